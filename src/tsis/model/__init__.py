@@ -1,0 +1,24 @@
+"""Values and errors that every room shares; no computation."""
+
+from tsis.model.calibration import Calibration
+from tsis.model.catalog import list_phantoms, list_probes, load_phantom, load_probe
+from tsis.model.estimate import Estimate
+from tsis.model.image import TactileImage
+from tsis.model.phantom import Inclusion, Phantom
+from tsis.model.press import PressField
+from tsis.model.probe import Layer, Probe
+
+__all__ = [
+    "Calibration",
+    "Estimate",
+    "Inclusion",
+    "Layer",
+    "Phantom",
+    "PressField",
+    "Probe",
+    "TactileImage",
+    "list_phantoms",
+    "list_probes",
+    "load_phantom",
+    "load_probe",
+]

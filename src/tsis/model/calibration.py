@@ -1,0 +1,61 @@
+"""How a probe's grey levels answer to pressure, and how well that is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from tsis.model import check
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibration:
+    """Rough-contact response of one probe and camera: ``grey = gain * saturation * erf(0.886 p / saturation)``.
+
+    The response is that of SPEC's image model after dark, flat and background corrections; its slope at zero
+    pressure is ``gain_grey_per_kpa``. The relative standard deviations say how well each quantity is known.
+
+    Parameters
+    ----------
+    gain_grey_per_kpa
+        Grey levels per kPa of contact pressure at small pressure.
+    saturation_kpa
+        Pressure scale at which the real contact area saturates.
+    gain_sd
+        Relative standard deviation of the gain (LED drift included).
+    force_sd
+        Relative standard deviation of a force reading.
+    offset_sd
+        Standard deviation of an unknown constant in the corrected image, as a share of its mean grey.
+    pattern_sd
+        Relative standard deviation of the fixed pattern that all frames of this probe share.
+    repeatability_sd
+        Relative standard deviation of a profile bin from press to press.
+    site_sd
+        Relative standard deviation of the tissue's modulus between the reference site and the target's.
+    read_noise_grey
+        Standard deviation of one pixel's noise at zero light, grey levels.
+    shot_noise_grey
+        Variance per grey level of one pixel's noise.
+    name
+        Identifies the calibration in every result.
+    """
+
+    gain_grey_per_kpa: float
+    saturation_kpa: float
+    gain_sd: float = 0.01
+    force_sd: float = 0.01
+    offset_sd: float = 0.01
+    pattern_sd: float = 0.002
+    repeatability_sd: float = 0.0005
+    site_sd: float = 0.03
+    read_noise_grey: float = 1.0
+    shot_noise_grey: float = 0.025
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        check.number("gain_grey_per_kpa", self.gain_grey_per_kpa, 1e-6, 1e6)
+        check.number("saturation_kpa", self.saturation_kpa, 1e-3, 1e6)
+        for name in ("gain_sd", "force_sd", "offset_sd", "pattern_sd", "repeatability_sd", "site_sd"):
+            check.number(name, getattr(self, name), 0.0, 1.0, hint="a share of one")
+        check.number("read_noise_grey", self.read_noise_grey, 0.0, 1e4)
+        check.number("shot_noise_grey", self.shot_noise_grey, 0.0, 1e4)

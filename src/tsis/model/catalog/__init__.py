@@ -1,0 +1,74 @@
+"""The dissertation's probes and phantoms, as TOML files that anyone can read and copy."""
+
+from __future__ import annotations
+
+import tomllib
+from functools import cache
+from importlib.resources import files
+from typing import Any
+
+from tsis.model import check
+from tsis.model.phantom import Inclusion, Phantom
+from tsis.model.probe import Layer, Probe
+
+
+@cache
+def _table(kind: str) -> dict[str, dict[str, Any]]:
+    return tomllib.loads((files(__package__) / f"{kind}.toml").read_text(encoding="utf-8"))
+
+
+def list_probes() -> tuple[str, ...]:
+    """Names that `load_probe` knows."""
+    return tuple(_table("probes"))
+
+
+def list_phantoms() -> tuple[str, ...]:
+    """Names that `load_phantom` knows."""
+    return tuple(_table("phantoms"))
+
+
+def load_probe(name: str = "tsis-2011") -> Probe:
+    """Load a probe of the catalog.
+
+    Raises
+    ------
+    UnknownNameError
+        When the catalog has no such probe; the nearest name is suggested.
+
+    Examples
+    --------
+    >>> load_probe("tsis-2011").thickness_mm
+    10.0
+    """
+    entry = _table("probes")[check.known("probe", name, list_probes())]
+    return Probe(
+        name=name,
+        radius_mm=entry["radius_mm"],
+        layers=tuple(Layer(**layer) for layer in entry["layers"]),
+        assumed=tuple(entry.get("assumed", ())),
+    )
+
+
+def load_phantom(name: str) -> Phantom:
+    """Load a phantom of the catalog: one site of it, with the inclusion under the probe's axis.
+
+    Raises
+    ------
+    UnknownNameError
+        When the catalog has no such phantom; the nearest name is suggested.
+
+    Examples
+    --------
+    >>> load_phantom("hardness-70").inclusion.young_kpa
+    70.0
+    """
+    entry = _table("phantoms")[check.known("phantom", name, list_phantoms())]
+    inclusion = entry.get("inclusion")
+    return Phantom(
+        name=name,
+        young_kpa=entry["young_kpa"],
+        thickness_mm=entry["thickness_mm"],
+        poisson=entry["poisson"],
+        inclusion=None if inclusion is None else Inclusion(**inclusion),
+        assumed=tuple(entry.get("assumed", ())),
+    )

@@ -1,0 +1,52 @@
+"""Every error that tsis raises on purpose.
+
+::
+
+    TsisError
+    ├── InputError          (also a ValueError) a value outside what the call accepts
+    │   ├── UnknownNameError    a name that no catalog holds; the nearest one is suggested
+    │   ├── FileInputError      a file that is missing, corrupt or of an unsupported kind
+    │   └── ImageMismatchError  images that do not belong together
+    ├── NotCalibratedError  an estimate that needs a calibration nobody gave
+    ├── MechanicsError      a press that the chosen model cannot describe
+    ├── MissingExtraError   (also an ImportError) an optional library is not installed
+    └── CameraError         a camera that cannot be opened or was lost
+
+A message is one sentence: the name, the requirement, the value received and, where there is one, a cure.
+"""
+
+
+class TsisError(Exception):
+    """The root of every error that tsis raises on purpose."""
+
+
+class InputError(TsisError, ValueError):
+    """A value outside what the call accepts."""
+
+
+class UnknownNameError(InputError):
+    """A name that no catalog holds; the message suggests the nearest one."""
+
+
+class FileInputError(InputError):
+    """A file that is missing, corrupt or of an unsupported kind."""
+
+
+class ImageMismatchError(InputError):
+    """Images that do not belong together: sizes, scales or value ranges differ."""
+
+
+class NotCalibratedError(TsisError):
+    """An estimate that needs a calibration nobody gave."""
+
+
+class MechanicsError(TsisError):
+    """A press that the chosen mechanical model cannot describe."""
+
+
+class MissingExtraError(TsisError, ImportError):
+    """An optional library is not installed; the message names it and the feature that needs it."""
+
+
+class CameraError(TsisError):
+    """A camera that cannot be opened or was lost."""

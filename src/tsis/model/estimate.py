@@ -1,0 +1,82 @@
+"""An estimate: samples of the posterior, and what they say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.model import check
+from tsis.model.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Estimate:
+    """Posterior samples by parameter name, with the prior's spread beside them.
+
+    Parameters
+    ----------
+    samples
+        Equally weighted posterior samples, name -> shape (n,); the names carry the unit.
+    prior_sd
+        Standard deviation of each parameter before the data were seen.
+    flags
+        Short names of what the reader must know, e.g. ``"young_kpa_not_identified"``.
+    notes
+        One sentence a flag or a parameter.
+    provenance
+        Version, inputs, calibration and seed that the estimate came from.
+
+    Examples
+    --------
+    >>> estimate = Estimate(samples={"depth_mm": [4.0, 5.0, 6.0]}, prior_sd={"depth_mm": 2.0})
+    >>> estimate.mean["depth_mm"]
+    5.0
+    >>> [float(bound) for bound in estimate.interval(0.5)["depth_mm"]]
+    [4.5, 5.5]
+    """
+
+    samples: Mapping[str, NDArray[np.float64]]
+    prior_sd: Mapping[str, float]
+    flags: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        samples = {name: check.array(name, values, ndim=1) for name, values in self.samples.items()}
+        if set(samples) != set(self.prior_sd):
+            raise InputError(
+                f"samples and prior_sd must name the same parameters; got {set(samples)} and {set(self.prior_sd)}"
+            )
+        object.__setattr__(self, "samples", MappingProxyType(samples))
+        object.__setattr__(self, "prior_sd", MappingProxyType(dict(self.prior_sd)))
+        object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
+
+    @property
+    def mean(self) -> dict[str, float]:
+        """Posterior mean of each parameter."""
+        return {name: float(values.mean()) for name, values in self.samples.items()}
+
+    @property
+    def sd(self) -> dict[str, float]:
+        """Posterior standard deviation of each parameter."""
+        return {name: float(values.std()) for name, values in self.samples.items()}
+
+    @property
+    def narrowing(self) -> dict[str, float]:
+        """Posterior over prior standard deviation: 1 says that the data told nothing."""
+        return {name: sd / self.prior_sd[name] for name, sd in self.sd.items()}
+
+    def interval(self, level: float = 0.9) -> dict[str, tuple[float, float]]:
+        """Equal-tailed credible interval of each parameter; ``level`` in (0, 1)."""
+        check.number("level", level, 1e-6, 1.0 - 1e-6)
+        tails = (0.5 - level / 2, 0.5 + level / 2)
+        bounds = {name: np.quantile(values, tails) for name, values in self.samples.items()}
+        return {name: (float(low), float(high)) for name, (low, high) in bounds.items()}
