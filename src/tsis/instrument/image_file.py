@@ -1,0 +1,187 @@
+"""Image files become tactile images here: the boundary where untrusted bytes are checked.
+
+Accepted: PNG, JPEG, BMP and TIFF holding one picture, grey or colour, 8 or 16 bits a channel.
+
+- 8-bit files have ``full_scale`` 255, 16-bit files 65535; values are those stored, never rescaled.
+- Colour becomes grey by the Rec. 709 luma of the stored values (`tsis.instrument.luma`); alpha is dropped.
+- The orientation tag that some cameras write is not applied: rows and columns are those stored.
+- Everything else (palettes, 1-bit, 32-bit, floating point, CMYK, several pictures) is refused by name.
+
+A file that is cut short is refused, and so is a PNG whose checksums do not match. JPEG, BMP and TIFF hold no checksum:
+a changed byte inside them can go unseen, which is why the image's settings hold the SHA-256 of the file.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+from PIL import Image, UnidentifiedImageError
+
+from tsis.instrument.completeness import fault
+from tsis.instrument.file_bytes import as_path, read_bytes, shown
+from tsis.instrument.luma import luma
+from tsis.instrument.quiet import quiet_decoders
+from tsis.model import TactileImage
+from tsis.model.errors import FileInputError
+
+if TYPE_CHECKING:
+    import os
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+LARGEST_PIXELS = 64_000_000
+_FORMATS = ("PNG", "JPEG", "BMP", "TIFF")
+_GREY_MODES, _COLOUR_MODES = frozenset({"L", "LA", "I;16", "I;16L", "I;16B"}), frozenset({"RGB", "RGBA", "RGBX"})
+_REFUSED_MODES = {
+    "1": "1-bit black and white",
+    "P": "palette colours",
+    "PA": "palette colours",
+    "I": "32-bit or signed integers",
+    "F": "floating-point values",
+    "CMYK": "CMYK colours",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Picture:
+    """Decoded levels, (rows, columns) or (rows, columns, 3) in red-green-blue order, and where they came from."""
+
+    levels: NDArray[Any]
+    provenance: dict[str, Any]
+
+    @property
+    def full_scale(self) -> float:
+        return float(np.iinfo(self.levels.dtype).max)
+
+
+def read_image(
+    path: str | os.PathLike[str],
+    *,
+    mm_per_pixel: tuple[float, float] | None = None,
+    force_n: float | None = None,
+) -> TactileImage:
+    """Read one image file as a grey tactile image.
+
+    Parameters
+    ----------
+    path
+        A PNG, JPEG, BMP or TIFF file, grey or colour, 8 or 16 bits a channel, at most 64 million pixels.
+    mm_per_pixel
+        Size (x, y) of a pixel on the face in mm; None when nobody measured it.
+    force_n
+        Force of the press in newtons; None when unknown.
+
+    Returns
+    -------
+    The image; its ``name`` is the file's name, its ``settings`` hold the file's format, kind, bits and SHA-256.
+
+    Raises
+    ------
+    FileInputError
+        When the file is missing, not a regular file, empty, cut short, corrupt, too large or of an unsupported kind.
+    InputError
+        When the pixel size or the force lies outside its range.
+    """
+    source = as_path(path)
+    picture = _decode(source)
+    return TactileImage(
+        grey=luma(picture.levels) if picture.levels.ndim == 3 else picture.levels,
+        mm_per_pixel=mm_per_pixel,
+        full_scale=picture.full_scale,
+        force_n=force_n,
+        name=source.name,
+        settings=picture.provenance,
+    )
+
+
+def read_colour(path: str | os.PathLike[str]) -> NDArray[Any]:
+    """Read a colour image file as stored: shape (rows, columns, 3), red-green-blue, uint8 or uint16, read-only.
+
+    Raises
+    ------
+    FileInputError
+        As `read_image`, and when the file holds no colour.
+    """
+    source = as_path(path)
+    levels = _decode(source).levels
+    if levels.ndim != 3:
+        raise FileInputError(f"{shown(source)} must hold a colour image; got a grey one (use read_image)")
+    levels.flags.writeable = False
+    return levels
+
+
+def _decode(path: Path) -> _Picture:
+    data = read_bytes(path)
+    broken = fault(data)
+    if broken is not None:
+        raise FileInputError(f"{shown(path)} must be a complete image file, but {broken}; copy or save it again")
+    try:
+        with quiet_decoders(), Image.open(io.BytesIO(data), formats=_FORMATS) as image:
+            _require_supported(path, image)
+            levels, kind = _levels(image, data)
+            file_format = image.format
+    except FileInputError:
+        raise
+    except UnidentifiedImageError as error:
+        raise FileInputError(f"{shown(path)} must be a PNG, JPEG, BMP or TIFF file; got something else") from error
+    except Image.DecompressionBombError as error:
+        raise FileInputError(f"{shown(path)} must hold at most {LARGEST_PIXELS} pixels; it declares more") from error
+    except Exception as error:  # hostile bytes make decoders raise nearly anything
+        raise FileInputError(f"{shown(path)} must be a readable image file; decoding failed: {error}") from error
+    provenance = {
+        "format": file_format,
+        "kind": kind,
+        "bits": 8 * levels.dtype.itemsize,
+        "sha256": hashlib.sha256(data).hexdigest(),
+    }
+    return _Picture(levels=levels, provenance=provenance)
+
+
+def _require_supported(path: Path, image: Image.Image) -> None:
+    """Refuse by what the header says, before a pixel is decoded."""
+    columns, rows = image.size
+    if columns * rows > LARGEST_PIXELS:
+        raise FileInputError(f"{shown(path)} must hold at most {LARGEST_PIXELS} pixels; it declares {columns} x {rows}")
+    if image.mode not in _GREY_MODES | _COLOUR_MODES:
+        found = _REFUSED_MODES.get(image.mode, f"pixels of kind {image.mode}")
+        raise FileInputError(
+            f"{shown(path)} must hold 8- or 16-bit grey or RGB pixels; got {found} (save it as 8-bit grey PNG)"
+        )
+    pictures = getattr(image, "n_frames", 1)
+    if pictures != 1:
+        raise FileInputError(f"{shown(path)} must hold one picture; got {pictures} (save each as its own file)")
+
+
+def _levels(image: Image.Image, data: bytes) -> tuple[NDArray[Any], str]:
+    """Decode the pixels, keeping 16 bits where the file has them."""
+    colour = image.mode in _COLOUR_MODES
+    if image.format == "TIFF" or (_stored_bits(image) == 16 and not image.mode.startswith("I;16")):
+        levels = _levels_by_opencv(data)
+        if levels.shape[1::-1] != image.size:
+            raise ValueError(f"its header declares {image.size} and its pixels are {levels.shape[1::-1]}")
+    else:
+        levels = np.asarray(image)
+        levels = levels.astype(levels.dtype.newbyteorder("="))
+    if levels.ndim == 3:
+        levels = levels[..., :3] if colour else levels[..., 0]
+    return np.ascontiguousarray(levels), "colour" if colour else "grey"
+
+
+def _stored_bits(image: Image.Image) -> int:
+    """Bits a channel in the file; Pillow tells only in the arguments of its decoder, e.g. ``"RGB;16B"``."""
+    tiles = getattr(image, "tile", ())
+    return 16 if any(";16" in str(tile.args) for tile in tiles) else 8
+
+
+def _levels_by_opencv(data: bytes) -> NDArray[Any]:
+    """Decode what Pillow would cut to 8 bits (16-bit colour), and TIFF, whose errors it prints on the terminal."""
+    decoded: NDArray[Any] | None = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_UNCHANGED)
+    if decoded is None or decoded.dtype not in (np.uint8, np.uint16):
+        raise ValueError("its pixels are cut short or damaged")
+    return decoded if decoded.ndim == 2 else decoded[..., 2::-1]  # OpenCV keeps blue first
