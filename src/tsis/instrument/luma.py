@@ -36,3 +36,10 @@ def luma(colour: NDArray[Any]) -> NDArray[np.float64]:
     # written as differences from green so that a grey pixel keeps its level exactly
     grey: NDArray[np.float64] = green + RED_WEIGHT * (red - green) + BLUE_WEIGHT * (blue - green)
     return grey
+
+
+def grey_of_opencv(pixels: NDArray[Any]) -> NDArray[Any]:
+    """Grey levels of a frame as OpenCV delivers it: already grey, or blue-green-red."""
+    if pixels.ndim == 2:
+        return pixels
+    return pixels[..., 0] if pixels.shape[2] == 1 else luma(pixels[..., 2::-1])

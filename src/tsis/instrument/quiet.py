@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import threading
 import warnings
 from contextlib import contextmanager
@@ -13,6 +14,7 @@ import cv2
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+_FFMPEG_LEVEL, _FFMPEG_SILENT = "OPENCV_FFMPEG_LOGLEVEL", "-8"
 # warnings.catch_warnings and the two log levels belong to the whole process, so one thread at a time may change them
 _one_at_a_time = threading.Lock()
 
@@ -31,3 +33,19 @@ def quiet_decoders() -> Iterator[None]:
         finally:
             cv2.utils.logging.setLogLevel(opencv_level)
             pillow.setLevel(pillow_level)
+
+
+@contextmanager
+def quiet_ffmpeg() -> Iterator[None]:
+    """Silence FFmpeg inside OpenCV, unless its level was chosen outside.
+
+    OpenCV reads the level from the environment once, when the process first opens a video; it stays from then on.
+    """
+    if _FFMPEG_LEVEL in os.environ:
+        yield
+        return
+    os.environ[_FFMPEG_LEVEL] = _FFMPEG_SILENT
+    try:
+        yield
+    finally:
+        os.environ.pop(_FFMPEG_LEVEL, None)

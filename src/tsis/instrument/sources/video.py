@@ -1,0 +1,145 @@
+"""A video file as a source of frames."""
+
+from __future__ import annotations
+
+import os
+import threading
+from typing import TYPE_CHECKING, Any
+
+import cv2
+
+from tsis.instrument.camera import Frame, Mode, Setting
+from tsis.instrument.file_bytes import as_path, file_size, shown
+from tsis.instrument.luma import grey_of_opencv
+from tsis.instrument.quiet import quiet_decoders, quiet_ffmpeg
+from tsis.model.errors import CameraError, FileInputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+# containers without an index only estimate their number of frames, from the duration
+_COUNT_TOLERANCE = 0.01
+
+
+class VideoFile:
+    """The frames of a video file, decoded one at a time; colour becomes grey by the Rec. 709 luma.
+
+    Videos are 8 bits and mostly compressed with loss: good for looking, weak for measuring. A video that ends before
+    its declared number of frames is reported after its last whole frame.
+
+    Parameters
+    ----------
+    path
+        A video file that OpenCV's FFmpeg can decode (AVI, MP4, MKV and others).
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self._path = as_path(path)
+        self._capture: Any = None
+        self._running = threading.Event()
+        self._lost = False
+
+    @property
+    def name(self) -> str:
+        """The file's name."""
+        return self._path.name
+
+    @property
+    def lost(self) -> bool:
+        """True when the file ended before its declared number of frames."""
+        return self._lost
+
+    def open(self) -> None:
+        """Open the file and read its header.
+
+        Raises
+        ------
+        FileInputError
+            When there is no such file, it is no regular file, empty, cut short or no video.
+        """
+        self.stop()
+        file_size(self._path)
+        with quiet_decoders(), quiet_ffmpeg():
+            # by its absolute path, so that no name is taken for an address, a device or a pattern
+            capture = cv2.VideoCapture(os.path.realpath(self._path), cv2.CAP_FFMPEG)
+        if not capture.isOpened():
+            raise FileInputError(f"{shown(self._path)} must be a complete video file; no decoder could open it")
+        self._capture, self._lost = capture, False
+
+    def modes(self) -> tuple[Mode, ...]:
+        """The one mode: size and rate as the file declares them."""
+        capture = self._opened()
+        rate = float(capture.get(cv2.CAP_PROP_FPS))
+        mode = Mode(
+            width_px=int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)),
+            height_px=int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT)),
+            frames_per_s=rate if rate > 0 else None,
+        )
+        return (mode,)
+
+    def settings(self) -> tuple[Setting, ...]:
+        """Nothing can be set on stored frames."""
+        return ()
+
+    def adjust(self, name: str, value: float) -> None:
+        """Refuse: nothing can be set on stored frames."""
+        raise CameraError(f"{name} cannot be set to {value:g}: {shown(self._path)} holds stored frames")
+
+    def start(self, mode: Mode | None = None) -> None:
+        """Begin at the first frame; ``mode`` may only be the one of `modes`."""
+        (only,) = self.modes()
+        if mode not in (None, only):
+            raise CameraError(f"mode must be {only} for these stored frames; got {mode}")
+        self._running.set()
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield the frames in order, with their times in the video.
+
+        Raises
+        ------
+        FileInputError
+            After the last whole frame, when the file ends before its declared number of frames.
+        """
+        if not self._running.is_set():
+            raise CameraError(f"{shown(self._path)} must be started before frames are read; call start()")
+        declared = int(self._opened().get(cv2.CAP_PROP_FRAME_COUNT))
+        # one frame is held back: the last one of a file that is cut short may be decoded from half its bytes
+        held, read = self._next(0), 1
+        while held is not None and self._running.is_set():
+            following = self._next(read)
+            if following is None:
+                break
+            yield held
+            held, read = following, read + 1
+        if not self._running.is_set():
+            return
+        delivered = read if held is not None else 0
+        if delivered + max(1.0, _COUNT_TOLERANCE * declared) <= declared:
+            self._lost = True
+            raise FileInputError(
+                f"{shown(self._path)} declares {declared} frames and is cut short after {max(delivered - 1, 0)}"
+            )
+        if held is not None:
+            yield held
+
+    def stop(self) -> None:
+        """End the stream and close the file."""
+        self._running.clear()
+        if self._capture is not None:
+            self._capture.release()
+            self._capture = None
+
+    def _opened(self) -> Any:
+        if self._capture is None:
+            raise CameraError(f"{shown(self._path)} must be opened first; call open()")
+        return self._capture
+
+    def _next(self, sequence: int) -> Frame | None:
+        pixels: NDArray[Any] | None
+        present, pixels = self._opened().read()
+        if not present or pixels is None:
+            return None
+        time_s = float(self._opened().get(cv2.CAP_PROP_POS_MSEC)) / 1000.0
+        return Frame(pixels=grey_of_opencv(pixels), sequence=sequence, time_s=time_s, name=f"{self.name}#{sequence}")
