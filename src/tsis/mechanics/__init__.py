@@ -2,5 +2,6 @@
 
 from tsis.mechanics.bodies import Resolution
 from tsis.mechanics.small_strain import press
+from tsis.mechanics.surrogate import Box, Degrees, PressSurrogate, Surrogate, build_surrogate
 
-__all__ = ["Resolution", "press"]
+__all__ = ["Box", "Degrees", "PressSurrogate", "Resolution", "Surrogate", "build_surrogate", "press"]

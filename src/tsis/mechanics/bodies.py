@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.mechanics import mesh
-from tsis.mechanics.condensed import FIXED, Condensate, sweep
+from tsis.mechanics.condensed import EMPTY, FIXED, Condensate, sweep
 from tsis.mechanics.face import Face
 
 if TYPE_CHECKING:
@@ -30,10 +30,12 @@ class Resolution:
     ----------
     order
         Polynomial order of the elements.
-    face_cells
-        Equal cells on the face; the last one is refined ``edge_levels`` times towards the edge.
-    edge_levels
-        Refinements towards the singular edge of the contact.
+    edge
+        Size of the smallest cell, at the singular edge of the contact, as a share of the face's radius.
+    growth
+        Ratio of neighbouring cells away from the edge.
+    largest
+        Size of the largest cell on the face as a share of its radius.
     below_cells
         Cells along the chest wall under the inclusion.
     ray_layers
@@ -42,9 +44,10 @@ class Resolution:
         Element layers inside the inclusion.
     """
 
-    order: int = 4
-    face_cells: int = 5
-    edge_levels: int = 3
+    order: int = 5
+    edge: float = 0.01
+    growth: float = 2.2
+    largest: float = 0.2
     below_cells: int = 3
     ray_layers: int = 5
     sphere_layers: int = 1
@@ -52,8 +55,11 @@ class Resolution:
 
 def face_of(radius_mm: float, resolution: Resolution) -> Face:
     """The contact face of a probe of ``radius_mm``."""
-    lines = mesh.surface_lines(
-        radius_mm, radius_mm, cells=resolution.face_cells, edge_levels=resolution.edge_levels
+    lines = mesh.face_lines(
+        radius_mm,
+        finest=resolution.edge * radius_mm,
+        growth=resolution.growth,
+        largest=resolution.largest * radius_mm,
     )
     return Face(lines=lines, order=resolution.order)
 
@@ -62,9 +68,9 @@ def probe_stiffness(probe: Probe, resolution: Resolution) -> NDArray[np.float64]
     """Stiffness of the probe's face in mN/mm, shape (n, n); glass bonded and fixed, sides free."""
     face = face_of(probe.radius_mm, resolution)
     depth, young, poisson = [np.zeros(1)], [], []
-    finest = np.diff(face.lines)[-1]
+    finest = resolution.edge * probe.radius_mm
     for layer in probe.layers:
-        lines = mesh.both_ends(layer.thickness_mm, finest, largest=probe.radius_mm / 3)
+        lines = mesh.both_ends(layer.thickness_mm, finest=finest, growth=resolution.growth, largest=probe.radius_mm / 3)
         depth.append(depth[-1][-1] + lines[1:])
         young += [layer.young_kpa] * (len(lines) - 1)
         poisson += [layer.poisson] * (len(lines) - 1)
@@ -99,12 +105,12 @@ class Slab:
         self.face = face_of(probe_radius_mm, resolution)
         # Cut off where neither the face nor the slab's thickness is felt any more.
         outer = max(10 * probe_radius_mm, 4 * thickness_mm, 3 * block_mm)
-        lines = mesh.surface_lines(
-            probe_radius_mm, outer, cells=resolution.face_cells, edge_levels=resolution.edge_levels
-        )
+        finest = resolution.edge * probe_radius_mm
+        beyond = mesh.beyond_lines(probe_radius_mm, outer, finest=finest, growth=resolution.growth)
+        lines = np.concatenate([self.face.lines, beyond[1:]])
         split = int(np.searchsorted(lines, block_mm))
         self._block_lines, self._far_lines = lines[: split + 1], lines[split:]
-        self._depth = mesh.depth_lines(thickness_mm, np.diff(self.face.lines)[-1], largest=thickness_mm / 3)
+        self._depth = mesh.graded(thickness_mm, finest, resolution.growth, thickness_mm / 3)
 
     @property
     def _contacts(self) -> int:
@@ -118,12 +124,20 @@ class Slab:
         dofs = self._contacts + np.arange(depths * radii * 2).reshape(depths, radii, 2)
         dofs[-1] = FIXED  # bonded to the chest wall
         self._number_contacts(body.nodes[0, :, 0], dofs[0, :, 1])
-        swept = sweep(body, dofs, keep=np.arange(self._contacts), **self._tissue(body.layers))
-        return swept, dofs[:, -1]
+        return self._sweep(body, dofs, np.arange(self._contacts)), dofs[:, -1]
 
-    def _tissue(self, layers: int, poisson: float | None = None) -> dict[str, NDArray[np.float64]]:
-        value = self.poisson if poisson is None else poisson
-        return {"young_kpa": np.ones(layers), "poisson": np.full(layers, value)}
+    def _sweep(
+        self,
+        body: mesh.LayeredMesh,
+        dofs: NDArray[np.int64],
+        keep: NDArray[np.int64],
+        *,
+        start: Condensate = EMPTY,
+        poisson: float | None = None,
+    ) -> Condensate:
+        """Condense a part of the slab; all of it has unit modulus."""
+        ratio = np.full(body.layers, self.poisson if poisson is None else poisson)
+        return sweep(body, dofs, keep=keep, young_kpa=np.ones(body.layers), poisson=ratio, start=start)
 
     def _number_contacts(self, radius: NDArray[np.float64], normal: NDArray[np.int64]) -> None:
         """Give the face's nodes among ``radius`` their shared numbers (in place)."""
@@ -150,8 +164,8 @@ class Slab:
         """Mesh a sphere into the block and condense everything onto the face and the sphere's surface."""
         far, side = self._far
         boundary, order = self._boundary(), self.resolution.order
-        sphere = {"centre_depth": depth_mm + diameter_mm / 2, "radius": diameter_mm / 2, "order": order}
-        outer = mesh.around_sphere(boundary, **sphere, layers=self.resolution.ray_layers)
+        centre, radius = depth_mm + diameter_mm / 2, diameter_mm / 2
+        outer = mesh.around_sphere(boundary, centre, radius, order, layers=self.resolution.ray_layers)
         count, layers, _ = outer.nodes.shape
         first = 1 + max(int(far.dofs.max()), int(side.max()))
         dofs = first + np.arange(count * layers * 2).reshape(count, layers, 2)
@@ -161,15 +175,15 @@ class Slab:
         self._number_contacts(boundary[: top + 1, 0], dofs[: top + 1, 0, 1])
         dofs[[0, -1], :, 0] = FIXED  # the axis
         faces = np.arange(self._contacts)
-        around = sweep(outer, dofs, keep=faces, start=far, **self._tissue(outer.layers))
-        inner = mesh.inside_sphere(boundary, **sphere, layers=self.resolution.sphere_layers)
+        around = self._sweep(outer, dofs, faces, start=far)
+        inner = mesh.inside_sphere(boundary, centre, radius, order, layers=self.resolution.sphere_layers)
         core = int(dofs.max()) + 1 + np.arange(count * inner.nodes.shape[1] * 2).reshape(count, -1, 2)
         core[:, 0, 0], core[:, 0, 1] = FIXED, core[0, 0, 1]  # the centre is one node on the axis
         core[[0, -1], :, 0] = FIXED
         core[:, -1] = dofs[:, -1]
         nothing = np.zeros(0, dtype=np.int64)
-        ball = sweep(inner, core, keep=nothing, **self._tissue(inner.layers, poisson))
-        same = ball if poisson == self.poisson else sweep(inner, core, keep=nothing, **self._tissue(inner.layers))
+        ball = self._sweep(inner, core, nothing, poisson=poisson)
+        same = ball if poisson == self.poisson else self._sweep(inner, core, nothing)
         return SlabWithSphere(around=around, ball=ball, plain_ball=same, faces=faces)
 
 

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import solve
+from scipy.linalg import cholesky, solve_triangular
 
 from tsis.mechanics.element import stiffness
 
@@ -46,12 +46,14 @@ class Condensate:
     def keep(self, dofs: NDArray[np.int64]) -> Condensate:
         """Eliminate everything but ``dofs``, on which no force acts from elsewhere."""
         kept = np.isin(self.dofs, dofs)
-        if kept.all():
+        out, stay = np.flatnonzero(~kept), np.flatnonzero(kept)
+        if not out.size:
             return self
-        inner, cross = self.stiffness[np.ix_(~kept, ~kept)], self.stiffness[np.ix_(~kept, kept)]
-        outer = self.stiffness[np.ix_(kept, kept)]
-        reduced = outer - cross.T @ solve(inner, cross, assume_a="pos", check_finite=False)
-        return Condensate(dofs=self.dofs[kept], stiffness=(reduced + reduced.T) / 2)
+        order = np.concatenate([out, stay])
+        matrix = self.stiffness[order[:, None], order]
+        factor = cholesky(matrix[: out.size, : out.size], lower=True, check_finite=False)
+        root = solve_triangular(factor, matrix[: out.size, out.size :], lower=True, check_finite=False)
+        return Condensate(dofs=self.dofs[stay], stiffness=matrix[out.size :, out.size :] - root.T @ root)
 
 
 EMPTY = Condensate(dofs=np.zeros(0, dtype=np.int64), stiffness=np.zeros((0, 0)))
@@ -116,6 +118,6 @@ def _assemble(numbers: NDArray[np.int64], matrices: NDArray[np.float64]) -> Cond
     place = place.reshape(numbers.shape)
     size = len(dofs)
     flat = (place[:, :, None] * size + place[:, None, :]).ravel()
-    total = np.bincount(flat, weights=matrices.ravel(), minlength=size * size).reshape(size, size)
+    total = np.bincount(flat, weights=matrices.ravel(), minlength=size * size).astype(float).reshape(size, size)
     free = dofs != FIXED
     return Condensate(dofs=dofs[free], stiffness=total[np.ix_(free, free)])

@@ -32,7 +32,7 @@ def lagrange(nodes: NDArray[np.float64], x: NDArray[np.float64]) -> tuple[NDArra
     modes = np.linalg.inv(vandermonde)
     values = legendre.legvander(x, len(nodes) - 1) @ modes
     slopes = np.stack([legendre.legval(x, legendre.legder(mode)) for mode in modes.T], axis=1)
-    return values, slopes
+    return np.asarray(values, dtype=float), np.asarray(slopes, dtype=float)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -48,12 +48,12 @@ class Reference:
 @cache
 def reference(order: int) -> Reference:
     """The reference square of ``order``; node (i, j) has the index ``i * (order + 1) + j``."""
-    x, w = legendre.leggauss(order + 1)
+    x, w = (np.asarray(part, dtype=float) for part in legendre.leggauss(order + 1))
     value, slope = lagrange(lobatto_points(order), x)
     return Reference(
-        value=np.kron(value, value),
-        slope_a=np.kron(slope, value),
-        slope_b=np.kron(value, slope),
+        value=np.asarray(np.kron(value, value), dtype=float),
+        slope_a=np.asarray(np.kron(slope, value), dtype=float),
+        slope_b=np.asarray(np.kron(value, slope), dtype=float),
         weight=np.kron(w, w),
     )
 
@@ -88,12 +88,12 @@ def stiffness(
     strain[:, :, 2, :, 0] = ref.value / radius[..., None]
     strain[:, :, 3, :, 0] = slopes[:, :, 1]
     strain[:, :, 3, :, 1] = slopes[:, :, 0]
-    strain = strain.reshape(elements, points, 4, 2 * count)
+    matrix = strain.reshape(elements, points, 4, 2 * count)
     volume = 2 * np.pi * radius * np.abs(determinant) * ref.weight
-    stress = elasticity(young_kpa, poisson)[:, None] @ strain
+    stress = elasticity(young_kpa, poisson)[:, None] @ matrix
     stress *= volume[..., None, None]
     flat = (elements, points * 4, 2 * count)
-    return np.swapaxes(strain.reshape(flat), 1, 2) @ stress.reshape(flat)
+    return np.asarray(np.swapaxes(matrix.reshape(flat), 1, 2) @ stress.reshape(flat))
 
 
 def elasticity(young_kpa: NDArray[np.float64], poisson: NDArray[np.float64]) -> NDArray[np.float64]:

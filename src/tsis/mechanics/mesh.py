@@ -6,7 +6,7 @@ Direction ``a`` runs along a layer, direction ``b`` from layer to layer; `conden
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -14,6 +14,9 @@ from tsis.mechanics.element import lobatto_points
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+
+Scalar = TypeVar("Scalar", bound=np.generic)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -34,9 +37,9 @@ class LayeredMesh:
     @property
     def layers(self) -> int:
         """Number of element layers in direction b."""
-        return (self.nodes.shape[1] - 1) // self.order
+        return int(self.nodes.shape[1] - 1) // self.order
 
-    def layer(self, index: int, values: NDArray[np.generic]) -> NDArray[np.generic]:
+    def layer(self, index: int, values: NDArray[Scalar]) -> NDArray[Scalar]:
         """Gather ``values`` (na, nb, ...) by element of one layer: shape (columns, (order + 1)**2, ...)."""
         p = self.order
         strip = values[:, index * p : index * p + p + 1]
@@ -58,41 +61,22 @@ def graded(length: float, first: float, ratio: float, largest: float) -> NDArray
     while sum(steps) < length:
         steps.append(min(steps[-1] * ratio, largest))
     lines = np.concatenate([[0.0], np.cumsum(steps)])
-    return lines * (length / lines[-1])
+    return np.asarray(lines * (length / lines[-1]))
 
 
-def surface_lines(edge: float, outer: float, *, cells: int, edge_levels: int) -> NDArray[np.float64]:
-    """Radial element boundaries on the contact face, refined towards the probe's edge from both sides.
-
-    Parameters
-    ----------
-    edge
-        Radius of the probe's face in mm.
-    outer
-        Where the slab is cut off, mm; ``edge`` itself when only the face is wanted.
-    cells
-        Number of equal cells on the face; the last one is refined.
-    edge_levels
-        Number of halvings (by 0.3) towards the edge.
-    """
-    size = edge / cells
-    towards = size * 0.3 ** np.arange(edge_levels + 1)
-    face = np.concatenate([np.linspace(0.0, edge, cells + 1)[:-1], edge - towards[1:], [edge]])
-    if outer <= edge:
-        return face
-    beyond = towards[towards < outer - edge][::-1]
-    rest = graded(outer - edge - beyond[-1], size, 1.6, outer / 4)[1:] + edge + beyond[-1]
-    return np.concatenate([face, edge + beyond, rest])
+def face_lines(edge: float, *, finest: float, growth: float, largest: float) -> NDArray[np.float64]:
+    """Radial element boundaries from the axis to the edge of the face, finer towards the singular edge."""
+    return edge - graded(edge, finest, growth, largest)[::-1]
 
 
-def depth_lines(thickness: float, finest: float, *, largest: float) -> NDArray[np.float64]:
-    """Element boundaries from the face into a body, refined towards the face."""
-    return graded(thickness, min(finest, thickness / 4), 2.6, largest)
+def beyond_lines(edge: float, outer: float, *, finest: float, growth: float) -> NDArray[np.float64]:
+    """Radial element boundaries from the edge of the face to where the slab is cut off."""
+    return edge + graded(outer - edge, finest, growth, outer / 4)
 
 
-def both_ends(thickness: float, finest: float, *, largest: float) -> NDArray[np.float64]:
+def both_ends(thickness: float, *, finest: float, growth: float, largest: float) -> NDArray[np.float64]:
     """Element boundaries of a layer, refined towards both of its faces."""
-    half = depth_lines(thickness / 2, finest, largest=largest)
+    half = graded(thickness / 2, finest, growth, largest)
     return np.concatenate([half, thickness - half[-2::-1]])
 
 
@@ -137,4 +121,4 @@ def inside_sphere(
 
 def _on_sphere(boundary: NDArray[np.float64], centre_depth: float, radius: float) -> NDArray[np.float64]:
     rays = boundary - np.array([0.0, centre_depth])
-    return np.array([0.0, centre_depth]) + radius * rays / np.linalg.norm(rays, axis=1)[:, None]
+    return np.asarray([0.0, centre_depth] + radius * rays / np.linalg.norm(rays, axis=1)[:, None])

@@ -7,6 +7,7 @@ from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from tsis.mechanics.bodies import Resolution, Slab, SlabWithSphere, face_of, probe_stiffness
 from tsis.model import PressField, check
@@ -70,7 +71,7 @@ class PressKernel:
     ) -> None:
         resolution = resolution or Resolution()
         self.probe = probe
-        self.thickness_mm = thickness_mm
+        self.thickness_mm, self.poisson = thickness_mm, poisson
         self.face: Face = face_of(probe.radius_mm, resolution)
         self._probe_compliance = np.linalg.inv(probe_stiffness(probe, resolution))
         self._mass = self.face.mass()
@@ -101,7 +102,7 @@ class PressKernel:
         """Plain tissue, on a mesh that depends on nothing but the slab."""
         middle = self.thickness_mm / 2
         diameter = min(self.probe.radius_mm, middle) / 2
-        slab = self.slab(diameter_mm=diameter, depth_mm=middle - diameter / 2, poisson=self._slab.poisson)
+        slab = self.slab(diameter_mm=diameter, depth_mm=middle - diameter / 2, poisson=self.poisson)
         return self.solve(slab.plain_stiffness(), tissue_kpa)
 
     def signal(self, slab: SlabWithSphere, contrast: float, tissue_kpa: float) -> UnitPress:
@@ -152,25 +153,30 @@ def press(
     check.number("force_n", force_n, 0.0, 50.0, hint="newtons")
     if strain != "small":
         raise InputError(f"strain must be 'small' in this version; got {strain!r}")
-    unit = _unit_press(probe, phantom, resolution or Resolution())
-    kernel_face = face_of(probe.radius_mm, resolution or Resolution())
+    resolution = resolution or Resolution()
+    with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
+        unit = _unit_press(probe, phantom, resolution)
     radius = np.linspace(0.0, probe.radius_mm, FACE_POINTS)
-    matrix = kernel_face.interpolation(radius) * force_n * MN_PER_N
-    field = PressField(
+    matrix = face_of(probe.radius_mm, resolution).interpolation(radius) * force_n * MN_PER_N
+    pressure = matrix @ unit.pressure
+    _refuse_lift_off(radius, pressure)
+    return PressField(
         radius_mm=radius,
         face_displacement_mm=matrix @ unit.displacement,
-        pressure_kpa=matrix @ unit.pressure,
+        pressure_kpa=pressure,
         approach_mm=unit.approach * force_n * MN_PER_N,
         force_n=force_n,
     )
-    inside = radius < EDGE_SHARE * probe.radius_mm
-    if field.pressure_kpa[inside].min() < 0:
+
+
+def _refuse_lift_off(radius: NDArray[np.float64], pressure: NDArray[np.float64]) -> None:
+    inside = radius < EDGE_SHARE * radius[-1]
+    lowest = int(np.argmin(np.where(inside, pressure, np.inf)))
+    if pressure[lowest] < 0:
         raise MechanicsError(
-            "the tissue lifts off the face at "
-            f"r = {radius[inside][field.pressure_kpa[inside].argmin()]:.1f} mm and this model keeps the contact closed; "
-            "choose a smaller or deeper inclusion"
+            f"the tissue lifts off the face at r = {radius[lowest]:.1f} mm, and this model keeps the contact closed; "
+            "choose a smaller, deeper or softer inclusion"
         )
-    return field
 
 
 def _unit_press(probe: Probe, phantom: Phantom, resolution: Resolution) -> UnitPress:
@@ -193,6 +199,4 @@ def _unit_press(probe: Probe, phantom: Phantom, resolution: Resolution) -> UnitP
 def _kernel(
     probe: Probe, thickness_mm: float, poisson: float, block_mm: float | None, resolution: Resolution
 ) -> PressKernel:
-    return PressKernel(
-        probe, thickness_mm=thickness_mm, poisson=poisson, block_mm=block_mm, resolution=resolution
-    )
+    return PressKernel(probe, thickness_mm=thickness_mm, poisson=poisson, block_mm=block_mm, resolution=resolution)

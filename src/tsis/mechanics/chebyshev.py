@@ -1,0 +1,27 @@
+"""Chebyshev interpolation on a box, one axis at a time."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+def points(interval: tuple[float, float], count: int) -> NDArray[np.float64]:
+    """The ``count`` Chebyshev points of the first kind on ``interval``, ascending."""
+    low, high = interval
+    unit = -np.cos(np.pi * (np.arange(count) + 0.5) / count)
+    return np.asarray((low + high) / 2 + (high - low) / 2 * unit)
+
+
+def weights(interval: tuple[float, float], count: int, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Matrix from values at `points` to the interpolating polynomial at ``x``, shape (len(x), count)."""
+    low, high = interval
+    unit = (2 * np.atleast_1d(x) - low - high) / (high - low)
+    nodes = -np.cos(np.pi * (np.arange(count) + 0.5) / count)
+    transform = np.linalg.inv(chebyshev.chebvander(nodes, count - 1))
+    return np.asarray(chebyshev.chebvander(unit, count - 1) @ transform, dtype=float)

@@ -1,0 +1,56 @@
+"""Results that are slow to compute, kept on disk under the hash of what they were computed from.
+
+Each file starts with the SHA-256 of the rest. A file that does not match is never used. A cache that cannot be
+written is no error: the result is computed again next time.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import tempfile
+from contextlib import suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import platformdirs
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+DIGEST_BYTES = 32
+
+
+def folder() -> Path:
+    """Where the cache lies: ``$TSIS_CACHE_DIR``, else the platform's folder for caches."""
+    return Path(os.environ.get("TSIS_CACHE_DIR") or platformdirs.user_cache_dir("tsis"))
+
+
+def content_key(content: Mapping[str, Any]) -> str:
+    """A name for ``content`` (JSON values): equal content gives an equal name on every machine."""
+    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
+
+
+def read(kind: str, key: str) -> bytes | None:
+    """The stored bytes, or None when there are none or they are damaged."""
+    try:
+        data = (folder() / kind / key).read_bytes()
+    except OSError:
+        return None
+    digest, payload = data[:DIGEST_BYTES], data[DIGEST_BYTES:]
+    return payload if hashlib.sha256(payload).digest() == digest else None
+
+
+def write(kind: str, key: str, payload: bytes) -> None:
+    """Store ``payload``; readers see all of it or nothing."""
+    place = folder() / kind
+    with suppress(OSError):
+        place.mkdir(parents=True, exist_ok=True)
+        handle, name = tempfile.mkstemp(dir=place)
+        try:
+            with os.fdopen(handle, "wb") as file:
+                file.write(hashlib.sha256(payload).digest() + payload)
+            Path(name).replace(place / key)
+        except OSError:
+            Path(name).unlink(missing_ok=True)
