@@ -1,0 +1,54 @@
+from __future__ import annotations
+
+from dataclasses import FrozenInstanceError
+
+import numpy as np
+import pytest
+
+from tsis.instrument import Camera, Frame, ImageFiles, Mode, OpenCVDevice, Setting, VideoFile
+from tsis.model.errors import InputError
+
+
+def test_every_source_follows_the_protocol() -> None:
+    for source in (ImageFiles("folder"), VideoFile("clip.avi"), OpenCVDevice(0)):
+        assert isinstance(source, Camera)
+
+
+def test_a_frame_keeps_a_read_only_copy_of_its_own_dtype() -> None:
+    pixels = np.full((3, 4), 9, np.uint8)
+    frame = Frame(pixels=pixels, sequence=0)
+    pixels[:] = 0
+    assert frame.pixels.dtype == np.uint8
+    assert frame.pixels.min() == 9
+    with pytest.raises(ValueError, match="read-only"):
+        frame.pixels[0, 0] = 1
+    with pytest.raises(FrozenInstanceError):
+        frame.sequence = 1  # type: ignore[misc]
+
+
+def test_a_frame_becomes_a_tactile_image() -> None:
+    frame = Frame(pixels=np.eye(3), sequence=4, full_scale=1023.0, name="clip#4", settings={"gain": 2.0})
+    image = frame.tactile_image(mm_per_pixel=(0.1, 0.2), force_n=0.7)
+    np.testing.assert_array_equal(image.grey, np.eye(3))
+    assert (image.full_scale, image.name, image.force_n) == (1023.0, "clip#4", 0.7)
+    assert image.settings == {"gain": 2.0}
+
+
+@pytest.mark.parametrize("pixels", [np.zeros((2, 2, 3)), np.zeros((0, 4)), np.array([[np.nan]])])
+def test_a_frame_refuses_what_is_no_grey_picture(pixels: np.ndarray[tuple[int, ...], np.dtype[np.float64]]) -> None:
+    with pytest.raises(InputError, match="pixels must"):
+        Frame(pixels=pixels, sequence=0)
+
+
+def test_a_setting_names_its_range() -> None:
+    gain = Setting(name="gain", value=0.0, low=0.0, high=24.0, unit="dB")
+    with pytest.raises(InputError, match=r"gain must lie in \[0, 24\]; got 25 \(dB\)"):
+        gain.checked(25.0)
+    assert Setting(name="exposure", value=1.0).checked(1e9) == 1e9
+
+
+def test_a_mode_refuses_impossible_sizes() -> None:
+    with pytest.raises(InputError, match="width_px must lie in"):
+        Mode(width_px=0, height_px=10)
+    with pytest.raises(InputError, match="frames_per_s must lie in"):
+        Mode(width_px=10, height_px=10, frames_per_s=0.0)
