@@ -1,0 +1,90 @@
+"""Probe, phantom, inclusion, press and calibration: what they refuse, and that they cannot be changed."""
+
+from __future__ import annotations
+
+from dataclasses import FrozenInstanceError, fields, replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tsis.model import Calibration, Inclusion, Layer, Phantom, PressField, Probe
+from tsis.model.errors import InputError
+
+LUMP = Inclusion(diameter_mm=10.0, depth_mm=5.0, young_kpa=100.0)
+TISSUE = Phantom(young_kpa=5.0, thickness_mm=30.0, inclusion=LUMP)
+LAYER = Layer(thickness_mm=10.0, young_kpa=50.0)
+PROBE = Probe(radius_mm=12.0, layers=(LAYER,))
+CALIBRATION = Calibration(gain_grey_per_kpa=10.0, saturation_kpa=50.0)
+
+
+@pytest.mark.parametrize(
+    ("value", "changes", "phrase"),
+    [
+        (LUMP, {"diameter_mm": 0.0}, r"diameter_mm must lie in \[0.1, 100\]; got 0"),
+        (LUMP, {"depth_mm": -1.0}, "depth_mm must lie in"),
+        (LUMP, {"young_kpa": 0.0}, "young_kpa must lie in"),
+        (LUMP, {"poisson": 0.5}, "poisson must lie in"),
+        (LUMP, {"offset_mm": (1.0,)}, r"offset_mm must hold two numbers \(x, y\)"),
+        (LUMP, {"offset_mm": (1.0, np.nan)}, "offset_mm must be finite"),
+        (LUMP, {"semi_axes_mm": (1.0, 2.0)}, "semi_axes_mm must hold three positive numbers"),
+        (LUMP, {"semi_axes_mm": (1.0, 2.0, -3.0)}, "semi_axes_mm must hold three positive numbers"),
+        (TISSUE, {"young_kpa": np.nan}, "young_kpa must lie in"),
+        (TISSUE, {"thickness_mm": 1.0}, "thickness_mm must lie in"),
+        (TISSUE, {"thickness_mm": 15.0}, "depth_mm [+] diameter_mm must be less than thickness_mm = 15; got 15"),
+        (TISSUE, {"inclusion": "lump"}, "inclusion must be an Inclusion or None"),
+        (LAYER, {"thickness_mm": 0.0}, "thickness_mm must lie in"),
+        (LAYER, {"refractive_index": 0.9}, "refractive_index must lie in"),
+        (PROBE, {"radius_mm": 0.5}, "radius_mm must lie in"),
+        (PROBE, {"layers": ()}, "layers must hold at least one Layer"),
+        (PROBE, {"layers": (1.0,)}, "layers must hold at least one Layer"),
+        (CALIBRATION, {"gain_grey_per_kpa": 0.0}, "gain_grey_per_kpa must lie in"),
+        (CALIBRATION, {"force_sd": 1.5}, r"force_sd must lie in \[0, 1\]; got 1.5 \(a share of one\)"),
+    ],
+)
+def test_what_each_value_refuses(value: Any, changes: dict[str, Any], phrase: str) -> None:
+    with pytest.raises(InputError, match=phrase):
+        replace(value, **changes)
+
+
+@pytest.mark.parametrize("value", [LUMP, TISSUE, LAYER, PROBE, CALIBRATION])
+def test_values_are_frozen_and_equal_by_content(value: Any) -> None:
+    with pytest.raises(FrozenInstanceError):
+        setattr(value, fields(value)[0].name, 1.0)
+    assert replace(value) == value
+    assert hash(replace(value)) == hash(value)
+
+
+@given(diameter=st.floats(0.1, 100.0), depth=st.floats(0.2, 200.0), thickness=st.floats(2.0, 500.0))
+def test_an_inclusion_is_accepted_exactly_when_it_fits(diameter: float, depth: float, thickness: float) -> None:
+    lump = Inclusion(diameter_mm=diameter, depth_mm=depth, young_kpa=100.0)
+    if depth + diameter < thickness:
+        assert Phantom(young_kpa=5.0, thickness_mm=thickness, inclusion=lump).inclusion is lump
+    else:
+        with pytest.raises(InputError, match="must be less than thickness_mm"):
+            Phantom(young_kpa=5.0, thickness_mm=thickness, inclusion=lump)
+
+
+def test_only_a_sphere_on_the_axis_is_a_centred_sphere() -> None:
+    assert LUMP.is_centred_sphere
+    assert not replace(LUMP, offset_mm=(1.0, 0.0)).is_centred_sphere
+    assert not replace(LUMP, semi_axes_mm=(5.0, 4.0, 3.0)).is_centred_sphere
+
+
+def test_the_stack_is_as_thick_as_its_layers() -> None:
+    assert replace(PROBE, layers=(LAYER, LAYER)).thickness_mm == 20.0
+
+
+def test_a_press_field_keeps_read_only_profiles() -> None:
+    profile = np.linspace(0.0, 1.0, 5)
+    field = PressField(
+        radius_mm=profile, face_displacement_mm=profile, pressure_kpa=profile, approach_mm=1.0, force_n=0.5
+    )
+    profile[:] = 9.0
+    np.testing.assert_array_equal(field.radius_mm, np.linspace(0.0, 1.0, 5))
+    with pytest.raises(ValueError, match="read-only"):
+        field.pressure_kpa[0] = 1.0
+    with pytest.raises(InputError, match="pressure_kpa must be finite"):
+        replace(field, pressure_kpa=np.array([np.nan]))

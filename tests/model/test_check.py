@@ -1,0 +1,83 @@
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tsis.model import check
+from tsis.model.errors import InputError, UnknownNameError
+
+
+@given(st.floats(-1e300, 1e300), st.floats(-1e300, 1e300), st.floats(-1e300, 1e300))
+def test_a_number_passes_exactly_when_its_range_holds_it(value: float, one: float, other: float) -> None:
+    low, high = sorted((one, other))
+    if low <= value <= high:
+        assert check.number("force_n", value, low, high) == value
+    else:
+        with pytest.raises(InputError, match=r"^force_n must lie in \[.*\]; got "):
+            check.number("force_n", value, low, high)
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+def test_a_number_must_be_finite(value: float) -> None:
+    with pytest.raises(InputError, match="must lie in"):
+        check.number("force_n", value, -math.inf, math.inf)
+
+
+@pytest.mark.parametrize("value", [True, None, "1", [1.0], 1j, np.array([1.0, 2.0])])
+def test_only_numbers_are_numbers(value: object) -> None:
+    with pytest.raises(InputError, match=r"^force_n must be a number; got "):
+        check.number("force_n", value, 0.0, 1.0)
+
+
+@pytest.mark.parametrize("value", [1, np.int32(1), np.float32(1), 1.0])
+def test_every_kind_of_real_number_becomes_a_float(value: object) -> None:
+    assert type(check.number("force_n", value, 0.0, 1.0)) is float
+
+
+def test_the_hint_follows_the_value() -> None:
+    with pytest.raises(InputError, match=r"^depth_mm must lie in \[0, 28\]; got 31 \(millimetres\)$"):
+        check.number("depth_mm", 31.0, 0.0, 28.0, hint="millimetres")
+
+
+def test_an_array_is_a_read_only_copy() -> None:
+    source = [1.0, 2.0]
+    result = check.array("radius_mm", source, ndim=1)
+    source[0] = 9.0
+    assert result.tolist() == [1.0, 2.0]
+    assert not result.flags.writeable
+
+
+@pytest.mark.parametrize(
+    ("value", "phrase"),
+    [
+        ([[1.0]], r"must have 1 axes; got shape \(1, 1\)"),
+        ([], r"must not be empty; got shape \(0,\)"),
+        ([1.0, math.nan, math.inf], "must be finite; got 2 NaN or infinite values out of 3"),
+        (["a"], "must be an array of numbers with 1 axes; got list"),
+        ([[1.0], [1.0, 2.0]], "must be an array of numbers"),
+    ],
+)
+def test_an_array_that_is_none_says_why(value: Any, phrase: str) -> None:
+    with pytest.raises(InputError, match=f"^radius_mm {phrase}"):
+        check.array("radius_mm", value, ndim=1)
+
+
+def test_an_unknown_name_gets_the_nearest_one() -> None:
+    assert check.known("probe", "flat", ("flat", "domed")) == "flat"
+    with pytest.raises(
+        UnknownNameError, match=r"no probe is called 'flatt'; did you mean 'flat'[?] known: domed, flat$"
+    ):
+        check.known("probe", "flatt", ("flat", "domed"))
+
+
+@given(st.text())
+def test_any_unknown_name_is_one_sentence(name: str) -> None:
+    if name not in ("flat", "domed"):
+        with pytest.raises(UnknownNameError) as caught:
+            check.known("probe", name, ("flat", "domed"))
+        assert "\n" not in str(caught.value)

@@ -1,0 +1,79 @@
+from __future__ import annotations
+
+from dataclasses import FrozenInstanceError
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from tsis.model import Estimate
+from tsis.model.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+SAMPLES = hnp.arrays(float, st.integers(1, 200), elements=st.floats(-1e3, 1e3))
+
+
+def _estimate(values: Any, prior_sd: float = 2.0) -> Estimate:
+    return Estimate(samples={"depth_mm": values}, prior_sd={"depth_mm": prior_sd})
+
+
+@given(SAMPLES, st.floats(0.01, 0.99))
+def test_summaries_are_those_of_numpy(values: NDArray[np.float64], level: float) -> None:
+    estimate = _estimate(values)
+    assert estimate.mean["depth_mm"] == np.mean(values)
+    assert estimate.sd["depth_mm"] == np.std(values)
+    assert estimate.narrowing["depth_mm"] == np.std(values) / 2.0
+    low, high = estimate.interval(level)["depth_mm"]
+    assert (low, high) == tuple(np.quantile(values, [0.5 - level / 2, 0.5 + level / 2]))
+    assert values.min() <= low <= high <= values.max()
+
+
+@given(SAMPLES)
+def test_wider_levels_hold_narrower_ones(values: NDArray[np.float64]) -> None:
+    narrow, wide = (_estimate(values).interval(level)["depth_mm"] for level in (0.5, 0.9))
+    assert wide[0] <= narrow[0] + 1e-9
+    assert narrow[1] <= wide[1] + 1e-9
+
+
+def test_an_interval_of_a_normal_sample_has_its_textbook_width() -> None:
+    values = np.random.default_rng(0).normal(5.0, 2.0, 200_000)
+    low, high = _estimate(values).interval(0.9)["depth_mm"]
+    assert low == pytest.approx(5.0 - 2.0 * 1.6449, abs=0.03)
+    assert high == pytest.approx(5.0 + 2.0 * 1.6449, abs=0.03)
+
+
+@pytest.mark.parametrize("level", [0.0, 1.0, -0.1, 1.1, float("nan")])
+def test_a_level_is_a_share_between_none_and_all(level: float) -> None:
+    with pytest.raises(InputError, match="level must lie in"):
+        _estimate([1.0, 2.0]).interval(level)
+
+
+def test_an_estimate_cannot_be_changed() -> None:
+    values = np.array([1.0, 2.0, 3.0])
+    estimate = _estimate(values)
+    values[:] = 0.0
+    assert estimate.mean["depth_mm"] == 2.0
+    with pytest.raises(FrozenInstanceError):
+        estimate.flags = ("changed",)  # type: ignore[misc]
+    with pytest.raises(ValueError, match="read-only"):
+        estimate.samples["depth_mm"][0] = 9.0
+    with pytest.raises(TypeError, match="item assignment"):
+        estimate.samples["young_kpa"] = values  # type: ignore[index]
+    with pytest.raises(TypeError, match="item assignment"):
+        estimate.provenance["seed"] = 1  # type: ignore[index]
+
+
+def test_samples_and_priors_name_the_same_parameters() -> None:
+    with pytest.raises(InputError, match="samples and prior_sd must name the same parameters"):
+        Estimate(samples={"depth_mm": np.array([1.0])}, prior_sd={"young_kpa": 1.0})
+
+
+@pytest.mark.parametrize("values", [[], [np.nan], [[1.0]]])
+def test_samples_are_finite_lists(values: Any) -> None:
+    with pytest.raises(InputError, match="depth_mm must"):
+        _estimate(values)
