@@ -1,1 +1,6 @@
-"""inclusion."""
+"""Size, depth and stiffness of an inclusion under the surface."""
+
+from tsis.inclusion.posterior import estimate
+from tsis.inclusion.prior import InclusionPrior
+
+__all__ = ["InclusionPrior", "estimate"]

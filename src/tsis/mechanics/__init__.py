@@ -2,6 +2,6 @@
 
 from tsis.mechanics.bodies import Resolution
 from tsis.mechanics.small_strain import press
-from tsis.mechanics.surrogate import Box, Degrees, PressSurrogate, Surrogate, build_surrogate
+from tsis.mechanics.surrogate import Box, Degrees, PressSurrogate, Surrogate, build_surrogate, contrast_factor
 
-__all__ = ["Box", "Degrees", "PressSurrogate", "Resolution", "Surrogate", "build_surrogate", "press"]
+__all__ = ["Box", "Degrees", "PressSurrogate", "Resolution", "Surrogate", "build_surrogate", "contrast_factor", "press"]

@@ -20,6 +20,8 @@ class Calibration:
         Grey levels per kPa of contact pressure at small pressure.
     saturation_kpa
         Pressure scale at which the real contact area saturates.
+    background_grey
+        Grey level without contact, subtracted before anything else.
     gain_sd
         Relative standard deviation of the gain (LED drift included).
     force_sd
@@ -42,6 +44,7 @@ class Calibration:
 
     gain_grey_per_kpa: float
     saturation_kpa: float
+    background_grey: float = 0.0
     gain_sd: float = 0.01
     force_sd: float = 0.01
     offset_sd: float = 0.01
@@ -55,6 +58,7 @@ class Calibration:
     def __post_init__(self) -> None:
         check.number("gain_grey_per_kpa", self.gain_grey_per_kpa, 1e-6, 1e6)
         check.number("saturation_kpa", self.saturation_kpa, 1e-3, 1e6)
+        check.number("background_grey", self.background_grey, 0.0, 65535.0)
         for name in ("gain_sd", "force_sd", "offset_sd", "pattern_sd", "repeatability_sd", "site_sd"):
             check.number(name, getattr(self, name), 0.0, 1.0, hint="a share of one")
         check.number("read_noise_grey", self.read_noise_grey, 0.0, 1e4)

@@ -1,1 +1,5 @@
-"""virtual."""
+"""The virtual probe: mechanics, light and camera without hardware."""
+
+from tsis.virtual.probe import VirtualProbe, nominal_calibration
+
+__all__ = ["VirtualProbe", "nominal_calibration"]

@@ -1,0 +1,218 @@
+"""Size, depth and stiffness of an inclusion from the radial profile of one or more presses."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.imaging import radial_profile
+from tsis.inclusion.chart import SignalChart
+from tsis.inclusion.forward import ForwardModel
+from tsis.inclusion.grid import refine
+from tsis.inclusion.likelihood import Fit, Likelihood, Profiles
+from tsis.inclusion.prior import PARAMETERS, InclusionPrior
+from tsis.inclusion.verdict import verdict
+from tsis.mechanics import build_surrogate
+from tsis.model import Calibration, Estimate, Probe, TactileImage
+from tsis.model.errors import ImageMismatchError, InputError, NotCalibratedError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.mechanics import PressSurrogate
+
+RINGS = 20
+OUTER_SHARE = 0.8  # of the face's radius; outside it the singular edge tells more about the rim than about the tissue
+LINEARISATIONS = 3
+SAMPLES = 4096
+
+
+def estimate(
+    images: TactileImage | Sequence[TactileImage],
+    *,
+    probe: Probe,
+    calibration: Calibration,
+    reference: TactileImage | Sequence[TactileImage] | None = None,
+    prior: InclusionPrior | None = None,
+) -> Estimate:
+    """Estimate an inclusion under the probe's axis, with honest intervals.
+
+    The posterior over diameter, depth and modulus follows from the ring means of the grey level. Gain, offset and
+    force of each frame, the tissue's modulus and the slab's thickness are nuisances: unknown within their stated
+    errors and integrated out.
+
+    Parameters
+    ----------
+    images
+        One or more presses on the same target as the camera delivered them, each with ``force_n`` and
+        ``mm_per_pixel``.
+    probe
+        What pressed.
+    calibration
+        Answer of grey level to pressure and the sizes of the errors.
+    reference
+        Presses of the same probe on plain tissue nearby; they narrow size and depth by about a half.
+    prior
+        Ranges of the inclusion and beliefs about the tissue; `InclusionPrior` by default.
+
+    Returns
+    -------
+    Estimate
+        Of ``diameter_mm``, ``depth_mm`` and ``young_kpa``, with flags for what the data cannot tell.
+
+    Raises
+    ------
+    InputError
+        When there is no image, or one has no force or no scale, or the probe's face lies outside the picture.
+    NotCalibratedError
+        When no calibration is given.
+    ImageMismatchError
+        When the images differ in scale or range of values.
+    MechanicsError
+        When the tissue would lift off the face somewhere in the prior.
+    """
+    targets, references = _frames("images", images), _frames("reference", reference)
+    if not targets:
+        raise InputError("images must hold at least one TactileImage; got none")
+    if not isinstance(calibration, Calibration):
+        raise NotCalibratedError(
+            f"calibration must be a Calibration, the answer of this probe's grey level to pressure; got {calibration!r}"
+        )
+    frames = targets + references
+    _check_frames(frames)
+    prior = prior or InclusionPrior()
+    surrogate = build_surrogate(probe, prior.box())
+    with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
+        edges = np.linspace(0.0, OUTER_SHARE * probe.radius_mm, RINGS + 1)
+        data = _profiles(frames, calibration, edges)
+        model = ForwardModel(
+            rings=surrogate.pressure_kpa.mapped(ring_means(surrogate, edges)),
+            calibration=calibration,
+            prior=prior,
+            force_n=np.array([frame.force_n for frame in frames]),
+            is_reference=np.array([False] * len(targets) + [True] * len(references)),
+        )
+        likelihood = Likelihood(model, data)
+        samples, best = _posterior(likelihood, prior)
+    flags, notes = verdict(
+        samples, prior=prior, targets=targets, references=references, data=data, best=best, freedom=likelihood.freedom
+    )
+    return Estimate(
+        samples=dict(zip(PARAMETERS, samples.T, strict=True)),
+        prior_sd=prior.sd,
+        flags=flags,
+        notes=notes,
+        provenance=_provenance(probe, calibration, prior, targets, references, surrogate),
+    )
+
+
+def ring_means(surrogate: PressSurrogate, edges_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Matrix from nodal values to means over the rings' areas, shape (rings, nodes)."""
+    x, w = np.polynomial.legendre.leggauss(6)
+    half = np.diff(edges_mm) / 2
+    radius = edges_mm[:-1, None] + half[:, None] * (x + 1)
+    weight = radius * w
+    weight = weight / weight.sum(axis=1, keepdims=True)
+    values = surrogate.interpolate(radius.ravel()).reshape(*radius.shape, -1)
+    return np.asarray(np.einsum("rq,rqn->rn", weight, values))
+
+
+def _posterior(likelihood: Likelihood, prior: InclusionPrior) -> tuple[NDArray[np.float64], Fit]:
+    """Samples (n, 3), and the fit at their mean; the nuisances are linearised anew until they settle."""
+    chart = SignalChart(prior)
+    nuisance = likelihood.start
+    for _ in range(LINEARISATIONS):
+        grid = refine(_log_density(likelihood, chart, nuisance), chart.low, chart.high)
+        best = likelihood(chart.inclusions(grid.mean()[None]), nuisance)
+        nuisance = best.nuisance[0]
+    return chart.inside(chart.inclusions(grid.samples(SAMPLES))), best
+
+
+def _log_density(
+    likelihood: Likelihood, chart: SignalChart, nuisance: NDArray[np.float64]
+) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
+    def density(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        inclusions = chart.inclusions(points)
+        allowed = chart.allows(inclusions)
+        result = np.full(len(points), -np.inf)
+        result[allowed] = likelihood(inclusions[allowed], nuisance).log_evidence
+        return result + chart.log_volume(points)
+
+    return density
+
+
+def _frames(name: str, given: TactileImage | Sequence[TactileImage] | None) -> list[TactileImage]:
+    if given is None:
+        return []
+    frames = [given] if isinstance(given, TactileImage) else list(given)
+    for frame in frames:
+        if not isinstance(frame, TactileImage):
+            raise InputError(f"{name} must hold TactileImage values; got {type(frame).__name__}")
+    return frames
+
+
+def _check_frames(frames: list[TactileImage]) -> None:
+    first = frames[0]
+    for frame in frames:
+        label = frame.name or "an image"
+        if not frame.force_n:
+            raise InputError(f"force_n must be known and positive for {label!r}; got {frame.force_n!r}")
+        if frame.scale() != first.scale() or frame.full_scale != first.full_scale:
+            raise ImageMismatchError(
+                f"all images must share mm_per_pixel {first.mm_per_pixel} and full_scale {first.full_scale:g}; "
+                f"{label!r} has {frame.mm_per_pixel} and {frame.full_scale:g}"
+            )
+
+
+def _profiles(frames: list[TactileImage], calibration: Calibration, edges: NDArray[np.float64]) -> Profiles:
+    rings = [radial_profile(frame, edges_mm=edges) for frame in frames]
+    count = np.array([ring.count for ring in rings])
+    clipped = np.array([ring.clipped_count for ring in rings])
+    usable = (count > 0) & (clipped == 0)
+    if not usable[:, : RINGS // 2].any():
+        raise InputError(
+            "the inner half of the probe's face must lie in the picture without clipping; got no usable ring there "
+            "(check mm_per_pixel, axis_px and the exposure)"
+        )
+    grey = np.nan_to_num(np.array([ring.mean_grey for ring in rings])) - calibration.background_grey
+    pixel = calibration.read_noise_grey**2 + calibration.shot_noise_grey * np.maximum(grey, 0.0) + 1 / 12
+    return Profiles(grey=grey, variance=pixel / np.maximum(count, 1), usable=usable)
+
+
+def _provenance(
+    probe: Probe,
+    calibration: Calibration,
+    prior: InclusionPrior,
+    targets: list[TactileImage],
+    references: list[TactileImage],
+    surrogate: PressSurrogate,
+) -> dict[str, Any]:
+    return {
+        "notice": RESEARCH_USE_ONLY,
+        "tsis": __version__,
+        "method": "posterior of the radial profile, small strain, sphere on the axis",
+        "probe": asdict(probe),
+        "calibration": asdict(calibration),
+        "prior": asdict(prior),
+        "surrogate": surrogate.key,
+        "images": [_describe(image) for image in targets],
+        "reference": [_describe(image) for image in references],
+    }
+
+
+def _describe(image: TactileImage) -> dict[str, Any]:
+    return {
+        "name": image.name,
+        "sha256": hashlib.sha256(np.ascontiguousarray(image.grey).tobytes()).hexdigest(),
+        "shape": list(image.grey.shape),
+        "mm_per_pixel": list(image.scale()),
+        "force_n": image.force_n,
+        "settings": dict(image.settings),
+    }

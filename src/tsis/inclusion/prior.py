@@ -1,0 +1,101 @@
+"""What is believed about inclusion and tissue before the image is seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.mechanics import Box
+from tsis.model import check
+from tsis.model.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+PARAMETERS = ("diameter_mm", "depth_mm", "young_kpa")
+REACH_SD = 2.6  # how far the surrogate follows the tissue's modulus and thickness
+CLEARANCE = 1.02  # the surrogate's thinnest slab over the deepest inclusion
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InclusionPrior:
+    """Uniform ranges of the inclusion, and normal beliefs about the slab around it.
+
+    Parameters
+    ----------
+    diameter_mm, depth_mm, young_kpa
+        Ranges (low, high) of the inclusion; the defaults are the dissertation's, without the vanishing diameter.
+    tissue_young_kpa, tissue_young_sd
+        Modulus of the tissue and its relative standard deviation.
+    thickness_mm, thickness_sd
+        Thickness of the slab and its relative standard deviation.
+    poisson
+        Poisson's ratio of tissue and inclusion, taken as known.
+
+    Raises
+    ------
+    InputError
+        When a range is empty or the deepest inclusion does not fit into the slab.
+
+    Examples
+    --------
+    >>> {name: round(sd, 2) for name, sd in InclusionPrior().sd.items()}
+    {'diameter_mm': 4.04, 'depth_mm': 2.31, 'young_kpa': 23.09}
+    """
+
+    diameter_mm: tuple[float, float] = (1.0, 15.0)
+    depth_mm: tuple[float, float] = (4.0, 12.0)
+    young_kpa: tuple[float, float] = (40.0, 120.0)
+    tissue_young_kpa: float = 5.0
+    tissue_young_sd: float = 0.1
+    thickness_mm: float = 30.0
+    thickness_sd: float = 0.1
+    poisson: float = 0.49
+
+    def __post_init__(self) -> None:
+        check.number("tissue_young_kpa", self.tissue_young_kpa, 0.05, 2000.0, hint="kilopascals")
+        check.number("tissue_young_sd", self.tissue_young_sd, 1e-4, 0.3, hint="a share of one")
+        check.number("thickness_mm", self.thickness_mm, 2.0, 500.0, hint="millimetres")
+        check.number("thickness_sd", self.thickness_sd, 1e-4, 0.2, hint="a share of one")
+        for name in PARAMETERS:
+            pair = check.array(name, getattr(self, name), ndim=1)
+            if pair.shape != (2,) or not 0 < pair[0] < pair[1]:
+                raise InputError(f"{name} must be a range (low, high) with 0 < low < high; got {getattr(self, name)!r}")
+            object.__setattr__(self, name, (float(pair[0]), float(pair[1])))
+        self.box()  # refuses what does not fit
+
+    @property
+    def low(self) -> NDArray[np.float64]:
+        """Lower ends of the ranges, in the order of `PARAMETERS`."""
+        return np.array([getattr(self, name)[0] for name in PARAMETERS])
+
+    @property
+    def high(self) -> NDArray[np.float64]:
+        """Upper ends of the ranges, in the order of `PARAMETERS`."""
+        return np.array([getattr(self, name)[1] for name in PARAMETERS])
+
+    @property
+    def sd(self) -> dict[str, float]:
+        """Standard deviation of each parameter before the data."""
+        return dict(zip(PARAMETERS, ((self.high - self.low) / np.sqrt(12.0)).tolist(), strict=True))
+
+    def box(self) -> Box:
+        """Ranges that the surrogate must cover."""
+        deepest = self.depth_mm[1] + self.diameter_mm[1]
+        if CLEARANCE * deepest >= self.thickness_mm:
+            raise InputError(
+                f"the largest depth_mm + diameter_mm must be less than thickness_mm = {self.thickness_mm:g} by "
+                f"{100 * (CLEARANCE - 1):.0f} %; got {deepest:g} (narrow the prior)"
+            )
+        tissue = np.exp(REACH_SD * self.tissue_young_sd)
+        slab = np.exp(0.7 * REACH_SD * self.thickness_sd)
+        return Box(
+            diameter_mm=self.diameter_mm,
+            depth_mm=self.depth_mm,
+            young_kpa=self.young_kpa,
+            tissue_young_kpa=(self.tissue_young_kpa / tissue, self.tissue_young_kpa * tissue),
+            thickness_mm=(max(CLEARANCE * deepest, self.thickness_mm / slab), self.thickness_mm * slab),
+            poisson=self.poisson,
+        )
