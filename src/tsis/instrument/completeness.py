@@ -1,4 +1,4 @@
-"""Is an image file whole? Decoders fill what is missing with grey or zeros and carry on; measurements must not."""
+"""Is an image file whole? Checked by its own structure, so that it does not depend on how lenient a decoder is."""
 
 from __future__ import annotations
 

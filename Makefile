@@ -1,0 +1,84 @@
+# `make demo` and `make test` each do everything on a machine that has only Python 3.11 or newer and make.
+# Everything is installed into .venv; stamps in it make the second call instant.
+
+VENV := .venv
+BIN := $(VENV)/bin
+PIP := $(BIN)/python -m pip --disable-pip-version-check
+PINNED := --constraint constraints.txt --build-constraint constraints.txt
+PYTHON ?=
+PYTEST_FLAGS ?= -n 2
+MANIFESTS := pyproject.toml constraints.txt
+
+.DEFAULT_GOAL := help
+.PHONY: help demo test test-slow benchmark lint docs constraints clean
+
+help:  ## say what there is
+	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:[^#]*##/\t/' | expand -t 14
+
+demo: $(VENV)/.plain  ## install, then press a virtual phantom and estimate its inclusion
+	$(BIN)/tsis demo
+
+test: $(VENV)/.dev  ## install, then run the quick tests and all doctests
+	$(BIN)/pytest $(PYTEST_FLAGS) -m "not slow and not benchmark"
+
+test-slow: $(VENV)/.dev  ## the tests that take minutes
+	$(BIN)/pytest $(PYTEST_FLAGS) -m "slow and not benchmark"
+
+benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, one process at a time
+	$(BIN)/pytest -m benchmark -s tests benchmarks
+
+lint: $(VENV)/.dev  ## style, room boundaries and types
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/lint-imports
+	$(BIN)/mypy
+
+docs: $(VENV)/.docs  ## the pages, into docs/_build/html; a warning is an error
+	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
+
+constraints: $(VENV)/.pip  ## resolve every dependency afresh and write constraints.txt
+	rm -rf build/fresh
+	$(BIN)/python -m venv build/fresh
+	build/fresh/bin/python -m pip install --quiet --upgrade pip
+	build/fresh/bin/python -m pip install --quiet --editable . --group dev --group docs hatchling
+	{ sed '/^[^#]/,$$d' constraints.txt; \
+	  build/fresh/bin/python -m pip freeze --all --exclude-editable --exclude setuptools; } > build/constraints.txt
+	mv build/constraints.txt constraints.txt
+	rm -rf build/fresh
+
+clean:  ## remove everything that the other targets made
+	rm -rf $(VENV) build dist docs/_build .pytest_cache .mypy_cache .ruff_cache .hypothesis .import_linter_cache
+	find src tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +
+
+# Each recipe below makes its stamp last, so that a broken installation is tried again.
+
+$(VENV)/.pip:
+	@found=; bare=; \
+	for candidate in $(PYTHON) python3 python3.14 python3.13 python3.12 python3.11 python; do \
+	  "$$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || continue; \
+	  if "$$candidate" -c 'import venv, ensurepip' 2>/dev/null; then found=$$candidate; break; fi; \
+	  bare=$$candidate; \
+	done; \
+	if [ -z "$$found" ] && [ -n "$$bare" ]; then \
+	  echo "$$bare cannot make virtual environments; install its venv package (Debian, Ubuntu: apt-get install python3-venv)" >&2; \
+	  exit 1; \
+	elif [ -z "$$found" ]; then \
+	  echo "Python 3.11 or newer was not found; install it, or name it: make $(MAKECMDGOALS) PYTHON=/path/to/python3" >&2; \
+	  exit 1; \
+	fi; \
+	echo "using $$("$$found" --version)"; \
+	"$$found" -m venv --clear $(VENV)
+	$(PIP) install --quiet --upgrade --constraint constraints.txt pip
+	@touch $@
+
+$(VENV)/.plain: $(VENV)/.pip $(MANIFESTS)
+	$(PIP) install --quiet $(PINNED) --editable .
+	@touch $@
+
+$(VENV)/.dev: $(VENV)/.pip $(MANIFESTS)
+	$(PIP) install --quiet $(PINNED) --editable . --group dev
+	@touch $@
+
+$(VENV)/.docs: $(VENV)/.pip $(MANIFESTS)
+	$(PIP) install --quiet $(PINNED) --editable . --group docs
+	@touch $@

@@ -1,0 +1,84 @@
+"""What a plain install brings: no GPL, and every package pinned by name and version alone."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from importlib import metadata
+from pathlib import Path
+
+import pytest
+from packaging.requirements import Requirement
+
+ROOT = Path(__file__).parents[2]
+# in their wording none of these is the GPL, though the letters are in it
+NOT_GPL = re.compile(r"LGPL|Lesser General Public")
+GPL = re.compile(r"\bA?GPL|General Public License", re.IGNORECASE)
+
+
+def _key(name: str) -> str:
+    return re.sub(r"[-_.]+", "-", name).lower()
+
+
+def _closure(requirements: list[str]) -> dict[str, metadata.Distribution]:
+    """The installed packages that these requirements bring, directly or through others."""
+    found: dict[str, metadata.Distribution] = {}
+    left = [Requirement(text) for text in requirements]
+    while left:
+        requirement = left.pop()
+        key = _key(requirement.name)
+        if key in found or not (requirement.marker is None or requirement.marker.evaluate({"extra": ""})):
+            continue
+        found[key] = metadata.distribution(requirement.name)
+        left += [Requirement(text) for text in found[key].requires or []]
+    return found
+
+
+def _declared(package: metadata.Distribution) -> str:
+    fields = package.metadata
+    for name in ("License-Expression", "Classifier", "License"):
+        entries = [entry for entry in fields.get_all(name) or [] if name != "Classifier" or entry.startswith("License")]
+        if entries:
+            return "; ".join(entries)
+    return ""
+
+
+@pytest.fixture(scope="module")
+def manifest() -> dict[str, dict[str, list[str]]]:
+    loaded: dict[str, dict[str, list[str]]] = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    return loaded
+
+
+def _pins() -> dict[str, str]:
+    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    pinned = [line for line in lines if line and not line.startswith("#")]
+    assert all(re.fullmatch(r"[A-Za-z0-9._-]+==[0-9][A-Za-z0-9.]*", line) for line in pinned)
+    return {_key(name): version for name, version in (line.split("==") for line in pinned)}
+
+
+def test_a_plain_install_brings_no_gpl(manifest: dict[str, dict[str, list[str]]]) -> None:
+    packages = _closure(manifest["project"]["dependencies"])
+    assert {"numpy", "matplotlib", "opencv-python-headless"} <= set(packages)
+    for name, package in packages.items():
+        licence = _declared(package)
+        assert licence, f"{name} declares no licence"
+        assert not GPL.search(NOT_GPL.sub("", licence)), f"{name} is under {licence}"
+
+
+def test_every_package_is_pinned(manifest: dict[str, dict[str, list[str]]]) -> None:
+    packages = _closure(manifest["project"]["dependencies"] + manifest["dependency-groups"]["dev"])
+    missing = sorted(set(packages) - set(_pins()))
+    assert not missing, f"constraints.txt does not pin {missing}; run `make constraints`"
+
+
+def test_the_libraries_page_names_every_direct_dependency(manifest: dict[str, dict[str, list[str]]]) -> None:
+    page = (ROOT / "docs" / "decisions" / "0001-libraries.md").read_text(encoding="utf-8")
+    groups = [text for group in manifest["dependency-groups"].values() for text in group]
+    for text in manifest["project"]["dependencies"] + groups:
+        name = Requirement(text).name
+        assert f"| {name} |" in page, f"docs/decisions/0001-libraries.md must say why {name} is used"
+
+
+def test_the_citation_names_the_version() -> None:
+    citation = (ROOT / "CITATION.cff").read_text(encoding="utf-8")
+    assert f"version: {metadata.version('tsis')}" in citation
