@@ -53,7 +53,10 @@ clean:  ## remove everything that the other targets made
 # Each recipe below makes its stamp last, so that a broken installation is tried again.
 
 $(VENV)/.pip:
-	@found=; bare=; \
+	@if $(BIN)/python -c 'import sys, pip; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then \
+	  echo "using the environment in $(VENV)"; exit 0; \
+	fi; \
+	found=; bare=; \
 	for candidate in $(PYTHON) python3 python3.14 python3.13 python3.12 python3.11 python; do \
 	  "$$candidate" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null || continue; \
 	  if "$$candidate" -c 'import venv, ensurepip' 2>/dev/null; then found=$$candidate; break; fi; \
