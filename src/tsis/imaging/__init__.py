@@ -1,16 +1,16 @@
 """From frames of the camera to numbers: corrections, the contact's patch and circle, features, profiles, colour.
 
-``tsis.imaging.features`` and ``tsis.imaging.surface`` are the calls: the imports below bind them over the modules
-of the same names.
+``features``, ``segment`` and ``surface`` are calls, so no file here bears those names: a module of the same name would
+take the call's place when something imports it by its path.
 """
 
 from tsis.imaging.colour import change_magnitude, colour_map, to_grey
 from tsis.imaging.contact import Contact, find_colour_contact, find_contact
+from tsis.imaging.contact_features import Features, features
 from tsis.imaging.correct import flatten, match_light, signal, subtract_background, subtract_dark
-from tsis.imaging.features import Features, features
+from tsis.imaging.height_surface import Surface, surface
+from tsis.imaging.patch import Patch, segment
 from tsis.imaging.profile import RadialProfile, radial_profile
-from tsis.imaging.segment import Patch, segment
-from tsis.imaging.surface import Surface, surface
 
 __all__ = [
     "Contact",

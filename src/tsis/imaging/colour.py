@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 
 from tsis.imaging.correct import check_image
-from tsis.imaging.segment import segment
+from tsis.imaging.patch import segment
 from tsis.model import TactileImage, check
 from tsis.model.errors import ImageMismatchError, InputError
 

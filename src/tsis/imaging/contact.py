@@ -10,7 +10,7 @@ import numpy as np
 from tsis.imaging.colour import change_magnitude
 from tsis.imaging.correct import check_image
 from tsis.imaging.edge_circle import SlopeField, steepest_circle, steepest_radius
-from tsis.imaging.segment import Patch, segment
+from tsis.imaging.patch import Patch, segment
 from tsis.imaging.symmetry import symmetry_centre
 from tsis.model import TactileImage, check
 from tsis.model.errors import InputError

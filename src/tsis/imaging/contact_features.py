@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.imaging.correct import signal
+from tsis.imaging.patch import Patch, segment, smoothed
 from tsis.imaging.profile import RadialProfile, radial_profile
-from tsis.imaging.segment import Patch, segment, smoothed
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
