@@ -119,12 +119,26 @@ class Slab:
     @cached_property
     def _far(self) -> tuple[Condensate, NDArray[np.int64]]:
         """Tissue outside the block, and the numbers of the block's side, shape (depths, 2)."""
-        body = mesh.rectangle(self._depth, self._far_lines[::-1], self.resolution.order, a_is_radius=False)
+        body, dofs = self._strip(self._far_lines, self._contacts)
+        return self._sweep(body, dofs, np.arange(self._contacts)), dofs[:, -1]
+
+    def plain_stiffness(self) -> NDArray[np.float64]:
+        """Face stiffness (n, n) in mm of plain tissue of unit modulus, on a mesh that knows of no inclusion."""
+        far, side = self._far
+        body, dofs = self._strip(self._block_lines, 1 + max(int(far.dofs.max()), int(side.max())))
+        dofs[:, 0] = side
+        dofs[:, -1, 0] = FIXED  # the axis
+        faces = np.arange(self._contacts)
+        return self._sweep(body, dofs, faces, start=far).keep(faces).stiffness
+
+    def _strip(self, lines: NDArray[np.float64], first: int) -> tuple[mesh.LayeredMesh, NDArray[np.int64]]:
+        """The whole depth between two radii, swept inwards, its displacements numbered from ``first``."""
+        body = mesh.rectangle(self._depth, lines[::-1], self.resolution.order, a_is_radius=False)
         depths, radii, _ = body.nodes.shape
-        dofs = self._contacts + np.arange(depths * radii * 2).reshape(depths, radii, 2)
+        dofs = first + np.arange(depths * radii * 2).reshape(depths, radii, 2)
         dofs[-1] = FIXED  # bonded to the chest wall
         self._number_contacts(body.nodes[0, :, 0], dofs[0, :, 1])
-        return self._sweep(body, dofs, np.arange(self._contacts)), dofs[:, -1]
+        return body, dofs
 
     def _sweep(
         self,

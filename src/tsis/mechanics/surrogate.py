@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from tsis.model import Probe
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
