@@ -1,6 +1,6 @@
 """Size, depth and stiffness of an inclusion under the surface."""
 
-from tsis.inclusion.posterior import estimate
+from tsis.inclusion.posterior import estimate, ring_edges
 from tsis.inclusion.prior import InclusionPrior
 
-__all__ = ["InclusionPrior", "estimate"]
+__all__ = ["InclusionPrior", "estimate", "ring_edges"]

@@ -90,7 +90,7 @@ def estimate(
     prior = prior or InclusionPrior()
     surrogate = build_surrogate(probe, prior.box())
     with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
-        edges = np.linspace(0.0, OUTER_SHARE * probe.radius_mm, RINGS + 1)
+        edges = ring_edges(probe)
         data = _profiles(frames, calibration, edges)
         model = ForwardModel(
             rings=surrogate.pressure_kpa.mapped(ring_means(surrogate, edges)),
@@ -111,6 +111,11 @@ def estimate(
         notes=notes,
         provenance=_provenance(probe, calibration, prior, targets, references, surrogate),
     )
+
+
+def ring_edges(probe: Probe) -> NDArray[np.float64]:
+    """Boundaries in mm of the rings that the profile is averaged over."""
+    return np.linspace(0.0, OUTER_SHARE * probe.radius_mm, RINGS + 1)
 
 
 def ring_means(surrogate: PressSurrogate, edges_mm: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -2,6 +2,7 @@
 
 from tsis.instrument.camera import Camera, Frame, Mode, Setting
 from tsis.instrument.image_file import read_colour, read_image
+from tsis.instrument.png import png_bytes
 from tsis.instrument.sources import ImageFiles, OpenCVDevice, VideoFile
 
 __all__ = [
@@ -12,6 +13,7 @@ __all__ = [
     "OpenCVDevice",
     "Setting",
     "VideoFile",
+    "png_bytes",
     "read_colour",
     "read_image",
 ]

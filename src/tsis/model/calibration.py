@@ -11,8 +11,8 @@ from tsis.model import check
 class Calibration:
     """Rough-contact response of one probe and camera: ``grey = gain * saturation * erf(0.886 p / saturation)``.
 
-    The response is that of SPEC's image model after dark, flat and background corrections; its slope at zero
-    pressure is ``gain_grey_per_kpa``. The relative standard deviations say how well each quantity is known.
+    The slope at zero pressure, after dark, flat and background corrections, is ``gain_grey_per_kpa``. The relative
+    standard deviations say how well each quantity is known.
 
     Parameters
     ----------

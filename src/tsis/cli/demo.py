@@ -1,0 +1,96 @@
+"""``tsis demo``: press a virtual phantom, see the image, read the inclusion with its uncertainty."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+
+from tsis.cli.calibration_file import calibration_document
+from tsis.cli.console_output import people, print_json, print_notice
+from tsis.cli.estimate_output import estimate_table, estimate_with_progress
+from tsis.cli.targets import AsJson, DepthMm, DiameterMm, ForceN, PhantomName, ProbeName, YoungKpa, chosen_phantom
+from tsis.inclusion import InclusionPrior, ring_edges
+from tsis.instrument import png_bytes
+from tsis.model import load_probe
+from tsis.model.errors import InputError
+from tsis.report import free_folder, inclusion_report, write_folder
+from tsis.report.document import envelope, estimate_document, json_bytes
+from tsis.virtual import VirtualProbe
+
+if TYPE_CHECKING:
+    from tsis.model import Phantom
+
+PARAMETERS = ("diameter_mm", "depth_mm", "young_kpa")
+LARGEST_SEED = 2**63 - 1
+
+
+def demo(
+    *,
+    phantom: PhantomName = "hardness-100",
+    probe: ProbeName = "tsis-2011",
+    force_n: ForceN = 1.0,
+    diameter_mm: DiameterMm = None,
+    depth_mm: DepthMm = None,
+    young_kpa: YoungKpa = None,
+    seed: Annotated[int, typer.Option(help="Seed of every random error.", min=0, max=LARGEST_SEED)] = 1,
+    out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path("tsis-demo"),
+    as_json: AsJson = False,
+) -> None:
+    """Press a phantom with the virtual probe, estimate the inclusion, and write a page that shows it.
+
+    Two presses are taken, one on the phantom and one on plain tissue. The estimator knows neither the true forces, the
+    true gain nor the mesh of the virtual probe.
+    """
+    target = chosen_phantom(phantom, diameter_mm, depth_mm, young_kpa)
+    truth = _truth(target)
+    chosen, prior = load_probe(probe), InclusionPrior()
+    virtual = VirtualProbe(chosen, rng=np.random.default_rng(seed))
+    untouched = virtual.no_contact()
+    reference = virtual.press(target.without_inclusion(), force_n=force_n)
+    image = virtual.press(target, force_n=force_n)
+    result = estimate_with_progress(
+        [image], probe=chosen, calibration=virtual.calibration, reference=reference, prior=prior
+    )
+    provenance = {"simulated": {"seed": seed, "phantom": asdict(target), "command": "tsis demo"}}
+    page = inclusion_report(
+        result,
+        title=f"Virtual press on {target.name}",
+        subtitle=f"{chosen.name}, {force_n:g} N, one press and one reference on plain tissue; simulated frames",
+        target=image,
+        reference=reference,
+        prior=prior,
+        ring_edges_mm=ring_edges(chosen),
+        truth=truth,
+        provenance=provenance,
+    )
+    document = envelope("demo", **provenance, estimate=estimate_document(result, truth))
+    folder = write_folder(
+        free_folder(out),
+        {
+            "target.png": png_bytes(image),
+            "reference.png": png_bytes(reference),
+            "untouched.png": png_bytes(untouched),
+            "calibration.json": json_bytes(calibration_document(virtual.calibration)),
+            "result.json": json_bytes(document),
+            "index.html": page,
+        },
+    )
+    if as_json:
+        print_json({**document, "folder": str(folder)})
+        return
+    console = people()
+    console.print(estimate_table(result, title=f"{target.name}, {force_n:g} N", truth=truth))
+    for note in result.notes:
+        console.print(f"- {note}")
+    console.print(f"Page: {folder / 'index.html'}", soft_wrap=True)
+    print_notice(console)
+
+
+def _truth(phantom: Phantom) -> dict[str, float]:
+    if phantom.inclusion is None:
+        raise InputError(f"phantom must hold an inclusion to estimate; got {phantom.name!r} (try hardness-100)")
+    return {name: getattr(phantom.inclusion, name) for name in PARAMETERS}

@@ -1,0 +1,46 @@
+"""An estimate of an inclusion made with a progress bar, printed as a table, and written as a folder."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from rich.table import Table
+
+from tsis.cli.console_output import progress_bar
+from tsis.inclusion import InclusionPrior, estimate
+from tsis.mechanics import build_surrogate
+from tsis.report.document import LEVEL
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from tsis.model import Calibration, Estimate, Probe, TactileImage
+
+
+def estimate_with_progress(
+    images: Sequence[TactileImage],
+    *,
+    probe: Probe,
+    calibration: Calibration,
+    reference: TactileImage | None,
+    prior: InclusionPrior,
+) -> Estimate:
+    """Estimate; the first time for a probe its surrogate is built, which takes seconds and is kept."""
+    with progress_bar("solving the press for this probe (kept for next time)") as progress:
+        build_surrogate(probe, prior.box(), progress=progress)
+    return estimate(images, probe=probe, calibration=calibration, reference=reference, prior=prior)
+
+
+def estimate_table(result: Estimate, *, title: str, truth: Mapping[str, float] | None = None) -> Table:
+    """Mean, interval and narrowing of each parameter, with the truth if known."""
+    headings = ["", "mean", "90 % interval", "of the prior's spread"] + ([] if truth is None else ["truth"])
+    table = Table(title=title)
+    for heading in headings:
+        table.add_column(heading, justify="left" if not heading else "right")
+    interval = result.interval(LEVEL)
+    for name, mean in result.mean.items():
+        low, high = interval[name]
+        shown = "not identified" if f"{name}_not_identified" in result.flags else f"{mean:.3g}"
+        row = [name, shown, f"{low:.3g} to {high:.3g}", f"{result.narrowing[name]:.2f}"]
+        table.add_row(*row, *([] if truth is None else [f"{truth[name]:.3g}"]))
+    return table

@@ -1,0 +1,166 @@
+"""``tsis examine``: what image files from any camera say, and what they cannot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.table import Table
+
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.cli.calibration_file import read_calibration
+from tsis.cli.console_output import people, print_json, print_notice
+from tsis.cli.estimate_output import estimate_table, estimate_with_progress
+from tsis.cli.targets import AsJson, ProbeName
+from tsis.imaging import features
+from tsis.inclusion import InclusionPrior, ring_edges
+from tsis.instrument import read_image
+from tsis.model import load_probe
+from tsis.model.errors import InputError
+from tsis.model.image import pixel_scale
+from tsis.report import contact_report, free_folder, inclusion_report, write_folder
+from tsis.report.contact import contact_notes, feature_rows
+from tsis.report.document import envelope, estimate_document, features_document, json_bytes
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tsis.model import Calibration, Estimate, TactileImage
+
+NEEDS_CALIBRATION = "a calibration of this probe (--calibration), the force (--force-n) and the scale (--scale-mm)"
+
+
+def examine(
+    images: Annotated[list[Path], typer.Argument(help="Frames of the pressed probe: PNG, JPEG, BMP or TIFF.")],
+    *,
+    reference: Annotated[
+        Path | None, typer.Option(help="Frame of the untouched probe, subtracted from each image.")
+    ] = None,
+    scale_mm: Annotated[
+        str | None, typer.Option(help="Millimetres per pixel on the face: one number, or x,y when they differ.")
+    ] = None,
+    invert: Annotated[bool, typer.Option("--invert", help="Light falls where the probe is pressed.")] = False,
+    calibration: Annotated[
+        Path | None, typer.Option(help="Calibration file of the probe; with it the inclusion is estimated.")
+    ] = None,
+    force_n: Annotated[float | None, typer.Option(help="Force of the presses in newtons.")] = None,
+    plain: Annotated[
+        Path | None, typer.Option(help="Press of the same probe and force on plain tissue, for the estimate.")
+    ] = None,
+    probe: ProbeName = "tsis-2011",
+    out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path(
+        "tsis-examine"
+    ),
+    as_json: AsJson = False,
+) -> None:
+    """Find the contact in image files and measure it; estimate the inclusion when the probe is calibrated."""
+    scale = None if scale_mm is None else _scale(scale_mm)
+    frames = [read_image(path, mm_per_pixel=scale, force_n=force_n) for path in images]
+    untouched = None if reference is None else read_image(reference, mm_per_pixel=scale)
+    provenance: dict[str, Any] = {
+        "notice": RESEARCH_USE_ONLY,
+        "tsis": __version__,
+        "images": [{"name": frame.name, **frame.settings} for frame in frames],
+        "reference": None if untouched is None else {"name": untouched.name, **untouched.settings},
+        "mm_per_pixel": None if scale is None else list(scale),
+        "invert": invert,
+    }
+    if calibration is not None:
+        _estimate(frames, read_calibration(calibration), plain, probe, provenance, out, as_json=as_json)
+        return
+    if plain is not None:
+        raise InputError("--plain needs --calibration: without it no inclusion is estimated")
+    _contacts(frames, untouched, provenance, out, invert=invert, as_json=as_json)
+
+
+def _contacts(
+    frames: Sequence[TactileImage],
+    untouched: TactileImage | None,
+    provenance: dict[str, Any],
+    out: Path,
+    *,
+    invert: bool,
+    as_json: bool,
+) -> None:
+    found = [(frame, features(frame, untouched, invert=invert)) for frame in frames]
+    refused = (
+        ("inclusion: diameter, depth, modulus", f"needs {NEEDS_CALIBRATION}"),
+        ("force", "needs a force calibration of this probe and camera"),
+        ("hardness of a touched object", "needs a force calibration and two presses; not part of this version"),
+    )
+    page = contact_report(found, reference=untouched, invert=invert, refused=refused, provenance=provenance)
+    document = envelope(
+        "examine",
+        images=[{"name": frame.name, "features": features_document(each)} for frame, each in found],
+        refused=[{"estimate": name, "reason": reason} for name, reason in refused],
+        provenance=provenance,
+    )
+    folder = write_folder(free_folder(out), {"result.json": json_bytes(document), "index.html": page})
+    if as_json:
+        print_json({**document, "folder": str(folder)})
+        return
+    console = people()
+    for frame, each in found:
+        table = Table("quantity", "value", title=frame.name)
+        for row in feature_rows(each):
+            table.add_row(*row)
+        console.print(table)
+        for note in contact_notes(frame, each):
+            console.print(f"- {note}")
+    for name, reason in refused:
+        console.print(f"Not estimated: {name}: {reason}")
+    console.print(f"Page: {folder / 'index.html'}", soft_wrap=True)
+    print_notice(console)
+
+
+def _estimate(
+    frames: Sequence[TactileImage],
+    calibration: Calibration,
+    plain: Path | None,
+    probe_name: str,
+    provenance: dict[str, Any],
+    out: Path,
+    *,
+    as_json: bool,
+) -> None:
+    if provenance["mm_per_pixel"] is None or frames[0].force_n is None:
+        raise InputError("an estimate with --calibration needs --scale-mm and --force-n as well")
+    probe, prior = load_probe(probe_name), InclusionPrior()
+    scale = frames[0].scale()
+    on_plain = None if plain is None else read_image(plain, mm_per_pixel=scale, force_n=frames[0].force_n)
+    result: Estimate = estimate_with_progress(
+        frames, probe=probe, calibration=calibration, reference=on_plain, prior=prior
+    )
+    page = inclusion_report(
+        result,
+        title=f"Inclusion under {probe.name}",
+        subtitle=", ".join(frame.name for frame in frames),
+        target=frames[0],
+        reference=on_plain,
+        prior=prior,
+        ring_edges_mm=ring_edges(probe),
+        provenance=provenance,
+    )
+    document = envelope("examine", estimate=estimate_document(result), provenance=provenance)
+    folder = write_folder(free_folder(out), {"result.json": json_bytes(document), "index.html": page})
+    if as_json:
+        print_json({**document, "folder": str(folder)})
+        return
+    console = people()
+    console.print(estimate_table(result, title=", ".join(frame.name for frame in frames)))
+    for note in result.notes:
+        console.print(f"- {note}")
+    console.print(f"Page: {folder / 'index.html'}", soft_wrap=True)
+    print_notice(console)
+
+
+def _scale(text: str) -> tuple[float, float]:
+    """Read ``0.05`` or ``0.05,0.06`` as mm per pixel."""
+    try:
+        parts = [float(part) for part in text.split(",")]
+    except ValueError:
+        parts = []
+    if len(parts) not in (1, 2):
+        raise InputError(f"--scale-mm must be one number or x,y in millimetres per pixel; got {text!r}")
+    return pixel_scale((parts[0], parts[-1]))

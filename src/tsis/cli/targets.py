@@ -1,0 +1,34 @@
+"""Phantoms as the command line names them: a catalog entry, with values replaced one by one."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Annotated
+
+import typer
+
+from tsis.model import Inclusion, Phantom, load_phantom
+
+PhantomName = Annotated[str, typer.Option("--phantom", help="Name in the catalog; tsis simulate --list shows all.")]
+ProbeName = Annotated[str, typer.Option("--probe", help="Name in the catalog; tsis simulate --list shows all.")]
+ForceN = Annotated[float, typer.Option("--force-n", help="Force of the press in newtons.")]
+DiameterMm = Annotated[float | None, typer.Option("--diameter-mm", help="Diameter of the inclusion instead.")]
+DepthMm = Annotated[float | None, typer.Option("--depth-mm", help="Depth of its top below the skin instead.")]
+YoungKpa = Annotated[float | None, typer.Option("--young-kpa", help="Young's modulus of the inclusion instead.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON and nothing else.")]
+
+
+def chosen_phantom(name: str, diameter_mm: float | None, depth_mm: float | None, young_kpa: float | None) -> Phantom:
+    """The catalog's phantom with the given values of its inclusion replaced."""
+    phantom = load_phantom(name)
+    if diameter_mm is None and depth_mm is None and young_kpa is None:
+        return phantom
+    start = phantom.inclusion or Inclusion(diameter_mm=10.0, depth_mm=5.0, young_kpa=100.0)
+    inclusion = replace(
+        start,
+        diameter_mm=start.diameter_mm if diameter_mm is None else diameter_mm,
+        depth_mm=start.depth_mm if depth_mm is None else depth_mm,
+        young_kpa=start.young_kpa if young_kpa is None else young_kpa,
+    )
+    # A changed phantom is no longer the catalog's, so it may not carry the catalog's name alone.
+    return replace(phantom, name=f"{name} (changed)", inclusion=inclusion)

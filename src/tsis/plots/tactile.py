@@ -1,0 +1,68 @@
+"""A tactile image in millimetres, with a scale bar and what was found in it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from tsis.imaging import Features
+    from tsis.model import TactileImage
+
+BAR_LENGTHS_MM = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0)
+
+
+def tactile_image(
+    image: TactileImage,
+    ax: Axes,
+    *,
+    found: Features | None = None,
+    low: float | None = None,
+    high: float | None = None,
+    label: str = "grey level",
+) -> Axes:
+    """Draw an image with a colour bar, a scale bar when its scale is known, and the contact's outline and centroid.
+
+    Parameters
+    ----------
+    image
+        A frame or a signal.
+    ax
+        Where to draw.
+    found
+        Features of the image, for outline and centroid.
+    low, high
+        Grey levels of the colour map's ends; the image's range when None.
+    label
+        What the colour bar shows.
+    """
+    rows, columns = image.grey.shape
+    sx, sy = image.mm_per_pixel or (1.0, 1.0)
+    extent = (-sx / 2, (columns - 0.5) * sx, (rows - 0.5) * sy, -sy / 2)
+    shown = ax.imshow(image.grey, cmap="viridis", extent=extent, vmin=low, vmax=high, interpolation="antialiased")
+    figure = ax.get_figure()
+    if figure is not None:
+        figure.colorbar(shown, ax=ax, label=label, fraction=0.035, pad=0.02)
+    if image.mm_per_pixel is None:
+        ax.set(xlabel="x / px", ylabel="y / px")
+    else:
+        _scale_bar(ax, width_mm=columns * sx, height_mm=rows * sy)
+    if found is not None and found.contact:
+        outline = found.patch.contour_px
+        ax.plot(outline[:, 0] * sx, outline[:, 1] * sy, color="white", linewidth=1.0)
+        if found.centroid_px is not None:
+            ax.plot(found.centroid_px[0] * sx, found.centroid_px[1] * sy, "+", color="white", markersize=12)
+    return ax
+
+
+def _scale_bar(ax: Axes, *, width_mm: float, height_mm: float) -> None:
+    """A bar of a round length, about a fifth of the picture, instead of axes."""
+    ax.set_axis_off()
+    length = max((bar for bar in BAR_LENGTHS_MM if bar <= width_mm / 4), default=BAR_LENGTHS_MM[0])
+    left, level = 0.05 * width_mm, 0.93 * height_mm
+    ax.plot([left, left + length], [level, level], color="white", linewidth=3, solid_capstyle="butt")
+    ax.text(left + length / 2, level - 0.02 * height_mm, f"{length:g} mm", color="white", ha="center", va="bottom")
+    ax.set_xlim(0, width_mm)
+    ax.set_ylim(height_mm, 0)
+    ax.set_aspect("equal")

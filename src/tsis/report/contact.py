@@ -1,0 +1,166 @@
+"""Report of what image files say without a probe calibration."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from tsis.imaging import signal, surface
+from tsis.plots import relief, ring_profile, tactile_image
+from tsis.report.page import Card, Page, Picture, Table, html, picture_source
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from matplotlib.figure import Figure
+
+    from tsis.imaging import Features
+    from tsis.model import TactileImage
+
+
+def contact_report(
+    frames: Sequence[tuple[TactileImage, Features]],
+    *,
+    reference: TactileImage | None,
+    invert: bool,
+    refused: Sequence[tuple[str, str]],
+    provenance: Mapping[str, Any],
+) -> bytes:
+    """One HTML page of contact features: images with outline, surface, profile, numbers, and what was refused.
+
+    Parameters
+    ----------
+    frames
+        Each image with the features found in it.
+    reference, invert
+        The untouched probe, and whether light falls where it is pressed.
+    refused
+        Estimates that cannot be made from these files, each with the reason.
+    provenance
+        Versions, files and options.
+    """
+    pictures = [picture for image, found in frames for picture in _pictures(image, found, reference, invert=invert)]
+    return html(
+        Page(
+            title="Contact found in tactile images",
+            subtitle=", ".join(image.name for image, _ in frames),
+            cards=_cards(frames[0][1]) if len(frames) == 1 else (),
+            notes=tuple(note for image, found in frames for note in contact_notes(image, found)),
+            pictures=tuple(pictures),
+            tables=tuple(
+                Table(title=f"Features of {image.name}", headings=("quantity", "value"), rows=feature_rows(found))
+                for image, found in frames
+            ),
+            refused=tuple(refused),
+            provenance=provenance,
+        )
+    )
+
+
+def feature_rows(found: Features) -> tuple[tuple[str, str], ...]:
+    """Names and values of the features, for people."""
+    if not found.contact:
+        return (("contact", "none found: nothing stands out of the noise"),)
+    rows = [
+        ("centre", _pair(found.centroid_px, "px") + _also(_pair(found.centroid_mm, "mm from the axis"))),
+        ("area", f"{found.area_px:.0f} px" + _also(_one(found.area_mm2, "mm²"))),
+        (
+            "equivalent diameter",
+            f"{found.equivalent_diameter_px:.1f} px" + _also(_one(found.equivalent_diameter_mm, "mm")),
+        ),
+        ("ellipse semi-axes", _pair(found.semi_axes_px, "px") + _also(_pair(found.semi_axes_mm, "mm"))),
+        ("direction of the long axis", _one(found.angle_deg, "degrees")),
+        ("eccentricity", _one(found.eccentricity, "")),
+        ("circularity", _one(found.circularity, "")),
+        ("peak", f"{found.peak:.1f} grey levels"),
+        ("sum of grey levels", f"{found.total:.0f}"),
+        ("saturated share", f"{100 * found.saturated_share:.1f} %"),
+        ("touches the border", "yes" if found.cropped else "no"),
+    ]
+    return tuple((name, value.strip()) for name, value in rows)
+
+
+def contact_notes(image: TactileImage, found: Features) -> tuple[str, ...]:
+    """One sentence for each thing that limits what the image says."""
+    notes = []
+    if not found.contact:
+        notes.append(
+            f"{image.name}: no contact stands out of the noise (is --invert right, and the reference untouched?)."
+        )
+    if found.cropped:
+        notes.append(f"{image.name}: the contact touches the picture's border, so area and diameter are too small.")
+    if found.saturated_share > 0:
+        notes.append(f"{image.name}: {100 * found.saturated_share:.1f} % of the contact is clipped by the camera.")
+    if image.mm_per_pixel is None:
+        notes.append(f"{image.name}: no scale was given, so lengths are in pixels (give --scale-mm).")
+    return tuple(notes)
+
+
+def _cards(found: Features) -> tuple[Card, ...]:
+    if not found.contact:
+        return (Card(title="Contact", value="none", detail="nothing stands out of the noise", doubtful=True),)
+    in_mm = found.equivalent_diameter_mm is not None
+    diameter = _one(found.equivalent_diameter_mm, "mm") if in_mm else f"{found.equivalent_diameter_px:.1f} px"
+    area = _one(found.area_mm2, "mm²") if in_mm else f"{found.area_px:.0f} px"
+    return (
+        Card(title="Centre", value=_pair(found.centroid_px, "px"), detail=_pair(found.centroid_mm, "mm from the axis")),
+        Card(title="Equivalent diameter", value=diameter, detail="of the disc of the same area"),
+        Card(title="Area", value=area, detail="cropped by the picture" if found.cropped else "inside the outline"),
+    )
+
+
+def _pictures(
+    image: TactileImage, found: Features, reference: TactileImage | None, *, invert: bool
+) -> tuple[Picture, ...]:
+    change = signal(image, reference, invert=invert)
+
+    def outline(figure: Figure) -> None:
+        tactile_image(change, figure.subplots(), found=found, low=0.0)
+
+    pictures = [
+        Picture(
+            title=f"Signal of {image.name}",
+            source=picture_source(outline, size=(6.0, 4.2)),
+            alt=f"Change of grey level in {image.name} with the contact's outline and centroid",
+            caption="Change of grey level, positive where the probe is pressed; outline and centroid in white.",
+        )
+    ]
+    if change.mm_per_pixel is not None:
+
+        def lifted(figure: Figure) -> None:
+            relief(surface(change, max_points=96), figure.add_subplot(projection="3d"))
+
+        pictures.append(
+            Picture(
+                title="Surface",
+                source=picture_source(lifted, size=(6.0, 4.2), vector=False),
+                alt="The same signal as a surface in three dimensions",
+                caption="Heights are grey levels, not millimetres.",
+            )
+        )
+    profile = found.profile
+    if profile is not None:
+        pictures.append(
+            Picture(
+                title="Profile",
+                source=picture_source(lambda figure: _draw_profile(figure, profile), size=(5.5, 3.6)),
+                alt="Mean grey level in rings around the centroid",
+                caption="Mean change of grey level in rings around the centroid.",
+            )
+        )
+    return tuple(pictures)
+
+
+def _draw_profile(figure: Figure, profile: Any) -> None:
+    ring_profile(profile, figure.subplots())
+
+
+def _one(value: float | None, unit: str) -> str:
+    return "" if value is None else f"{value:.3g} {unit}"
+
+
+def _pair(values: tuple[float, float] | None, unit: str) -> str:
+    return "" if values is None else f"({values[0]:.2f}, {values[1]:.2f}) {unit}"
+
+
+def _also(text: str) -> str:
+    return f", {text}" if text else ""

@@ -1,0 +1,97 @@
+"""Results as plain values for a JSON file: the same names and units as in Python."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from tsis.imaging import Features, RadialProfile
+    from tsis.model import Estimate
+
+LEVEL = 0.9
+SCALARS = (
+    "contact",
+    "centroid_px",
+    "centroid_mm",
+    "peak",
+    "total",
+    "area_px",
+    "area_mm2",
+    "equivalent_diameter_px",
+    "equivalent_diameter_mm",
+    "semi_axes_px",
+    "semi_axes_mm",
+    "angle_deg",
+    "eccentricity",
+    "circularity",
+    "saturated_share",
+    "cropped",
+)
+
+
+def envelope(command: str, **content: Any) -> dict[str, Any]:
+    """What every result file starts with."""
+    return {"notice": RESEARCH_USE_ONLY, "tsis": __version__, "command": command, **content}
+
+
+def estimate_document(estimate: Estimate, truth: Mapping[str, float] | None = None) -> dict[str, Any]:
+    """An estimate, with the truth beside each parameter where it is known."""
+    interval = estimate.interval(LEVEL)
+    parameters = {
+        name: {
+            "mean": estimate.mean[name],
+            "sd": estimate.sd[name],
+            "interval_90": list(interval[name]),
+            "prior_sd": estimate.prior_sd[name],
+            "narrowing": estimate.narrowing[name],
+        }
+        | ({} if truth is None else {"truth": truth[name]})
+        for name in estimate.samples
+    }
+    return {
+        "parameters": parameters,
+        "flags": list(estimate.flags),
+        "notes": list(estimate.notes),
+        "provenance": dict(estimate.provenance),
+    }
+
+
+def features_document(found: Features) -> dict[str, Any]:
+    """Features of one image."""
+    document = {name: getattr(found, name) for name in SCALARS}
+    document["profile"] = None if found.profile is None else profile_document(found.profile)
+    return document
+
+
+def profile_document(profile: RadialProfile) -> dict[str, Any]:
+    """A ring profile; rings without pixels hold null."""
+    mean = [float(value) if np.isfinite(value) else None for value in profile.mean_grey]
+    return {
+        "radius_mm": profile.radius_mm.tolist(),
+        "mean_grey": mean,
+        "count": profile.count.tolist(),
+        "clipped_count": profile.clipped_count.tolist(),
+    }
+
+
+def json_bytes(document: Mapping[str, Any]) -> bytes:
+    """UTF-8 JSON that any parser reads: no NaN."""
+    return (json.dumps(document, indent=2, allow_nan=False, default=_plain) + "\n").encode()
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        return value.tolist()
+    if isinstance(value, np.generic):
+        return value.item()
+    if hasattr(value, "__dataclass_fields__"):
+        return asdict(value)
+    return dict(value)  # read-only mappings

@@ -1,0 +1,47 @@
+"""A folder of results that appears whole or not at all."""
+
+from __future__ import annotations
+
+import itertools
+import shutil
+import tempfile
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tsis.model.errors import FileInputError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+def free_folder(wanted: Path) -> Path:
+    """``wanted``, or the first of ``wanted-2``, ``wanted-3``, ... that does not exist: nothing is overwritten."""
+    names = itertools.chain([wanted], (wanted.with_name(f"{wanted.name}-{number}") for number in itertools.count(2)))
+    return next(name for name in names if not name.exists())
+
+
+def write_folder(folder: Path, files: Mapping[str, bytes]) -> Path:
+    """Write ``files`` (name -> bytes) into a new ``folder`` and return its absolute path.
+
+    The files are written beside it and moved there in one step, so that an interrupted run leaves no half of a result.
+
+    Raises
+    ------
+    FileInputError
+        When the folder cannot be written or exists already.
+    """
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        draft = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}-"))
+        try:
+            for name, content in files.items():
+                (draft / name).write_bytes(content)
+            draft.chmod(0o755)
+            draft.rename(folder)
+        except BaseException:
+            shutil.rmtree(draft, ignore_errors=True)
+            raise
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise FileInputError(f"{folder} must be a folder that can be made; got: {reason} (choose another)") from error
+    return folder.resolve()
