@@ -79,7 +79,7 @@ def segment(image: TactileImage, *, method: str = "otsu", least_grey: float = 0.
         The change of grey level (see `signal`), positive where the probe is pressed.
     method
         ``"otsu"``: the threshold that parts the levels best into two classes; ``"half"``: halfway from the dark side
-        to the peak; ``"noise"``: six standard deviations above the dark side, nearest to the contact's true edge.
+        to the peak; ``"noise"``: six standard deviations above the dark side, at the foot of the signal.
     least_grey
         A contact's least peak above the dark side, grey levels; 0 leaves it to the noise.
 
@@ -116,7 +116,7 @@ def segment(image: TactileImage, *, method: str = "otsu", least_grey: float = 0.
     elif method == "noise":
         cut = background + NOISE_FACTOR * max(noise, spread)
     mask = _strongest_part(smooth, cut) if contrast > least else np.zeros(smooth.shape, dtype=bool)
-    return Patch(mask=mask, background_grey=background, threshold_grey=cut, contour_px=outline(mask))
+    return Patch(mask=mask, background_grey=background, threshold_grey=cut, contour_px=outline(smooth, mask, cut))
 
 
 def smoothed(grey: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -124,20 +124,20 @@ def smoothed(grey: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(cv2.GaussianBlur(grey, (0, 0), SMOOTH_PX, borderType=cv2.BORDER_REFLECT), dtype=np.float64)
 
 
-def outline(mask: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """The longest closed boundary of a mask, (n, 2) points (x, y) in pixels.
+def outline(smooth: NDArray[np.float64], mask: NDArray[np.bool_], cut: float) -> NDArray[np.float64]:
+    """The longest closed boundary of a patch, (n, 2) points (x, y) in pixels.
 
-    The mask is blurred by one pixel before the boundary is drawn at one half: stairs of pixels would lengthen it by
-    some five per cent.
+    It is the level line of the blurred signal at the cut and not the mask's stairs, which are some per cent longer.
+    Outside the image the signal is taken as dark, so that the boundary of a cropped patch closes along the border.
     """
     if not mask.any():
         return np.empty((0, 2))
-    pad = 4
-    soft = cv2.GaussianBlur(np.pad(mask, pad).astype(np.float64), (0, 0), SMOOTH_PX)
-    curves = find_contours(soft, 0.5 * min(1.0, float(soft.max())))  # type: ignore[no-untyped-call]
-    longest = max(curves, key=len)
-    points: NDArray[np.float64] = longest[:, ::-1] - pad
-    return points
+    peak = float(smooth[mask].max())
+    field = np.minimum(smooth, cut - 1e-9 * (peak - cut))
+    field[mask] = np.where(smooth[mask] > cut, smooth[mask], peak)
+    curves = find_contours(np.pad(field, 1, constant_values=2.0 * cut - peak), cut)  # type: ignore[no-untyped-call]
+    longest: NDArray[np.float64] = max(curves, key=len)[:, ::-1] - 1.0
+    return longest
 
 
 def pixel_noise(grey: NDArray[np.float64]) -> float:

@@ -1,0 +1,116 @@
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tsis import TactileImage
+from tsis.imaging import features, find_colour_contact, find_contact, segment
+from tsis.model.errors import InputError, UnknownNameError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from tests.imaging.conftest import DrawEllipse
+
+LAMPS_DEG = (90.0, 210.0, 330.0)
+
+
+def lit_ball(
+    centre: tuple[float, float], radius: float, gains: tuple[float, ...], shape: tuple[int, int] = (100, 130)
+) -> NDArray[np.float64]:
+    """Change of colour that lamps of unequal brightness make on a pressed ball: proportional to its slope."""
+    y, x = np.mgrid[: shape[0], : shape[1]]
+    dx, dy = x - centre[0], y - centre[1]
+    inside = np.clip(radius + 0.5 - np.hypot(dx, dy), 0.0, 1.0) / radius
+    slopes = [np.cos(np.radians(lamp)) * dx + np.sin(np.radians(lamp)) * dy for lamp in LAMPS_DEG]
+    return np.stack([gain * slope * inside for gain, slope in zip(gains, slopes, strict=True)], axis=2)
+
+
+@pytest.mark.parametrize("scale", [(0.05, 0.05), (0.04, 0.07)])
+@pytest.mark.parametrize("method", ["symmetry", "edge"])
+def test_a_disc_has_its_centre_and_radius(draw_ellipse: DrawEllipse, scale: tuple[float, float], method: str) -> None:
+    image = draw_ellipse(centre_mm=(0.313, -0.171), semi_axes_mm=(1.7, 1.7), mm_per_pixel=scale)
+    contact = find_contact(image, method=method)
+    assert contact is not None
+    assert contact.centre_px == pytest.approx((79.5 + 0.313 / scale[0], 59.5 - 0.171 / scale[1]), abs=0.1)
+    assert contact.radius_mm == pytest.approx(1.7, rel=0.01)
+    assert contact.radius_px == pytest.approx(1.7 / np.sqrt(scale[0] * scale[1]), rel=0.01)
+
+
+@settings(max_examples=20, deadline=None)
+@given(x=st.floats(45.0, 75.0), y=st.floats(40.0, 60.0), gain=st.floats(0.3, 2.0))
+def test_a_ball_is_found_wherever_it_is_and_however_bright(x: float, y: float, gain: float) -> None:
+    rows, columns = np.mgrid[:100, :120]
+    ball = np.maximum(0.0, 1.0 - ((columns - x) ** 2 + (rows - y) ** 2) / 25.0**2)
+    contact = find_contact(TactileImage(grey=100.0 * gain * ball))
+    assert contact is not None
+    assert contact.centre_px == pytest.approx((x, y), abs=0.03)
+
+
+def test_a_halo_deeper_on_one_side_does_not_move_the_centre() -> None:
+    rng = np.random.default_rng(31)
+    y, x = np.mgrid[:160, :160]
+    distance = np.hypot(x - 82.3, y - 77.4)
+    ball = np.maximum(0.0, np.sqrt(np.maximum(0.0, 80.0**2 - distance**2)) - np.sqrt(80.0**2 - 40.0**2)) * 4.0
+    halo = np.where(
+        distance > 40.0, -20.0 * np.exp(-(distance - 40.0) / 8.0) * (1.0 + 0.6 * (x - 82.3) / distance), 0.0
+    )
+    contact = find_contact(TactileImage(grey=ball + halo + rng.normal(0.0, 1.0, ball.shape)))
+    assert contact is not None
+    assert contact.centre_px == pytest.approx((82.3, 77.4), abs=0.15)
+
+
+@pytest.mark.parametrize("gains", [(90.0, 90.0, 90.0), (150.0, 60.0, 90.0), (50.0, 90.0, 160.0)])
+def test_lamps_of_unequal_brightness_do_not_move_a_colour_contact(gains: tuple[float, float, float]) -> None:
+    rng = np.random.default_rng(37)
+    centre, radius = (61.4, 52.7), 17.0
+    change = lit_ball(centre, radius, gains)
+    untouched = np.full(change.shape, 120.0)
+    contact = find_colour_contact(untouched + change + rng.normal(0.0, 2.0, change.shape), untouched)
+    assert contact is not None
+    assert contact.centre_px == pytest.approx(centre, abs=0.25)
+    assert contact.radius_px == pytest.approx(radius, abs=0.6)
+
+
+def test_the_edge_beats_the_centroid_where_one_side_is_brighter() -> None:
+    y, x = np.mgrid[:100, :130]
+    distance = np.hypot(x - 60.0, y - 50.0)
+    ring = np.where(distance < 18.0, distance / 18.0, 0.0) * (120.0 + 100.0 * (x - 60.0) / np.maximum(distance, 1.0))
+    image = TactileImage(grey=ring)
+    contact, centroid = find_contact(image, method="edge"), features(image).centroid_px
+    assert contact is not None
+    assert centroid is not None
+    assert np.hypot(contact.centre_px[0] - 60.0, contact.centre_px[1] - 50.0) < 0.5
+    assert np.hypot(centroid[0] - 60.0, centroid[1] - 50.0) > 3.0
+
+
+def test_a_contact_partly_outside_the_image_keeps_its_centre(draw_ellipse: DrawEllipse) -> None:
+    image = draw_ellipse(centre_mm=(3.0, 0.0), semi_axes_mm=(1.5, 1.5))
+    contact, centroid = find_contact(image, method="edge"), features(image).centroid_px
+    assert contact is not None
+    assert centroid is not None
+    assert contact.centre_px[0] == pytest.approx(79.5 + 60.0, abs=0.3)
+    assert centroid[0] < 79.5 + 58.0
+
+
+@pytest.mark.parametrize("method", ["symmetry", "edge"])
+def test_no_contact_is_none(method: str) -> None:
+    noise = np.random.default_rng(41).normal(0.0, 3.0, (90, 120))
+    assert find_contact(TactileImage(grey=noise), method=method) is None
+    assert find_contact(TactileImage(grey=np.zeros((20, 20))), method=method) is None
+    assert find_colour_contact(np.zeros((20, 20, 3)), np.zeros((20, 20, 3))) is None
+
+
+def test_bad_input_is_named(draw_ellipse: DrawEllipse) -> None:
+    image = draw_ellipse()
+    other = replace(image, grey=image.grey[:50])
+    with pytest.raises(InputError, match=r"patch must have the image's shape \(50, 160\); got \(120, 160\)"):
+        find_contact(other, patch=segment(image))
+    with pytest.raises(UnknownNameError, match="did you mean 'edge'"):
+        find_contact(image, method="edges")
+    with pytest.raises(InputError, match="image must be a TactileImage; got ndarray"):
+        find_contact(image.grey)  # type: ignore[arg-type]
