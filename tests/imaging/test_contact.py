@@ -51,6 +51,21 @@ def test_a_ball_is_found_wherever_it_is_and_however_bright(x: float, y: float, g
     assert contact.centre_px == pytest.approx((x, y), abs=0.03)
 
 
+@pytest.mark.parametrize("power", [0.5, 1.0])
+@pytest.mark.parametrize("noise", [0.0, 2.0])
+def test_the_radius_of_a_hill_that_rises_from_its_edge(power: float, noise: float) -> None:
+    """Hertz's pressure (one half) and a ball's depth (one): the blur must not draw the edge inwards."""
+    rng = np.random.default_rng(61)
+    y, x = np.mgrid[:492, :768]
+    squared = ((x - 380.0) * 0.03) ** 2 + ((y - 240.0) * 0.035) ** 2
+    hill = 150.0 * np.maximum(0.0, 1.0 - squared / 36.0) ** power
+    image = TactileImage(grey=hill + rng.normal(0.0, noise, hill.shape), mm_per_pixel=(0.03, 0.035))
+    contact = find_contact(image)
+    assert contact is not None
+    assert contact.radius_mm == pytest.approx(6.0, rel=0.04)
+    assert contact.centre_px == pytest.approx((380.0, 240.0), abs=0.1)
+
+
 def test_a_halo_deeper_on_one_side_does_not_move_the_centre() -> None:
     rng = np.random.default_rng(31)
     y, x = np.mgrid[:160, :160]

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 METHODS = ("symmetry", "edge")
-BLUR = 0.1  # of the patch's radius: suppresses noise, and is narrower than the fall at the edge
+BLUR = 0.1  # of the patch's radius, for the centre: all noise goes, and what is symmetric stays so
+EDGE_BLUR_PX = 1.5  # for the radius: a wider blur draws the foot of a rounded hill inwards by 1.5 times its width
 LEAST_RADIUS_PX = 2.0  # below it a patch is a few pixels, whose edge has no radius
 
 
@@ -33,7 +34,7 @@ class Contact:
         Centre (x, y) in pixels.
     radius_px
         Radius at which the signal falls steepest, in pixels: of the square pixel of the same area where pixels are not
-        square.
+        square. A face that a ball dents still slopes outside the contact: there it is some per cent too great.
     radius_mm
         The same in mm; None when the scale is unknown.
     """
@@ -87,18 +88,15 @@ def find_contact(image: TactileImage, *, patch: Patch | None = None, method: str
     if reach < LEAST_RADIUS_PX:
         return None
     start = float(columns.mean()), float(rows.mean())
-    field = SlopeField(image, BLUR * reach)
     if method == "edge":
-        circle = steepest_circle(field, start, reach)
+        centre = steepest_circle(SlopeField(image, BLUR * reach), start, reach)
     else:
         centre = symmetry_centre(image, start, reach, BLUR * reach)
-        circle = None if centre is None else steepest_radius(field, centre, reach)
-    if circle is None:
+    radius = None if centre is None else steepest_radius(SlopeField(image, EDGE_BLUR_PX), centre, reach)
+    if centre is None or radius is None:
         return None
     side_mm = None if image.mm_per_pixel is None else float(np.sqrt(np.prod(image.mm_per_pixel)))
-    return Contact(
-        centre_px=circle[:2], radius_px=circle[2], radius_mm=None if side_mm is None else circle[2] * side_mm
-    )
+    return Contact(centre_px=centre, radius_px=radius, radius_mm=None if side_mm is None else radius * side_mm)
 
 
 def find_colour_contact(

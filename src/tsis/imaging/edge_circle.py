@@ -28,8 +28,6 @@ FINE_RADII = 401  # about a known centre
 LEAST_VISIBLE = 0.5  # share of the circle that must lie inside the image
 TOLERANCE = 1e-3  # of the patch's radius: some hundredths of a pixel
 
-Circle = tuple[float, float, float]
-
 
 class SlopeField:
     """Gradient of the blurred signal, sampled on circles of the face.
@@ -81,8 +79,8 @@ def _slope(smooth: NDArray[np.float64], axis: int, step: float) -> NDArray[np.fl
     return np.asarray(np.gradient(smooth, step, axis=axis), dtype=np.float32)
 
 
-def steepest_circle(field: SlopeField, centre: tuple[float, float], reach: float) -> Circle | None:
-    """Centre and radius (x, y, radius) near a patch; None when the signal falls across no circle."""
+def steepest_circle(field: SlopeField, centre: tuple[float, float], reach: float) -> tuple[float, float] | None:
+    """Centre (x, y) of the steepest circle near a patch; None when the signal falls across no circle."""
     start = _coarse(field, centre, reach)
     if start is None:
         return None
@@ -102,20 +100,19 @@ def steepest_circle(field: SlopeField, centre: tuple[float, float], reach: float
             "maxiter": 400,
         },
     )
-    x, y, radius = (float(value) for value in found.x)
-    return x, y, radius
+    return float(found.x[0]), float(found.x[1])
 
 
-def steepest_radius(field: SlopeField, centre: tuple[float, float], reach: float) -> Circle | None:
-    """The radius alone, about a known centre."""
+def steepest_radius(field: SlopeField, centre: tuple[float, float], reach: float) -> float | None:
+    """Radius of the steepest circle about a known centre; None when the signal falls across none."""
     radii = np.linspace(RADIUS_REACH[0] * reach, RADIUS_REACH[1] * reach, FINE_RADII)
     falls = field.fall(*centre, radii)
     best = int(np.argmax(falls))
-    return (*centre, float(radii[best])) if falls[best] > 0.0 else None
+    return float(radii[best]) if falls[best] > 0.0 else None
 
 
-def _coarse(field: SlopeField, centre: tuple[float, float], reach: float) -> Circle | None:
-    """Best centre and radius of a grid."""
+def _coarse(field: SlopeField, centre: tuple[float, float], reach: float) -> tuple[float, float, float] | None:
+    """Best (x, y, radius) of a grid."""
     radii = np.linspace(RADIUS_REACH[0] * reach, RADIUS_REACH[1] * reach, RADII)
     shifts = np.linspace(-CENTRE_REACH * reach, CENTRE_REACH * reach, COARSE_STEPS)
     best, where = 0.0, None
