@@ -41,7 +41,7 @@ class Patch:
         Outer boundary, (n, 2) points (x, y) in pixels, closed; shape (0, 2) when there is no contact.
     """
 
-    mask: NDArray[np.bool_]
+    mask: NDArray[np.bool]
     background_grey: float
     threshold_grey: float
     contour_px: NDArray[np.float64]
@@ -124,7 +124,7 @@ def smoothed(grey: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(cv2.GaussianBlur(grey, (0, 0), SMOOTH_PX, borderType=cv2.BORDER_REFLECT), dtype=np.float64)
 
 
-def outline(smooth: NDArray[np.float64], mask: NDArray[np.bool_], cut: float) -> NDArray[np.float64]:
+def outline(smooth: NDArray[np.float64], mask: NDArray[np.bool], cut: float) -> NDArray[np.float64]:
     """The longest closed boundary of a patch, (n, 2) points (x, y) in pixels.
 
     It is the level line of the blurred signal at the cut and not the mask's stairs, which are some per cent longer.
@@ -177,12 +177,12 @@ def _dark_side(grey: NDArray[np.float64], smooth: NDArray[np.float64], cut: floa
     return level, spread, noise / (2.0 * SMOOTH_PX * np.sqrt(np.pi))
 
 
-def _strongest_part(smooth: NDArray[np.float64], cut: float) -> NDArray[np.bool_]:
+def _strongest_part(smooth: NDArray[np.float64], cut: float) -> NDArray[np.bool]:
     """The connected part above the cut with the greatest sum above it, its holes filled."""
     above = smooth > cut
     labels, count = ndimage.label(above)
     if count == 0:
         return above
     strength = np.bincount(labels[above], weights=smooth[above] - cut, minlength=count + 1)
-    filled: NDArray[np.bool_] = ndimage.binary_fill_holes(labels == int(np.argmax(strength)))
+    filled: NDArray[np.bool] = ndimage.binary_fill_holes(labels == int(np.argmax(strength)))
     return filled

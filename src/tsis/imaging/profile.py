@@ -112,7 +112,7 @@ def radial_profile(
 
 
 def _gather(
-    grey: NDArray[np.float64], clipped: NDArray[np.bool_], rings: NDArray[np.intp], edges: NDArray[np.float64]
+    grey: NDArray[np.float64], clipped: NDArray[np.bool], rings: NDArray[np.intp], edges: NDArray[np.float64]
 ) -> RadialProfile:
     """Sum over the rings; the pixels outside all rings fall into a last bin that is dropped."""
     n = edges.size - 1

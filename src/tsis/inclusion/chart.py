@@ -35,7 +35,7 @@ class SignalChart:
         young = np.clip(points[:, 2], self._prior.low[2], self._prior.high[2])
         return np.column_stack([points[:, 0] / self._stretch(young), points[:, 1], points[:, 2]])
 
-    def allows(self, inclusions: NDArray[np.float64]) -> NDArray[np.bool_]:
+    def allows(self, inclusions: NDArray[np.float64]) -> NDArray[np.bool]:
         """Where the prior is not zero."""
         inside = (inclusions >= self._prior.low) & (inclusions <= self._prior.high)
         return np.asarray(inside.all(axis=1))

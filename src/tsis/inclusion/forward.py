@@ -44,7 +44,7 @@ class ForwardModel:
     calibration: Calibration
     prior: InclusionPrior
     force_n: NDArray[np.float64]
-    is_reference: NDArray[np.bool_]
+    is_reference: NDArray[np.bool]
 
     def nuisance_sd(self, mean_grey: NDArray[np.float64]) -> NDArray[np.float64]:
         """Prior standard deviations of the nuisances; ``mean_grey`` (frames,) scales the offsets."""

@@ -35,7 +35,7 @@ class Profiles:
 
     grey: NDArray[np.float64]
     variance: NDArray[np.float64]
-    usable: NDArray[np.bool_]
+    usable: NDArray[np.bool]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

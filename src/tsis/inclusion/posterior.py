@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 RINGS = 20
 OUTER_SHARE = 0.8  # of the face's radius; outside it the singular edge tells more about the rim than about the tissue
 LINEARISATIONS = 3
-SAMPLES = 4096
+SAMPLES = 16384
 
 
 def estimate(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING, Any
 
 from tsis.imaging import features, radial_profile, subtract_background, surface
@@ -60,9 +61,10 @@ def inclusion_report(
             cards=tuple(_card(estimate, name, truth) for name in estimate.samples),
             notes=estimate.notes,
             pictures=(
-                *_posterior_pictures(estimate, prior, truth),
+                _marginals_picture(estimate, prior, truth),
                 *_image_pictures(target, reference),
                 _profile_picture(target, reference, ring_edges_mm),
+                _trade_off_picture(estimate, truth),
             ),
             provenance={**(provenance or {}), **estimate.provenance},
         )
@@ -85,38 +87,39 @@ def _card(estimate: Estimate, name: str, truth: Mapping[str, float] | None) -> C
     )
 
 
-def _posterior_pictures(
-    estimate: Estimate, prior: InclusionPrior, truth: Mapping[str, float] | None
-) -> tuple[Picture, ...]:
+def _marginals_picture(estimate: Estimate, prior: InclusionPrior, truth: Mapping[str, float] | None) -> Picture:
     def marginals(figure: Figure) -> None:
         axes = figure.subplots(1, len(estimate.samples))
         for name, ax in zip(estimate.samples, axes, strict=True):
-            marginal(estimate, name, ax, prior_range=getattr(prior, name), truth=None if truth is None else truth[name])
+            known = None if truth is None else truth[name]
+            marginal(estimate, name, ax, prior_range=getattr(prior, name), truth=known)
         axes[0].legend(frameon=False, fontsize=8)
-
-    def pairs(figure: Figure) -> None:
-        names = (("diameter_mm", "depth_mm"), ("diameter_mm", "young_kpa"))
-        for pair, ax in zip(names, figure.subplots(1, 2), strict=True):
-            known = None if truth is None else (truth[pair[0]], truth[pair[1]])
-            trade_off(estimate, pair, ax, truth=known)
 
     intervals = estimate.interval(LEVEL)
     words = ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in intervals.items())
     marked = "" if truth is None else " The dashed line is the truth."
-    return (
-        Picture(
-            title="What the press told",
-            source=picture_source(marginals, size=(9.5, 2.8)),
-            alt=f"Posterior of each parameter, 90 % intervals: {words}",
-            caption=f"Posterior (blue) against the uniform prior (grey), 90 % interval shaded.{marked}",
-            wide=True,
-        ),
-        Picture(
-            title="Which parameters trade off",
-            source=picture_source(pairs, size=(7.0, 3.2)),
-            alt="Joint posterior of diameter with depth and of diameter with modulus",
-            caption="Joint posterior: a slanted band says that the data fix a combination better than each alone.",
-        ),
+    return Picture(
+        title="What the press told",
+        source=picture_source(marginals, size=(9.5, 2.8)),
+        alt=f"Posterior of each parameter, 90 % intervals: {words}",
+        caption=f"Posterior (blue) against the uniform prior (grey), 90 % interval shaded.{marked}",
+        wide=True,
+    )
+
+
+def _trade_off_picture(estimate: Estimate, truth: Mapping[str, float] | None) -> Picture:
+    def pairs(figure: Figure) -> None:
+        names = list(itertools.combinations(estimate.samples, 2))
+        for pair, ax in zip(names, figure.subplots(1, len(names)), strict=True):
+            trade_off(estimate, pair, ax, truth=None if truth is None else (truth[pair[0]], truth[pair[1]]))
+
+    marked = "" if truth is None else " The cross is the truth."
+    return Picture(
+        title="Which parameters trade off",
+        source=picture_source(pairs, size=(9.5, 3.0)),
+        alt="Joint posterior of each pair of parameters",
+        caption=f"Joint posteriors: a slanted band is a combination that is known better than its parts.{marked}",
+        wide=True,
     )
 
 
