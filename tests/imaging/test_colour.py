@@ -1,50 +1,12 @@
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
 import numpy as np
 import pytest
 from matplotlib import colormaps
 
 from tsis import TactileImage
-from tsis.imaging import change_magnitude, colour_map, to_grey
+from tsis.imaging import change_magnitude, colour_map
 from tsis.model.errors import ImageMismatchError, InputError, UnknownNameError
-
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-
-def test_grey_is_the_luma_of_rec_709() -> None:
-    primaries = np.array([[[255, 0, 0], [0, 255, 0], [0, 0, 255], [255, 255, 255]]], dtype=np.uint8)
-    grey, full_scale = to_grey(primaries)
-    np.testing.assert_allclose(grey[0], [54.213, 182.376, 18.411, 255.0])
-    assert full_scale == 255.0
-
-
-@pytest.mark.parametrize(("kind", "full_scale"), [(np.uint8, 255.0), (np.uint16, 65535.0)])
-def test_alpha_is_dropped_and_depth_is_kept(kind: type, full_scale: float) -> None:
-    rng = np.random.default_rng(43)
-    pixels: NDArray[Any] = rng.integers(0, int(full_scale) + 1, (6, 7, 4)).astype(kind)
-    grey, clips = to_grey(pixels)
-    np.testing.assert_array_equal(grey, to_grey(pixels[..., :3])[0])
-    assert clips == full_scale
-    assert grey.max() <= full_scale
-    plain = pixels[..., 0]
-    np.testing.assert_array_equal(to_grey(plain)[0], plain)
-
-
-@pytest.mark.parametrize(
-    ("pixels", "sentence"),
-    [
-        (np.ones((2, 2)), "pixels must be an array of uint8 or uint16; got float64"),
-        ([[1, 2]], "pixels must be an array of uint8 or uint16; got list"),
-        (np.ones((2, 2, 2), dtype=np.uint8), r"got \(2, 2, 2\)"),
-        (np.ones((0, 2), dtype=np.uint8), "pixels must not be empty"),
-    ],
-)
-def test_what_is_no_frame_is_refused(pixels: Any, sentence: str) -> None:
-    with pytest.raises(InputError, match=sentence):
-        to_grey(pixels)
 
 
 def test_change_magnitude_is_the_distance_between_colours() -> None:

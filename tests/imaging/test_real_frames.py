@@ -2,17 +2,18 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 import pytest
 
-from tsis import TactileImage
-from tsis.imaging import Contact, features, find_colour_contact, find_contact, match_light, signal, to_grey
+from tsis.imaging import Contact, features, find_colour_contact, find_contact, match_light, signal
+from tsis.instrument import read_image
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
+
+    from tsis import TactileImage
 
 BALL_RADIUS_MM = 4.0
 SENSORS = ["sensor_1", "sensor_2"]
@@ -20,11 +21,8 @@ SENSORS = ["sensor_1", "sensor_2"]
 
 def frame(folder: Path, name: str) -> TactileImage:
     """A stored frame with the scale that its sensor's dot board gave."""
-    pixels = cv2.imread(str(folder / f"{name}.png"))
-    assert pixels is not None
     scale = float(np.load(folder / "camera_calibration_position_scale.npy")[2])
-    grey, full_scale = to_grey(pixels[..., ::-1])
-    return TactileImage(grey=grey, full_scale=full_scale, mm_per_pixel=(scale, scale))
+    return read_image(folder / f"{name}.png", mm_per_pixel=(scale, scale))
 
 
 def ball_press(folder: Path) -> tuple[TactileImage, Contact]:

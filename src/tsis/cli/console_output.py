@@ -4,17 +4,22 @@ from __future__ import annotations
 
 import sys
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
 
 from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.report import free_folder, write_folder
 from tsis.report.document import json_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
+    from pathlib import Path
     from typing import Any
+
+    from rich.table import Table
 
 
 def people() -> Console:
@@ -30,6 +35,33 @@ def print_json(document: Mapping[str, Any]) -> None:
 def print_notice(console: Console) -> None:
     """The sentence that every output carries."""
     console.print(RESEARCH_USE_ONLY, style="bold")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Outcome:
+    """What a command found: for programs, for the folder, and for people."""
+
+    document: Mapping[str, Any]
+    page: bytes
+    tables: tuple[Table, ...]
+    notes: tuple[str, ...]
+    files: Mapping[str, bytes] = field(default_factory=dict)
+
+
+def publish(outcome: Outcome, out: Path, *, as_json: bool) -> None:
+    """Write the folder ``out`` (or the next free name) and print what is in it."""
+    files = {**outcome.files, "result.json": json_bytes(outcome.document), "index.html": outcome.page}
+    folder = write_folder(free_folder(out), files)
+    if as_json:
+        print_json({**outcome.document, "folder": str(folder)})
+        return
+    console = people()
+    for table in outcome.tables:
+        console.print(table)
+    for note in outcome.notes:
+        console.print(f"- {note}", markup=False)
+    console.print(f"Page: {folder / 'index.html'}", soft_wrap=True, markup=False)
+    print_notice(console)
 
 
 @contextmanager

@@ -10,14 +10,14 @@ import numpy as np
 import typer
 
 from tsis.cli.calibration_file import calibration_document
-from tsis.cli.console_output import people, print_json, print_notice
+from tsis.cli.console_output import Outcome, publish
 from tsis.cli.estimate_output import estimate_table, estimate_with_progress
 from tsis.cli.targets import AsJson, DepthMm, DiameterMm, ForceN, PhantomName, ProbeName, YoungKpa, chosen_phantom
 from tsis.inclusion import InclusionPrior, ring_edges
 from tsis.instrument import png_bytes
 from tsis.model import load_probe
 from tsis.model.errors import InputError
-from tsis.report import free_folder, inclusion_report, write_folder
+from tsis.report import inclusion_report
 from tsis.report.document import envelope, estimate_document, json_bytes
 from tsis.virtual import VirtualProbe
 
@@ -67,27 +67,19 @@ def demo(
         truth=truth,
         provenance=provenance,
     )
-    document = envelope("demo", **provenance, estimate=estimate_document(result, truth))
-    folder = write_folder(
-        free_folder(out),
-        {
+    outcome = Outcome(
+        document=envelope("demo", **provenance, estimate=estimate_document(result, truth)),
+        page=page,
+        tables=(estimate_table(result, title=f"{target.name}, {force_n:g} N", truth=truth),),
+        notes=result.notes,
+        files={
             "target.png": png_bytes(image),
             "reference.png": png_bytes(reference),
             "untouched.png": png_bytes(untouched),
             "calibration.json": json_bytes(calibration_document(virtual.calibration)),
-            "result.json": json_bytes(document),
-            "index.html": page,
         },
     )
-    if as_json:
-        print_json({**document, "folder": str(folder)})
-        return
-    console = people()
-    console.print(estimate_table(result, title=f"{target.name}, {force_n:g} N", truth=truth))
-    for note in result.notes:
-        console.print(f"- {note}")
-    console.print(f"Page: {folder / 'index.html'}", soft_wrap=True)
-    print_notice(console)
+    publish(outcome, out, as_json=as_json)
 
 
 def _truth(phantom: Phantom) -> dict[str, float]:

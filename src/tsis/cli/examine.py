@@ -10,25 +10,32 @@ from rich.table import Table
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.cli.calibration_file import read_calibration
-from tsis.cli.console_output import people, print_json, print_notice
+from tsis.cli.console_output import Outcome, publish
 from tsis.cli.estimate_output import estimate_table, estimate_with_progress
 from tsis.cli.targets import AsJson, ProbeName
-from tsis.imaging import features
+from tsis.imaging import match_light
 from tsis.inclusion import InclusionPrior, ring_edges
 from tsis.instrument import read_image
 from tsis.model import load_probe
 from tsis.model.errors import InputError
 from tsis.model.image import pixel_scale
-from tsis.report import contact_report, free_folder, inclusion_report, write_folder
-from tsis.report.contact import contact_notes, feature_rows
-from tsis.report.document import envelope, estimate_document, features_document, json_bytes
+from tsis.report import contact_report, inclusion_report
+from tsis.report.contact import find, finding_notes, finding_rows
+from tsis.report.document import envelope, estimate_document, features_document
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tsis.model import Calibration, Estimate, TactileImage
+    from tsis.model import Calibration, TactileImage
 
-NEEDS_CALIBRATION = "a calibration of this probe (--calibration), the force (--force-n) and the scale (--scale-mm)"
+REFUSED = (
+    (
+        "inclusion: diameter, depth, modulus",
+        "needs a calibration of this probe (--calibration), the force (--force-n) and the scale (--scale-mm)",
+    ),
+    ("force", "needs a force calibration of this probe and camera"),
+    ("hardness of a touched object", "needs a force calibration and two presses; not part of this version"),
+)
 
 
 def examine(
@@ -41,6 +48,9 @@ def examine(
         str | None, typer.Option(help="Millimetres per pixel on the face: one number, or x,y when they differ.")
     ] = None,
     invert: Annotated[bool, typer.Option("--invert", help="Light falls where the probe is pressed.")] = False,
+    match_lamps: Annotated[
+        bool, typer.Option("--match-light", help="Scale the reference to the image's lamps; less than half is touched.")
+    ] = False,
     calibration: Annotated[
         Path | None, typer.Option(help="Calibration file of the probe; with it the inclusion is estimated.")
     ] = None,
@@ -65,77 +75,67 @@ def examine(
         "reference": None if untouched is None else {"name": untouched.name, **untouched.settings},
         "mm_per_pixel": None if scale is None else list(scale),
         "invert": invert,
+        "match_light": match_lamps,
     }
     if calibration is not None:
-        _estimate(frames, read_calibration(calibration), plain, probe, provenance, out, as_json=as_json)
-        return
-    if plain is not None:
+        outcome = _inclusion(frames, read_calibration(calibration), plain, probe, provenance)
+    elif plain is not None:
         raise InputError("--plain needs --calibration: without it no inclusion is estimated")
-    _contacts(frames, untouched, provenance, out, invert=invert, as_json=as_json)
+    else:
+        outcome = _contacts(frames, untouched, provenance, match=match_lamps)
+    publish(outcome, out, as_json=as_json)
 
 
 def _contacts(
-    frames: Sequence[TactileImage],
-    untouched: TactileImage | None,
-    provenance: dict[str, Any],
-    out: Path,
-    *,
-    invert: bool,
-    as_json: bool,
-) -> None:
-    found = [(frame, features(frame, untouched, invert=invert)) for frame in frames]
-    refused = (
-        ("inclusion: diameter, depth, modulus", f"needs {NEEDS_CALIBRATION}"),
-        ("force", "needs a force calibration of this probe and camera"),
-        ("hardness of a touched object", "needs a force calibration and two presses; not part of this version"),
-    )
-    page = contact_report(found, reference=untouched, invert=invert, refused=refused, provenance=provenance)
+    frames: Sequence[TactileImage], untouched: TactileImage | None, provenance: dict[str, Any], *, match: bool
+) -> Outcome:
+    findings = [
+        find(
+            frame,
+            match_light(untouched, frame) if match and untouched is not None else untouched,
+            invert=provenance["invert"],
+        )
+        for frame in frames
+    ]
     document = envelope(
         "examine",
-        images=[{"name": frame.name, "features": features_document(each)} for frame, each in found],
-        refused=[{"estimate": name, "reason": reason} for name, reason in refused],
+        images=[
+            {"name": each.image.name, "features": features_document(each.features, each.contact)} for each in findings
+        ],
+        refused=[{"estimate": name, "reason": reason} for name, reason in REFUSED],
         provenance=provenance,
     )
-    folder = write_folder(free_folder(out), {"result.json": json_bytes(document), "index.html": page})
-    if as_json:
-        print_json({**document, "folder": str(folder)})
-        return
-    console = people()
-    for frame, each in found:
-        table = Table("quantity", "value", title=frame.name)
-        for row in feature_rows(each):
+    tables = []
+    for each in findings:
+        table = Table("quantity", "value", title=each.image.name)
+        for row in finding_rows(each):
             table.add_row(*row)
-        console.print(table)
-        for note in contact_notes(frame, each):
-            console.print(f"- {note}")
-    for name, reason in refused:
-        console.print(f"Not estimated: {name}: {reason}")
-    console.print(f"Page: {folder / 'index.html'}", soft_wrap=True)
-    print_notice(console)
+        tables.append(table)
+    notes = [note for each in findings for note in finding_notes(each)]
+    notes += [f"Not estimated: {name}: {reason}." for name, reason in REFUSED]
+    page = contact_report(findings, refused=REFUSED, provenance=provenance)
+    return Outcome(document=document, page=page, tables=tuple(tables), notes=tuple(notes))
 
 
-def _estimate(
+def _inclusion(
     frames: Sequence[TactileImage],
     calibration: Calibration,
     plain: Path | None,
     probe_name: str,
     provenance: dict[str, Any],
-    out: Path,
-    *,
-    as_json: bool,
-) -> None:
-    if provenance["mm_per_pixel"] is None or frames[0].force_n is None:
+) -> Outcome:
+    if frames[0].mm_per_pixel is None or frames[0].force_n is None:
         raise InputError("an estimate with --calibration needs --scale-mm and --force-n as well")
     probe, prior = load_probe(probe_name), InclusionPrior()
-    scale = frames[0].scale()
-    on_plain = None if plain is None else read_image(plain, mm_per_pixel=scale, force_n=frames[0].force_n)
-    result: Estimate = estimate_with_progress(
-        frames, probe=probe, calibration=calibration, reference=on_plain, prior=prior
-    )
+    on_plain = None
+    if plain is not None:
+        on_plain = read_image(plain, mm_per_pixel=frames[0].mm_per_pixel, force_n=frames[0].force_n)
+    result = estimate_with_progress(frames, probe=probe, calibration=calibration, reference=on_plain, prior=prior)
+    names = ", ".join(frame.name for frame in frames)
     page = inclusion_report(
         result,
         title=f"Inclusion under {probe.name}",
-        subtitle=", ".join(frame.name for frame in frames),
+        subtitle=names,
         target=frames[0],
         reference=on_plain,
         prior=prior,
@@ -143,16 +143,7 @@ def _estimate(
         provenance=provenance,
     )
     document = envelope("examine", estimate=estimate_document(result), provenance=provenance)
-    folder = write_folder(free_folder(out), {"result.json": json_bytes(document), "index.html": page})
-    if as_json:
-        print_json({**document, "folder": str(folder)})
-        return
-    console = people()
-    console.print(estimate_table(result, title=", ".join(frame.name for frame in frames)))
-    for note in result.notes:
-        console.print(f"- {note}")
-    console.print(f"Page: {folder / 'index.html'}", soft_wrap=True)
-    print_notice(console)
+    return Outcome(document=document, page=page, tables=(estimate_table(result, title=names),), notes=result.notes)
 
 
 def _scale(text: str) -> tuple[float, float]:

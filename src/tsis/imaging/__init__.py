@@ -4,7 +4,7 @@
 take the call's place when something imports it by its path.
 """
 
-from tsis.imaging.colour import change_magnitude, colour_map, to_grey
+from tsis.imaging.colour import change_magnitude, colour_map
 from tsis.imaging.contact import Contact, find_colour_contact, find_contact
 from tsis.imaging.contact_features import Features, features
 from tsis.imaging.correct import flatten, match_light, signal, subtract_background, subtract_dark
@@ -31,5 +31,4 @@ __all__ = [
     "subtract_background",
     "subtract_dark",
     "surface",
-    "to_grey",
 ]

@@ -1,4 +1,4 @@
-"""Colour in and colour out: colour frames to grey levels, grey levels to colours for the eye."""
+"""Colour in and colour out: how much a colour frame changed, and grey levels as colours for the eye."""
 
 from __future__ import annotations
 
@@ -15,50 +15,11 @@ from tsis.model.errors import ImageMismatchError, InputError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-REC_709 = (0.2126, 0.7152, 0.0722)  # luma weights of red, green, blue (ITU-R BT.709-6, item 3.2)
-FULL_SCALE = {"uint8": 255.0, "uint16": 65535.0}
 COLOUR_MAPS = {  # perceptually uniform and readable without red-green vision
     "cividis": cv2.COLORMAP_CIVIDIS,
     "inferno": cv2.COLORMAP_INFERNO,
     "viridis": cv2.COLORMAP_VIRIDIS,
 }
-
-
-def to_grey(pixels: NDArray[Any]) -> tuple[NDArray[np.float64], float]:
-    """Grey levels of a colour frame: Rec. 709 luma of its stored values.
-
-    Parameters
-    ----------
-    pixels
-        Shape (rows, columns), (rows, columns, 3) red, green, blue, or (rows, columns, 4) with alpha, which is dropped;
-        uint8 or uint16. Sixteen bits are kept, not scaled down.
-
-    Returns
-    -------
-    tuple
-        The grey levels, shape (rows, columns), and the level at which the camera clips: 255 or 65535.
-
-    Raises
-    ------
-    InputError
-        When shape or type is another.
-
-    Examples
-    --------
-    >>> grey, full_scale = to_grey(np.full((1, 1, 3), 200, dtype=np.uint8))
-    >>> round(float(grey[0, 0]), 6), full_scale
-    (200.0, 255.0)
-    """
-    kind = str(pixels.dtype) if isinstance(pixels, np.ndarray) else type(pixels).__name__
-    if kind not in FULL_SCALE:
-        raise InputError(f"pixels must be an array of uint8 or uint16; got {kind}")
-    if pixels.size == 0:
-        raise InputError(f"pixels must not be empty; got shape {pixels.shape}")
-    if pixels.ndim == 2:
-        return pixels.astype(np.float64), FULL_SCALE[kind]
-    if pixels.ndim != 3 or pixels.shape[2] not in (3, 4):
-        raise InputError(f"pixels must have shape (rows, columns[, 3 or 4]); got {pixels.shape}")
-    return pixels[..., :3] @ np.array(REC_709), FULL_SCALE[kind]
 
 
 def change_magnitude(

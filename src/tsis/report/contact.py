@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from tsis.imaging import signal, surface
+from tsis.imaging import features, find_contact, signal, surface
 from tsis.plots import relief, ring_profile, tactile_image
 from tsis.report.page import Card, Page, Picture, Table, html, picture_source
 
@@ -13,15 +14,31 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from tsis.imaging import Features
+    from tsis.imaging import Contact, Features, RadialProfile
     from tsis.model import TactileImage
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Finding:
+    """What one image says: the frame, its change of grey level, its features and the round contact if there is one."""
+
+    image: TactileImage
+    change: TactileImage
+    features: Features
+    contact: Contact | None
+
+
+def find(image: TactileImage, reference: TactileImage | None, *, invert: bool) -> Finding:
+    """Read everything that one image says without a calibration."""
+    found = features(image, reference, invert=invert)
+    change = signal(image, reference, invert=invert)
+    contact = find_contact(change, patch=found.patch) if found.contact else None
+    return Finding(image=image, change=change, features=found, contact=contact)
+
+
 def contact_report(
-    frames: Sequence[tuple[TactileImage, Features]],
+    findings: Sequence[Finding],
     *,
-    reference: TactileImage | None,
-    invert: bool,
     refused: Sequence[tuple[str, str]],
     provenance: Mapping[str, Any],
 ) -> bytes:
@@ -29,26 +46,27 @@ def contact_report(
 
     Parameters
     ----------
-    frames
-        Each image with the features found in it.
-    reference, invert
-        The untouched probe, and whether light falls where it is pressed.
+    findings
+        What each image says.
     refused
         Estimates that cannot be made from these files, each with the reason.
     provenance
         Versions, files and options.
     """
-    pictures = [picture for image, found in frames for picture in _pictures(image, found, reference, invert=invert)]
     return html(
         Page(
             title="Contact found in tactile images",
-            subtitle=", ".join(image.name for image, _ in frames),
-            cards=_cards(frames[0][1]) if len(frames) == 1 else (),
-            notes=tuple(note for image, found in frames for note in contact_notes(image, found)),
-            pictures=tuple(pictures),
+            subtitle=", ".join(finding.image.name for finding in findings),
+            cards=_cards(findings[0].features) if len(findings) == 1 else (),
+            notes=tuple(note for finding in findings for note in finding_notes(finding)),
+            pictures=tuple(picture for finding in findings for picture in _pictures(finding)),
             tables=tuple(
-                Table(title=f"Features of {image.name}", headings=("quantity", "value"), rows=feature_rows(found))
-                for image, found in frames
+                Table(
+                    title=f"Features of {finding.image.name}",
+                    headings=("quantity", "value"),
+                    rows=finding_rows(finding),
+                )
+                for finding in findings
             ),
             refused=tuple(refused),
             provenance=provenance,
@@ -56,12 +74,13 @@ def contact_report(
     )
 
 
-def feature_rows(found: Features) -> tuple[tuple[str, str], ...]:
+def finding_rows(finding: Finding) -> tuple[tuple[str, str], ...]:
     """Names and values of the features, for people."""
+    found, circle = finding.features, finding.contact
     if not found.contact:
         return (("contact", "none found: nothing stands out of the noise"),)
     rows = [
-        ("centre", _pair(found.centroid_px, "px") + _also(_pair(found.centroid_mm, "mm from the axis"))),
+        ("centroid", _pair(found.centroid_px, "px") + _also(_pair(found.centroid_mm, "mm from the axis"))),
         ("area", f"{found.area_px:.0f} px" + _also(_one(found.area_mm2, "mm²"))),
         (
             "equivalent diameter",
@@ -76,12 +95,17 @@ def feature_rows(found: Features) -> tuple[tuple[str, str], ...]:
         ("saturated share", f"{100 * found.saturated_share:.1f} %"),
         ("touches the border", "yes" if found.cropped else "no"),
     ]
+    if circle is not None:
+        rows[1:1] = [
+            ("centre of the round contact", _pair(circle.centre_px, "px")),
+            ("radius of its steepest edge", f"{circle.radius_px:.1f} px" + _also(_one(circle.radius_mm, "mm"))),
+        ]
     return tuple((name, value.strip()) for name, value in rows)
 
 
-def contact_notes(image: TactileImage, found: Features) -> tuple[str, ...]:
+def finding_notes(finding: Finding) -> tuple[str, ...]:
     """One sentence for each thing that limits what the image says."""
-    notes = []
+    image, found, notes = finding.image, finding.features, []
     if not found.contact:
         notes.append(
             f"{image.name}: no contact stands out of the noise (is --invert right, and the reference untouched?)."
@@ -102,16 +126,16 @@ def _cards(found: Features) -> tuple[Card, ...]:
     diameter = _one(found.equivalent_diameter_mm, "mm") if in_mm else f"{found.equivalent_diameter_px:.1f} px"
     area = _one(found.area_mm2, "mm²") if in_mm else f"{found.area_px:.0f} px"
     return (
-        Card(title="Centre", value=_pair(found.centroid_px, "px"), detail=_pair(found.centroid_mm, "mm from the axis")),
+        Card(
+            title="Centroid", value=_pair(found.centroid_px, "px"), detail=_pair(found.centroid_mm, "mm from the axis")
+        ),
         Card(title="Equivalent diameter", value=diameter, detail="of the disc of the same area"),
         Card(title="Area", value=area, detail="cropped by the picture" if found.cropped else "inside the outline"),
     )
 
 
-def _pictures(
-    image: TactileImage, found: Features, reference: TactileImage | None, *, invert: bool
-) -> tuple[Picture, ...]:
-    change = signal(image, reference, invert=invert)
+def _pictures(finding: Finding) -> tuple[Picture, ...]:
+    image, change, found = finding.image, finding.change, finding.features
 
     def outline(figure: Figure) -> None:
         tactile_image(change, figure.subplots(), found=found, low=0.0)
@@ -150,7 +174,7 @@ def _pictures(
     return tuple(pictures)
 
 
-def _draw_profile(figure: Figure, profile: Any) -> None:
+def _draw_profile(figure: Figure, profile: RadialProfile) -> None:
     ring_profile(profile, figure.subplots())
 
 

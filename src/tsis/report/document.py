@@ -13,7 +13,7 @@ from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from tsis.imaging import Features, RadialProfile
+    from tsis.imaging import Contact, Features, RadialProfile
     from tsis.model import Estimate
 
 LEVEL = 0.9
@@ -64,9 +64,10 @@ def estimate_document(estimate: Estimate, truth: Mapping[str, float] | None = No
     }
 
 
-def features_document(found: Features) -> dict[str, Any]:
-    """Features of one image."""
+def features_document(found: Features, contact: Contact | None) -> dict[str, Any]:
+    """Features of one image, and its round contact."""
     document = {name: getattr(found, name) for name in SCALARS}
+    document["round_contact"] = None if contact is None else asdict(contact)
     document["profile"] = None if found.profile is None else profile_document(found.profile)
     return document
 

@@ -78,10 +78,15 @@ class VirtualProbe:
             When the tissue would lift off the face.
         """
         check.number("force_n", force_n, 1e-4, 50.0, hint="newtons")
-        force = force_n * (1 + self.calibration.force_sd * self._rng.standard_normal())
-        field = press(self.probe, phantom, force_n=force, resolution=self._resolution)
-        light = self._gain * self._pattern * render(field, self.sensor, self.calibration)
+        light = self.light(phantom, force_n=force_n)
         return self._image(light, force_n=force_n, name=phantom.name or "phantom")
+
+    def light(self, phantom: Phantom, *, force_n: float) -> NDArray[np.float64]:
+        """Expected grey levels above the background of one press that misses ``force_n`` a little; 0 is no contact."""
+        check.number("force_n", force_n, 0.0, 50.0, hint="newtons")
+        force = force_n * max(0.0, 1 + self.calibration.force_sd * self._rng.standard_normal())
+        field = press(self.probe, phantom, force_n=force, resolution=self._resolution)
+        return self._gain * self._pattern * render(field, self.sensor, self.calibration)
 
     def no_contact(self) -> TactileImage:
         """A frame of the untouched probe."""
