@@ -35,14 +35,11 @@ class SignalChart:
         young = np.clip(points[:, 2], self._prior.low[2], self._prior.high[2])
         return np.column_stack([points[:, 0] / self._stretch(young), points[:, 1], points[:, 2]])
 
-    def allows(self, inclusions: NDArray[np.float64]) -> NDArray[np.bool]:
-        """Where the prior is not zero."""
+    def allows(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Where the prior is not zero, shape (n,)."""
+        inclusions = self.inclusions(points)
         inside = (inclusions >= self._prior.low) & (inclusions <= self._prior.high)
         return np.asarray(inside.all(axis=1))
-
-    def inside(self, inclusions: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Move the few samples that a cell at the prior's edge spread outside back to the edge."""
-        return np.clip(inclusions, self._prior.low, self._prior.high)
 
     def log_volume(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Log of the volume of inclusions per volume of points, which keeps the prior uniform in inclusions."""

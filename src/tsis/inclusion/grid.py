@@ -1,8 +1,9 @@
 """Posterior on a grid that finds its own place: tempered, sheared along the posterior, refined.
 
-A first grid covers the prior's box. The likelihood is tempered until enough cells carry weight; the next grid is laid
-along the correlations of that tempered posterior, where it has weight, and so on until the temperature is one. Bent and
-one-sided posteriors at the edge of the prior survive this, as nothing is assumed normal.
+A first grid covers the prior's box. The density is tempered until enough cells carry weight; the next grid is laid
+along the correlations of that tempered density, where it has weight, and so on until the temperature is one. Bent and
+one-sided densities at the edge of the prior survive this, as nothing is assumed normal: a cell that straddles the edge
+counts by the share of it that lies inside.
 """
 
 from __future__ import annotations
@@ -19,111 +20,181 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-ENOUGH_CELLS = 80.0  # effective number of cells that a refinement step leaves
+    LogDensity = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+    Support = Callable[[NDArray[np.float64]], NDArray[np.bool_]]
+
+ENOUGH_SHARE = 0.02  # of the cells: effective number that a refinement step leaves
 NEGLIGIBLE = 1e-7  # weight, relative to the best cell, that the next grid may leave out
 STEPS = 10
+TRIES = 16  # draws from a cell at the edge before its centroid is taken
+ELSEWHERE = np.array([0.8191725134, 0.6710436067, 0.5497004779])  # Kronecker sequence that fills a cube evenly
+
+
+def _lattice(per_axis: int, *, ends: bool) -> NDArray[np.float64]:
+    """Points of a regular lattice in the cube [-1/2, 1/2]**3, with its faces or without, shape (per_axis**3, 3)."""
+    steps = np.linspace(-0.5, 0.5, per_axis) if ends else (np.arange(per_axis) + 0.5) / per_axis - 0.5
+    return np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
+
+
+CORNERS = _lattice(2, ends=True)
+INNER = _lattice(4, ends=False)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Cells:
+    """Cells of a sheared box that lie at least in part inside the support.
+
+    Attributes
+    ----------
+    centre
+        Their centres, shape (n, 3).
+    edges
+        One cell's edge vectors as rows, shape (3, 3).
+    points
+        Centroids of the parts inside, shape (n, 3).
+    share
+        Share of each cell that lies inside, shape (n,), in (0, 1].
+    """
+
+    centre: NDArray[np.float64]
+    edges: NDArray[np.float64]
+    points: NDArray[np.float64]
+    share: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Grid:
-    """Cells of a sheared box: ``points`` (n, 3), ``cell`` the three edge vectors (3, 3), ``weight`` (n,)."""
+    """Cells, their weights (n,), which sum to one, and where the density is not zero."""
 
-    points: NDArray[np.float64]
-    cell: NDArray[np.float64]
+    cells: Cells
     weight: NDArray[np.float64]
+    support: Support
 
     def mean(self) -> NDArray[np.float64]:
         """Weighted mean of the points, shape (3,)."""
-        return np.asarray(self.weight @ self.points)
+        return np.asarray(self.weight @ self.cells.points)
 
     def samples(self, count: int) -> NDArray[np.float64]:
         """``count`` equally weighted samples by a Sobol sequence, shape (count, 3): the same every time."""
         unit = qmc.Sobol(4, scramble=False).random_base2(int(np.ceil(np.log2(count))))[:count] + 0.5 / count
-        chosen = np.searchsorted(np.cumsum(self.weight), unit[:, 0] % 1.0)
-        spread = (unit[:, 1:] % 1.0 - 0.5) @ self.cell
-        return np.asarray(self.points[np.minimum(chosen, len(self.points) - 1)] + spread)
+        chosen = np.minimum(np.searchsorted(np.cumsum(self.weight), unit[:, 0] % 1.0), len(self.weight) - 1)
+        place, centre = unit[:, 1:], self.cells.centre[chosen]
+        for _ in range(TRIES):
+            drawn = centre + (place % 1.0 - 0.5) @ self.cells.edges
+            inside = self.support(drawn)
+            if inside.all():
+                return drawn
+            place = np.where(inside[:, None], place, place + ELSEWHERE)
+        return np.where(inside[:, None], drawn, self.cells.points[chosen])
 
 
 def refine(
-    log_density: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    log_density: LogDensity,
     low: NDArray[np.float64],
     high: NDArray[np.float64],
     *,
+    support: Support | None = None,
     per_axis: int = 16,
+    start: Grid | None = None,
 ) -> Grid:
     """Refine a grid on the box [low, high] until it resolves the density.
 
     Parameters
     ----------
     log_density
-        Log density, up to a constant, of points (n, 3), minus infinity where it is zero; called once a refinement.
+        Log density, up to a constant, of points (n, 3); called once a refinement.
     low, high
         A box that holds all of the density, shape (3,) each.
+    support
+        Whether the density of points (n, 3) is not zero; the box when None.
     per_axis
         Cells along each axis.
+    start
+        A grid that resolves nearly the same density: the search begins where it has weight.
     """
+    if support is None:
+
+        def support(points: NDArray[np.float64]) -> NDArray[np.bool_]:
+            return np.asarray(((points >= low) & (points <= high)).all(axis=1))
+
     origin, axes = low, np.diag(high - low)
+    if start is not None:
+        # Its cells may be wide: their neighbours are looked at too, and what was found is resolved once more.
+        origin, axes = _sheared_box(start.cells, start.weight, low, high, margin=1.5)
     resolved = False
     for _ in range(STEPS):
-        points, cell = _cells(origin, axes, per_axis)
-        log_weight = log_density(points)
+        cells = _cells(origin, axes, per_axis, support)
+        log_weight = log_density(cells.points) + np.log(cells.share)
         log_weight -= log_weight.max()
-        power = _temper(log_weight)
+        power = _temper(log_weight, ENOUGH_SHARE * per_axis**3)
         if resolved and power == 1.0:
             break
         # One more grid at temperature one: the last that was tempered is too wide for the density itself.
         resolved = power == 1.0
-        origin, axes = _sheared_box(points, log_weight * power, cell, low, high)
+        origin, axes = _sheared_box(cells, np.exp(power * log_weight), low, high)
     weight = np.exp(log_weight)
-    return Grid(points=points, cell=cell, weight=weight / weight.sum())
+    return Grid(cells=cells, weight=weight / weight.sum(), support=support)
 
 
-def _cells(
-    origin: NDArray[np.float64], axes: NDArray[np.float64], per_axis: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Centres of the cells of the box spanned by the rows of ``axes``, and one cell's edge vectors."""
-    steps = (np.arange(per_axis) + 0.5) / per_axis
-    unit = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
-    return origin + unit @ axes, axes / per_axis
+def _cells(origin: NDArray[np.float64], axes: NDArray[np.float64], per_axis: int, support: Support) -> Cells:
+    """Cells of the box spanned by the rows of ``axes``, without those outside the support."""
+    centre = origin + (_lattice(per_axis, ends=False) + 0.5) @ axes
+    edges = axes / per_axis
+    corners = _supported(centre, edges, CORNERS, support).sum(axis=1)
+    centre, corners = centre[corners > 0], corners[corners > 0]
+    points, share = centre.copy(), np.ones(len(centre))
+    cut = corners < len(CORNERS)
+    inside = _supported(centre[cut], edges, INNER, support).astype(float)
+    count = inside.sum(axis=1)
+    share[cut] = count / len(INNER)
+    points[cut] += (inside / np.maximum(count, 1.0)[:, None]) @ INNER @ edges
+    some = share > 0
+    return Cells(centre=centre[some], edges=edges, points=points[some], share=share[some])
 
 
-def _effective(log_weight: NDArray[np.float64]) -> float:
-    weight = np.exp(log_weight)
-    return float(weight.sum() ** 2 / (weight**2).sum())
+def _supported(
+    centre: NDArray[np.float64], edges: NDArray[np.float64], places: NDArray[np.float64], support: Support
+) -> NDArray[np.bool_]:
+    """Whether each of the ``places`` in each cell lies inside the support, shape (cells, places)."""
+    points = centre[:, None] + places @ edges
+    return support(points.reshape(-1, 3)).reshape(len(centre), len(places))
 
 
-def _temper(log_weight: NDArray[np.float64]) -> float:
-    """Largest power of the density, at most one, at which enough cells carry weight."""
-    if _effective(log_weight) >= ENOUGH_CELLS:
-        return 1.0
-    return float(
-        np.exp(brentq(lambda power: _effective(log_weight * np.exp(power)) - ENOUGH_CELLS, -30.0, 0.0, xtol=1e-2))
-    )
+def _temper(log_weight: NDArray[np.float64], enough: float) -> float:
+    """Largest power of the density, at most one, at which the effective number of cells is ``enough``."""
+
+    def excess(log_power: float) -> float:
+        weight = np.exp(log_weight * np.exp(log_power))
+        return float(weight.sum() ** 2 / (weight**2).sum()) - enough
+
+    return 1.0 if excess(0.0) >= 0 else float(np.exp(brentq(excess, -30.0, 0.0, xtol=1e-2)))
 
 
 def _sheared_box(
-    points: NDArray[np.float64],
-    log_weight: NDArray[np.float64],
-    cell: NDArray[np.float64],
+    cells: Cells,
+    weight: NDArray[np.float64],
     low: NDArray[np.float64],
     high: NDArray[np.float64],
+    *,
+    margin: float = 0.5,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Box that holds all cells of weight, sheared along the weighted points.
+    """Box that holds all cells of weight, sheared along the weighted points: its origin, and its edges as rows.
+
+    The box ends ``margin`` cells beyond the outermost centres.
 
     The last coordinate leads: its range is never tilted, so that a flat posterior keeps the prior's ends exactly.
     """
     lead = [2, 1, 0]
-    weight = np.exp(log_weight)
-    weight /= weight.sum()
-    middle = weight @ points
-    centred = points - middle
-    covariance = (weight[:, None] * centred).T @ centred + cell.T @ cell / 12
+    weight = weight / weight.sum()
+    middle = weight @ cells.points
+    centred = cells.points - middle
+    covariance = (weight[:, None] * centred).T @ centred + cells.edges.T @ cells.edges / 12
     shear = np.zeros((3, 3))
     shear[np.ix_(lead, lead)] = np.linalg.cholesky(covariance[np.ix_(lead, lead)])
     inverse = np.linalg.inv(shear)
     along = centred[weight > NEGLIGIBLE * weight.max()] @ inverse.T
-    margin = np.abs(cell @ inverse.T).sum(axis=0) / 2
-    first, last = along.min(axis=0) - margin, along.max(axis=0) + margin
+    beyond = margin * np.abs(cells.edges @ inverse.T).sum(axis=0)
+    first, last = along.min(axis=0) - beyond, along.max(axis=0) + beyond
     first[2] = max(first[2], (low[2] - middle[2]) * inverse[2, 2])
     last[2] = min(last[2], (high[2] - middle[2]) * inverse[2, 2])
     return middle + shear @ first, (shear * (last - first)).T

@@ -13,7 +13,7 @@ from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.imaging import radial_profile
 from tsis.inclusion.chart import SignalChart
 from tsis.inclusion.forward import ForwardModel
-from tsis.inclusion.grid import refine
+from tsis.inclusion.grid import Grid, refine
 from tsis.inclusion.likelihood import Fit, Likelihood, Profiles
 from tsis.inclusion.prior import PARAMETERS, InclusionPrior
 from tsis.inclusion.verdict import verdict
@@ -22,7 +22,7 @@ from tsis.model import Calibration, Estimate, Probe, TactileImage
 from tsis.model.errors import ImageMismatchError, InputError, NotCalibratedError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
@@ -30,7 +30,8 @@ if TYPE_CHECKING:
 
 RINGS = 20
 OUTER_SHARE = 0.8  # of the face's radius; outside it the singular edge tells more about the rim than about the tissue
-LINEARISATIONS = 3
+LINEARISATIONS = 2  # on a coarse grid, before that of the answer
+COARSE, CELLS = 8, 16  # along each axis
 SAMPLES = 16384
 
 
@@ -132,25 +133,20 @@ def ring_means(surrogate: PressSurrogate, edges_mm: NDArray[np.float64]) -> NDAr
 def _posterior(likelihood: Likelihood, prior: InclusionPrior) -> tuple[NDArray[np.float64], Fit]:
     """Samples (n, 3), and the fit at their mean; the nuisances are linearised anew until they settle."""
     chart = SignalChart(prior)
+
+    def search(nuisance: NDArray[np.float64], per_axis: int, start: Grid | None = None) -> Grid:
+        def density(points: NDArray[np.float64]) -> NDArray[np.float64]:
+            return likelihood(chart.inclusions(points), nuisance).log_evidence + chart.log_volume(points)
+
+        return refine(density, chart.low, chart.high, support=chart.allows, per_axis=per_axis, start=start)
+
     nuisance = likelihood.start
     for _ in range(LINEARISATIONS):
-        grid = refine(_log_density(likelihood, chart, nuisance), chart.low, chart.high)
-        best = likelihood(chart.inclusions(grid.mean()[None]), nuisance)
-        nuisance = best.nuisance[0]
-    return chart.inside(chart.inclusions(grid.samples(SAMPLES))), best
-
-
-def _log_density(
-    likelihood: Likelihood, chart: SignalChart, nuisance: NDArray[np.float64]
-) -> Callable[[NDArray[np.float64]], NDArray[np.float64]]:
-    def density(points: NDArray[np.float64]) -> NDArray[np.float64]:
-        inclusions = chart.inclusions(points)
-        allowed = chart.allows(inclusions)
-        result = np.full(len(points), -np.inf)
-        result[allowed] = likelihood(inclusions[allowed], nuisance).log_evidence
-        return result + chart.log_volume(points)
-
-    return density
+        coarse = search(nuisance, COARSE)
+        nuisance = likelihood(chart.inclusions(coarse.mean()[None]), nuisance).nuisance[0]
+    grid = search(nuisance, CELLS, coarse)
+    best = likelihood(chart.inclusions(grid.mean()[None]), nuisance)
+    return chart.inclusions(grid.samples(SAMPLES)), best
 
 
 def _frames(name: str, given: TactileImage | Sequence[TactileImage] | None) -> list[TactileImage]:

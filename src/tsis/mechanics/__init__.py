@@ -2,6 +2,7 @@
 
 from tsis.mechanics.bodies import Resolution
 from tsis.mechanics.small_strain import press
-from tsis.mechanics.surrogate import Box, Degrees, PressSurrogate, Surrogate, build_surrogate, contrast_factor
+from tsis.mechanics.surrogate import Box, Degrees, PressSurrogate, Surrogate, contrast_factor
+from tsis.mechanics.surrogate_build import build_surrogate
 
 __all__ = ["Box", "Degrees", "PressSurrogate", "Resolution", "Surrogate", "build_surrogate", "contrast_factor", "press"]

@@ -1,7 +1,7 @@
 """Results that are slow to compute, kept on disk under the hash of what they were computed from.
 
-Each file starts with the SHA-256 of the rest. A file that does not match is never used. A cache that cannot be
-written is no error: the result is computed again next time.
+Each file starts with the SHA-256 of its key and the rest. A file that does not match, or that belongs to another key,
+is never used. A cache that cannot be written is no error: the result is computed again next time.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def read(kind: str, key: str) -> bytes | None:
     except OSError:
         return None
     digest, payload = data[:DIGEST_BYTES], data[DIGEST_BYTES:]
-    return payload if hashlib.sha256(payload).digest() == digest else None
+    return payload if _digest(key, payload) == digest else None
 
 
 def write(kind: str, key: str, payload: bytes) -> None:
@@ -50,7 +50,11 @@ def write(kind: str, key: str, payload: bytes) -> None:
         handle, name = tempfile.mkstemp(dir=place)
         try:
             with os.fdopen(handle, "wb") as file:
-                file.write(hashlib.sha256(payload).digest() + payload)
+                file.write(_digest(key, payload) + payload)
             Path(name).replace(place / key)
         except OSError:
             Path(name).unlink(missing_ok=True)
+
+
+def _digest(key: str, payload: bytes) -> bytes:
+    return hashlib.sha256(key.encode() + payload).digest()

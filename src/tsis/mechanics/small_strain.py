@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -100,7 +100,11 @@ class PressKernel:
 
     def plain(self, tissue_kpa: float) -> UnitPress:
         """Plain tissue, on a mesh that depends on nothing but the slab."""
-        return self.solve(self._slab.plain_stiffness(), tissue_kpa)
+        return self.solve(self._plain_stiffness, tissue_kpa)
+
+    @cached_property
+    def _plain_stiffness(self) -> NDArray[np.float64]:
+        return self._slab.plain_stiffness()
 
     def signal(self, slab: SlabWithSphere, contrast: float, tissue_kpa: float) -> UnitPress:
         """What the sphere changes: with it minus without it, ON ONE MESH (else the mesh manufactures signal)."""

@@ -7,29 +7,21 @@ divided by that, which is smooth enough for low degrees. Changes come from solve
 
 from __future__ import annotations
 
-import io
-import itertools
-from concurrent.futures import ThreadPoolExecutor
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
-from tsis.mechanics import chebyshev, disk_cache
-from tsis.mechanics.bodies import Resolution, face_of
-from tsis.mechanics.small_strain import EDGE_SHARE, MN_PER_N, PressKernel, UnitPress
+from tsis.mechanics import chebyshev
 from tsis.model import check
-from tsis.model.errors import InputError, MechanicsError
+from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from tsis.model import Probe
-
-FORMAT_VERSION = 2
+CHUNK = 512  # inclusions evaluated at a time, so that what lies between the two products stays in the cache
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,13 +94,10 @@ def scale(diameter_mm: Any, depth_mm: Any, factor: Any) -> Any:
     return factor * (diameter_mm / (depth_mm + diameter_mm / 2)) ** 3
 
 
-def _log(interval: tuple[float, float]) -> tuple[float, float]:
+def log_range(interval: tuple[float, float]) -> tuple[float, float]:
+    """Logarithms of both ends: tissue modulus and thickness are interpolated in them."""
     low, high = interval
     return float(np.log(low)), float(np.log(high))
-
-
-def _contrast(factor: float) -> float:
-    return (1 + 1.5 * factor) / (1 - factor)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -137,8 +126,8 @@ class Surrogate:
     def at_tissue(self, tissue_young_kpa: float, thickness_mm: float) -> TissueSurrogate:
         """Fix the tissue; values outside the box are extrapolated linearly in what the polynomial allows."""
         box, shape = self.box, self.plain.shape
-        tissue = chebyshev.weights(_log(box.tissue_young_kpa), shape[0], np.log([tissue_young_kpa]))[0]
-        slab = chebyshev.weights(_log(box.thickness_mm), shape[1], np.log([thickness_mm]))[0]
+        tissue = chebyshev.weights(log_range(box.tissue_young_kpa), shape[0], np.log([tissue_young_kpa]))[0]
+        slab = chebyshev.weights(log_range(box.thickness_mm), shape[1], np.log([thickness_mm]))[0]
         mix = np.outer(tissue, slab)
         return TissueSurrogate(
             box=box,
@@ -166,9 +155,14 @@ class TissueSurrogate:
         in_d = chebyshev.weights(box.diameter_mm, nd, diameter_mm)
         in_h = chebyshev.weights(box.depth_mm, nh, depth_mm)
         in_g = chebyshev.weights(box.contrast_factor, ng, factor)
-        # One matrix product for all inclusions: the fastest order for the few hundred coefficients there are.
-        basis = (in_d[:, :, None, None] * in_h[:, None, :, None] * in_g[:, None, None, :]).reshape(-1, nd * nh * ng)
-        change = basis @ self.change.reshape(nd * nh * ng, outputs)
+        # Diameter and depth in one matrix product, then the contrast: half the work of one product over all three.
+        table = self.change.reshape(nd * nh, ng * outputs)
+        change = np.empty((len(factor), outputs))
+        for start in range(0, len(factor), CHUNK):
+            part = slice(start, start + CHUNK)
+            basis = (in_d[part, :, None] * in_h[part, None, :]).reshape(-1, nd * nh)
+            at_points = (basis @ table).reshape(-1, ng, outputs)
+            change[part] = (in_g[part, None, :] @ at_points)[:, 0]
         return np.asarray(self.plain + scale(diameter_mm, depth_mm, factor)[:, None] * change)
 
 
@@ -192,160 +186,3 @@ class PressSurrogate:
     face_displacement_mm: Surrogate
     approach_mm: Surrogate
     key: str = field(default="")
-
-
-def build_surrogate(
-    probe: Probe,
-    box: Box | None = None,
-    *,
-    degrees: Degrees | None = None,
-    resolution: Resolution | None = None,
-    progress: Callable[[int, int], None] | None = None,
-    cached: bool = True,
-) -> PressSurrogate:
-    """Build the surrogate of a probe, or load it from the disk cache.
-
-    Parameters
-    ----------
-    probe, box
-        What presses, and the ranges of what is pressed.
-    degrees, resolution
-        Polynomial degrees and mesh density.
-    progress
-        Called with (slabs solved, slabs in all) as the work goes on.
-    cached
-        Whether to read and write the disk cache, whose key is the content of all arguments above.
-
-    Raises
-    ------
-    InputError
-        When a range is empty or an inclusion of the box does not fit into the slab.
-    MechanicsError
-        When the tissue would lift off the probe somewhere in the box.
-    """
-    box, degrees, resolution = box or Box(), degrees or Degrees(), resolution or Resolution()
-    key = disk_cache.content_key(
-        {
-            "format": FORMAT_VERSION,
-            "probe": [probe.radius_mm, [asdict(layer) for layer in probe.layers]],
-            "box": asdict(box),
-            "degrees": asdict(degrees),
-            "resolution": asdict(resolution),
-        }
-    )
-    stored = disk_cache.read("surrogates", key) if cached else None
-    if stored is None:
-        plain, change = _solve_all(probe, box, degrees, resolution, progress)
-        if cached:
-            buffer = io.BytesIO()
-            np.savez(buffer, plain=plain, change=change)
-            disk_cache.write("surrogates", key, buffer.getvalue())
-    else:
-        with np.load(io.BytesIO(stored), allow_pickle=False) as arrays:
-            plain, change = arrays["plain"], arrays["change"]
-    return _assemble(probe, box, resolution, plain, change, key)
-
-
-def _assemble(
-    probe: Probe,
-    box: Box,
-    resolution: Resolution,
-    plain: NDArray[np.float64],
-    change: NDArray[np.float64],
-    key: str,
-) -> PressSurrogate:
-    face = face_of(probe.radius_mm, resolution)
-    nodes = len(face.radius_mm)
-    parts = [slice(0, nodes), slice(nodes, 2 * nodes), slice(2 * nodes, None)]
-    pressure, displacement, approach = (
-        Surrogate(box=box, plain=plain[..., part], change=change[..., part]) for part in parts
-    )
-    return PressSurrogate(
-        radius_mm=face.radius_mm,
-        interpolate=face.interpolation,
-        pressure_kpa=pressure,
-        face_displacement_mm=displacement,
-        approach_mm=approach,
-        key=key,
-    )
-
-
-def _solve_all(
-    probe: Probe,
-    box: Box,
-    degrees: Degrees,
-    resolution: Resolution,
-    progress: Callable[[int, int], None] | None,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    slabs = np.exp(chebyshev.points(_log(box.thickness_mm), degrees.thickness))
-    tissues = np.exp(chebyshev.points(_log(box.tissue_young_kpa), degrees.tissue))
-    factors = chebyshev.points(box.contrast_factor, degrees.contrast)
-    spheres = list(
-        itertools.product(
-            chebyshev.points(box.diameter_mm, degrees.diameter), chebyshev.points(box.depth_mm, degrees.depth)
-        )
-    )
-    total, done = len(slabs) * len(spheres), itertools.count(1)
-    plain, change = [], []
-    # Two levels of threads would fight for the cores: BLAS stays on one, the slabs share the others.
-    with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor() as pool:
-        for thickness in slabs:
-            kernel = PressKernel(
-                probe,
-                thickness_mm=float(thickness),
-                poisson=box.poisson,
-                block_mm=max(0.8 * probe.radius_mm, 0.65 * box.diameter_mm[1]),
-                resolution=resolution,
-            )
-            plain.append([_row(kernel.plain(float(tissue))) for tissue in tissues])
-            tasks = [pool.submit(_changes, kernel, sphere, factors, tissues) for sphere in spheres]
-            rows = []
-            for task in tasks:
-                rows.append(task.result())
-                if progress is not None:
-                    progress(next(done), total)
-            _refuse_lift_off(kernel, np.array(plain[-1]), np.array(rows), spheres, factors)
-            change.append(np.array(rows).reshape(degrees.diameter, degrees.depth, *rows[0].shape))
-    return np.stack(plain, axis=1), np.stack(change, axis=4)
-
-
-def _changes(
-    kernel: PressKernel,
-    sphere: tuple[float, float],
-    factors: NDArray[np.float64],
-    tissues: NDArray[np.float64],
-) -> NDArray[np.float64]:
-    diameter, depth = sphere
-    slab = kernel.slab(diameter_mm=diameter, depth_mm=depth, poisson=kernel.poisson)
-    plain_stiffness = slab.plain_stiffness()
-    plain = [kernel.solve(plain_stiffness, float(tissue)) for tissue in tissues]
-    rows = []
-    for factor in factors:
-        stiffness = slab.stiffness(_contrast(float(factor)))
-        with_sphere = [kernel.solve(stiffness, float(tissue)) for tissue in tissues]
-        size = scale(diameter, depth, factor)
-        rows.append([_row(lump - bare) / size for lump, bare in zip(with_sphere, plain, strict=True)])
-    return np.array(rows)
-
-
-def _row(unit: UnitPress) -> NDArray[np.float64]:
-    """One press of 1 N as one row: nodal pressures, nodal displacements, approach."""
-    return MN_PER_N * np.concatenate([unit.pressure, unit.displacement, [unit.approach]])
-
-
-def _refuse_lift_off(
-    kernel: PressKernel,
-    plain: NDArray[np.float64],
-    rows: NDArray[np.float64],
-    spheres: list[tuple[float, float]],
-    factors: NDArray[np.float64],
-) -> None:
-    inside = np.flatnonzero(kernel.face.radius_mm < EDGE_SHARE * kernel.probe.radius_mm)
-    size = np.array([[scale(*sphere, factor) for factor in factors] for sphere in spheres])
-    pressure = plain[:, inside] + size[:, :, None, None] * rows[..., inside]
-    if pressure.min() < 0:
-        diameter, depth = spheres[int(np.unravel_index(pressure.argmin(), pressure.shape)[0])]
-        raise MechanicsError(
-            f"the tissue lifts off the probe for an inclusion of diameter_mm {diameter:.1f} at depth_mm {depth:.1f}, "
-            "and this model keeps the contact closed; narrow the ranges of the inclusion"
-        )
