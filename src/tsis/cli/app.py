@@ -28,14 +28,20 @@ app.command(epilog="Example: tsis examine press.png --reference untouched.png --
 app.command(epilog="Example: tsis simulate --phantom depth-8 --force-n 0.7 --json")(simulate)
 
 
-@app.callback()
-def root(
-    version: Annotated[bool, typer.Option("--version", help="Print the version and stop.", is_eager=True)] = False,
-) -> None:
-    """Read the options that come before the command."""
-    if version:
+def _show_version(wanted: bool) -> None:
+    if wanted:
         typer.echo(f"tsis {__version__}")
         raise typer.Exit
+
+
+@app.callback()
+def root(
+    *,
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version and stop.", is_eager=True, callback=_show_version)
+    ] = False,
+) -> None:
+    """Read the options that come before the command."""
 
 
 def main() -> None:

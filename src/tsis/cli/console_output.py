@@ -66,9 +66,10 @@ def publish(outcome: Outcome, out: Path, *, as_json: bool) -> None:
 
 @contextmanager
 def progress_bar(description: str) -> Iterator[Callable[[int, int], None]]:
-    """A bar on standard error, given (done, total); it appears with the first call and leaves nothing behind."""
+    """A bar on standard error, given (done, total); it appears with the first call, and on terminals alone."""
     columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=Console(stderr=True), transient=True) as progress:
+    console = Console(stderr=True)
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
         task = progress.add_task(description, total=None, visible=False)
 
         def advance(done: int, total: int) -> None:

@@ -1,0 +1,142 @@
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+import pytest
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.cli.conftest import RunTsis
+
+DISC_PX, CENTRE = 30.0, (140.0, 90.0)
+
+
+@pytest.fixture
+def frames(tmp_path: Path) -> None:
+    """A dark disc of 30 px radius on an evenly lit probe, and the probe untouched."""
+    y, x = np.mgrid[:200, :300]
+    disc = np.where(np.hypot(x - CENTRE[0], y - CENTRE[1]) < DISC_PX, 120, 200).astype(np.uint8)
+    cv2.imwrite(str(tmp_path / "press.png"), disc)
+    cv2.imwrite(str(tmp_path / "untouched.png"), np.full((200, 300), 200, np.uint8))
+    cv2.imwrite(str(tmp_path / "small.png"), np.full((20, 30), 200, np.uint8))
+    cv2.imwrite(str(tmp_path / "deep.png"), np.full((200, 300), 200, np.uint16))
+    (tmp_path / "cut.png").write_bytes((tmp_path / "press.png").read_bytes()[:-30])
+    (tmp_path / "empty.png").write_bytes(b"")
+    (tmp_path / "notes.png").write_text("no picture")
+
+
+def entries(folder: Path) -> set[str]:
+    return {path.name for path in folder.iterdir()}
+
+
+@pytest.mark.usefixtures("frames")
+def test_a_disc_is_measured(run_tsis: RunTsis, tmp_path: Path) -> None:
+    finished = run_tsis(
+        *("examine", "press.png", "--reference", "untouched.png", "--invert", "--scale-mm", "0.05,0.04", "--json")
+    )
+    assert finished.code == 0, finished.err
+    document = json.loads(finished.out)
+    (image,) = document["images"]
+    found = image["features"]
+    assert found["centroid_px"] == pytest.approx(CENTRE, abs=0.05)
+    assert found["area_mm2"] == pytest.approx(np.pi * DISC_PX**2 * 0.05 * 0.04, rel=0.01)
+    assert found["semi_axes_mm"] == pytest.approx([DISC_PX * 0.05, DISC_PX * 0.04], rel=0.02)
+    assert found["peak"] == pytest.approx(80.0, rel=0.01)
+    assert {entry["estimate"] for entry in document["refused"]} == {
+        "inclusion: diameter, depth, modulus",
+        "force",
+        "hardness of a touched object",
+    }
+    page = (tmp_path / "tsis-examine" / "index.html").read_text()
+    assert "Not estimated, and why" in page
+    assert "Research use only" in page
+
+
+@pytest.mark.usefixtures("frames")
+def test_without_a_scale_lengths_stay_in_pixels(run_tsis: RunTsis) -> None:
+    finished = run_tsis("examine", "press.png", "--reference", "untouched.png", "--invert", "--json")
+    found = json.loads(finished.out)["images"][0]["features"]
+    assert found["area_px"] == pytest.approx(np.pi * DISC_PX**2, rel=0.01)
+    assert found["area_mm2"] is None
+    assert found["equivalent_diameter_mm"] is None
+
+
+@pytest.mark.usefixtures("frames")
+def test_the_wrong_sign_finds_no_contact_and_says_so(run_tsis: RunTsis) -> None:
+    finished = run_tsis("examine", "untouched.png", "--reference", "untouched.png")
+    assert finished.code == 0
+    assert "no contact stands out of the noise" in " ".join(finished.out.split())
+
+
+@pytest.mark.usefixtures("frames")
+def test_several_images_have_a_table_each(run_tsis: RunTsis) -> None:
+    finished = run_tsis("examine", "press.png", "untouched.png", "--reference", "untouched.png", "--invert", "--json")
+    first, second = json.loads(finished.out)["images"]
+    assert (first["name"], second["name"]) == ("press.png", "untouched.png")
+    assert (first["features"]["contact"], second["features"]["contact"]) == (True, False)
+
+
+@pytest.mark.usefixtures("frames")
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["absent.png"], "absent.png"),
+        (["cut.png"], "must be a complete image file"),
+        (["empty.png"], "empty.png"),
+        (["notes.png"], "notes.png"),
+        (["."], "must be"),
+        (["press.png", "--reference", "small.png"], "reference must have the image's shape (200, 300); got (20, 30)"),
+        (["press.png", "--reference", "deep.png"], "reference must have the image's full_scale 255; got 65535"),
+        (["press.png", "--scale-mm", "-0.05"], "mm_per_pixel must lie in [0.0001, 10]; got -0.05"),
+        (["press.png", "--scale-mm", "50"], "mm_per_pixel must lie in [0.0001, 10]; got 50"),
+        (["press.png", "--scale-mm", "wide"], "--scale-mm must be one number or x,y"),
+        (["press.png", "--scale-mm", "nan"], "mm_per_pixel must be finite"),
+        (["press.png", "--invert"], "invert needs a reference"),
+        (["press.png", "--plain", "untouched.png"], "--plain needs --calibration"),
+        (["press.png", "--calibration", "absent.json"], "absent.json must be an existing file"),
+        (["press.png", "--force-n", "-1"], "force_n must lie in [0, 100]; got -1"),
+    ],
+)
+def test_wrong_input_is_one_sentence_and_writes_nothing(
+    run_tsis: RunTsis, tmp_path: Path, arguments: list[str], sentence: str
+) -> None:
+    before = entries(tmp_path)
+    finished = run_tsis("examine", *arguments)
+    assert finished.code == 2
+    assert finished.out == ""
+    assert sentence in finished.err
+    assert finished.err.startswith("Error: ")
+    assert finished.err.count("\n") == 1
+    assert entries(tmp_path) == before
+
+
+CALIBRATION = {"format": "tsis-calibration", "version": 1, "gain_grey_per_kpa": 60.0, "saturation_kpa": 20.0}
+
+
+@pytest.mark.usefixtures("frames")
+@pytest.mark.parametrize(
+    ("content", "sentence"),
+    [
+        ("{", "must be a readable JSON file"),
+        ("[" * 100_000, "must be a readable JSON file"),
+        ("[]", "must hold a JSON object; got list"),
+        ("{}", "must be a calibration file"),
+        (json.dumps({**CALIBRATION, "version": 99}), "must be a calibration file"),
+        (json.dumps({**CALIBRATION, "gian": 1}), "must hold only known values; got gian"),
+        (json.dumps({**CALIBRATION, "gain_grey_per_kpa": -1}), "gain_grey_per_kpa must lie in"),
+        (json.dumps({**CALIBRATION, "gain_grey_per_kpa": "a"}), "gain_grey_per_kpa must be a number; got 'a'"),
+        (json.dumps({**CALIBRATION, "gain_sd": float("nan")}), "gain_sd must lie in"),
+        (json.dumps({key: CALIBRATION[key] for key in ("format", "version")}), "must hold gain_grey_per_kpa and"),
+        (json.dumps(CALIBRATION), "needs --scale-mm and --force-n as well"),
+    ],
+)
+def test_a_wrong_calibration_is_one_sentence(run_tsis: RunTsis, tmp_path: Path, content: str, sentence: str) -> None:
+    (tmp_path / "calibration.json").write_text(content)
+    finished = run_tsis("examine", "press.png", "--calibration", "calibration.json")
+    assert finished.code == 2
+    assert sentence in finished.err
+    assert finished.err.count("\n") == 1
