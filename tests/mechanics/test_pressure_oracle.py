@@ -6,6 +6,8 @@ frictionless tie by a penalty of 1e5 kPa/mm; tissue cut off at 120 mm. Ring mean
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
@@ -25,7 +27,7 @@ def test_ring_means_of_the_pressure(*, with_sphere: bool, reference: str) -> Non
     phantom = Phantom(young_kpa=5.0, thickness_mm=30.0, inclusion=sphere if with_sphere else None)
     field = press(load_probe("tsis-2011"), phantom, force_n=1.0)
     means = []
-    for low, high in zip(RING_EDGES_MM[:-1], RING_EDGES_MM[1:], strict=True):
+    for low, high in itertools.pairwise(RING_EDGES_MM):
         radius = np.linspace(low, high, 41)
         pressure = np.interp(radius, field.radius_mm, field.pressure_kpa)
         means.append(np.trapezoid(pressure * radius, radius) / np.trapezoid(radius, radius))
