@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-import threading
 from typing import TYPE_CHECKING
 
-from tsis.instrument.camera import Frame, Mode, Setting
-from tsis.instrument.file_bytes import as_path, file_size, shown
+from tsis.instrument.camera import Frame, Mode
+from tsis.instrument.file_bytes import file_size, shown
 from tsis.instrument.image_file import read_image
-from tsis.model.errors import CameraError, FileInputError, ImageMismatchError
+from tsis.instrument.sources.stored import StoredFrames
+from tsis.model.errors import FileInputError, ImageMismatchError
 
 if TYPE_CHECKING:
     import os
@@ -33,7 +33,7 @@ def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
     return tuple((0, int(part), "") if part.isdecimal() else (1, 0, part) for part in parts if part)
 
 
-class ImageFiles:
+class ImageFiles(StoredFrames):
     """The frames stored in one image file or in a folder of image files.
 
     Files are read when their frame is asked for, so a long folder costs no memory. Files of other kinds and hidden
@@ -46,15 +46,9 @@ class ImageFiles:
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        self._path = as_path(path)
+        super().__init__(path)
         self._files: tuple[Path, ...] = ()
         self._first: TactileImage | None = None
-        self._running = threading.Event()
-
-    @property
-    def name(self) -> str:
-        """The file's or folder's name."""
-        return self._path.name
 
     @property
     def lost(self) -> bool:
@@ -78,21 +72,6 @@ class ImageFiles:
         rows, columns = first.grey.shape
         return (Mode(width_px=columns, height_px=rows, full_scale=first.full_scale),)
 
-    def settings(self) -> tuple[Setting, ...]:
-        """Nothing can be set on a stored frame."""
-        return ()
-
-    def adjust(self, name: str, value: float) -> None:
-        """Refuse: nothing can be set on a stored frame."""
-        raise CameraError(f"{name} cannot be set to {value:g}: {shown(self._path)} holds stored frames")
-
-    def start(self, mode: Mode | None = None) -> None:
-        """Begin at the first file; ``mode`` may only be the one of `modes`."""
-        (only,) = self.modes()
-        if mode not in (None, only):
-            raise CameraError(f"mode must be {only} for these stored frames; got {mode}")
-        self._running.set()
-
     def frames(self) -> Iterator[Frame]:
         """Yield one frame a file.
 
@@ -103,8 +82,7 @@ class ImageFiles:
         ImageMismatchError
             When an image differs from the first in size or range.
         """
-        if not self._running.is_set():
-            raise CameraError(f"{shown(self._path)} must be started before frames are read; call start()")
+        self._require_started()
         first = self._opened()
         for sequence, file in enumerate(self._files):
             image = first if sequence == 0 else read_image(file)
@@ -125,7 +103,7 @@ class ImageFiles:
 
     def _opened(self) -> TactileImage:
         if self._first is None:
-            raise CameraError(f"{shown(self._path)} must be opened first; call open()")
+            raise self._not_opened()
         return self._first
 
 

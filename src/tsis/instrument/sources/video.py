@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import os
-import threading
 from typing import TYPE_CHECKING, Any
 
 import cv2
 
-from tsis.instrument.camera import Frame, Mode, Setting
-from tsis.instrument.file_bytes import as_path, file_size, shown
+from tsis.instrument.camera import Frame, Mode
+from tsis.instrument.file_bytes import file_size, shown
 from tsis.instrument.luma import grey_of_opencv
 from tsis.instrument.quiet import quiet_decoders, quiet_ffmpeg
-from tsis.model.errors import CameraError, FileInputError
+from tsis.instrument.sources.stored import StoredFrames
+from tsis.model.errors import FileInputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 _COUNT_TOLERANCE = 0.01
 
 
-class VideoFile:
+class VideoFile(StoredFrames):
     """The frames of a video file, decoded one at a time; colour becomes grey by the Rec. 709 luma.
 
     Videos are 8 bits and mostly compressed with loss: good for looking, weak for measuring. A video that ends before
@@ -36,15 +36,9 @@ class VideoFile:
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
-        self._path = as_path(path)
+        super().__init__(path)
         self._capture: Any = None
-        self._running = threading.Event()
         self._lost = False
-
-    @property
-    def name(self) -> str:
-        """The file's name."""
-        return self._path.name
 
     @property
     def lost(self) -> bool:
@@ -79,21 +73,6 @@ class VideoFile:
         )
         return (mode,)
 
-    def settings(self) -> tuple[Setting, ...]:
-        """Nothing can be set on stored frames."""
-        return ()
-
-    def adjust(self, name: str, value: float) -> None:
-        """Refuse: nothing can be set on stored frames."""
-        raise CameraError(f"{name} cannot be set to {value:g}: {shown(self._path)} holds stored frames")
-
-    def start(self, mode: Mode | None = None) -> None:
-        """Begin at the first frame; ``mode`` may only be the one of `modes`."""
-        (only,) = self.modes()
-        if mode not in (None, only):
-            raise CameraError(f"mode must be {only} for these stored frames; got {mode}")
-        self._running.set()
-
     def frames(self) -> Iterator[Frame]:
         """Yield the frames in order, with their times in the video.
 
@@ -102,8 +81,7 @@ class VideoFile:
         FileInputError
             After the last whole frame, when the file ends before its declared number of frames.
         """
-        if not self._running.is_set():
-            raise CameraError(f"{shown(self._path)} must be started before frames are read; call start()")
+        self._require_started()
         declared = int(self._opened().get(cv2.CAP_PROP_FRAME_COUNT))
         # one frame is held back: the last one of a file that is cut short may be decoded from half its bytes
         held, read = self._next(0), 1
@@ -133,7 +111,7 @@ class VideoFile:
 
     def _opened(self) -> Any:
         if self._capture is None:
-            raise CameraError(f"{shown(self._path)} must be opened first; call open()")
+            raise self._not_opened()
         return self._capture
 
     def _next(self, sequence: int) -> Frame | None:
