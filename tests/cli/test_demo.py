@@ -75,6 +75,12 @@ def test_the_table_says_what_is_not_identified(run_tsis: RunTsis) -> None:
     assert "truth" in finished.out
 
 
+def test_a_truth_outside_the_prior_is_said(run_tsis: RunTsis) -> None:
+    printed = " ".join(run_tsis("demo", "--diameter-mm", "0.8").out.split())
+    assert "The true diameter_mm 0.8 lies outside the prior's 1 to 15" in printed
+    assert "true depth_mm" not in printed
+
+
 @pytest.mark.parametrize(
     ("arguments", "sentence"),
     [

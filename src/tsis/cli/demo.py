@@ -71,7 +71,7 @@ def demo(
         document=envelope("demo", **provenance, estimate=estimate_document(result, truth)),
         page=page,
         tables=(estimate_table(result, title=f"{target.name}, {force_n:g} N", truth=truth),),
-        notes=result.notes,
+        notes=(*result.notes, *_outside_the_prior(truth, prior)),
         files={
             "target.png": png_bytes(image),
             "reference.png": png_bytes(reference),
@@ -86,3 +86,14 @@ def _truth(phantom: Phantom) -> dict[str, float]:
     if phantom.inclusion is None:
         raise InputError(f"phantom must hold an inclusion to estimate; got {phantom.name!r} (try hardness-100)")
     return {name: getattr(phantom.inclusion, name) for name in PARAMETERS}
+
+
+def _outside_the_prior(truth: dict[str, float], prior: InclusionPrior) -> tuple[str, ...]:
+    """One sentence for each true value that no interval can hold, because the prior excludes it."""
+    ranges = {name: getattr(prior, name) for name in truth}
+    return tuple(
+        f"The true {name} {value:g} lies outside the prior's {ranges[name][0]:g} to {ranges[name][1]:g}: "
+        "no interval can hold it."
+        for name, value in truth.items()
+        if not ranges[name][0] <= value <= ranges[name][1]
+    )
