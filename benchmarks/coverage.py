@@ -3,8 +3,9 @@
     python benchmarks/coverage.py --presses 200 --seed 1
 
 Each press draws an inclusion from the prior, a tissue (modulus and thickness 10 % off, as one standard deviation), a
-reference site (modulus 3 % off), a probe with its own gain (1 %) and fixed pattern, and forces 1 % off. The virtual
-probe's mesh is finer and of another order than the one behind the estimator; mechanics and image model are the same.
+reference site (modulus 3 % off), a probe with its own gain (1 %) and fixed pattern (0.2 %), forces 1 % off, stray light
+(1 %) and a pattern that does not repeat (0.05 %). The virtual probe's mesh is finer and of another order than the one
+behind the estimator; mechanics and image model are the same.
 """
 
 from __future__ import annotations

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 
 from tsis.imaging.render import render
@@ -19,14 +18,15 @@ if TYPE_CHECKING:
 
 # Finer and of another order than the mesh inside the estimator, so that an estimate is never checked by itself.
 FINE = Resolution(order=6, edge=0.006, growth=1.9, largest=0.17, below_cells=4, ray_layers=6)
-PATTERN_GRAIN_MM = 1.0
+GRAIN_MM = 0.5  # spacing of the radii at which patterns are drawn
 
 
 class VirtualProbe:
     """A probe, its light and its camera, without hardware.
 
-    Each virtual probe has a gain of its own that its calibration does not know exactly and a fixed pattern that all
-    its frames share; each press misses the commanded force a little.
+    It makes every error that its calibration states, of the stated size. Each virtual probe has a gain of its own and a
+    fixed pattern that all its frames share; each press misses the commanded force, leaves a pattern that no other press
+    leaves, and adds a little stray light; each frame has the sensor's noise.
 
     Parameters
     ----------
@@ -65,7 +65,7 @@ class VirtualProbe:
         self._rng = rng
         self._resolution = resolution
         self._gain = 1 + self.calibration.gain_sd * rng.standard_normal()
-        self._pattern = 1 + self.calibration.pattern_sd * _grain(self.sensor, rng)
+        self._pattern = self._ring_pattern(self.calibration.pattern_sd)
 
     def press(self, phantom: Phantom, *, force_n: float) -> TactileImage:
         """Press the phantom with a commanded force in newtons, in (0, 50], and take a frame.
@@ -86,7 +86,18 @@ class VirtualProbe:
         check.number("force_n", force_n, 0.0, 50.0, hint="newtons")
         force = force_n * max(0.0, 1 + self.calibration.force_sd * self._rng.standard_normal())
         field = press(self.probe, phantom, force_n=force, resolution=self._resolution)
-        return self._gain * self._pattern * render(field, self.sensor, self.calibration)
+        seen = render(field, self.sensor, self.calibration)
+        seen *= self._gain * self._pattern * self._ring_pattern(self.calibration.repeatability_sd)
+        stray = self.calibration.offset_sd * self._rng.standard_normal() * float(np.median(seen))
+        return seen + stray
+
+    def _ring_pattern(self, sd: float) -> NDArray[np.float64]:
+        """Factor near one that varies with the radius: the mean over a ring deviates by about ``sd``."""
+        radius = self.sensor.radius_mm()
+        knots = np.arange(0.0, radius.max() + GRAIN_MM, GRAIN_MM)
+        # The mean of a line between two independent values has two thirds of their variance.
+        values = np.sqrt(1.5) * sd * self._rng.standard_normal(len(knots))
+        return np.asarray(1 + np.interp(radius, knots, values))
 
     def no_contact(self) -> TactileImage:
         """A frame of the untouched probe."""
@@ -113,11 +124,3 @@ def nominal_calibration(sensor: Sensor) -> Calibration:
         read_noise_grey=sensor.read_noise_grey,
         shot_noise_grey=sensor.shot_noise_grey,
     )
-
-
-def _grain(sensor: Sensor, rng: np.random.Generator) -> NDArray[np.float64]:
-    """Smooth random pattern of unit variance, as uneven gel and light leave it."""
-    white = rng.standard_normal((sensor.rows, sensor.columns))
-    sigma_x, sigma_y = (PATTERN_GRAIN_MM / size for size in sensor.mm_per_pixel)
-    smooth = np.asarray(cv2.GaussianBlur(white, (0, 0), sigmaX=sigma_x, sigmaY=sigma_y), dtype=float)
-    return np.asarray(smooth / smooth.std())
