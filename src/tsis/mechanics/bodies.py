@@ -103,7 +103,7 @@ class Slab:
     ) -> None:
         self.thickness_mm, self.poisson, self.resolution = thickness_mm, poisson, resolution
         self.face = face_of(probe_radius_mm, resolution)
-        # Cut off where neither the face nor the slab's thickness is felt any more.
+        # Cut off where neither the face nor the thickness is felt any more: 4 thicknesses leave 0.1 %.
         outer = max(10 * probe_radius_mm, 4 * thickness_mm, 3 * block_mm)
         finest = resolution.edge * probe_radius_mm
         beyond = mesh.beyond_lines(probe_radius_mm, outer, finest=finest, growth=resolution.growth)

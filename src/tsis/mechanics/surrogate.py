@@ -75,13 +75,18 @@ class Box:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Degrees:
-    """Chebyshev points along each axis; (11, 7, 3, 3, 3) holds 0.1 % of the peak signal on the default box."""
+    """Chebyshev points along each axis.
+
+    The defaults hold 0.1 % of the peak signal on the default box. Plain tissue costs little, and must be exact
+    even against small signals, so it has points of its own: ``plain`` along tissue and thickness each.
+    """
 
     diameter: int = 11
     depth: int = 7
     contrast: int = 3
     tissue: int = 3
     thickness: int = 3
+    plain: int = 6
 
 
 def contrast_factor(contrast: Any) -> Any:
@@ -109,7 +114,7 @@ class Surrogate:
     box
         Where it holds.
     plain
-        Answer of plain tissue at the Chebyshev points, shape (tissue, thickness, outputs).
+        Answer of plain tissue at Chebyshev points of its own, shape (tissue, thickness, outputs).
     change
         Change by the inclusion over `scale` at the points, shape (diameter, depth, contrast, tissue, thickness,
         outputs).
@@ -125,15 +130,17 @@ class Surrogate:
 
     def at_tissue(self, tissue_young_kpa: float, thickness_mm: float) -> TissueSurrogate:
         """Fix the tissue; values outside the box are extrapolated linearly in what the polynomial allows."""
-        box, shape = self.box, self.plain.shape
-        tissue = chebyshev.weights(log_range(box.tissue_young_kpa), shape[0], np.log([tissue_young_kpa]))[0]
-        slab = chebyshev.weights(log_range(box.thickness_mm), shape[1], np.log([thickness_mm]))[0]
-        mix = np.outer(tissue, slab)
+
+        def mix(in_tissue: int, in_thickness: int) -> NDArray[np.float64]:
+            tissue = chebyshev.weights(log_range(self.box.tissue_young_kpa), in_tissue, np.log([tissue_young_kpa]))
+            slab = chebyshev.weights(log_range(self.box.thickness_mm), in_thickness, np.log([thickness_mm]))
+            return np.outer(tissue, slab)
+
         return TissueSurrogate(
-            box=box,
+            box=self.box,
             tissue_young_kpa=tissue_young_kpa,
-            plain=np.tensordot(mix, self.plain, axes=2),
-            change=np.einsum("te,abctek->abck", mix, self.change, optimize=True),
+            plain=np.tensordot(mix(*self.plain.shape[:2]), self.plain, axes=2),
+            change=np.einsum("te,abctek->abck", mix(*self.change.shape[3:5]), self.change, optimize=True),
         )
 
 

@@ -113,8 +113,7 @@ def _solve_all(
     resolution: Resolution,
     progress: Callable[[int, int], None] | None,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    slabs = np.exp(chebyshev.points(log_range(box.thickness_mm), degrees.thickness))
-    tissues = np.exp(chebyshev.points(log_range(box.tissue_young_kpa), degrees.tissue))
+    slabs, tissues = _tissue_points(box, degrees.thickness, degrees.tissue)
     factors = chebyshev.points(box.contrast_factor, degrees.contrast)
     spheres = list(
         itertools.product(
@@ -122,43 +121,56 @@ def _solve_all(
         )
     )
     total, done = len(slabs) * len(spheres), itertools.count(1)
-    plain, change = [], []
+    block = max(0.8 * probe.radius_mm, 0.65 * box.diameter_mm[1])
+
+    def kernel_of(thickness: float) -> PressKernel:
+        return PressKernel(probe, thickness_mm=thickness, poisson=box.poisson, block_mm=block, resolution=resolution)
+
+    change = []
     # Two levels of threads would fight for the cores: BLAS stays on one, the slabs share the others.
     with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor() as pool:
         for thickness in slabs:
-            kernel = PressKernel(
-                probe,
-                thickness_mm=float(thickness),
-                poisson=box.poisson,
-                block_mm=max(0.8 * probe.radius_mm, 0.65 * box.diameter_mm[1]),
-                resolution=resolution,
-            )
-            plain.append([_row(kernel.plain(float(tissue))) for tissue in tissues])
+            kernel = kernel_of(thickness)
             tasks = [pool.submit(_changes, kernel, sphere, factors, tissues) for sphere in spheres]
             rows = []
             for task in tasks:
                 rows.append(task.result())
                 if progress is not None:
                     progress(next(done), total)
-            _refuse_lift_off(kernel, np.array(plain[-1]), np.array(rows), spheres, factors)
+            _refuse_lift_off(kernel, np.array(rows), spheres, factors, tissues)
             change.append(np.array(rows).reshape(degrees.diameter, degrees.depth, *rows[0].shape))
-    return np.stack(plain, axis=1), np.stack(change, axis=4)
+        slabs, tissues = _tissue_points(box, degrees.plain, degrees.plain)
+        plain = pool.map(lambda thickness: _plain(kernel_of(thickness), tissues), slabs)
+        return np.stack(list(plain), axis=1), np.stack(change, axis=4)
+
+
+def _tissue_points(box: Box, thicknesses: int, tissues: int) -> tuple[list[float], list[float]]:
+    """Slab thicknesses in mm and tissue moduli in kPa at which presses are solved."""
+    return (
+        np.exp(chebyshev.points(log_range(box.thickness_mm), thicknesses)).tolist(),
+        np.exp(chebyshev.points(log_range(box.tissue_young_kpa), tissues)).tolist(),
+    )
+
+
+def _plain(kernel: PressKernel, tissues: list[float]) -> NDArray[np.float64]:
+    """Plain tissue of each modulus, shape (tissues, outputs)."""
+    return np.array([_row(kernel.plain(tissue)) for tissue in tissues])
 
 
 def _changes(
     kernel: PressKernel,
     sphere: tuple[float, float],
     factors: NDArray[np.float64],
-    tissues: NDArray[np.float64],
+    tissues: list[float],
 ) -> NDArray[np.float64]:
     diameter, depth = sphere
     slab = kernel.slab(diameter_mm=diameter, depth_mm=depth, poisson=kernel.poisson)
     plain_stiffness = slab.plain_stiffness()
-    plain = [kernel.solve(plain_stiffness, float(tissue)) for tissue in tissues]
+    plain = [kernel.solve(plain_stiffness, tissue) for tissue in tissues]
     rows = []
     for factor in factors:
         stiffness = slab.stiffness(_contrast(float(factor)))
-        with_sphere = [kernel.solve(stiffness, float(tissue)) for tissue in tissues]
+        with_sphere = [kernel.solve(stiffness, tissue) for tissue in tissues]
         size = scale(diameter, depth, factor)
         rows.append([_row(lump - bare) / size for lump, bare in zip(with_sphere, plain, strict=True)])
     return np.array(rows)
@@ -176,14 +188,14 @@ def _row(unit: UnitPress) -> NDArray[np.float64]:
 
 def _refuse_lift_off(
     kernel: PressKernel,
-    plain: NDArray[np.float64],
     rows: NDArray[np.float64],
     spheres: list[tuple[float, float]],
     factors: NDArray[np.float64],
+    tissues: list[float],
 ) -> None:
     inside = np.flatnonzero(kernel.face.radius_mm < EDGE_SHARE * kernel.probe.radius_mm)
     size = np.array([[scale(*sphere, factor) for factor in factors] for sphere in spheres])
-    pressure = plain[:, inside] + size[:, :, None, None] * rows[..., inside]
+    pressure = _plain(kernel, tissues)[:, inside] + size[:, :, None, None] * rows[..., inside]
     if pressure.min() < 0:
         diameter, depth = spheres[int(np.unravel_index(pressure.argmin(), pressure.shape)[0])]
         raise MechanicsError(

@@ -1,0 +1,178 @@
+"""The finite elements against presses that have an exact answer (EVIDENCE's table)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from tsis import Layer, Probe
+from tsis.mechanics import Resolution, closed_form, mesh
+from tsis.mechanics.bodies import Slab, face_of, probe_stiffness
+from tsis.mechanics.condensed import FIXED, sweep
+from tsis.mechanics.contact import unilateral_contact
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+LAYERS = ((2.0, 140.0), (3.0, 80.0), (5.0, 34.0))
+RADIUS = 12.0
+
+
+def test_a_stack_that_may_slide_has_the_effective_modulus() -> None:
+    """With Poisson's ratio 0 nothing moves sideways, so that bonding does not matter: (3.78)."""
+    layers = tuple(Layer(thickness_mm=t, young_kpa=e, poisson=0.0) for t, e in LAYERS)
+    stiffness = probe_stiffness(Probe(radius_mm=RADIUS, layers=layers), Resolution()).sum()
+    modulus = stiffness * 10.0 / (np.pi * RADIUS**2)
+    assert modulus == pytest.approx(closed_form.effective_modulus_kpa(layers), rel=1e-6)
+
+
+def test_confined_compression_of_the_stack() -> None:
+    layers = [Layer(thickness_mm=t, young_kpa=e, poisson=0.49) for t, e in LAYERS]
+    depth = np.cumsum([0.0, *(layer.thickness_mm for layer in layers)])
+    body = mesh.rectangle(np.linspace(0.0, RADIUS, 4), depth, 3, a_is_radius=True)
+    rows, columns, _ = body.nodes.shape
+    dofs = 1 + np.arange(rows * columns * 2).reshape(rows, columns, 2)
+    dofs[:, 0, 1] = 0  # the upper face moves as one
+    dofs[:, -1] = FIXED
+    dofs[[0, -1], :, 0] = FIXED  # the axis, and walls that hold the side
+    young, poisson = (np.array([getattr(layer, name) for layer in layers]) for name in ("young_kpa", "poisson"))
+    top = np.array([0])
+    stiffness = sweep(body, dofs, keep=top, young_kpa=young, poisson=poisson).keep(top).stiffness[0, 0]
+    modulus = stiffness * 10.0 / (np.pi * RADIUS**2)
+    assert modulus == pytest.approx(860.7, rel=1e-4)
+    assert modulus == pytest.approx(closed_form.confined_modulus_kpa(layers), rel=1e-9)
+
+
+def slab_stiffness(thickness_mm: float, poisson: float) -> NDArray[np.float64]:
+    slab = Slab(
+        thickness_mm=thickness_mm,
+        poisson=poisson,
+        probe_radius_mm=RADIUS,
+        block_mm=0.8 * RADIUS,
+        resolution=Resolution(),
+    )
+    return slab.plain_stiffness()
+
+
+@pytest.mark.parametrize("poisson", [0.3, 0.49])
+def test_rigid_flat_punch_on_a_very_thick_slab(poisson: float) -> None:
+    stiffness = slab_stiffness(100 * RADIUS, poisson)
+    punch = closed_form.punch_stiffness(radius_mm=RADIUS, young_kpa=1.0, poisson=poisson)
+    layer = closed_form.bonded_layer_ratio(0.01, poisson=poisson)
+    assert stiffness.sum() / punch == pytest.approx(layer, rel=0.002)
+    assert stiffness.sum() / (layer * punch) == pytest.approx(1.0, abs=0.005)
+
+
+def test_pressure_under_the_punch() -> None:
+    face = face_of(RADIUS, Resolution())
+    force = slab_stiffness(100 * RADIUS, 0.49).sum(axis=1)
+    pressure = np.linalg.solve(face.mass(), force)
+    radius = np.linspace(0.0, 0.9 * RADIUS, 50)
+    exact = closed_form.punch_pressure_kpa(radius, punch_radius_mm=RADIUS, force_mn=float(force.sum()))
+    np.testing.assert_allclose(face.interpolation(radius) @ pressure, exact, rtol=0.005)
+
+
+@pytest.mark.parametrize("share", [0.2, 0.4, 1.0, 2.0])
+@pytest.mark.parametrize("poisson", [0.3, 0.49])
+def test_bonded_layer_under_a_flat_punch(share: float, poisson: float) -> None:
+    stiffness = slab_stiffness(RADIUS / share, poisson).sum()
+    punch = closed_form.punch_stiffness(radius_mm=RADIUS, young_kpa=1.0, poisson=poisson)
+    assert stiffness / punch == pytest.approx(closed_form.bonded_layer_ratio(share, poisson=poisson), rel=0.002)
+
+
+@pytest.mark.parametrize(("poisson", "force", "peak"), [(0.3, 8.1907, 0.7822), (0.49, 9.8086, 0.9367)])
+def test_hertz(poisson: float, force: float, peak: float) -> None:
+    """A rigid sphere of 10 mm, 0.5 mm deep in 5 kPa: the contact opens, on a face much wider than it."""
+    reach, even = 3.0, Resolution(order=2, edge=0.02, growth=1.5, largest=0.03)
+    slab = Slab(thickness_mm=1000.0, poisson=poisson, probe_radius_mm=reach, block_mm=2.0, resolution=even)
+    compliance = np.linalg.inv(5.0 * slab.plain_stiffness())
+    nodal, found = unilateral_contact(compliance, slab.face.radius_mm**2 / 20.0, 0.5)
+    exact = closed_form.hertz(radius_mm=10.0, indentation_mm=0.5, young_kpa=5.0, poisson=poisson)
+    assert nodal.sum() == pytest.approx(force, rel=0.01)
+    assert slab.face.radius_mm[found.closed].max() == pytest.approx(exact.contact_radius_mm, rel=0.02)
+    pressure = np.linalg.solve(slab.face.mass(), nodal)
+    inner = slab.face.radius_mm < 0.8 * exact.contact_radius_mm
+    np.testing.assert_allclose(pressure[inner], exact.pressure_kpa(slab.face.radius_mm[inner]), rtol=0.01)
+    assert pressure[0] == pytest.approx(peak, rel=0.01)
+
+
+@dataclass(frozen=True)
+class Ball:
+    stress_ratio: float
+    strain_ratio: float
+    unevenness: float
+
+
+def pulled_cylinder(contrast: float, poisson: float) -> Ball:
+    """A sphere of 1 mm radius in a cylinder 60 mm wide and high between smooth plates."""
+    half, order = 30.0, 6
+    lines = np.concatenate([[0.0], half * 2.0 ** np.arange(-3.0, 1.0)])
+    depth = np.concatenate([half - lines[::-1], half + lines[1:]])
+    top, side = mesh.refine(lines, order), mesh.refine(depth, order)
+    boundary = np.concatenate(
+        [
+            np.column_stack([top, np.zeros_like(top)]),
+            np.column_stack([np.full_like(side, half), side])[1:],
+            np.column_stack([top[::-1], np.full_like(top, 2 * half)])[1:],
+        ]
+    )
+    outer = mesh.around_sphere(boundary, half, 1.0, order, layers=7)
+    inner = mesh.inside_sphere(boundary, half, 1.0, order, layers=1)
+    count, layers, _ = outer.nodes.shape
+    dofs = 1 + np.arange(count * layers * 2).reshape(count, layers, 2)
+    dofs[boundary[:, 1] == 0.0, 0, 1] = 0
+    dofs[boundary[:, 1] == 2 * half, 0, 1] = FIXED
+    dofs[[0, -1], :, 0] = FIXED
+    core = int(dofs.max()) + 1 + np.arange(count * inner.nodes.shape[1] * 2).reshape(count, -1, 2)
+    core[:, 0, 0], core[:, 0, 1] = FIXED, core[0, 0, 1]
+    core[[0, -1], :, 0] = FIXED
+    core[:, -1] = dofs[:, -1]
+
+    def material(value: float, layers: int) -> NDArray[np.float64]:
+        return np.full(layers, value)
+
+    top_dof = np.array([0])
+    around = sweep(
+        outer,
+        dofs,
+        keep=top_dof,
+        young_kpa=material(1.0, outer.layers),
+        poisson=material(poisson, outer.layers),
+    )
+    ball = sweep(
+        inner,
+        core,
+        keep=np.zeros(0, dtype=np.int64),
+        young_kpa=material(contrast, inner.layers),
+        poisson=material(poisson, inner.layers),
+    )
+    whole = around + ball
+    force = np.where(whole.dofs == 0, np.pi * half**2, 0.0)  # a far stress of 1 kPa, compressing
+    moved = np.linalg.solve(whole.stiffness, force)
+    moved = np.append(moved, 0.0)  # what FIXED, the last, moves
+    place = np.searchsorted(whole.dofs, dofs[:, -1])
+    sphere = moved[np.where(dofs[:, -1] == FIXED, len(whole.dofs), place)]
+    r, z = outer.nodes[:, -1, 0], outer.nodes[:, -1, 1] - half
+    sideways = float(r @ sphere[:, 0] / (r @ r))
+    line = np.polynomial.Polynomial.fit(z, sphere[:, 1], 1, domain=[-1, 1])
+    along = float(line.coef[1])
+    shear, lame = contrast / (2 * (1 + poisson)), contrast * poisson / ((1 + poisson) * (1 - 2 * poisson))
+    return Ball(
+        stress_ratio=-(lame * (2 * sideways + along) + 2 * shear * along),
+        strain_ratio=-along,
+        unevenness=float(np.abs(np.concatenate([sphere[:, 0] - sideways * r, sphere[:, 1] - line(z)])).max()),
+    )
+
+
+@pytest.mark.parametrize(
+    ("contrast", "poisson", "stress"), [(20.0, 0.49, 1.87451), (8.0, 0.49, 1.73126), (20.0, 0.3, 1.84940)]
+)
+def test_sphere_in_uniaxial_stress(contrast: float, poisson: float, stress: float) -> None:
+    found = pulled_cylinder(contrast, poisson)
+    exact = closed_form.sphere_in_uniaxial_stress(contrast=contrast, poisson=poisson)
+    assert found.stress_ratio == pytest.approx(stress, rel=0.001)
+    assert found.strain_ratio == pytest.approx(exact.strain_ratio, rel=0.001)
+    assert found.unevenness < 1e-3 * exact.strain_ratio, "Eshelby: the strain inside is uniform"

@@ -1,0 +1,36 @@
+"""The face: interpolation and mass against polynomials and areas."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tsis.mechanics import Resolution
+from tsis.mechanics.bodies import face_of
+
+FACE = face_of(12.0, Resolution())
+
+
+def test_nodes_run_from_the_axis_to_the_edge() -> None:
+    assert (FACE.radius_mm[0], FACE.radius_mm[-1]) == (0.0, 12.0)
+    assert (np.diff(FACE.radius_mm) > 0).all()
+    smallest = np.diff(FACE.lines)[-1]
+    assert smallest == np.diff(FACE.lines).min() <= 0.01 * 12.0
+
+
+def test_interpolation_reproduces_polynomials_of_the_elements_order() -> None:
+    radius = np.linspace(0.0, 12.0, 101)
+    given = np.polynomial.Polynomial([1.0, -2.0, 0.3, 0.05, -0.004, 0.0003])
+    np.testing.assert_allclose(FACE.interpolation(radius) @ given(FACE.radius_mm), given(radius), rtol=1e-10)
+
+
+def test_interpolation_at_the_nodes_is_the_identity() -> None:
+    np.testing.assert_allclose(FACE.interpolation(FACE.radius_mm), np.eye(len(FACE.radius_mm)), atol=1e-12)
+
+
+def test_mass_turns_pressure_into_force() -> None:
+    mass, radius = FACE.mass(), FACE.radius_mm
+    np.testing.assert_allclose(mass, mass.T, atol=1e-12)
+    assert mass.sum() == pytest.approx(np.pi * 144.0, rel=1e-12)
+    # p = r**3 on the face, weighed by r**2: 2 pi r**6 integrated.
+    assert radius**2 @ mass @ radius**3 == pytest.approx(2 * np.pi * 12.0**7 / 7, rel=1e-12)

@@ -1,0 +1,263 @@
+"""The surrogate against fresh solves, and its life on disk."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+import tsis
+from tsis import Inclusion, Phantom
+from tsis.mechanics import (
+    Box,
+    Degrees,
+    Resolution,
+    build_surrogate,
+    chebyshev,
+    contrast_factor,
+    press,
+    surrogate_build,
+)
+from tsis.mechanics.bodies import face_of
+from tsis.model.errors import InputError, MechanicsError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from tsis import Probe
+    from tsis.mechanics import PressSurrogate
+
+PROBE = tsis.load_probe("tsis-2011")
+SMALL = Box(
+    diameter_mm=(6.0, 10.0),
+    depth_mm=(4.0, 8.0),
+    young_kpa=(60.0, 120.0),
+    tissue_young_kpa=(4.5, 5.5),
+    thickness_mm=(29.0, 31.0),
+)
+FEW = Degrees(diameter=5, depth=4, contrast=2, tissue=2, thickness=2, plain=3)
+TINY = Degrees(diameter=1, depth=1, contrast=1, tissue=1, thickness=1, plain=1)
+COARSE = Resolution(order=3, edge=0.05, growth=2.2, largest=0.3, below_cells=2, ray_layers=3)
+
+
+@dataclass(frozen=True)
+class Errors:
+    """Largest errors over fresh presses, inside 90 % of the face (outside, the edge's singularity hides the rest).
+
+    ``change``: of what the inclusion adds to pressure and displacement, over the press's own peak. ``plain``: of the
+    baseline, relative, which differs a little from mesh to mesh as the slab's thickness varies.
+    """
+
+    change: float
+    plain: float
+
+
+def errors(surrogate: PressSurrogate, count: int, seed: int) -> Errors:
+    rng, box = np.random.default_rng(seed), surrogate.pressure_kpa.box
+    change, plain = [], []
+    for _ in range(count):
+        diameter, depth, young, tissue, thickness = (
+            rng.uniform(*getattr(box, name))
+            for name in ("diameter_mm", "depth_mm", "young_kpa", "tissue_young_kpa", "thickness_mm")
+        )
+        lump = Inclusion(diameter_mm=diameter, depth_mm=depth, young_kpa=young)
+        phantom = Phantom(young_kpa=tissue, thickness_mm=thickness, inclusion=lump)
+        fresh, bare = (press(PROBE, one, force_n=1.0) for one in (phantom, phantom.without_inclusion()))
+        inner = fresh.radius_mm < 0.9 * PROBE.radius_mm
+        nodes = surrogate.interpolate(fresh.radius_mm[inner])
+        for name in ("pressure_kpa", "face_displacement_mm"):
+            with_it, without = (getattr(one, name)[inner] for one in (fresh, bare))
+            at = getattr(surrogate, name).mapped(nodes).at_tissue(tissue, thickness)
+            value = at(np.array([diameter]), np.array([depth]), np.array([young]))[0]
+            signal = with_it - without
+            change.append(np.abs(value - at.plain - signal).max() / np.abs(signal).max())
+            plain.append(np.abs(at.plain / without - 1).max())
+        approach = surrogate.approach_mm.at_tissue(tissue, thickness)
+        travel = approach(np.array([diameter]), np.array([depth]), np.array([young]))[0, 0]
+        plain.append(abs(travel / fresh.approach_mm - 1))
+    return Errors(change=float(max(change)), plain=float(max(plain)))
+
+
+@pytest.fixture(scope="module")
+def small() -> PressSurrogate:
+    return build_surrogate(PROBE, SMALL, degrees=FEW, cached=False)
+
+
+def test_error_against_fresh_solves(small: PressSurrogate) -> None:
+    found = errors(small, 10, seed=3)
+    assert found.change < 1e-3
+    assert found.plain < 3e-4
+
+
+@pytest.mark.slow
+def test_error_over_the_default_box() -> None:
+    calls: list[tuple[int, int]] = []
+    surrogate = build_surrogate(PROBE, progress=lambda done, total: calls.append((done, total)), cached=False)
+    total = 3 * 11 * 7
+    assert calls == [(done, total) for done in range(1, total + 1)]
+    assert total <= 300, "SPEC S6: at most 300 solves"
+    found = errors(surrogate, 100, seed=4)
+    assert found.change < 1e-3
+    assert found.plain < 3e-4
+
+
+def test_values_at_the_points_are_the_solves_themselves(small: PressSurrogate) -> None:
+    """One product over all axes at once, as a sum that anyone can read."""
+    part, rng = small.pressure_kpa, np.random.default_rng(0)
+    at = part.at_tissue(5.0, 30.0)
+    d, h, young = rng.uniform([6.0, 4.0, 60.0], [10.0, 8.0, 120.0], (700, 3)).T
+    nd, nh, ng, _ = at.change.shape
+    factor = contrast_factor(young / 5.0)
+    weights = [
+        chebyshev.weights(interval, count, x)
+        for interval, count, x in (
+            (SMALL.diameter_mm, nd, d),
+            (SMALL.depth_mm, nh, h),
+            (SMALL.contrast_factor, ng, factor),
+        )
+    ]
+    change = np.einsum("na,nb,nc,abck->nk", *weights, at.change, optimize=True)
+    centre = h + d / 2
+    expected = at.plain + (factor * (d / centre) ** 3)[:, None] * change
+    np.testing.assert_allclose(at(d, h, young), expected, rtol=1e-10)
+
+
+def test_a_linear_map_of_the_outputs(small: PressSurrogate) -> None:
+    matrix = np.random.default_rng(1).standard_normal((3, len(small.radius_mm)))
+    given = np.array([[7.0, 9.0], [5.0, 6.0], [70.0, 100.0]])
+    whole = small.pressure_kpa.at_tissue(5.2, 30.4)(*given)
+    mapped = small.pressure_kpa.mapped(matrix).at_tissue(5.2, 30.4)(*given)
+    np.testing.assert_allclose(mapped, whole @ matrix.T, rtol=1e-9, atol=1e-9)
+
+
+def test_the_force_of_one_newton_is_in_it(small: PressSurrogate) -> None:
+    face = face_of(PROBE.radius_mm, Resolution())
+    at = small.pressure_kpa.at_tissue(5.0, 30.0)
+    inclusions = np.array([[7.0, 9.0], [5.0, 6.0], [70.0, 100.0]])
+    np.testing.assert_allclose((at(*inclusions) @ face.mass()).sum(axis=1), 1000.0, rtol=1e-9)
+
+
+def tiny(probe: Probe = PROBE, box: Box = SMALL, **given: Any) -> PressSurrogate:
+    return build_surrogate(probe, box, **{"degrees": TINY, "resolution": COARSE, **given})
+
+
+@pytest.fixture
+def stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Folder of an empty cache."""
+    monkeypatch.setenv("TSIS_CACHE_DIR", str(tmp_path))
+    return tmp_path / "surrogates"
+
+
+@pytest.fixture
+def builds(monkeypatch: pytest.MonkeyPatch) -> list[int]:
+    """One entry a surrogate that was solved and not loaded."""
+    seen: list[int] = []
+    solve: Callable[..., Any] = surrogate_build._solve_all
+
+    def counted(*arguments: Any) -> Any:
+        seen.append(1)
+        return solve(*arguments)
+
+    monkeypatch.setattr(surrogate_build, "_solve_all", counted)
+    return seen
+
+
+def same(first: PressSurrogate, second: PressSurrogate) -> bool:
+    names = ("pressure_kpa", "face_displacement_mm", "approach_mm")
+    return first.key == second.key and all(
+        np.array_equal(getattr(getattr(first, name), part), getattr(getattr(second, name), part))
+        for name in names
+        for part in ("plain", "change")
+    )
+
+
+def test_it_is_solved_once_and_then_loaded(stored: Path, builds: list[int]) -> None:
+    first = tiny()
+    assert [path.name for path in stored.iterdir()] == [first.key]
+    assert same(tiny(), first)
+    assert len(builds) == 1
+
+
+def test_without_the_cache_nothing_is_read_or_written(stored: Path, builds: list[int]) -> None:
+    assert same(tiny(cached=False), tiny(cached=False))
+    assert len(builds) == 2
+    assert not stored.exists()
+
+
+@pytest.mark.parametrize("damage", ["flipped", "truncated", "empty", "foreign", "other key"])
+def test_a_damaged_file_is_built_anew(stored: Path, builds: list[int], damage: str) -> None:
+    first = tiny()
+    path = stored / first.key
+    data = bytearray(path.read_bytes())
+    if damage == "flipped":
+        data[len(data) // 2] ^= 1
+    elif damage == "truncated":
+        del data[-100:]
+    elif damage == "empty":
+        data.clear()
+    elif damage == "foreign":
+        data[:] = b"PK\x03\x04 not ours"
+    else:
+        other = tiny(box=replace(SMALL, poisson=0.3))
+        data[:] = (stored / other.key).read_bytes()
+    path.write_bytes(data)
+    before = len(builds)
+    assert same(tiny(), first)
+    assert len(builds) == before + 1
+    assert same(tiny(), first)
+    assert len(builds) == before + 1, "the good file took the place of the bad one"
+
+
+def test_a_folder_that_cannot_be_written_is_no_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    taken = tmp_path / "taken"
+    taken.write_text("a file where the folder should be")
+    monkeypatch.setenv("TSIS_CACHE_DIR", str(taken))
+    assert same(tiny(), tiny())
+
+
+def test_the_key_follows_the_content_and_not_the_name(stored: Path) -> None:
+    first = tiny()
+    softer = replace(PROBE, layers=(*PROBE.layers[:2], replace(PROBE.layers[2], young_kpa=30.0)))
+    others = [
+        tiny(probe=softer),
+        tiny(probe=replace(PROBE, radius_mm=11.0)),
+        tiny(box=replace(SMALL, depth_mm=(4.0, 8.5))),
+        tiny(box=replace(SMALL, poisson=0.48)),
+        tiny(degrees=replace(TINY, depth=2)),
+        tiny(resolution=replace(COARSE, order=4)),
+    ]
+    assert len({first.key, *(other.key for other in others)}) == 7
+    assert tiny(probe=replace(PROBE, name="renamed", assumed=())).key == first.key
+    assert len(list(stored.iterdir())) == 7
+
+
+def test_progress_is_told_slab_by_slab() -> None:
+    calls: list[tuple[int, int]] = []
+    degrees = Degrees(diameter=2, depth=1, contrast=1, tissue=1, thickness=2, plain=1)
+    tiny(degrees=degrees, progress=lambda done, total: calls.append((done, total)), cached=False)
+    assert calls == [(1, 4), (2, 4), (3, 4), (4, 4)]
+
+
+def test_lift_off_anywhere_in_the_box_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(surrogate_build, "_row", lambda unit: -np.append(unit.pressure, unit.approach))
+    with pytest.raises(MechanicsError, match=r"lifts off the probe for an inclusion of diameter_mm 8.0 at depth_mm 6"):
+        tiny(cached=False)
+
+
+@pytest.mark.parametrize(
+    ("changes", "phrase"),
+    [
+        ({"diameter_mm": (5.0, 5.0)}, r"diameter_mm must be a range \(low, high\) with 0 < low < high"),
+        ({"thickness_mm": (31.0, 29.0)}, r"thickness_mm must be a range"),
+        ({"tissue_young_kpa": (-1.0, 5.0)}, r"tissue_young_kpa must be a range"),
+        ({"poisson": 0.5}, r"poisson must lie in \[0, 0.495\]"),
+        ({"depth_mm": (4.0, 20.0)}, r"largest depth_mm \+ diameter_mm must be less than .* = 29; got 30"),
+        ({"young_kpa": (5.0, 50.0)}, r"young_kpa must lie above tissue_young_kpa = 5.5"),
+    ],
+)
+def test_what_a_box_refuses(changes: dict[str, Any], phrase: str) -> None:
+    with pytest.raises(InputError, match=phrase):
+        replace(SMALL, **changes)
