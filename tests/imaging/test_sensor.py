@@ -1,0 +1,86 @@
+"""The sensor: distances on its face, and mean, variance and clipping of what it reads."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tsis.imaging.sensor import Sensor, expose
+from tsis.model.errors import InputError
+
+SENSOR = Sensor(columns=400, rows=300)
+
+
+def test_distances_are_measured_in_mm_from_the_middle() -> None:
+    distance = Sensor(columns=9, rows=11, mm_per_pixel=(0.1, 0.2)).radius_mm()
+    assert distance.shape == (11, 9)
+    assert distance[5, 4] == 0.0
+    assert distance[5, 8] == pytest.approx(0.4)
+    assert distance[10, 4] == pytest.approx(1.0)
+    assert distance[0, 0] == pytest.approx(np.hypot(0.4, 1.0))
+
+
+def test_an_even_frame_has_its_axis_between_pixels() -> None:
+    distance = Sensor(columns=8, rows=8, mm_per_pixel=(0.1, 0.1)).radius_mm()
+    assert distance.min() == pytest.approx(np.hypot(0.05, 0.05))
+    np.testing.assert_allclose(distance, distance[::-1, ::-1])
+
+
+def test_the_default_sees_the_width_of_the_dissertations_face() -> None:
+    sensor = Sensor()
+    assert sensor.columns * sensor.mm_per_pixel[0] == pytest.approx(25.8, abs=0.1)
+    assert sensor.rows * sensor.mm_per_pixel[1] == pytest.approx(19.3, abs=0.1)
+
+
+@pytest.mark.parametrize("level", [0.0, 40.0, 150.0])
+def test_mean_and_variance_of_the_noise(level: float) -> None:
+    sensor = replace(SENSOR, read_noise_grey=1.5, shot_noise_grey=0.05)
+    frame = expose(np.full((300, 400), level), sensor, np.random.default_rng(1))
+    variance = 1.5**2 + 0.05 * level + 1 / 12  # rounding adds a twelfth
+    assert frame.mean() == pytest.approx(level + sensor.background_grey, abs=5 * np.sqrt(variance / frame.size))
+    assert frame.var() == pytest.approx(variance, rel=5 * np.sqrt(2 / frame.size))
+    rows = frame - frame.mean()
+    neighbours = (rows[:, 1:] * rows[:, :-1]).mean() / variance
+    assert abs(neighbours) < 5 / np.sqrt(frame.size), "pixels are independent"
+
+
+def test_without_noise_only_rounding_is_left() -> None:
+    quiet = replace(SENSOR, read_noise_grey=0.0, shot_noise_grey=0.0, background_grey=3.0)
+    light = np.linspace(0.0, 200.0, 300 * 400).reshape(300, 400)
+    np.testing.assert_array_equal(expose(light, quiet, np.random.default_rng(0)), np.rint(light + 3.0))
+
+
+def test_clips_at_both_ends_and_reads_whole_levels() -> None:
+    light = np.concatenate([np.zeros((150, 400)), np.full((150, 400), 1e4)])
+    frame = expose(light, replace(SENSOR, background_grey=0.0, read_noise_grey=5.0), np.random.default_rng(2))
+    assert (frame[150:] == 255.0).all()
+    assert frame[:150].min() == 0.0
+    assert 0.4 < (frame[:150] == 0.0).mean() < 0.6
+    np.testing.assert_array_equal(frame, np.rint(frame))
+
+
+def test_the_seed_decides() -> None:
+    light = np.full((300, 400), 50.0)
+    first, again, other = (expose(light, SENSOR, np.random.default_rng(seed)) for seed in (3, 3, 4))
+    np.testing.assert_array_equal(first, again)
+    assert (first != other).any()
+
+
+@pytest.mark.parametrize(
+    ("changes", "phrase"),
+    [
+        ({"columns": 4}, r"columns must lie in \[8, 8192\]; got 4"),
+        ({"rows": 10000}, "rows must lie in"),
+        ({"mm_per_pixel": (0.1, 0.0)}, "mm_per_pixel must lie in"),
+        ({"full_scale": 0.0}, "full_scale must lie in"),
+        ({"read_noise_grey": -1.0}, "read_noise_grey must lie in"),
+        ({"shot_noise_grey": float("nan")}, "shot_noise_grey must lie in"),
+        ({"background_grey": 300.0}, r"background_grey must lie in \[0, 255\]; got 300"),
+    ],
+)
+def test_what_a_sensor_refuses(changes: dict[str, Any], phrase: str) -> None:
+    with pytest.raises(InputError, match=phrase):
+        replace(SENSOR, **changes)

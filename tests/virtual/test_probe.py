@@ -1,0 +1,120 @@
+"""The virtual probe: its seed decides everything, its errors have the sizes that its calibration states."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+import tsis
+from tsis import Calibration
+from tsis.imaging.render import render
+from tsis.imaging.sensor import Sensor
+from tsis.mechanics import Resolution, press
+from tsis.model.errors import InputError
+from tsis.virtual import VirtualProbe, nominal_calibration
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+PROBE = tsis.load_probe("tsis-2011")
+LUMP = tsis.load_phantom("hardness-100")
+COARSE = Resolution(order=3, edge=0.05, growth=2.2, largest=0.3)
+SMALL = Sensor(columns=96, rows=64, mm_per_pixel=(0.25, 0.28))
+IDEAL = replace(
+    nominal_calibration(SMALL), gain_sd=0.0, force_sd=0.0, offset_sd=0.0, pattern_sd=0.0, repeatability_sd=0.0
+)
+
+
+def virtual(seed: int, calibration: Calibration | None = None, sensor: Sensor = SMALL) -> VirtualProbe:
+    return VirtualProbe(
+        PROBE, rng=np.random.default_rng(seed), sensor=sensor, calibration=calibration, resolution=COARSE
+    )
+
+
+def test_a_seed_gives_the_same_frames_and_another_seed_others() -> None:
+    first, again, other = (virtual(seed).press(LUMP, force_n=1.0).grey for seed in (5, 5, 6))
+    np.testing.assert_array_equal(first, again)
+    assert (first != other).any()
+
+
+def test_two_presses_of_one_probe_differ() -> None:
+    probe = virtual(5)
+    assert (probe.press(LUMP, force_n=1.0).grey != probe.press(LUMP, force_n=1.0).grey).any()
+
+
+def test_without_contact_it_reads_the_background() -> None:
+    frame = virtual(1).no_contact()
+    assert frame.grey.mean() == pytest.approx(SMALL.background_grey, abs=5 * SMALL.read_noise_grey / np.sqrt(96 * 64))
+    assert frame.force_n == 0.0
+    assert frame.grey.std() == pytest.approx(np.sqrt(SMALL.read_noise_grey**2 + 1 / 12), rel=0.1)
+
+
+def test_without_errors_it_is_the_rendered_press() -> None:
+    quiet = replace(SMALL, read_noise_grey=0.0, shot_noise_grey=0.0)
+    frame = virtual(1, IDEAL, quiet).press(LUMP, force_n=1.0)
+    field = press(PROBE, LUMP, force_n=1.0, resolution=COARSE)
+    expected = np.clip(np.rint(render(field, quiet, IDEAL) + quiet.background_grey), 0.0, 255.0)
+    np.testing.assert_array_equal(frame.grey, expected)
+
+
+def with_error(name: str, sd: float) -> Calibration:
+    changes: dict[str, Any] = {name: sd}
+    return replace(IDEAL, **changes)
+
+
+def scatter(name: str, sd: float) -> NDArray[np.float64]:
+    """Light in the centre of 60 probes that have one kind of error, over that of the ideal one."""
+    answer = with_error(name, sd)
+    ideal = virtual(0, IDEAL).light(LUMP, force_n=1.0)
+    middle = (slice(24, 40), slice(36, 60))
+    ratios = [virtual(seed, answer).light(LUMP, force_n=1.0)[middle].mean() for seed in range(60)]
+    return np.array(ratios, dtype=float) / ideal[middle].mean()
+
+
+@pytest.mark.parametrize("name", ["gain_sd", "force_sd", "offset_sd"])
+def test_errors_have_their_stated_size(name: str) -> None:
+    found = scatter(name, 0.01)
+    assert found.mean() == pytest.approx(1.0, abs=0.005)
+    assert 0.006 < found.std() < 0.014
+
+
+@pytest.mark.parametrize("name", ["pattern_sd", "repeatability_sd"])
+def test_patterns_vary_over_the_face(name: str) -> None:
+    answer = with_error(name, 0.02)
+    ideal = virtual(0, IDEAL).light(LUMP, force_n=1.0)
+    lit = ideal > 5.0
+    probe = virtual(3, answer)
+    first, second = (probe.light(LUMP, force_n=1.0)[lit] / ideal[lit] for _ in range(2))
+    assert 0.01 < first.std() < 0.03
+    if name == "pattern_sd":
+        np.testing.assert_allclose(first, second, rtol=1e-12)
+    else:
+        assert np.abs(np.corrcoef(first, second)[0, 1]) < 0.9
+
+
+def test_a_frame_says_what_it_is() -> None:
+    frame = virtual(1).press(LUMP, force_n=0.5)
+    assert (frame.name, frame.force_n, frame.mm_per_pixel) == ("hardness-100", 0.5, SMALL.mm_per_pixel)
+    assert dict(frame.settings) == {"source": "virtual", "probe": "tsis-2011"}
+    assert virtual(1).press(replace(LUMP, name=""), force_n=0.5).name == "phantom"
+
+
+def test_half_of_the_scale_is_filled_at_one_newton() -> None:
+    light = virtual(1).press(tsis.load_phantom("plain"), force_n=1.0).grey
+    assert 0.2 < np.median(light) / 255.0 < 0.6
+    twelve = nominal_calibration(replace(SMALL, full_scale=4095.0))
+    assert twelve.gain_grey_per_kpa == pytest.approx(60.0 * 4095 / 255)
+
+
+def test_more_force_more_light() -> None:
+    weak, strong = (virtual(2).press(LUMP, force_n=force).grey.sum() for force in (0.5, 1.0))
+    assert strong > 1.7 * weak
+
+
+@pytest.mark.parametrize("force", [0.0, -1.0, 51.0, float("nan")])
+def test_a_press_needs_a_force(force: float) -> None:
+    with pytest.raises(InputError, match="force_n must lie in"):
+        virtual(1).press(LUMP, force_n=force)
