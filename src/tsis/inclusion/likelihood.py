@@ -1,7 +1,7 @@
 """How well an inclusion explains the profiles, with every nuisance integrated out.
 
 The nuisances enter linearly around a point and have a normal prior, so the integral is exact for that linearisation:
-with whitened residual r and whitened derivatives J, the evidence needs only A = P^-1 + J'J.
+with whitened residual r and whitened derivatives J by nuisances of unit variance, the evidence needs only I + J'J.
 """
 
 from __future__ import annotations
@@ -74,12 +74,14 @@ class Likelihood:
         white = self._whiten(residual[:, :, None])[:, :, 0]
         turned = self._whiten(slopes)
         white = white + turned @ nuisance
-        normal = np.swapaxes(turned, 1, 2) @ turned + np.diag(self._sd**-2)
+        # In units of their standard deviations, so that a nuisance known exactly (0) is no special case.
+        turned *= self._sd
+        normal = np.swapaxes(turned, 1, 2) @ turned + np.eye(size)
         right = np.swapaxes(turned, 1, 2) @ white[:, :, None]
         best = np.asarray(np.linalg.solve(normal, right)[:, :, 0], dtype=float)
         square = (white**2).sum(axis=1) - (right[:, :, 0] * best).sum(axis=1)
         _, log_determinant = np.linalg.slogdet(normal)
-        return Fit(log_evidence=-0.5 * (square + log_determinant), nuisance=best, misfit=square)
+        return Fit(log_evidence=-0.5 * (square + log_determinant), nuisance=best * self._sd, misfit=square)
 
     def _whiten(self, columns: NDArray[np.float64]) -> NDArray[np.float64]:
         """Apply the inverse root of the noise covariance along the rings, axis 1 of (n, rings, k)."""

@@ -10,16 +10,16 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.imaging import radial_profile
 from tsis.inclusion.chart import SignalChart
 from tsis.inclusion.forward import ForwardModel
+from tsis.inclusion.frames import as_frames, check_frames, ring_edges, ring_means, ring_profiles
 from tsis.inclusion.grid import Grid, refine
 from tsis.inclusion.likelihood import Fit, Likelihood, Profiles
 from tsis.inclusion.prior import PARAMETERS, InclusionPrior
 from tsis.inclusion.verdict import verdict
 from tsis.mechanics import build_surrogate
 from tsis.model import Calibration, Estimate, Probe, TactileImage
-from tsis.model.errors import ImageMismatchError, InputError, NotCalibratedError
+from tsis.model.errors import InputError, NotCalibratedError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
     from tsis.mechanics import PressSurrogate
 
-RINGS = 20
-OUTER_SHARE = 0.8  # of the face's radius; outside it the singular edge tells more about the rim than about the tissue
 LINEARISATIONS = 2  # on a coarse grid, before that of the answer
 COARSE, CELLS = 8, 16  # along each axis
 SAMPLES = 16384
@@ -79,28 +77,20 @@ def estimate(
     MechanicsError
         When the tissue would lift off the face somewhere in the prior.
     """
-    targets, references = _frames("images", images), _frames("reference", reference)
+    targets, references = as_frames("images", images), as_frames("reference", reference)
     if not targets:
         raise InputError("images must hold at least one TactileImage; got none")
     if not isinstance(calibration, Calibration):
         raise NotCalibratedError(
             f"calibration must be a Calibration, the answer of this probe's grey level to pressure; got {calibration!r}"
         )
-    frames = targets + references
-    _check_frames(frames)
+    check_frames(targets + references)
     prior = prior or InclusionPrior()
     surrogate = build_surrogate(probe, prior.box())
     with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
-        edges = ring_edges(probe)
-        data = _profiles(frames, calibration, edges)
-        model = ForwardModel(
-            rings=surrogate.pressure_kpa.mapped(ring_means(surrogate, edges)),
-            calibration=calibration,
-            prior=prior,
-            force_n=np.array([frame.force_n for frame in frames]),
-            is_reference=np.array([False] * len(targets) + [True] * len(references)),
+        likelihood, data = likelihood_of(
+            targets, references, surrogate, probe=probe, calibration=calibration, prior=prior
         )
-        likelihood = Likelihood(model, data)
         samples, best = _posterior(likelihood, prior)
     flags, notes = verdict(
         samples, prior=prior, targets=targets, references=references, data=data, best=best, freedom=likelihood.freedom
@@ -114,20 +104,26 @@ def estimate(
     )
 
 
-def ring_edges(probe: Probe) -> NDArray[np.float64]:
-    """Boundaries in mm of the rings that the profile is averaged over."""
-    return np.linspace(0.0, OUTER_SHARE * probe.radius_mm, RINGS + 1)
-
-
-def ring_means(surrogate: PressSurrogate, edges_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Matrix from nodal values to means over the rings' areas, shape (rings, nodes)."""
-    x, w = np.polynomial.legendre.leggauss(6)
-    half = np.diff(edges_mm) / 2
-    radius = edges_mm[:-1, None] + half[:, None] * (x + 1)
-    weight = radius * w
-    weight = weight / weight.sum(axis=1, keepdims=True)
-    values = surrogate.interpolate(radius.ravel()).reshape(*radius.shape, -1)
-    return np.asarray(np.einsum("rq,rqn->rn", weight, values))
+def likelihood_of(
+    targets: list[TactileImage],
+    references: list[TactileImage],
+    surrogate: PressSurrogate,
+    *,
+    probe: Probe,
+    calibration: Calibration,
+    prior: InclusionPrior,
+) -> tuple[Likelihood, Profiles]:
+    """Likelihood of inclusions given these frames, and the ring profiles that it rests on."""
+    frames, edges = targets + references, ring_edges(probe)
+    data = ring_profiles(frames, calibration, edges)
+    model = ForwardModel(
+        rings=surrogate.pressure_kpa.mapped(ring_means(surrogate, edges)),
+        calibration=calibration,
+        prior=prior,
+        force_n=np.array([frame.force_n for frame in frames]),
+        is_reference=np.array([False] * len(targets) + [True] * len(references)),
+    )
+    return Likelihood(model, data), data
 
 
 def _posterior(likelihood: Likelihood, prior: InclusionPrior) -> tuple[NDArray[np.float64], Fit]:
@@ -147,44 +143,6 @@ def _posterior(likelihood: Likelihood, prior: InclusionPrior) -> tuple[NDArray[n
     grid = search(nuisance, CELLS, coarse)
     best = likelihood(chart.inclusions(grid.mean()[None]), nuisance)
     return chart.inclusions(grid.samples(SAMPLES)), best
-
-
-def _frames(name: str, given: TactileImage | Sequence[TactileImage] | None) -> list[TactileImage]:
-    if given is None:
-        return []
-    frames = [given] if isinstance(given, TactileImage) else list(given)
-    for frame in frames:
-        if not isinstance(frame, TactileImage):
-            raise InputError(f"{name} must hold TactileImage values; got {type(frame).__name__}")
-    return frames
-
-
-def _check_frames(frames: list[TactileImage]) -> None:
-    first = frames[0]
-    for frame in frames:
-        label = frame.name or "an image"
-        if not frame.force_n:
-            raise InputError(f"force_n must be known and positive for {label!r}; got {frame.force_n!r}")
-        if frame.scale() != first.scale() or frame.full_scale != first.full_scale:
-            raise ImageMismatchError(
-                f"all images must share mm_per_pixel {first.mm_per_pixel} and full_scale {first.full_scale:g}; "
-                f"{label!r} has {frame.mm_per_pixel} and {frame.full_scale:g}"
-            )
-
-
-def _profiles(frames: list[TactileImage], calibration: Calibration, edges: NDArray[np.float64]) -> Profiles:
-    rings = [radial_profile(frame, edges_mm=edges) for frame in frames]
-    count = np.array([ring.count for ring in rings])
-    clipped = np.array([ring.clipped_count for ring in rings])
-    usable = (count > 0) & (clipped == 0)
-    if not usable[:, : RINGS // 2].any():
-        raise InputError(
-            "the inner half of the probe's face must lie in the picture without clipping; got no usable ring there "
-            "(check mm_per_pixel, axis_px and the exposure)"
-        )
-    grey = np.nan_to_num(np.array([ring.mean_grey for ring in rings])) - calibration.background_grey
-    pixel = calibration.read_noise_grey**2 + calibration.shot_noise_grey * np.maximum(grey, 0.0) + 1 / 12
-    return Profiles(grey=grey, variance=pixel / np.maximum(count, 1), usable=usable)
 
 
 def _provenance(

@@ -1,0 +1,83 @@
+"""From camera frames to ring profiles: what an estimate reads off the images."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.imaging import radial_profile
+from tsis.inclusion.likelihood import Profiles
+from tsis.model import TactileImage
+from tsis.model.errors import ImageMismatchError, InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.mechanics import PressSurrogate
+    from tsis.model import Calibration, Probe
+
+RINGS = 20
+OUTER_SHARE = 0.8  # of the face's radius; outside it the singular edge tells more about the rim than about the tissue
+
+
+def ring_edges(probe: Probe) -> NDArray[np.float64]:
+    """Boundaries in mm of the rings that the profile is averaged over."""
+    return np.linspace(0.0, OUTER_SHARE * probe.radius_mm, RINGS + 1)
+
+
+def ring_means(surrogate: PressSurrogate, edges_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Matrix from nodal values to means over the rings' areas, shape (rings, nodes)."""
+    x, w = np.polynomial.legendre.leggauss(6)
+    half = np.diff(edges_mm) / 2
+    radius = edges_mm[:-1, None] + half[:, None] * (x + 1)
+    weight = radius * w
+    weight = weight / weight.sum(axis=1, keepdims=True)
+    values = surrogate.interpolate(radius.ravel()).reshape(*radius.shape, -1)
+    return np.asarray(np.einsum("rq,rqn->rn", weight, values))
+
+
+def as_frames(name: str, given: TactileImage | Sequence[TactileImage] | None) -> list[TactileImage]:
+    """One image, several or none as a list."""
+    if given is None:
+        return []
+    if isinstance(given, TactileImage):
+        return [given]
+    frames = list(given) if isinstance(given, Iterable) else [given]
+    for frame in frames:
+        if not isinstance(frame, TactileImage):
+            raise InputError(f"{name} must hold TactileImage values; got {type(frame).__name__}")
+    return frames
+
+
+def check_frames(frames: list[TactileImage]) -> None:
+    """Refuse frames of unknown force or scale, or that do not belong together."""
+    first = frames[0]
+    for frame in frames:
+        label = frame.name or "an image"
+        if not frame.force_n:
+            raise InputError(f"force_n must be known and positive for {label!r}; got {frame.force_n!r}")
+        if frame.scale() != first.scale() or frame.full_scale != first.full_scale:
+            raise ImageMismatchError(
+                f"all images must share mm_per_pixel {first.mm_per_pixel} and full_scale {first.full_scale:g}; "
+                f"{label!r} has {frame.mm_per_pixel} and {frame.full_scale:g}"
+            )
+
+
+def ring_profiles(frames: list[TactileImage], calibration: Calibration, edges_mm: NDArray[np.float64]) -> Profiles:
+    """Mean grey above background in each ring of each frame, and which rings may be used."""
+    rings = [radial_profile(frame, edges_mm=edges_mm) for frame in frames]
+    count = np.array([ring.count for ring in rings])
+    clipped = np.array([ring.clipped_count for ring in rings])
+    usable = (count > 0) & (clipped == 0)
+    if not usable[:, : RINGS // 2].any(axis=1).all():
+        raise InputError(
+            "the inner half of the probe's face must lie in every picture without clipping; got one with no "
+            "usable ring there (check mm_per_pixel, axis_px and the exposure)"
+        )
+    grey = np.nan_to_num(np.array([ring.mean_grey for ring in rings])) - calibration.background_grey
+    pixel = calibration.read_noise_grey**2 + calibration.shot_noise_grey * np.maximum(grey, 0.0) + 1 / 12
+    return Profiles(grey=grey, variance=pixel / np.maximum(count, 1), usable=usable)
