@@ -70,8 +70,8 @@ def scatter(name: str, sd: float) -> NDArray[np.float64]:
     answer = with_error(name, sd)
     ideal = virtual(0, IDEAL).light(LUMP, force_n=1.0)
     middle = (slice(24, 40), slice(36, 60))
-    ratios = [virtual(seed, answer).light(LUMP, force_n=1.0)[middle].mean() for seed in range(60)]
-    return np.array(ratios, dtype=float) / ideal[middle].mean()
+    ratios = [float(virtual(seed, answer).light(LUMP, force_n=1.0)[middle].mean()) for seed in range(60)]
+    return np.asarray(np.array(ratios) / float(ideal[middle].mean()))
 
 
 @pytest.mark.parametrize("name", ["gain_sd", "force_sd", "offset_sd"])

@@ -24,8 +24,11 @@ if TYPE_CHECKING:
     Support = Callable[[NDArray[np.float64]], NDArray[np.bool_]]
 
 ENOUGH_SHARE = 0.02  # of the cells: effective number that a refinement step leaves
-NEGLIGIBLE = 1e-7  # weight, relative to the best cell, that the next grid may leave out
-STEPS = 10
+NEGLIGIBLE = np.log(1e-7)  # log weight, relative to the best cell, that the next grid may leave out
+FAINT = np.log(1e-2)  # the same after tempering: the density itself is far smaller there
+STEPS = 40
+STUCK = 0.7  # share of the volume: a box that shrinks less cannot be resolved by shrinking
+FINEST = 2  # times as many cells along each axis as asked for, for a density so bent that its box stays wide
 TRIES = 16  # draws from a cell at the edge before its centroid is taken
 ELSEWHERE = np.array([0.8191725134, 0.6710436067, 0.5497004779])  # Kronecker sequence that fills a cube evenly
 
@@ -95,7 +98,6 @@ def refine(
     *,
     support: Support | None = None,
     per_axis: int = 16,
-    start: Grid | None = None,
 ) -> Grid:
     """Refine a grid on the box [low, high] until it resolves the density.
 
@@ -109,8 +111,6 @@ def refine(
         Whether the density of points (n, 3) is not zero; the box when None.
     per_axis
         Cells along each axis.
-    start
-        A grid that resolves nearly the same density: the search begins where it has weight.
     """
     if support is None:
 
@@ -118,10 +118,7 @@ def refine(
             return np.asarray(((points >= low) & (points <= high)).all(axis=1))
 
     origin, axes = low, np.diag(high - low)
-    if start is not None:
-        # Its cells may be wide: their neighbours are looked at too, and what was found is resolved once more.
-        origin, axes = _sheared_box(start.cells, start.weight, low, high, margin=1.5)
-    resolved = False
+    resolved, most = False, FINEST * per_axis
     for _ in range(STEPS):
         cells = _cells(origin, axes, per_axis, support)
         log_weight = log_density(cells.points) + np.log(cells.share)
@@ -131,7 +128,12 @@ def refine(
             break
         # One more grid at temperature one: the last that was tempered is too wide for the density itself.
         resolved = power == 1.0
-        origin, axes = _sheared_box(cells, np.exp(power * log_weight), low, high)
+        before = abs(np.linalg.det(axes))
+        origin, axes = _sheared_box(cells, log_weight, power, low, high)
+        if power < 1.0 and abs(np.linalg.det(axes)) > STUCK * before:
+            if per_axis == most:
+                break
+            per_axis = min(3 * per_axis // 2, most)
     weight = np.exp(log_weight)
     return Grid(cells=cells, weight=weight / weight.sum(), support=support)
 
@@ -172,29 +174,27 @@ def _temper(log_weight: NDArray[np.float64], enough: float) -> float:
 
 def _sheared_box(
     cells: Cells,
-    weight: NDArray[np.float64],
+    log_weight: NDArray[np.float64],
+    power: float,
     low: NDArray[np.float64],
     high: NDArray[np.float64],
-    *,
-    margin: float = 0.5,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Box that holds all cells of weight, sheared along the weighted points: its origin, and its edges as rows.
-
-    The box ends ``margin`` cells beyond the outermost centres.
+    """Box that holds all cells of weight, sheared along the tempered points: its origin, and its edges as rows.
 
     The last coordinate leads: its range is never tilted, so that a flat posterior keeps the prior's ends exactly.
     """
     lead = [2, 1, 0]
-    weight = weight / weight.sum()
+    weight = np.exp(power * log_weight)
+    weight /= weight.sum()
     middle = weight @ cells.points
     centred = cells.points - middle
     covariance = (weight[:, None] * centred).T @ centred + cells.edges.T @ cells.edges / 12
     shear = np.zeros((3, 3))
     shear[np.ix_(lead, lead)] = np.linalg.cholesky(covariance[np.ix_(lead, lead)])
     inverse = np.linalg.inv(shear)
-    along = centred[weight > NEGLIGIBLE * weight.max()] @ inverse.T
-    beyond = margin * np.abs(cells.edges @ inverse.T).sum(axis=0)
-    first, last = along.min(axis=0) - beyond, along.max(axis=0) + beyond
+    along = centred[log_weight > min(NEGLIGIBLE, FAINT / power)] @ inverse.T
+    margin = np.abs(cells.edges @ inverse.T).sum(axis=0) / 2
+    first, last = along.min(axis=0) - margin, along.max(axis=0) + margin
     first[2] = max(first[2], (low[2] - middle[2]) * inverse[2, 2])
     last[2] = min(last[2], (high[2] - middle[2]) * inverse[2, 2])
     return middle + shear @ first, (shear * (last - first)).T

@@ -130,17 +130,17 @@ def _posterior(likelihood: Likelihood, prior: InclusionPrior) -> tuple[NDArray[n
     """Samples (n, 3), and the fit at their mean; the nuisances are linearised anew until they settle."""
     chart = SignalChart(prior)
 
-    def search(nuisance: NDArray[np.float64], per_axis: int, start: Grid | None = None) -> Grid:
+    def search(nuisance: NDArray[np.float64], per_axis: int) -> Grid:
         def density(points: NDArray[np.float64]) -> NDArray[np.float64]:
             return likelihood(chart.inclusions(points), nuisance).log_evidence + chart.log_volume(points)
 
-        return refine(density, chart.low, chart.high, support=chart.allows, per_axis=per_axis, start=start)
+        return refine(density, chart.low, chart.high, support=chart.allows, per_axis=per_axis)
 
     nuisance = likelihood.start
     for _ in range(LINEARISATIONS):
         coarse = search(nuisance, COARSE)
         nuisance = likelihood(chart.inclusions(coarse.mean()[None]), nuisance).nuisance[0]
-    grid = search(nuisance, CELLS, coarse)
+    grid = search(nuisance, CELLS)
     best = likelihood(chart.inclusions(grid.mean()[None]), nuisance)
     return chart.inclusions(grid.samples(SAMPLES)), best
 
