@@ -36,8 +36,14 @@ def test_an_image_is_a_read_only_copy_with_its_axis_in_the_middle() -> None:
         ({"full_scale": 0.0}, "full_scale must lie in"),
         ({"force_n": -0.1}, "force_n must lie in"),
         ({"force_n": float("nan")}, "force_n must lie in"),
-        ({"axis_px": (1.0, float("inf"))}, "axis_px must hold two finite numbers"),
-        ({"axis_px": (1.0, 2.0, 3.0)}, "axis_px must hold two finite numbers"),
+        ({"axis_px": (1.0, float("inf"))}, "axis_px must be finite"),
+        ({"axis_px": 5}, "axis_px must have 1 axes"),
+        ({"axis_px": ("a", "b")}, "axis_px must be an array of numbers"),
+        ({"mm_per_pixel": (0.1, 0.1, 0.1)}, "mm_per_pixel must hold two numbers"),
+        ({"settings": None}, "settings must be a mapping"),
+        ({"grey": [[1e300]]}, "grey must lie within"),
+        ({"grey": [[1j]]}, "grey must be an array of numbers"),
+        ({"axis_px": (1.0, 2.0, 3.0)}, "axis_px must hold two numbers"),
     ],
 )
 def test_what_an_image_refuses(changes: dict[str, Any], phrase: str) -> None:

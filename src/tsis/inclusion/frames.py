@@ -54,8 +54,8 @@ def as_frames(name: str, given: TactileImage | Sequence[TactileImage] | None) ->
 
 
 def check_frames(frames: list[TactileImage]) -> None:
-    """Refuse frames of unknown force or scale, or that do not belong together."""
-    first = frames[0]
+    """Refuse frames of unknown force or scale, that do not belong together, or that are given twice."""
+    first, seen = frames[0], set()
     for frame in frames:
         label = frame.name or "an image"
         if not frame.force_n:
@@ -65,10 +65,25 @@ def check_frames(frames: list[TactileImage]) -> None:
                 f"all images must share mm_per_pixel {first.mm_per_pixel} and full_scale {first.full_scale:g}; "
                 f"{label!r} has {frame.mm_per_pixel} and {frame.full_scale:g}"
             )
+        if frame.grey.shape != first.grey.shape or frame.axis_px != first.axis_px:
+            raise ImageMismatchError(
+                f"all images must share the shape {first.grey.shape} and axis_px {first.axis_px}; "
+                f"{label!r} has {frame.grey.shape} and {frame.axis_px}"
+            )
+        content = frame.grey.tobytes()
+        if content in seen:
+            raise InputError(f"images must be different frames; {label!r} is given twice, which tells nothing new")
+        seen.add(content)
 
 
-def ring_profiles(frames: list[TactileImage], calibration: Calibration, edges_mm: NDArray[np.float64]) -> Profiles:
-    """Mean grey above background in each ring of each frame, and which rings may be used."""
+def ring_profiles(
+    frames: list[TactileImage], calibration: Calibration, edges_mm: NDArray[np.float64], *, model_error: float
+) -> Profiles:
+    """Mean grey above background in each ring of each frame, and which rings may be used.
+
+    The error of the fast press model, a share of the pressure, counts as noise of each ring: a model that is coarse
+    widens the intervals and does not shift them unseen.
+    """
     rings = [radial_profile(frame, edges_mm=edges_mm) for frame in frames]
     count = np.array([ring.count for ring in rings])
     clipped = np.array([ring.clipped_count for ring in rings])
@@ -80,4 +95,5 @@ def ring_profiles(frames: list[TactileImage], calibration: Calibration, edges_mm
         )
     grey = np.nan_to_num(np.array([ring.mean_grey for ring in rings])) - calibration.background_grey
     pixel = calibration.read_noise_grey**2 + calibration.shot_noise_grey * np.maximum(grey, 0.0) + 1 / 12
-    return Profiles(grey=grey, variance=pixel / np.maximum(count, 1), usable=usable)
+    variance = pixel / np.maximum(count, 1) + (model_error * grey) ** 2
+    return Profiles(grey=grey, variance=variance, usable=usable)

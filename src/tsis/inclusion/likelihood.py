@@ -28,7 +28,7 @@ class Profiles:
     grey
         Mean grey level above background, shape (frames, rings).
     variance
-        Variance of each mean by pixel noise, shape (frames, rings).
+        Variance of each mean by pixel noise and by the error of the press model, shape (frames, rings).
     usable
         Rings in which nothing clips and pixels exist, shape (frames, rings).
     """

@@ -115,7 +115,7 @@ def likelihood_of(
 ) -> tuple[Likelihood, Profiles]:
     """Likelihood of inclusions given these frames, and the ring profiles that it rests on."""
     frames, edges = targets + references, ring_edges(probe)
-    data = ring_profiles(frames, calibration, edges)
+    data = ring_profiles(frames, calibration, edges, model_error=surrogate.error)
     model = ForwardModel(
         rings=surrogate.pressure_kpa.mapped(ring_means(surrogate, edges)),
         calibration=calibration,

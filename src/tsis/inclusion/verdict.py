@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 
 NOT_IDENTIFIED = 0.85  # posterior over prior standard deviation from which the data told next to nothing
 MODULUS_SD_KPA = 20.0  # a modulus this uncertain is not reported as a number
+PILED_UP = 0.3  # share of the samples in the outer twentieth of the prior's range that says that it cuts them off
+EDGE = 0.05
 UNLIKELY = 1e-4  # chance of a misfit this large if the model were true
 OFF_AXIS_MM = 1.0
 UNITS = {"diameter_mm": "mm", "depth_mm": "mm", "young_kpa": "kPa"}
@@ -57,6 +59,7 @@ def verdict(
                     f"The {NAMES[name]} is not identifiable from this press: {low:.3g} to {high:.3g} {UNITS[name]}.",
                 )
             )
+        found += _cut_off(column, name, getattr(prior, name))
     chance = float(chi2.sf(best.misfit[0], freedom))
     if chance < UNLIKELY:
         found.append(
@@ -70,7 +73,7 @@ def verdict(
             ("no_reference", "No reference press on plain tissue: size and depth are less certain than they could be.")
         )
     else:
-        offset = off_axis_mm(targets[0], references[0])
+        offset = max(off_axis_mm(target, references[0]) for target in targets)
         if offset > OFF_AXIS_MM:
             found.append(
                 (
@@ -88,6 +91,20 @@ def verdict(
     return tuple(flag for flag, _ in found), tuple(note for _, note in found)
 
 
+def _cut_off(column: NDArray[np.float64], name: str, interval: tuple[float, float]) -> list[tuple[str, str]]:
+    """A flag when the samples pile up against an end of the prior: the truth may well lie beyond it."""
+    low, high = interval
+    margin = EDGE * (high - low)
+    for end, share in ((low, np.mean(column < low + margin)), (high, np.mean(column > high - margin))):
+        if share > PILED_UP:
+            sentence = (
+                f"The {NAMES[name]} piles up at the prior's end of {end:g} {UNITS[name]}: it may lie beyond, or there "
+                "may be no such inclusion, and then the other intervals are wrong too."
+            )
+            return [(f"{name}_at_prior_end", sentence)]
+    return []
+
+
 def off_axis_mm(target: TactileImage, reference: TactileImage) -> float:
     """Distance in mm from the probe's axis to the centroid of what the target adds to the reference."""
     change = subtract_background(target, reference)
@@ -96,6 +113,8 @@ def off_axis_mm(target: TactileImage, reference: TactileImage) -> float:
     x = (np.arange(change.grey.shape[1]) - axis[0]) * sx
     y = (np.arange(change.grey.shape[0]) - axis[1]) * sy
     near = np.hypot(x[None, :], y[:, None]) < 0.8 * min(np.abs(x[[0, -1]]).min(), np.abs(y[[0, -1]]).min())
+    if not near.any():
+        return 0.0
     level = change.grey[near].max() / 2
     # Half of the peak keeps the far field and the noise out of the centroid.
     lit = np.where(near & (change.grey > level), change.grey - level, 0.0)

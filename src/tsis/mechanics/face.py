@@ -45,3 +45,21 @@ class Face:
         weight = 2 * np.pi * radius * (half[:, None] * w).ravel()
         shape = self.interpolation(radius)
         return shape.T @ (weight[:, None] * shape)
+
+    def averages(self, radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Matrix from nodal values to means around ``radius_mm``, weighted by area and by distance to the neighbours.
+
+        Unlike values at a point they keep the integral over the face, so that pressures sum up to the force although
+        they are singular at the edge; ``radius_mm`` ascends from 0 to the edge.
+        """
+        ends = np.union1d(radius_mm, self.lines)
+        x, w = legendre.leggauss(self.order + 2)
+        half = np.diff(ends) / 2
+        inside = (ends[:-1, None] + half[:, None] * (x + 1)).ravel()
+        right = np.clip(np.searchsorted(radius_mm, inside), 1, len(radius_mm) - 1)
+        share = (inside - radius_mm[right - 1]) / (radius_mm[right] - radius_mm[right - 1])
+        hats = np.zeros((len(radius_mm), len(inside)))
+        columns = np.arange(len(inside))
+        hats[right, columns], hats[right - 1, columns] = share, 1 - share
+        hats *= inside * (half[:, None] * w).ravel()
+        return np.asarray(hats @ self.interpolation(inside) / hats.sum(axis=1, keepdims=True))

@@ -7,7 +7,7 @@ divided by that, which is smooth enough for low degrees. Changes come from solve
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -185,6 +185,10 @@ class PressSurrogate:
         Matrix maker from nodal values to values at given radii.
     pressure_kpa, face_displacement_mm, approach_mm
         Surrogates at 1 N with n, n and 1 outputs.
+    error
+        Largest error of the pressure met in fresh presses inside the box, as a share of its mean.
+    key
+        Name of its content: probe, box, degrees and resolution.
     """
 
     radius_mm: NDArray[np.float64]
@@ -192,4 +196,5 @@ class PressSurrogate:
     pressure_kpa: Surrogate
     face_displacement_mm: Surrogate
     approach_mm: Surrogate
-    key: str = field(default="")
+    error: float
+    key: str

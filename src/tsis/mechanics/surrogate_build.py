@@ -12,6 +12,7 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
 
 from tsis.mechanics import chebyshev, disk_cache
@@ -27,7 +28,9 @@ if TYPE_CHECKING:
 
     from tsis.model import Probe
 
-FORMAT_VERSION = 2
+FORMAT_VERSION = 3
+CHECKS = 8  # fresh presses that the surrogate's error is measured on
+CHECKED_SHARE = 0.8  # of the face's radius, as far as profiles are used
 
 
 def build_surrogate(
@@ -72,14 +75,15 @@ def build_surrogate(
     stored = disk_cache.read("surrogates", key) if cached else None
     if stored is None:
         plain, change = _solve_all(probe, box, degrees, resolution, progress)
+        error = _measured_error(probe, resolution, _assemble(probe, box, resolution, plain, change, key, error=0.0))
         if cached:
             buffer = io.BytesIO()
-            np.savez(buffer, plain=plain, change=change)
+            np.savez(buffer, plain=plain, change=change, error=error)
             disk_cache.write("surrogates", key, buffer.getvalue())
     else:
         with np.load(io.BytesIO(stored), allow_pickle=False) as arrays:
-            plain, change = arrays["plain"], arrays["change"]
-    return _assemble(probe, box, resolution, plain, change, key)
+            plain, change, error = arrays["plain"], arrays["change"], float(arrays["error"])
+    return _assemble(probe, box, resolution, plain, change, key, error=error)
 
 
 def _assemble(
@@ -89,6 +93,8 @@ def _assemble(
     plain: NDArray[np.float64],
     change: NDArray[np.float64],
     key: str,
+    *,
+    error: float,
 ) -> PressSurrogate:
     face = face_of(probe.radius_mm, resolution)
     nodes = len(face.radius_mm)
@@ -102,6 +108,7 @@ def _assemble(
         pressure_kpa=pressure,
         face_displacement_mm=displacement,
         approach_mm=approach,
+        error=error,
         key=key,
     )
 
@@ -121,10 +128,9 @@ def _solve_all(
         )
     )
     total, done = len(slabs) * len(spheres), itertools.count(1)
-    block = max(0.8 * probe.radius_mm, 0.65 * box.diameter_mm[1])
 
     def kernel_of(thickness: float) -> PressKernel:
-        return PressKernel(probe, thickness_mm=thickness, poisson=box.poisson, block_mm=block, resolution=resolution)
+        return _kernel(probe, box, resolution, thickness)
 
     change = []
     # Two levels of threads would fight for the cores: BLAS stays on one, the slabs share the others.
@@ -142,6 +148,40 @@ def _solve_all(
         slabs, tissues = _tissue_points(box, degrees.plain, degrees.plain)
         plain = pool.map(lambda thickness: _plain(kernel_of(thickness), tissues), slabs)
         return np.stack(list(plain), axis=1), np.stack(change, axis=4)
+
+
+def _kernel(probe: Probe, box: Box, resolution: Resolution, thickness_mm: float) -> PressKernel:
+    return PressKernel(
+        probe,
+        thickness_mm=thickness_mm,
+        poisson=box.poisson,
+        block_mm=max(0.8 * probe.radius_mm, 0.65 * box.diameter_mm[1]),
+        resolution=resolution,
+    )
+
+
+def _measured_error(probe: Probe, resolution: Resolution, surrogate: PressSurrogate) -> float:
+    """Largest error of the pressure over fresh presses in the box, as a share of the mean pressure."""
+    box = surrogate.pressure_kpa.box
+    ranges = np.array([box.diameter_mm, box.depth_mm, box.young_kpa, box.tissue_young_kpa, box.thickness_mm])
+    # Shallow inclusions are the hardest, the smallest and the largest: corners that a few even points would miss.
+    corners = [[share, 0.03, 0.5, 0.5, 0.5] for share in (0.03, 0.3, 0.97)]
+    unit = np.vstack([corners, qmc.Halton(5, scramble=False).random(CHECKS - len(corners))])
+    radius = np.linspace(0.0, CHECKED_SHARE * probe.radius_mm, 49)
+    at_radius = surrogate.interpolate(radius)
+
+    def error(point: NDArray[np.float64]) -> float:
+        diameter, depth, young, tissue, thickness = point.tolist()
+        kernel = _kernel(probe, box, resolution, thickness)
+        slab = kernel.slab(diameter_mm=diameter, depth_mm=depth, poisson=box.poisson)
+        fresh = kernel.plain(tissue) + kernel.signal(slab, young / tissue, tissue)
+        there = surrogate.pressure_kpa.at_tissue(tissue, thickness)
+        fast = there(np.array([diameter]), np.array([depth]), np.array([young]))[0]
+        exact = MN_PER_N * at_radius @ fresh.pressure
+        return float(np.abs(at_radius @ fast - exact).max() / exact.mean())
+
+    with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor() as pool:
+        return max(pool.map(error, ranges[:, 0] + unit * np.ptp(ranges, axis=1)))
 
 
 def _tissue_points(box: Box, thicknesses: int, tissues: int) -> tuple[list[float], list[float]]:

@@ -56,6 +56,7 @@ class Calibration:
     name: str = ""
 
     def __post_init__(self) -> None:
+        check.kind("name", self.name, str)
         check.number("gain_grey_per_kpa", self.gain_grey_per_kpa, 1e-6, 1e6)
         check.number("saturation_kpa", self.saturation_kpa, 1e-3, 1e6)
         check.number("background_grey", self.background_grey, 0.0, 65535.0)

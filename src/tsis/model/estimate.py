@@ -55,6 +55,8 @@ class Estimate:
             raise InputError(
                 f"samples and prior_sd must name the same parameters; got {set(samples)} and {set(self.prior_sd)}"
             )
+        for name, sd in self.prior_sd.items():
+            check.number(f"prior_sd[{name!r}]", sd, 1e-300, 1e300)
         object.__setattr__(self, "samples", MappingProxyType(samples))
         object.__setattr__(self, "prior_sd", MappingProxyType(dict(self.prior_sd)))
         object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -12,18 +13,17 @@ from tsis.model import check
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from numpy.typing import NDArray
 
 SMALLEST_PIXEL_MM, LARGEST_PIXEL_MM = 1e-4, 10.0
+LARGEST_GREY = 1e9  # far beyond any sensor, and its square still a number
 
 
 def pixel_scale(value: tuple[float, float]) -> tuple[float, float]:
     """Check a pair (x, y) of mm per pixel."""
     x, y = (
         check.number("mm_per_pixel", part, SMALLEST_PIXEL_MM, LARGEST_PIXEL_MM, hint="millimetres per pixel")
-        for part in check.array("mm_per_pixel", value, ndim=1)
+        for part in check.pair("mm_per_pixel", value)
     )
     return x, y
 
@@ -65,7 +65,10 @@ class TactileImage:
     settings: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "grey", check.array("grey", self.grey, ndim=2))
+        grey = check.array("grey", self.grey, ndim=2)
+        if np.abs(grey).max() > LARGEST_GREY:
+            raise InputError(f"grey must lie within +-{LARGEST_GREY:g} grey levels; got {np.abs(grey).max():g}")
+        object.__setattr__(self, "grey", grey)
         check.number("full_scale", self.full_scale, 1.0, 65535.0)
         if self.mm_per_pixel is not None:
             object.__setattr__(self, "mm_per_pixel", pixel_scale(self.mm_per_pixel))
@@ -74,8 +77,10 @@ class TactileImage:
         if self.axis_px is None:
             rows, columns = self.grey.shape
             object.__setattr__(self, "axis_px", ((columns - 1) / 2, (rows - 1) / 2))
-        elif len(self.axis_px) != 2 or not np.all(np.isfinite(self.axis_px)):
-            raise InputError(f"axis_px must hold two finite numbers (x, y); got {self.axis_px!r}")
+        else:
+            object.__setattr__(self, "axis_px", check.pair("axis_px", self.axis_px))
+        if not isinstance(self.settings, Mapping):
+            raise InputError(f"settings must be a mapping of names to values; got {self.settings!r:.80}")
         object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
 
     def scale(self) -> tuple[float, float]:

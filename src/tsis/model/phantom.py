@@ -45,10 +45,7 @@ class Inclusion:
         check.number("depth_mm", self.depth_mm, 0.2, 200.0, hint="millimetres from the skin to the inclusion's top")
         check.number("young_kpa", self.young_kpa, 0.1, 1e6, hint="kilopascals")
         check.number("poisson", self.poisson, 0.0, 0.495)
-        offset = check.array("offset_mm", self.offset_mm, ndim=1)
-        if offset.shape != (2,):
-            raise InputError(f"offset_mm must hold two numbers (x, y); got {self.offset_mm!r}")
-        object.__setattr__(self, "offset_mm", (float(offset[0]), float(offset[1])))
+        object.__setattr__(self, "offset_mm", check.pair("offset_mm", self.offset_mm))
         if self.semi_axes_mm is not None:
             axes = check.array("semi_axes_mm", self.semi_axes_mm, ndim=1)
             if axes.shape != (3,) or axes.min() <= 0:

@@ -23,7 +23,8 @@ class PressField:
     face_displacement_mm
         Displacement of the face relative to the glass, shape (n,); positive where the probe is compressed.
     pressure_kpa
-        Contact pressure, shape (n,); compression is positive.
+        Contact pressure, shape (n,); compression is positive. Means around each radius, so that the integral over the
+        face is the force; the last value stands for the singular edge.
     approach_mm
         Travel of the glass towards the chest wall since first contact.
     force_n

@@ -75,9 +75,10 @@ class Probe:
 
     def __post_init__(self) -> None:
         check.number("radius_mm", self.radius_mm, 1.0, 100.0, hint="millimetres")
-        object.__setattr__(self, "layers", tuple(self.layers))
-        if not self.layers or not all(isinstance(layer, Layer) for layer in self.layers):
-            raise InputError(f"layers must hold at least one Layer; got {self.layers!r}")
+        layers = tuple(self.layers) if isinstance(self.layers, (tuple, list)) else ()
+        if not layers or not all(isinstance(layer, Layer) for layer in layers):
+            raise InputError(f"layers must be a tuple of at least one Layer; got {self.layers!r}")
+        object.__setattr__(self, "layers", layers)
         object.__setattr__(self, "assumed", tuple(self.assumed))
 
     @property
