@@ -1,0 +1,239 @@
+"""Estimates from virtual presses: truth inside, against brute force, flags, and every refusal."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+import tsis
+from tsis import Layer, Probe, TactileImage
+from tsis.imaging.sensor import Sensor
+from tsis.inclusion import InclusionPrior, estimate, posterior
+from tsis.inclusion.posterior import _posterior, likelihood_of
+from tsis.mechanics import Degrees, build_surrogate
+from tsis.model.errors import ImageMismatchError, InputError, NotCalibratedError
+from tsis.virtual import VirtualProbe, nominal_calibration
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tsis import Estimate, Phantom
+    from tsis.mechanics import PressSurrogate
+
+pytestmark = pytest.mark.usefixtures("surrogate")
+
+PROBE = tsis.load_probe("tsis-2011")
+PLAIN = tsis.load_phantom("plain")
+ANSWER = nominal_calibration(Sensor())
+PRIOR = InclusionPrior()
+PARAMETERS = ("diameter_mm", "depth_mm", "young_kpa")
+
+
+def presses(
+    phantom: Phantom, *, seed: int = 2, force_n: float = 1.0, probe: Probe = PROBE
+) -> tuple[TactileImage, TactileImage]:
+    """A press on the phantom and one on plain tissue, of the same virtual probe."""
+    virtual = VirtualProbe(probe, rng=np.random.default_rng(seed))
+    return virtual.press(phantom, force_n=force_n), virtual.press(PLAIN, force_n=force_n)
+
+
+@pytest.fixture(scope="module")
+def lump() -> tuple[TactileImage, TactileImage]:
+    return presses(tsis.load_phantom("hardness-100"))
+
+
+@pytest.fixture(scope="module")
+def found(lump: tuple[TactileImage, TactileImage], surrogate: PressSurrogate) -> Estimate:
+    assert surrogate.key, "built once before anything is estimated"
+    return estimate(lump[0], probe=PROBE, calibration=ANSWER, reference=lump[1])
+
+
+@pytest.mark.parametrize("name", ["size-2", "size-8", "size-14", "depth-4", "depth-8", "hardness-40", "hardness-100"])
+def test_phantoms_of_the_catalog_are_recovered(name: str) -> None:
+    phantom = tsis.load_phantom(name)
+    image, reference = presses(phantom)
+    result = estimate(image, probe=PROBE, calibration=ANSWER, reference=reference)
+    for parameter in PARAMETERS:
+        truth = getattr(phantom.inclusion, parameter)
+        assert abs(result.mean[parameter] - truth) < 3 * result.sd[parameter]
+        assert PRIOR.low[PARAMETERS.index(parameter)] <= result.samples[parameter].min()
+        assert PRIOR.high[PARAMETERS.index(parameter)] >= result.samples[parameter].max()
+    assert result.narrowing["diameter_mm"] < 0.2
+    assert "model_does_not_fit" not in result.flags
+
+
+@pytest.mark.parametrize("name", ["size-2", "hardness-100", "depth-12", "plain"])
+@pytest.mark.parametrize("with_reference", [True, False])
+def test_the_grid_against_brute_force(name: str, *, with_reference: bool, surrogate: PressSurrogate) -> None:
+    """The same likelihood on one dense grid of inclusions; also at the prior's edge and for next to no signal."""
+    image, reference = presses(tsis.load_phantom(name))
+    likelihood, _ = likelihood_of(
+        [image], [reference] if with_reference else [], surrogate, probe=PROBE, calibration=ANSWER, prior=PRIOR
+    )
+    samples, best = _posterior(likelihood, PRIOR)
+    reach = np.array([samples.min(axis=0), samples.max(axis=0)])
+    margin = 0.1 * (reach[1] - reach[0])
+    low, high = np.maximum(reach[0] - margin, PRIOR.low), np.minimum(reach[1] + margin, PRIOR.high)
+    axes = [a + (b - a) * (np.arange(n) + 0.5) / n for a, b, n in zip(low, high, (60, 60, 12), strict=True)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    log_weight = np.concatenate(
+        [likelihood(part, best.nuisance[0]).log_evidence for part in np.array_split(points, 20)]
+    )
+    weight = np.exp(log_weight - log_weight.max())
+    weight /= weight.sum()
+    mean = weight @ points
+    sd = np.sqrt(weight @ (points - mean) ** 2)
+    assert (np.abs(samples.mean(axis=0) - mean) < 0.1 * sd).all()
+    np.testing.assert_allclose(samples.std(axis=0), sd, rtol=0.1)
+
+
+def test_the_order_of_images_does_not_matter(lump: tuple[TactileImage, TactileImage]) -> None:
+    other = presses(tsis.load_phantom("hardness-100"), seed=9)
+    first, second = (
+        estimate(images, probe=PROBE, calibration=ANSWER, reference=references)
+        for images, references in (
+            ([lump[0], other[0]], [lump[1], other[1]]),
+            ([other[0], lump[0]], [other[1], lump[1]]),
+        )
+    )
+    for name in PARAMETERS:
+        assert first.mean[name] == pytest.approx(second.mean[name], abs=0.01 * first.sd[name])
+        assert first.sd[name] == pytest.approx(second.sd[name], rel=0.01)
+
+
+def test_the_same_frames_give_the_same_samples(lump: tuple[TactileImage, TactileImage], found: Estimate) -> None:
+    again = estimate([lump[0]], probe=PROBE, calibration=ANSWER, reference=[lump[1]])
+    for name in PARAMETERS:
+        np.testing.assert_array_equal(again.samples[name], found.samples[name])
+
+
+def test_a_reference_narrows_and_its_absence_is_said(lump: tuple[TactileImage, TactileImage], found: Estimate) -> None:
+    alone = estimate(lump[0], probe=PROBE, calibration=ANSWER)
+    assert "no_reference" in alone.flags
+    assert "no_reference" not in found.flags
+    assert found.sd["diameter_mm"] < 0.85 * alone.sd["diameter_mm"]
+
+
+def test_more_presses_narrow() -> None:
+    """Further presses of the same probe repeat its pattern, but not the errors of force and of repeatability."""
+    virtual = VirtualProbe(PROBE, rng=np.random.default_rng(2))
+    images = [virtual.press(tsis.load_phantom("hardness-100"), force_n=1.0) for _ in range(3)]
+    references = [virtual.press(PLAIN, force_n=1.0) for _ in range(3)]
+    one, three = (
+        estimate(images[:count], probe=PROBE, calibration=ANSWER, reference=references[:count]) for count in (1, 3)
+    )
+    assert all(three.sd[name] < 0.9 * one.sd[name] for name in ("diameter_mm", "depth_mm"))
+
+
+def test_a_prior_of_ones_own_is_respected(
+    lump: tuple[TactileImage, TactileImage], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    few = Degrees(diameter=4, depth=3, contrast=2, tissue=2, thickness=2, plain=3)  # enough for so small a box
+    monkeypatch.setattr(posterior, "build_surrogate", partial(build_surrogate, degrees=few))
+    narrow = InclusionPrior(diameter_mm=(8.0, 12.0), depth_mm=(4.0, 7.0), young_kpa=(90.0, 110.0))
+    result = estimate(lump[0], probe=PROBE, calibration=ANSWER, reference=lump[1], prior=narrow)
+    for name, low, high in zip(PARAMETERS, narrow.low, narrow.high, strict=True):
+        assert low <= result.samples[name].min() <= result.samples[name].max() <= high
+    assert dict(result.prior_sd) == narrow.sd
+
+
+def test_a_modulus_that_the_press_cannot_tell_is_said(found: Estimate) -> None:
+    assert "young_kpa_not_identified" in found.flags
+    assert any("modulus is not identifiable" in note for note in found.notes)
+    assert "diameter_mm_not_identified" not in found.flags
+    assert len(found.flags) == len(found.notes)
+
+
+def test_an_inclusion_off_the_axis_is_said(lump: tuple[TactileImage, TactileImage]) -> None:
+    shifted = replace(lump[0], grey=np.roll(lump[0].grey, 90, axis=1))  # 3 mm
+    result = estimate(shifted, probe=PROBE, calibration=ANSWER, reference=lump[1])
+    assert "off_axis" in result.flags
+    centred = estimate(lump[0], probe=PROBE, calibration=ANSWER, reference=lump[1])
+    assert "off_axis" not in centred.flags
+
+
+def test_clipped_rings_are_left_out_and_said(found: Estimate) -> None:
+    bright = replace(nominal_calibration(Sensor()), gain_grey_per_kpa=125.0)
+    virtual = VirtualProbe(PROBE, rng=np.random.default_rng(2), calibration=bright)
+    phantom = tsis.load_phantom("hardness-100")
+    image, reference = virtual.press(phantom, force_n=1.0), virtual.press(PLAIN, force_n=1.0)
+    assert (image.grey >= 255).any()
+    result = estimate(image, probe=PROBE, calibration=bright, reference=reference)
+    assert "rings_left_out" in result.flags
+    assert "rings_left_out" not in found.flags
+    assert phantom.inclusion is not None
+    assert abs(result.mean["diameter_mm"] - phantom.inclusion.diameter_mm) < 4 * result.sd["diameter_mm"]
+
+
+def test_an_image_of_another_probe_is_noticed() -> None:
+    soft = Probe(radius_mm=9.0, layers=(Layer(thickness_mm=10.0, young_kpa=10.0),), name="other")
+    image, reference = presses(tsis.load_phantom("hardness-100"), probe=soft, force_n=0.6)
+    result = estimate(image, probe=PROBE, calibration=ANSWER, reference=reference)
+    assert "model_does_not_fit" in result.flags
+
+
+def test_provenance_says_what_went_in(lump: tuple[TactileImage, TactileImage], found: Estimate) -> None:
+    record = found.provenance
+    assert [entry["name"] for entry in record["images"]] == ["hardness-100"]
+    assert [entry["name"] for entry in record["reference"]] == ["plain"]
+    assert record["probe"]["name"] == "tsis-2011"
+    assert record["calibration"]["gain_grey_per_kpa"] == ANSWER.gain_grey_per_kpa
+    changed = lump[0].grey.copy()
+    changed[0, 0] += 1
+    other = estimate(replace(lump[0], grey=changed), probe=PROBE, calibration=ANSWER, reference=lump[1])
+    assert other.provenance["images"][0]["sha256"] != record["images"][0]["sha256"]
+
+
+@pytest.mark.parametrize(
+    ("images", "error", "phrase"),
+    [
+        (lambda _: [], InputError, "images must hold at least one TactileImage; got none"),
+        (lambda _: None, InputError, "images must hold at least one TactileImage; got none"),
+        (lambda _: 5.0, InputError, "images must hold TactileImage values; got float"),
+        (lambda image: image.grey, InputError, "images must hold TactileImage values; got ndarray"),
+        (lambda image: replace(image, force_n=None), InputError, "force_n must be known and positive for 'hard"),
+        (lambda image: replace(image, force_n=0.0), InputError, "force_n must be known and positive"),
+        (lambda image: replace(image, mm_per_pixel=None), InputError, "mm_per_pixel is not known"),
+        (
+            lambda image: [image, replace(image, mm_per_pixel=(0.05, 0.05))],
+            ImageMismatchError,
+            "all images must share mm_per_pixel",
+        ),
+        (lambda image: [image, replace(image, full_scale=4095.0)], ImageMismatchError, "full_scale 255"),
+        (
+            lambda image: replace(image, grey=np.full(image.grey.shape, 255.0)),
+            InputError,
+            "without clipping; got one with no usable ring",
+        ),
+    ],
+)
+def test_images_that_are_refused(
+    lump: tuple[TactileImage, TactileImage], images: Callable[[TactileImage], Any], error: type[Exception], phrase: str
+) -> None:
+    with pytest.raises(error, match=phrase) as refused:
+        estimate(images(lump[0]), probe=PROBE, calibration=ANSWER, reference=lump[1])
+    assert "\n" not in str(refused.value)
+
+
+def test_a_face_outside_the_picture_is_refused(lump: tuple[TactileImage, TactileImage]) -> None:
+    image, reference = (replace(frame, axis_px=(1e5, 0.0)) for frame in lump)
+    with pytest.raises(InputError, match="inner half of the probe's face must lie in every"):
+        estimate(image, probe=PROBE, calibration=ANSWER, reference=reference)
+
+
+def test_a_reference_that_is_refused(lump: tuple[TactileImage, TactileImage]) -> None:
+    with pytest.raises(InputError, match="reference must hold TactileImage values; got str"):
+        estimate(lump[0], probe=PROBE, calibration=ANSWER, reference="plain.png")  # type: ignore[arg-type]
+    with pytest.raises(ImageMismatchError, match="'plain' has"):
+        estimate(lump[0], probe=PROBE, calibration=ANSWER, reference=replace(lump[1], full_scale=4095.0))
+
+
+@pytest.mark.parametrize("calibration", [None, 60.0, {"gain_grey_per_kpa": 60.0}])
+def test_without_a_calibration_nothing_is_estimated(lump: tuple[TactileImage, TactileImage], calibration: Any) -> None:
+    with pytest.raises(NotCalibratedError, match=r"calibration must be a Calibration, .*; got") as refused:
+        estimate(lump[0], probe=PROBE, calibration=calibration)
+    assert "\n" not in str(refused.value)

@@ -1,0 +1,90 @@
+"""The prior: what it refuses, the box that its surrogate must cover, and the chart that straightens its posterior."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tsis.inclusion import InclusionPrior
+from tsis.inclusion.chart import SignalChart
+from tsis.mechanics import contrast_factor
+from tsis.model.errors import InputError
+
+PRIOR = InclusionPrior()
+
+
+def test_the_default_is_the_dissertations_range() -> None:
+    assert PRIOR.low.tolist() == [1.0, 4.0, 40.0]
+    assert PRIOR.high.tolist() == [15.0, 12.0, 120.0]
+    assert PRIOR.sd["young_kpa"] == pytest.approx(80 / np.sqrt(12))
+
+
+def test_the_box_covers_the_beliefs_about_the_tissue() -> None:
+    box = PRIOR.box()
+    assert (box.diameter_mm, box.depth_mm, box.young_kpa) == (PRIOR.diameter_mm, PRIOR.depth_mm, PRIOR.young_kpa)
+    assert box.tissue_young_kpa[0] < 5.0 * 0.8 < 5.0 * 1.2 < box.tissue_young_kpa[1]
+    assert box.thickness_mm[0] < 30.0 * 0.95 < 30.0 * 1.15 < box.thickness_mm[1]
+    assert box.thickness_mm[0] > PRIOR.depth_mm[1] + PRIOR.diameter_mm[1]
+
+
+@pytest.mark.parametrize(
+    ("changes", "phrase"),
+    [
+        (
+            {"diameter_mm": (5.0, 2.0)},
+            r"diameter_mm must be a range \(low, high\) with 0 < low < high; got \(5.0, 2.0\)",
+        ),
+        ({"depth_mm": (0.0, 2.0)}, "depth_mm must be a range"),
+        ({"young_kpa": (40.0, 60.0, 80.0)}, "young_kpa must be a range"),
+        ({"young_kpa": (40.0, np.nan)}, "young_kpa must be finite"),
+        ({"tissue_young_kpa": 0.0}, "tissue_young_kpa must lie in"),
+        ({"tissue_young_sd": 0.0}, r"tissue_young_sd must lie in .*\(a share of one\)"),
+        ({"thickness_sd": 0.5}, "thickness_sd must lie in"),
+        ({"thickness_mm": 27.0}, r"depth_mm \+ diameter_mm must be less than thickness_mm = 27 by 2 %; got 27"),
+        ({"young_kpa": (5.0, 60.0)}, "young_kpa must lie above tissue_young_kpa"),
+        ({"poisson": 0.5}, "poisson must lie in"),
+    ],
+)
+def test_what_a_prior_refuses(changes: dict[str, Any], phrase: str) -> None:
+    with pytest.raises(InputError, match=phrase):
+        replace(PRIOR, **changes)
+
+
+INCLUSIONS = st.tuples(st.floats(1.0, 15.0), st.floats(4.0, 12.0), st.floats(40.0, 120.0))
+
+
+@given(inclusion=INCLUSIONS)
+def test_points_of_the_chart_are_inclusions_of_equal_signal(inclusion: tuple[float, float, float]) -> None:
+    chart = SignalChart(PRIOR)
+    diameter, depth, young = inclusion
+    signal = diameter * np.cbrt(contrast_factor(young / 5.0))
+    point = np.array([[signal, depth, young]])
+    np.testing.assert_allclose(chart.inclusions(point), [inclusion], rtol=1e-12)
+    assert (point >= chart.low * (1 - 1e-12)).all()
+    assert (point <= chart.high * (1 + 1e-12)).all()
+
+
+@given(inclusion=INCLUSIONS)
+def test_the_chart_keeps_the_prior_uniform(inclusion: tuple[float, float, float]) -> None:
+    """The volume factor is the determinant of the map, here by finite differences."""
+    chart = SignalChart(PRIOR)
+    diameter, depth, young = inclusion
+    point = np.array([diameter * np.cbrt(contrast_factor(young / 5.0)), depth, np.clip(young, 40.01, 119.99)])
+    step = 1e-5
+    rows = [(chart.inclusions((point + e)[None]) - chart.inclusions((point - e)[None]))[0] for e in step * np.eye(3)]
+    determinant = np.linalg.det(np.array(rows) / (2 * step))
+    assert np.exp(chart.log_volume(point[None])[0]) == pytest.approx(determinant, rel=1e-5)
+
+
+def test_the_chart_knows_where_the_prior_ends() -> None:
+    chart = SignalChart(PRIOR)
+    stretch = np.cbrt(contrast_factor(80.0 / 5.0))
+    points = np.array(
+        [[10 * stretch, 5.0, 80.0], [16 * stretch, 5.0, 80.0], [10 * stretch, 3.9, 80.0], [9.0, 5.0, 121.0]]
+    )
+    assert chart.allows(points).tolist() == [True, False, False, False]
