@@ -89,8 +89,8 @@ def test_a_truth_outside_the_prior_is_said(run_tsis: RunTsis) -> None:
         (["--depth-mm", "25"], "depth_mm + diameter_mm must be less than thickness_mm = 30; got 35"),
         (["--diameter-mm", "-1"], "diameter_mm must lie in [0.1, 100]; got -1"),
         (["--young-kpa", "nan"], "young_kpa must lie in [0.1, 1e+06]; got nan"),
-        (["--force-n", "inf"], "force_n must lie in [0.0001, 50]; got inf"),
-        (["--force-n", "1000"], "force_n must lie in [0.0001, 50]; got 1000 (newtons)"),
+        (["--force-n", "inf"], "force_n must lie in [0.0001, 20]; got inf"),
+        (["--force-n", "1000"], "force_n must lie in [0.0001, 20]; got 1000 (newtons)"),
         (["--phantom", "plain"], "phantom must hold an inclusion"),
     ],
 )

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import os
 import sys
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import typer
 
@@ -19,7 +20,6 @@ app = typer.Typer(
     name="tsis",
     help=f"Open software for optical tactile imaging. {RESEARCH_USE_ONLY}",
     epilog="Start with: tsis demo",
-    no_args_is_help=True,
     pretty_exceptions_enable=False,
     context_settings={"help_option_names": ["-h", "--help"]},
 )
@@ -47,10 +47,26 @@ def root(
 def main() -> None:
     """Run the program; wrong input ends with one sentence and the exit code 2, never with a traceback."""
     try:
-        app()
+        code = app(args=sys.argv[1:] or ["--help"], standalone_mode=False)
     except TsisError as error:
-        typer.echo(f"Error: {error}", err=True)
-        sys.exit(BAD_INPUT)
-    except KeyboardInterrupt:
-        typer.echo("Interrupted; nothing was written.", err=True)
-        sys.exit(INTERRUPTED)
+        _stop(f"Error: {error}", BAD_INPUT)
+    except (KeyboardInterrupt, typer.Abort):
+        _stop("Interrupted; nothing was written.", INTERRUPTED)
+    except BrokenPipeError:
+        # Whoever read the output has gone; Python would complain once more while it closes the stream.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        sys.exit(1)
+    except OSError as error:
+        _stop(f"Error: the result could not be printed or read: {error.strerror or error}", BAD_INPUT)
+    except Exception as error:
+        # What the parser says of a wrong option. Its class is private to typer in some versions and click's in others.
+        sentence = getattr(error, "format_message", None)
+        if sentence is None:
+            raise
+        _stop(f"Error: {sentence().strip()} (see --help)", BAD_INPUT)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _stop(sentence: str, code: int) -> NoReturn:
+    typer.echo(sentence, err=True)
+    sys.exit(code)

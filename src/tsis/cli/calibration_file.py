@@ -45,9 +45,9 @@ def read_calibration(path: Path) -> Calibration:
 
 
 def _read_object(path: Path) -> dict[str, Any]:
+    if not path.is_file() or path.stat().st_size > LARGEST_BYTES:
+        raise FileInputError(f"{path} must be an existing file of at most {LARGEST_BYTES} bytes")
     try:
-        if not path.is_file() or path.stat().st_size > LARGEST_BYTES:
-            raise FileInputError(f"{path} must be an existing file of at most {LARGEST_BYTES} bytes")
         content = json.loads(path.read_bytes())
     except (OSError, ValueError, RecursionError) as error:
         raise FileInputError(f"{path} must be a readable JSON file; got: {error}") from error

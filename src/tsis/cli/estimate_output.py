@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from rich.markup import escape
 from rich.table import Table
 
 from tsis.cli.console_output import progress_bar
 from tsis.inclusion import InclusionPrior, estimate
 from tsis.mechanics import build_surrogate
-from tsis.report.document import LEVEL
+from tsis.report.document import LEVEL, doubt_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -34,13 +35,13 @@ def estimate_with_progress(
 def estimate_table(result: Estimate, *, title: str, truth: Mapping[str, float] | None = None) -> Table:
     """Mean, interval and narrowing of each parameter, with the truth if known."""
     headings = ["", "mean", "90 % interval", "of the prior's spread"] + ([] if truth is None else ["truth"])
-    table = Table(title=title)
+    table = Table(title=escape(title))
     for heading in headings:
-        table.add_column(heading, justify="left" if not heading else "right")
+        table.add_column(heading, justify="right" if heading else "left", no_wrap=not heading)
     interval = result.interval(LEVEL)
     for name, mean in result.mean.items():
         low, high = interval[name]
-        shown = "not identified" if f"{name}_not_identified" in result.flags else f"{mean:.3g}"
+        shown = doubt_of(result, name) or f"{mean:.3g}"
         row = [name, shown, f"{low:.3g} to {high:.3g}", f"{result.narrowing[name]:.2f}"]
         table.add_row(*row, *([] if truth is None else [f"{truth[name]:.3g}"]))
     return table

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.markup import escape
 from rich.table import Table
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
@@ -26,7 +27,7 @@ from tsis.report.document import envelope, estimate_document, features_document
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tsis.model import Calibration, TactileImage
+    from tsis.model import Calibration, Probe, TactileImage
 
 REFUSED = (
     (
@@ -65,6 +66,14 @@ def examine(
     as_json: AsJson = False,
 ) -> None:
     """Find the contact in image files and measure it; estimate the inclusion when the probe is calibrated."""
+    chosen = load_probe(probe)
+    if calibration is None and plain is not None:
+        raise InputError("--plain needs --calibration: without it no inclusion is estimated")
+    if calibration is not None and (reference is not None or invert or match_lamps):
+        raise InputError(
+            "--reference, --invert and --match-light are not used with --calibration: its background level is "
+            "subtracted instead (for a press on plain tissue use --plain)"
+        )
     scale = None if scale_mm is None else _scale(scale_mm)
     frames = [read_image(path, mm_per_pixel=scale, force_n=force_n) for path in images]
     untouched = None if reference is None else read_image(reference, mm_per_pixel=scale)
@@ -77,12 +86,10 @@ def examine(
         "invert": invert,
         "match_light": match_lamps,
     }
-    if calibration is not None:
-        outcome = _inclusion(frames, read_calibration(calibration), plain, probe, provenance)
-    elif plain is not None:
-        raise InputError("--plain needs --calibration: without it no inclusion is estimated")
-    else:
+    if calibration is None:
         outcome = _contacts(frames, untouched, provenance, match=match_lamps)
+    else:
+        outcome = _inclusion(frames, read_calibration(calibration), plain, chosen, provenance)
     publish(outcome, out, as_json=as_json)
 
 
@@ -107,7 +114,7 @@ def _contacts(
     )
     tables = []
     for each in findings:
-        table = Table("quantity", "value", title=each.image.name)
+        table = Table("quantity", "value", title=escape(each.image.name))
         for row in finding_rows(each):
             table.add_row(*row)
         tables.append(table)
@@ -121,12 +128,12 @@ def _inclusion(
     frames: Sequence[TactileImage],
     calibration: Calibration,
     plain: Path | None,
-    probe_name: str,
+    probe: Probe,
     provenance: dict[str, Any],
 ) -> Outcome:
     if frames[0].mm_per_pixel is None or frames[0].force_n is None:
         raise InputError("an estimate with --calibration needs --scale-mm and --force-n as well")
-    probe, prior = load_probe(probe_name), InclusionPrior()
+    prior = InclusionPrior()
     on_plain = None
     if plain is not None:
         on_plain = read_image(plain, mm_per_pixel=frames[0].mm_per_pixel, force_n=frames[0].force_n)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy import ndimage
 
 from tsis.imaging.correct import signal
 from tsis.imaging.patch import Patch, segment, smoothed
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from tsis.model import TactileImage
 
 PROFILE_RINGS = 24
+OUTLINE_BLUR = 0.05  # of the patch's radius
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -212,11 +214,18 @@ def _disc_diameter(area: float) -> float:
 
 
 def _circularity(points: NDArray[np.float64]) -> float:
-    """Area against perimeter of one closed polygon, so that no shape exceeds the circle."""
+    """Area against perimeter of one closed polygon, smoothed so that noise along it does not count as length."""
+    radius = np.sqrt(_enclosed(points) / np.pi)
+    smooth = ndimage.gaussian_filter1d(points[:-1], OUTLINE_BLUR * radius, axis=0, mode="wrap")
+    closed = np.vstack([smooth, smooth[:1]])
+    perimeter = float(np.hypot(*np.diff(closed, axis=0).T).sum())
+    return 4.0 * np.pi * _enclosed(closed) / perimeter**2
+
+
+def _enclosed(points: NDArray[np.float64]) -> float:
+    """Area inside a closed polygon."""
     step = np.diff(points, axis=0)
-    cross = points[:-1, 0] * step[:, 1] - points[:-1, 1] * step[:, 0]
-    perimeter = float(np.hypot(step[:, 0], step[:, 1]).sum())
-    return float(2.0 * np.pi * abs(cross.sum()) / perimeter**2)
+    return float(abs((points[:-1, 0] * step[:, 1] - points[:-1, 1] * step[:, 0]).sum())) / 2.0
 
 
 def _profile(change: TactileImage, centre: tuple[float, float], radius_mm: float) -> RadialProfile:

@@ -18,7 +18,7 @@ from tsis.inclusion.likelihood import Fit, Likelihood, Profiles
 from tsis.inclusion.prior import PARAMETERS, InclusionPrior
 from tsis.inclusion.verdict import verdict
 from tsis.mechanics import build_surrogate
-from tsis.model import Calibration, Estimate, Probe, TactileImage
+from tsis.model import Calibration, Estimate, Probe, TactileImage, check
 from tsis.model.errors import InputError, NotCalibratedError
 
 if TYPE_CHECKING:
@@ -84,8 +84,10 @@ def estimate(
         raise NotCalibratedError(
             f"calibration must be a Calibration, the answer of this probe's grey level to pressure; got {calibration!r}"
         )
+    check.kind("probe", probe, Probe)
+    prior = InclusionPrior() if prior is None else prior
+    check.kind("prior", prior, InclusionPrior)
     check_frames(targets + references)
-    prior = prior or InclusionPrior()
     surrogate = build_surrogate(probe, prior.box())
     with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
         likelihood, data = likelihood_of(

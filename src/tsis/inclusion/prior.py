@@ -14,7 +14,9 @@ from tsis.model.errors import InputError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-PARAMETERS = ("diameter_mm", "depth_mm", "young_kpa")
+LIMITS = {"diameter_mm": (0.1, 100.0), "depth_mm": (0.2, 200.0), "young_kpa": (0.1, 1e5)}
+PARAMETERS = tuple(LIMITS)
+LEAST_WIDTH = 0.01  # of a range, relative: a narrower one is a known value, for which this grid is not made
 REACH_SD = 2.6  # how far the surrogate follows the tissue's modulus and thickness
 CLEARANCE = 1.02  # the surrogate's thinnest slab over the deepest inclusion
 
@@ -59,11 +61,11 @@ class InclusionPrior:
         check.number("tissue_young_sd", self.tissue_young_sd, 1e-4, 0.3, hint="a share of one")
         check.number("thickness_mm", self.thickness_mm, 2.0, 500.0, hint="millimetres")
         check.number("thickness_sd", self.thickness_sd, 1e-4, 0.2, hint="a share of one")
-        for name in PARAMETERS:
-            pair = check.array(name, getattr(self, name), ndim=1)
-            if pair.shape != (2,) or not 0 < pair[0] < pair[1]:
-                raise InputError(f"{name} must be a range (low, high) with 0 < low < high; got {getattr(self, name)!r}")
-            object.__setattr__(self, name, (float(pair[0]), float(pair[1])))
+        for name, (least, greatest) in LIMITS.items():
+            low, high = check.pair(name, getattr(self, name))
+            check.number(f"the low end of {name}", low, least, greatest)
+            check.number(f"the high end of {name}", high, low * (1 + LEAST_WIDTH), greatest, hint="above the low end")
+            object.__setattr__(self, name, (low, high))
         self.box()  # refuses what does not fit
 
     @property

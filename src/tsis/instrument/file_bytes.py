@@ -27,6 +27,17 @@ def shown(path: Path) -> str:
     return repr(text if len(text) <= _LONGEST_SHOWN else "..." + text[-_LONGEST_SHOWN:])
 
 
+def printable_name(path: Path) -> str:
+    r"""A file's name as reports print it: what no terminal or page should be given becomes a question mark.
+
+    Examples
+    --------
+    >>> printable_name(Path("a\x1b[2Jb.png"))
+    'a?[2Jb.png'
+    """
+    return "".join(letter if letter.isprintable() else "?" for letter in path.name)
+
+
 def as_path(path: str | os.PathLike[str]) -> Path:
     """Return ``path`` as a Path, refusing anything that does not name a file."""
     try:

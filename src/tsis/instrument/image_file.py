@@ -23,7 +23,7 @@ import numpy as np
 from PIL import Image, UnidentifiedImageError
 
 from tsis.instrument.completeness import fault
-from tsis.instrument.file_bytes import as_path, read_bytes, shown
+from tsis.instrument.file_bytes import as_path, printable_name, read_bytes, shown
 from tsis.instrument.luma import luma
 from tsis.instrument.quiet import quiet_decoders
 from tsis.model import TactileImage
@@ -95,7 +95,7 @@ def read_image(
         mm_per_pixel=mm_per_pixel,
         full_scale=picture.full_scale,
         force_n=force_n,
-        name=source.name,
+        name=printable_name(source),
         settings=picture.provenance,
     )
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from tsis.imaging import features, find_contact, signal, surface
 from tsis.plots import relief, ring_profile, tactile_image
 from tsis.report.page import Card, Page, Picture, Table, html, picture_source
@@ -112,6 +114,11 @@ def finding_notes(finding: Finding) -> tuple[str, ...]:
         )
     if found.cropped:
         notes.append(f"{image.name}: the contact touches the picture's border, so area and diameter are too small.")
+    clipped = float(np.mean(image.grey >= image.full_scale))
+    if not found.contact and clipped > 0:
+        notes.append(
+            f"{image.name}: {100 * clipped:.1f} % of the picture is clipped by the camera (shorten the exposure)."
+        )
     if found.saturated_share > 0:
         notes.append(f"{image.name}: {100 * found.saturated_share:.1f} % of the contact is clipped by the camera.")
     if image.mm_per_pixel is None:
@@ -148,7 +155,7 @@ def _pictures(finding: Finding) -> tuple[Picture, ...]:
             caption="Change of grey level, positive where the probe is pressed; outline and centroid in white.",
         )
     ]
-    if change.mm_per_pixel is not None:
+    if change.mm_per_pixel is not None and min(change.grey.shape) > 1:
 
         def lifted(figure: Figure) -> None:
             relief(surface(change, max_points=96), figure.add_subplot(projection="3d"))

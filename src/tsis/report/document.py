@@ -64,6 +64,13 @@ def estimate_document(estimate: Estimate, truth: Mapping[str, float] | None = No
     }
 
 
+def doubt_of(estimate: Estimate, name: str) -> str:
+    """Why a parameter's mean should not be read as a number; empty when it may be."""
+    if "model_does_not_fit" in estimate.flags:
+        return "model does not fit"
+    return "not identified" if f"{name}_not_identified" in estimate.flags else ""
+
+
 def features_document(found: Features, contact: Contact | None) -> dict[str, Any]:
     """Features of one image, and its round contact."""
     document = {name: getattr(found, name) for name in SCALARS}

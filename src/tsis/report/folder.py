@@ -15,9 +15,20 @@ if TYPE_CHECKING:
 
 
 def free_folder(wanted: Path) -> Path:
-    """``wanted``, or the first of ``wanted-2``, ``wanted-3``, ... that does not exist: nothing is overwritten."""
+    """``wanted``, or the first of ``wanted-2``, ``wanted-3``, ... that does not exist: nothing is overwritten.
+
+    Raises
+    ------
+    FileInputError
+        When ``wanted`` does not name a new folder.
+    """
+    if wanted.name in ("", ".."):
+        raise FileInputError(f"{str(wanted)!r} must name a new folder; got none to make (give it a name)")
     names = itertools.chain([wanted], (wanted.with_name(f"{wanted.name}-{number}") for number in itertools.count(2)))
-    return next(name for name in names if not name.exists())
+    try:
+        return next(name for name in names if not name.exists())
+    except OSError as error:
+        raise _refused(wanted, error) from error
 
 
 def write_folder(folder: Path, files: Mapping[str, bytes]) -> Path:
@@ -42,6 +53,10 @@ def write_folder(folder: Path, files: Mapping[str, bytes]) -> Path:
             shutil.rmtree(draft, ignore_errors=True)
             raise
     except OSError as error:
-        reason = error.strerror or str(error)
-        raise FileInputError(f"{folder} must be a folder that can be made; got: {reason} (choose another)") from error
+        raise _refused(folder, error) from error
     return folder.resolve()
+
+
+def _refused(folder: Path, error: OSError) -> FileInputError:
+    reason = error.strerror or str(error)
+    return FileInputError(f"{str(folder)!r:.120} must be a folder that can be made; got: {reason} (choose another)")

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.imaging import features, radial_profile, subtract_background, surface
 from tsis.plots import marginal, relief, ring_profile, tactile_image, trade_off
-from tsis.report.document import LEVEL
+from tsis.report.document import LEVEL, doubt_of
 from tsis.report.page import Card, Page, Picture, html, picture_source
 
 if TYPE_CHECKING:
@@ -74,16 +74,14 @@ def inclusion_report(
 def _card(estimate: Estimate, name: str, truth: Mapping[str, float] | None) -> Card:
     heading, unit = TITLES[name]
     low, high = estimate.interval(LEVEL)[name]
-    doubtful = f"{name}_not_identified" in estimate.flags
+    interval, doubt = f"{low:.3g} to {high:.3g} {unit}", doubt_of(estimate, name)
     known = "" if truth is None else f"; truth {truth[name]:.3g} {unit}"
+    value = {"": f"{estimate.mean[name]:.3g} {unit}", "not identified": interval}.get(doubt, doubt)
     return Card(
         title=heading,
-        value=f"{low:.3g} to {high:.3g} {unit}" if doubtful else f"{estimate.mean[name]:.3g} {unit}",
-        detail=(
-            f"{'not identified; ' if doubtful else ''}90 % interval {low:.3g} to {high:.3g} {unit}; "
-            f"{estimate.narrowing[name]:.2f} of the prior's spread{known}"
-        ),
-        doubtful=doubtful,
+        value=value,
+        detail=f"{doubt or '90 % interval ' + interval}; {estimate.narrowing[name]:.2f} of the prior's spread{known}",
+        doubtful=bool(doubt),
     )
 
 

@@ -9,15 +9,16 @@ import numpy as np
 from tsis.imaging.render import render
 from tsis.imaging.sensor import Sensor, expose
 from tsis.mechanics import Resolution, press
-from tsis.model import Calibration, TactileImage, check
+from tsis.model import Calibration, Probe, TactileImage, check
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.model import Phantom, Probe
+    from tsis.model import Phantom
 
 # Finer and of another order than the mesh inside the estimator, so that an estimate is never checked by itself.
 FINE = Resolution(order=6, edge=0.006, growth=1.9, largest=0.17, below_cells=4, ray_layers=6)
+LARGEST_FORCE_N = 20.0  # commanded; the press itself takes more, so that no drawn error runs into its limit
 GRAIN_MM = 0.5  # spacing of the radii at which patterns are drawn
 
 
@@ -59,6 +60,8 @@ class VirtualProbe:
         calibration: Calibration | None = None,
         resolution: Resolution = FINE,
     ) -> None:
+        check.kind("probe", probe, Probe)
+        check.kind("rng", rng, np.random.Generator)
         self.probe = probe
         self.sensor = sensor or Sensor()
         self.calibration = calibration or nominal_calibration(self.sensor)
@@ -68,7 +71,7 @@ class VirtualProbe:
         self._pattern = self._ring_pattern(self.calibration.pattern_sd)
 
     def press(self, phantom: Phantom, *, force_n: float) -> TactileImage:
-        """Press the phantom with a commanded force in newtons, in (0, 50], and take a frame.
+        """Press the phantom with a commanded force in newtons, in [1e-4, 20], and take a frame.
 
         Raises
         ------
@@ -77,13 +80,13 @@ class VirtualProbe:
         MechanicsError
             When the tissue would lift off the face.
         """
-        check.number("force_n", force_n, 1e-4, 50.0, hint="newtons")
+        check.number("force_n", force_n, 1e-4, LARGEST_FORCE_N, hint="newtons")
         light = self.light(phantom, force_n=force_n)
         return self._image(light, force_n=force_n, name=phantom.name or "phantom")
 
     def light(self, phantom: Phantom, *, force_n: float) -> NDArray[np.float64]:
         """Expected grey levels above the background of one press that misses ``force_n`` a little; 0 is no contact."""
-        check.number("force_n", force_n, 0.0, 50.0, hint="newtons")
+        check.number("force_n", force_n, 0.0, LARGEST_FORCE_N, hint="newtons")
         force = force_n * max(0.0, 1 + self.calibration.force_sd * self._rng.standard_normal())
         field = press(self.probe, phantom, force_n=force, resolution=self._resolution)
         seen = render(field, self.sensor, self.calibration)
