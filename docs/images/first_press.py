@@ -11,20 +11,27 @@ from tsis.inclusion import InclusionPrior, estimate
 from tsis.plots import marginal, tactile_image
 from tsis.virtual import VirtualProbe
 
-probe, phantom, prior = tsis.load_probe("tsis-2011"), tsis.load_phantom("hardness-100"), InclusionPrior()
-virtual = VirtualProbe(probe, rng=np.random.default_rng(1))
-reference = virtual.press(phantom.without_inclusion(), force_n=1.0)
-target = virtual.press(phantom, force_n=1.0)
-result = estimate(target, probe=probe, calibration=virtual.calibration, reference=reference, prior=prior)
 
-figure = Figure(figsize=(10, 5.6), layout="constrained")
-images, posteriors = figure.subfigures(2, 1, height_ratios=[1.5, 1])
-left, right = images.subplots(1, 2)
-tactile_image(target, left).set_title("what the camera sees")
-signal = subtract_background(target, reference)
-tactile_image(signal, right, found=features(signal), low=0.0).set_title("what the inclusion adds")
-for name, ax in zip(result.samples, posteriors.subplots(1, 3), strict=True):
-    marginal(result, name, ax, prior_range=getattr(prior, name), truth=getattr(phantom.inclusion, name))
-    if name == "diameter_mm":
-        ax.legend(frameon=False, fontsize=8)
-figure.savefig(Path(__file__).with_name("first-press.png"), dpi=110)
+def main() -> None:
+    """Press, estimate, draw."""
+    probe, phantom, prior = tsis.load_probe("tsis-2011"), tsis.load_phantom("hardness-100"), InclusionPrior()
+    virtual = VirtualProbe(probe, rng=np.random.default_rng(1))
+    reference = virtual.press(phantom.without_inclusion(), force_n=1.0)
+    target = virtual.press(phantom, force_n=1.0)
+    result = estimate(target, probe=probe, calibration=virtual.calibration, reference=reference, prior=prior)
+
+    figure = Figure(figsize=(10, 5.6), layout="constrained")
+    images, posteriors = figure.subfigures(2, 1, height_ratios=[1.5, 1])
+    left, right = images.subplots(1, 2)
+    tactile_image(target, left).set_title("what the camera sees")
+    signal = subtract_background(target, reference)
+    tactile_image(signal, right, found=features(signal), low=0.0).set_title("what the inclusion adds")
+    for name, ax in zip(result.samples, posteriors.subplots(1, 3), strict=True):
+        marginal(result, name, ax, prior_range=getattr(prior, name), truth=getattr(phantom.inclusion, name))
+        if name == "diameter_mm":
+            ax.legend(frameon=False, fontsize=8)
+    figure.savefig(Path(__file__).with_name("first-press.png"), dpi=110)
+
+
+if __name__ == "__main__":
+    main()

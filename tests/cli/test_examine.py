@@ -72,6 +72,28 @@ def test_the_wrong_sign_finds_no_contact_and_says_so(run_tsis: RunTsis) -> None:
     assert "no contact stands out of the noise" in " ".join(finished.out.split())
 
 
+@pytest.mark.parametrize("name", ["[bold]frame[red].png", "a\x1b[2J\nb.png", "\udcff.png", "<b>.png"])
+def test_names_of_files_stay_text(run_tsis: RunTsis, tmp_path: Path, name: str) -> None:
+    cv2.imwrite(str(tmp_path / "plain.png"), np.full((30, 40), 7, np.uint8))
+    (tmp_path / "plain.png").rename(tmp_path / name)
+    finished = run_tsis("examine", name)
+    assert finished.code == 0, finished.err
+    assert "\x1b" not in finished.out
+    if "[" in name and "\x1b" not in name:
+        assert name in finished.out
+
+
+@pytest.mark.parametrize("shape", [(1, 60), (60, 1), (1, 1)])
+def test_a_thin_image_is_no_crash(run_tsis: RunTsis, tmp_path: Path, shape: tuple[int, int]) -> None:
+    cv2.imwrite(str(tmp_path / "thin.png"), np.full(shape, 9, np.uint8))
+    assert run_tsis("examine", "thin.png", "--scale-mm", "0.05").code == 0
+
+
+def test_a_white_frame_is_said_to_be_clipped(run_tsis: RunTsis, tmp_path: Path) -> None:
+    cv2.imwrite(str(tmp_path / "white.png"), np.full((50, 60), 255, np.uint8))
+    assert "100.0 % of the picture is clipped by the camera" in " ".join(run_tsis("examine", "white.png").out.split())
+
+
 @pytest.mark.usefixtures("frames")
 def test_several_images_have_a_table_each(run_tsis: RunTsis) -> None:
     finished = run_tsis("examine", "press.png", "untouched.png", "--reference", "untouched.png", "--invert", "--json")
@@ -97,6 +119,10 @@ def test_several_images_have_a_table_each(run_tsis: RunTsis) -> None:
         (["press.png", "--scale-mm", "nan"], "mm_per_pixel must be finite"),
         (["press.png", "--invert"], "invert needs a reference"),
         (["press.png", "--plain", "untouched.png"], "--plain needs --calibration"),
+        (["press.png", "--probe", "tsis2011"], "no probe is called 'tsis2011'; did you mean 'tsis-2011'?"),
+        (["press.png", "--calibration", "absent.json", "--invert"], "are not used with --calibration"),
+        (["press.png", "--out", "."], "must name a new folder"),
+        (["press.png", "--out", "x" * 300], "must be a folder that can be made"),
         (["press.png", "--calibration", "absent.json"], "absent.json must be an existing file"),
         (["press.png", "--force-n", "-1"], "force_n must lie in [0, 100]; got -1"),
     ],

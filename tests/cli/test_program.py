@@ -26,8 +26,39 @@ def test_version(run_tsis: RunTsis) -> None:
     assert run_tsis("--version").out.strip() == f"tsis {tsis.__version__}"
 
 
-def test_an_unknown_option_ends_with_2(run_tsis: RunTsis) -> None:
-    assert run_tsis("demo", "--dept-mm", "3").code == 2
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["demo", "--dept-mm", "3"], "No such option: --dept-mm"),
+        (["demo", "--seed", "-1"], "--seed"),
+        (["demo", "--force-n", "abc"], "--force-n"),
+        (["examine"], "images"),
+        (["press"], "No such command 'press'"),
+    ],
+)
+def test_a_wrong_option_is_one_sentence(run_tsis: RunTsis, arguments: list[str], sentence: str) -> None:
+    finished = run_tsis(*arguments)
+    assert finished.code == 2
+    assert finished.err.startswith("Error: ")
+    assert sentence in finished.err
+    assert finished.err.count("\n") == 1
+
+
+def test_an_interrupt_is_said(run_tsis: RunTsis, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    def interrupted(*_: object, **__: object) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("tsis.cli.demo.estimate_with_progress", interrupted)
+    finished = run_tsis("demo")
+    assert finished.code == 130
+    assert finished.err == "Interrupted; nothing was written.\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_a_command_help_is_shown(run_tsis: RunTsis) -> None:
+    finished = run_tsis()
+    assert finished.code == 0
+    assert "tsis demo" in finished.out
 
 
 @pytest.mark.system

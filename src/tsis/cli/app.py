@@ -50,8 +50,6 @@ def main() -> None:
         code = app(args=sys.argv[1:] or ["--help"], standalone_mode=False)
     except TsisError as error:
         _stop(f"Error: {error}", BAD_INPUT)
-    except (KeyboardInterrupt, typer.Abort):
-        _stop("Interrupted; nothing was written.", INTERRUPTED)
     except BrokenPipeError:
         # Whoever read the output has gone; Python would complain once more while it closes the stream.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -64,6 +62,8 @@ def main() -> None:
         if sentence is None:
             raise
         _stop(f"Error: {sentence().strip()} (see --help)", BAD_INPUT)
+    if code == INTERRUPTED:  # typer turns Ctrl-C into this code
+        _stop("Interrupted; nothing was written.", INTERRUPTED)
     sys.exit(code if isinstance(code, int) else 0)
 
 
