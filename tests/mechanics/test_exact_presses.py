@@ -1,4 +1,4 @@
-"""The finite elements against presses that have an exact answer (EVIDENCE's table)."""
+"""The finite elements against presses that have an exact answer."""
 
 from __future__ import annotations
 

@@ -99,7 +99,7 @@ def test_error_over_the_default_box() -> None:
     surrogate = build_surrogate(PROBE, progress=lambda done, total: calls.append((done, total)), cached=False)
     total = 3 * 11 * 7
     assert calls == [(done, total) for done in range(1, total + 1)]
-    assert total <= 300, "SPEC S6: at most 300 solves"
+    assert total <= 300, "the project wants at most 300 solves"
     found = errors(surrogate, 100, seed=4)
     assert found.change < 1e-3
     assert found.plain < 3e-4

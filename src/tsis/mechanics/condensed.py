@@ -34,9 +34,9 @@ class Condensate:
         """Two bodies joined where they share degrees of freedom."""
         dofs = np.union1d(self.dofs, other.dofs)
         total = np.zeros((len(dofs), len(dofs)))
-        for part in (self, other):
-            place = np.searchsorted(dofs, part.dofs)
-            total[np.ix_(place, place)] += part.stiffness
+        here, there = np.searchsorted(dofs, self.dofs), np.searchsorted(dofs, other.dofs)
+        total[here[:, None], here] = self.stiffness
+        total[there[:, None], there] += other.stiffness
         return Condensate(dofs=dofs, stiffness=total)
 
     def __mul__(self, factor: float) -> Condensate:

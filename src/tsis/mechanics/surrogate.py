@@ -90,7 +90,7 @@ class Degrees:
 
 
 def contrast_factor(contrast: Any) -> Any:
-    """Saturation of the signal with the modulus: g(s) = (s - 1) / (s + 1.5) of s = Ei / Et (EVIDENCE's law)."""
+    """Saturation of the signal with the modulus: g(s) = (s - 1) / (s + 1.5) of s = Ei / Et."""
     return (contrast - 1) / (contrast + 1.5)
 
 
