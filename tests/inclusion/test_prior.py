@@ -35,10 +35,7 @@ def test_the_box_covers_the_beliefs_about_the_tissue() -> None:
 @pytest.mark.parametrize(
     ("changes", "phrase"),
     [
-        (
-            ({"diameter_mm": (5.0, 2.0)}, r"the high end of diameter_mm must lie in .* got 2 \(above the low end\)"),
-            r"diameter_mm must be a range \(low, high\) with 0 < low < high; got \(5.0, 2.0\)",
-        ),
+        ({"diameter_mm": (5.0, 2.0)}, r"the high end of diameter_mm must lie in .* got 2 \(above the low end\)"),
         ({"depth_mm": (0.0, 2.0)}, "the low end of depth_mm must lie in .* got 0"),
         ({"young_kpa": (40.0, 60.0, 80.0)}, "young_kpa must hold two numbers"),
         ({"young_kpa": (40.0, np.nan)}, "young_kpa must be finite"),

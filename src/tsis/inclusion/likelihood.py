@@ -60,7 +60,8 @@ class Likelihood:
         )
         self._sd = model.nuisance_sd(np.maximum(means, 1e-6))
         covariance = noise_covariance(data, model.calibration).reshape(data.grey.size, data.grey.size)
-        self._root = cholesky(covariance[np.ix_(self._use, self._use)], lower=True)
+        root = cholesky(covariance[np.ix_(self._use, self._use)], lower=True)
+        self._whitening = solve_triangular(root, np.eye(len(root)), lower=True)
         self.freedom = len(self._use)
         self.start = np.zeros(len(self._sd))
 
@@ -87,8 +88,7 @@ class Likelihood:
         """Apply the inverse root of the noise covariance along the rings, axis 1 of (n, rings, k)."""
         count, rings, width = columns.shape
         flat = np.moveaxis(columns, 1, 0).reshape(rings, count * width)
-        solved = solve_triangular(self._root, flat, lower=True, check_finite=False)
-        return np.moveaxis(solved.reshape(rings, count, width), 0, 1)
+        return np.moveaxis((self._whitening @ flat).reshape(rings, count, width), 0, 1)
 
 
 def noise_covariance(data: Profiles, calibration: Calibration) -> NDArray[np.float64]:

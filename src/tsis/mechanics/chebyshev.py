@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -22,6 +23,12 @@ def weights(interval: tuple[float, float], count: int, x: NDArray[np.float64]) -
     """Matrix from values at `points` to the interpolating polynomial at ``x``, shape (len(x), count)."""
     low, high = interval
     unit = (2 * np.atleast_1d(x) - low - high) / (high - low)
-    nodes = -np.cos(np.pi * (np.arange(count) + 0.5) / count)
-    transform = np.linalg.inv(chebyshev.chebvander(nodes, count - 1))
-    return np.asarray(chebyshev.chebvander(unit, count - 1) @ transform, dtype=float)
+    return np.asarray(chebyshev.chebvander(unit, count - 1) @ _coefficients(count), dtype=float)
+
+
+@cache
+def _coefficients(count: int) -> NDArray[np.float64]:
+    """Matrix from values at the points to Chebyshev coefficients."""
+    matrix = np.asarray(np.linalg.inv(chebyshev.chebvander(points((-1.0, 1.0), count), count - 1)), dtype=float)
+    matrix.flags.writeable = False
+    return matrix
