@@ -24,13 +24,12 @@ from rich.progress import track
 from rich.table import Table
 
 import tsis
-from tsis.inclusion import InclusionPrior, estimate
+from tsis.inclusion import PARAMETERS, InclusionPrior, estimate
 from tsis.virtual import VirtualProbe
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-PARAMETERS = ("diameter_mm", "depth_mm", "young_kpa")
 LEVEL = 0.9
 FORCE_N = 1.0
 

@@ -181,3 +181,14 @@ def test_the_call_is_public_and_refuses_what_it_cannot_read(draw_ellipse: DrawEl
         features(image, method="otsus")
     with pytest.raises(InputError, match="least_grey must lie in"):
         features(image, least_grey=-1.0)
+
+
+def test_circularity_does_not_depend_on_the_unit_nor_on_noise_along_the_outline() -> None:
+    y, x = np.mgrid[:240, :240]
+    soft = 60.0 / (1 + np.exp((np.hypot(x - 120, y - 118) - 70) / 12))
+    noisy = soft + np.random.default_rng(7).normal(0.0, 2.0, soft.shape)
+    scales = (None, (1.0, 1.0), (0.01, 0.01))
+    found = [features(TactileImage(grey=noisy, mm_per_pixel=scale)).circularity for scale in scales]
+    assert found[0] is not None
+    assert found == pytest.approx([found[0]] * 3, rel=1e-9)
+    assert found[0] > 0.97

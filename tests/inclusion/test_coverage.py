@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import pytest
-from benchmarks.coverage import PARAMETERS, run
+from benchmarks.coverage import run
+
+from tsis.inclusion import PARAMETERS
 
 
 @pytest.mark.slow

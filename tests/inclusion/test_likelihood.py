@@ -94,7 +94,7 @@ def test_evidence_is_the_dense_normal_density(model: ForwardModel, data: Profile
     difference = found.log_evidence - np.array(expected)
     assert np.ptp(expected) > 10, "the inclusions must differ for the comparison to say anything"
     np.testing.assert_allclose(difference, difference[0], atol=1e-8 * np.abs(expected).max())
-    assert likelihood.freedom == len(use) == 56
+    assert len(use) == 56
 
 
 def test_best_nuisances_and_misfit_minimise_the_penalised_squares(model: ForwardModel, data: Profiles) -> None:

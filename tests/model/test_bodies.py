@@ -27,7 +27,7 @@ CALIBRATION = Calibration(gain_grey_per_kpa=10.0, saturation_kpa=50.0)
         (LUMP, {"depth_mm": -1.0}, "depth_mm must lie in"),
         (LUMP, {"young_kpa": 0.0}, "young_kpa must lie in"),
         (LUMP, {"poisson": 0.5}, "poisson must lie in"),
-        (LUMP, {"offset_mm": (1.0,)}, r"offset_mm must hold two numbers \(x, y\)"),
+        (LUMP, {"offset_mm": (1.0,)}, r"offset_mm must hold two numbers"),
         (LUMP, {"offset_mm": (1.0, np.nan)}, "offset_mm must be finite"),
         (LUMP, {"semi_axes_mm": (1.0, 2.0)}, "semi_axes_mm must hold three positive numbers"),
         (LUMP, {"semi_axes_mm": (1.0, 2.0, -3.0)}, "semi_axes_mm must hold three positive numbers"),

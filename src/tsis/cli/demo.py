@@ -13,7 +13,7 @@ from tsis.cli.calibration_file import calibration_document
 from tsis.cli.console_output import Outcome, publish
 from tsis.cli.estimate_output import estimate_table, estimate_with_progress
 from tsis.cli.targets import AsJson, DepthMm, DiameterMm, ForceN, PhantomName, ProbeName, YoungKpa, chosen_phantom
-from tsis.inclusion import InclusionPrior, ring_edges
+from tsis.inclusion import PARAMETERS, InclusionPrior, ring_edges
 from tsis.instrument import png_bytes
 from tsis.model import load_probe
 from tsis.model.errors import InputError
@@ -24,7 +24,6 @@ from tsis.virtual import VirtualProbe
 if TYPE_CHECKING:
     from tsis.model import Phantom
 
-PARAMETERS = ("diameter_mm", "depth_mm", "young_kpa")
 LARGEST_SEED = 2**63 - 1
 
 

@@ -1,4 +1,4 @@
-"""An estimate of an inclusion made with a progress bar, printed as a table, and written as a folder."""
+"""An estimate of an inclusion, made with a progress bar and shown as a table."""
 
 from __future__ import annotations
 

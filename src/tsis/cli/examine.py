@@ -74,6 +74,10 @@ def examine(
             "--reference, --invert and --match-light are not used with --calibration: its background level is "
             "subtracted instead (for a press on plain tissue use --plain)"
         )
+    if match_lamps and reference is None:
+        raise InputError("--match-light needs --reference, the frame that it scales")
+    if calibration is None and force_n is not None:
+        raise InputError("--force-n needs --calibration: without it a force tells nothing")
     scale = None if scale_mm is None else _scale(scale_mm)
     frames = [read_image(path, mm_per_pixel=scale, force_n=force_n) for path in images]
     untouched = None if reference is None else read_image(reference, mm_per_pixel=scale)
@@ -87,20 +91,25 @@ def examine(
         "match_light": match_lamps,
     }
     if calibration is None:
-        outcome = _contacts(frames, untouched, provenance, match=match_lamps)
+        outcome = _contacts(frames, untouched, provenance, invert=invert, match=match_lamps)
     else:
         outcome = _inclusion(frames, read_calibration(calibration), plain, chosen, provenance)
     publish(outcome, out, as_json=as_json)
 
 
 def _contacts(
-    frames: Sequence[TactileImage], untouched: TactileImage | None, provenance: dict[str, Any], *, match: bool
+    frames: Sequence[TactileImage],
+    untouched: TactileImage | None,
+    provenance: dict[str, Any],
+    *,
+    invert: bool,
+    match: bool,
 ) -> Outcome:
     findings = [
         find(
             frame,
             match_light(untouched, frame) if match and untouched is not None else untouched,
-            invert=provenance["invert"],
+            invert=invert,
         )
         for frame in frames
     ]

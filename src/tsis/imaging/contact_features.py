@@ -216,7 +216,8 @@ def _disc_diameter(area: float) -> float:
 def _circularity(points: NDArray[np.float64]) -> float:
     """Area against perimeter of one closed polygon, smoothed so that noise along it does not count as length."""
     radius = np.sqrt(_enclosed(points) / np.pi)
-    smooth = ndimage.gaussian_filter1d(points[:-1], OUTLINE_BLUR * radius, axis=0, mode="wrap")
+    step = np.hypot(*np.diff(points, axis=0).T).mean()
+    smooth = ndimage.gaussian_filter1d(points[:-1], OUTLINE_BLUR * radius / step, axis=0, mode="wrap")
     closed = np.vstack([smooth, smooth[:1]])
     perimeter = float(np.hypot(*np.diff(closed, axis=0).T).sum())
     return 4.0 * np.pi * _enclosed(closed) / perimeter**2

@@ -101,7 +101,7 @@ def radial_profile(
     """
     check_image("image", image)
     edges = _checked_edges(edges_mm)
-    centre = image.axis_px if centre_px is None else _checked_centre(centre_px)
+    centre = image.axis_px if centre_px is None else check.pair("centre_px", centre_px)
     assert centre is not None  # TactileImage fills it in
     rings = _ring_of_pixel(image.grey.shape, image.scale(), (float(centre[0]), float(centre[1])), edges.tobytes())
     grey, clipped = image.grey, image.grey >= image.full_scale
@@ -159,11 +159,3 @@ def _checked_edges(edges_mm: ArrayLike) -> NDArray[np.float64]:
     if edges.size < 2 or edges[0] < 0 or np.any(np.diff(edges) <= 0):
         raise InputError(f"edges_mm must be at least two ascending radii, the first >= 0; got {edges.tolist()}")
     return edges
-
-
-def _checked_centre(centre_px: tuple[float, float]) -> tuple[float, float]:
-    """A pair of finite numbers (x, y)."""
-    centre = check.array("centre_px", centre_px, ndim=1)
-    if centre.shape != (2,):
-        raise InputError(f"centre_px must hold two numbers (x, y); got {centre_px!r}")
-    return float(centre[0]), float(centre[1])

@@ -2,6 +2,6 @@
 
 from tsis.inclusion.frames import ring_edges
 from tsis.inclusion.posterior import estimate
-from tsis.inclusion.prior import InclusionPrior
+from tsis.inclusion.prior import PARAMETERS, InclusionPrior
 
-__all__ = ["InclusionPrior", "estimate", "ring_edges"]
+__all__ = ["PARAMETERS", "InclusionPrior", "estimate", "ring_edges"]

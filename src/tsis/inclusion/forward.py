@@ -73,10 +73,10 @@ class ForwardModel:
         force, offset = nuisance[SHARED : SHARED + frames], nuisance[SHARED + frames :]
         grey = np.empty((count, frames, self.rings.plain.shape[-1]))
         slopes = np.zeros((*grey.shape, len(nuisance)))
+        shown = set(self.is_reference.tolist())
+        pressures = {plain: self._unit_pressure(inclusions, nuisance, reference=plain) for plain in shown}
         for frame in range(frames):
-            unit, by_tissue, by_thickness = self._unit_pressure(
-                inclusions, nuisance, reference=self.is_reference[frame]
-            )
+            unit, by_tissue, by_thickness = pressures[bool(self.is_reference[frame])]
             push = self.force_n[frame] * np.exp(force[frame])
             light = np.exp(nuisance[GAIN]) * rough_contact(push * unit, self.calibration)
             slope = np.exp(nuisance[GAIN]) * push * rough_contact_slope(push * unit, self.calibration)

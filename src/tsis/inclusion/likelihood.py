@@ -48,7 +48,7 @@ class Fit:
 
 
 class Likelihood:
-    """Likelihood of inclusions given profiles; ``freedom`` is the number of rings used."""
+    """Likelihood of inclusions given profiles."""
 
     def __init__(self, model: ForwardModel, data: Profiles) -> None:
         self._model = model
@@ -62,7 +62,6 @@ class Likelihood:
         covariance = noise_covariance(data, model.calibration).reshape(data.grey.size, data.grey.size)
         root = cholesky(covariance[np.ix_(self._use, self._use)], lower=True)
         self._whitening = solve_triangular(root, np.eye(len(root)), lower=True)
-        self.freedom = len(self._use)
         self.start = np.zeros(len(self._sd))
 
     def __call__(self, inclusions: NDArray[np.float64], nuisance: NDArray[np.float64]) -> Fit:

@@ -94,9 +94,7 @@ def estimate(
             targets, references, surrogate, probe=probe, calibration=calibration, prior=prior
         )
         samples, best = _posterior(likelihood, prior)
-    flags, notes = verdict(
-        samples, prior=prior, targets=targets, references=references, data=data, best=best, freedom=likelihood.freedom
-    )
+    flags, notes = verdict(samples, prior=prior, targets=targets, references=references, data=data, best=best)
     return Estimate(
         samples=dict(zip(PARAMETERS, samples.T, strict=True)),
         prior_sd=prior.sd,
@@ -129,7 +127,7 @@ def likelihood_of(
 
 
 def _posterior(likelihood: Likelihood, prior: InclusionPrior) -> tuple[NDArray[np.float64], Fit]:
-    """Samples (n, 3), and the fit at their mean; the nuisances are linearised anew until they settle."""
+    """Samples (n, 3), and the fit at their mean; the nuisances are linearised anew twice."""
     chart = SignalChart(prior)
 
     def search(nuisance: NDArray[np.float64], per_axis: int) -> Grid:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 LIMITS = {"diameter_mm": (0.1, 100.0), "depth_mm": (0.2, 200.0), "young_kpa": (0.1, 1e5)}
 PARAMETERS = tuple(LIMITS)
 LEAST_WIDTH = 0.01  # of a range, relative: a narrower one is a known value, for which this grid is not made
-REACH_SD = 2.6  # how far the surrogate follows the tissue's modulus and thickness
+TISSUE_REACH_SD, THICKNESS_REACH_SD = 2.6, 1.8  # how far the surrogate follows them; `CLEARANCE` may cut it shorter
 CLEARANCE = 1.02  # the surrogate's thinnest slab over the deepest inclusion
 
 
@@ -91,8 +91,8 @@ class InclusionPrior:
                 f"the largest depth_mm + diameter_mm must be less than thickness_mm = {self.thickness_mm:g} by "
                 f"{100 * (CLEARANCE - 1):.0f} %; got {deepest:g} (narrow the prior)"
             )
-        tissue = np.exp(REACH_SD * self.tissue_young_sd)
-        slab = np.exp(0.7 * REACH_SD * self.thickness_sd)
+        tissue = np.exp(TISSUE_REACH_SD * self.tissue_young_sd)
+        slab = np.exp(THICKNESS_REACH_SD * self.thickness_sd)
         return Box(
             diameter_mm=self.diameter_mm,
             depth_mm=self.depth_mm,

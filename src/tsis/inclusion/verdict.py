@@ -35,7 +35,6 @@ def verdict(
     references: list[TactileImage],
     data: Profiles,
     best: Fit,
-    freedom: int,
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Flags and their sentences.
 
@@ -45,8 +44,8 @@ def verdict(
         Posterior samples (n, 3).
     prior, targets, references, data
         What the estimate rests on.
-    best, freedom
-        The fit at the posterior mean and the number of rings used.
+    best
+        The fit at the posterior mean.
     """
     found: list[tuple[str, str]] = []
     for column, name in zip(samples.T, PARAMETERS, strict=True):
@@ -60,7 +59,7 @@ def verdict(
                 )
             )
         found += _cut_off(column, name, getattr(prior, name))
-    chance = float(chi2.sf(best.misfit[0], freedom))
+    chance = float(chi2.sf(best.misfit[0], int(data.usable.sum())))
     if chance < UNLIKELY:
         found.append(
             (

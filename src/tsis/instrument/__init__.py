@@ -1,6 +1,7 @@
 """Cameras and image files: where frames come from. Knows values, no science."""
 
 from tsis.instrument.camera import Camera, Frame, Mode, Setting
+from tsis.instrument.file_bytes import read_bytes, shown
 from tsis.instrument.image_file import read_colour, read_image
 from tsis.instrument.png import png_bytes
 from tsis.instrument.sources import ImageFiles, OpenCVDevice, VideoFile
@@ -14,6 +15,8 @@ __all__ = [
     "Setting",
     "VideoFile",
     "png_bytes",
+    "read_bytes",
     "read_colour",
     "read_image",
+    "shown",
 ]

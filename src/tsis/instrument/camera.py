@@ -4,7 +4,7 @@ A source of frames (a device, a folder, a video, the virtual probe) is used in o
 
     open -> modes, settings, adjust -> start -> frames -> stop
 
-Live view, saving and reconnection build on these calls alone, so a new camera is one class with eight members.
+Live view, saving and reconnection build on these calls alone, so a new camera is one class with nine members.
 """
 
 from __future__ import annotations

@@ -129,7 +129,7 @@ class Surrogate:
         return replace(self, plain=self.plain @ matrix.T, change=self.change @ matrix.T)
 
     def at_tissue(self, tissue_young_kpa: float, thickness_mm: float) -> TissueSurrogate:
-        """Fix the tissue; values outside the box are extrapolated linearly in what the polynomial allows."""
+        """Fix the tissue; outside the box the polynomial is extrapolated, and its error grows fast."""
 
         def mix(in_tissue: int, in_thickness: int) -> NDArray[np.float64]:
             tissue = chebyshev.weights(log_range(self.box.tissue_young_kpa), in_tissue, np.log([tissue_young_kpa]))

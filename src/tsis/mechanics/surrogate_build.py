@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import io
 import itertools
+import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict
 from typing import TYPE_CHECKING
@@ -134,7 +135,7 @@ def _solve_all(
 
     change = []
     # Two levels of threads would fight for the cores: BLAS stays on one, the slabs share the others.
-    with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor() as pool:
+    with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
         for thickness in slabs:
             kernel = kernel_of(thickness)
             tasks = [pool.submit(_changes, kernel, sphere, factors, tissues) for sphere in spheres]
@@ -180,7 +181,7 @@ def _measured_error(probe: Probe, resolution: Resolution, surrogate: PressSurrog
         exact = MN_PER_N * at_radius @ fresh.pressure
         return float(np.abs(at_radius @ fast - exact).max() / exact.mean())
 
-    with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor() as pool:
+    with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
         kernels = itertools.cycle(pool.map(lambda slab: _kernel(probe, box, resolution, slab), slabs))
         return max(pool.map(error, kernels, ranges[:, 0] + unit * np.ptp(ranges, axis=1)))
 

@@ -36,10 +36,10 @@ def kind(name: str, value: object, wanted: type) -> None:
 
 
 def pair(name: str, value: Any) -> tuple[float, float]:
-    """Return ``value`` as two finite numbers (x, y)."""
+    """Return ``value`` as two finite numbers."""
     result = array(name, value, ndim=1)
     if result.shape != (2,):
-        raise InputError(f"{name} must hold two numbers (x, y); got {value!r}")
+        raise InputError(f"{name} must hold two numbers; got {value!r}")
     return float(result[0]), float(result[1])
 
 

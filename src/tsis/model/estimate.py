@@ -32,7 +32,7 @@ class Estimate:
     notes
         One sentence a flag or a parameter.
     provenance
-        Version, inputs, calibration and seed that the estimate came from.
+        Version, inputs and calibration that the estimate came from.
 
     Examples
     --------

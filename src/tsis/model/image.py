@@ -35,8 +35,7 @@ class TactileImage:
     Parameters
     ----------
     grey
-        Grey levels, shape (rows, columns), finite; kept as a read-only array of its own dtype family
-        (floating point after corrections).
+        Grey levels, shape (rows, columns), finite; kept as a read-only float64 copy.
     mm_per_pixel
         Size (x, y) of a pixel on the face in mm; None when nobody measured it.
     full_scale

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -17,24 +17,7 @@ if TYPE_CHECKING:
     from tsis.model import Estimate
 
 LEVEL = 0.9
-SCALARS = (
-    "contact",
-    "centroid_px",
-    "centroid_mm",
-    "peak",
-    "total",
-    "area_px",
-    "area_mm2",
-    "equivalent_diameter_px",
-    "equivalent_diameter_mm",
-    "semi_axes_px",
-    "semi_axes_mm",
-    "angle_deg",
-    "eccentricity",
-    "circularity",
-    "saturated_share",
-    "cropped",
-)
+NOT_SCALAR = ("profile", "patch")
 
 
 def envelope(command: str, **content: Any) -> dict[str, Any]:
@@ -73,7 +56,7 @@ def doubt_of(estimate: Estimate, name: str) -> str:
 
 def features_document(found: Features, contact: Contact | None) -> dict[str, Any]:
     """Features of one image, and its round contact."""
-    document = {name: getattr(found, name) for name in SCALARS}
+    document = {item.name: getattr(found, item.name) for item in fields(found) if item.name not in NOT_SCALAR}
     document["round_contact"] = None if contact is None else asdict(contact)
     document["profile"] = None if found.profile is None else profile_document(found.profile)
     return document

@@ -95,10 +95,10 @@ class VirtualProbe:
         return seen + stray
 
     def _ring_pattern(self, sd: float) -> NDArray[np.float64]:
-        """Factor near one that varies with the radius: the mean over a ring deviates by about ``sd``."""
+        """Factor near one that varies with the radius with standard deviation ``sd``; ring means by 0.9 of it."""
         radius = self.sensor.radius_mm()
         knots = np.arange(0.0, radius.max() + GRAIN_MM, GRAIN_MM)
-        # The mean of a line between two independent values has two thirds of their variance.
+        # Lines between independent values have on average two thirds of their variance.
         values = np.sqrt(1.5) * sd * self._rng.standard_normal(len(knots))
         return np.asarray(1 + np.interp(radius, knots, values))
 
