@@ -104,7 +104,7 @@ class Slab:
         self.thickness_mm, self.poisson, self.resolution = thickness_mm, poisson, resolution
         self.face = face_of(probe_radius_mm, resolution)
         # Cut off where neither the face nor the thickness is felt any more: 4 thicknesses leave 0.1 %.
-        outer = max(10 * probe_radius_mm, 4 * thickness_mm, 3 * block_mm)
+        outer = max(10 * probe_radius_mm, 4 * thickness_mm)
         finest = resolution.edge * probe_radius_mm
         beyond = mesh.beyond_lines(probe_radius_mm, outer, finest=finest, growth=resolution.growth)
         lines = np.concatenate([self.face.lines, beyond[1:]])

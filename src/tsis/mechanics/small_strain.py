@@ -78,7 +78,7 @@ class PressKernel:
             thickness_mm=thickness_mm,
             poisson=poisson,
             probe_radius_mm=probe.radius_mm,
-            block_mm=0.8 * probe.radius_mm if block_mm is None else block_mm,
+            block_mm=block_radius_mm(probe) if block_mm is None else block_mm,
             resolution=resolution,
         )
 
@@ -108,6 +108,11 @@ class PressKernel:
     def signal(self, slab: SlabWithSphere, contrast: float, tissue_kpa: float) -> UnitPress:
         """What the sphere changes: with it minus without it, ON ONE MESH (else the mesh manufactures signal)."""
         return self.solve(slab.stiffness(contrast), tissue_kpa) - self.solve(slab.plain_stiffness(), tissue_kpa)
+
+
+def block_radius_mm(probe: Probe, diameter_mm: float = 0.0) -> float:
+    """Radius of the block around the axis that is meshed anew for inclusions of up to ``diameter_mm``."""
+    return max(0.8 * probe.radius_mm, 0.65 * diameter_mm)
 
 
 def press(
@@ -202,7 +207,7 @@ def _unit_press(probe: Probe, phantom: Phantom, resolution: Resolution) -> UnitP
             "inclusion must be a sphere on the probe's axis (offset_mm (0, 0), no semi_axes_mm) for this model; "
             f"got offset_mm {inclusion.offset_mm}, semi_axes_mm {inclusion.semi_axes_mm}"
         )
-    block = max(0.8 * probe.radius_mm, 0.65 * inclusion.diameter_mm)
+    block = block_radius_mm(probe, inclusion.diameter_mm)
     kernel = _kernel(probe, phantom.thickness_mm, phantom.poisson, block, resolution)
     slab = kernel.slab(diameter_mm=inclusion.diameter_mm, depth_mm=inclusion.depth_mm, poisson=inclusion.poisson)
     contrast = inclusion.young_kpa / phantom.young_kpa

@@ -18,7 +18,7 @@ from threadpoolctl import threadpool_limits
 
 from tsis.mechanics import chebyshev, disk_cache
 from tsis.mechanics.bodies import Resolution, face_of
-from tsis.mechanics.small_strain import EDGE_SHARE, MN_PER_N, PressKernel, UnitPress
+from tsis.mechanics.small_strain import EDGE_SHARE, MN_PER_N, PressKernel, UnitPress, block_radius_mm
 from tsis.mechanics.surrogate import Box, Degrees, PressSurrogate, Surrogate, log_range, scale
 from tsis.model.errors import MechanicsError
 
@@ -156,7 +156,7 @@ def _kernel(probe: Probe, box: Box, resolution: Resolution, thickness_mm: float)
         probe,
         thickness_mm=thickness_mm,
         poisson=box.poisson,
-        block_mm=max(0.8 * probe.radius_mm, 0.65 * box.diameter_mm[1]),
+        block_mm=block_radius_mm(probe, box.diameter_mm[1]),
         resolution=resolution,
     )
 

@@ -11,6 +11,7 @@ import cv2
 from tsis.instrument.camera import Frame, Mode, Setting
 from tsis.instrument.luma import grey_of_opencv
 from tsis.instrument.quiet import quiet_decoders
+from tsis.instrument.sources.capture import present_mode
 from tsis.model import check
 from tsis.model.errors import CameraError
 
@@ -79,14 +80,7 @@ class OpenCVDevice:
 
     def modes(self) -> tuple[Mode, ...]:
         """The mode that the camera is in."""
-        capture = self._opened()
-        rate = float(capture.get(cv2.CAP_PROP_FPS))
-        mode = Mode(
-            width_px=int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)),
-            height_px=int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT)),
-            frames_per_s=rate if rate > 0 else None,
-        )
-        return (mode,)
+        return (present_mode(self._opened()),)
 
     def settings(self) -> tuple[Setting, ...]:
         """Brightness, gain and exposure where the driver has them, in the driver's own units."""

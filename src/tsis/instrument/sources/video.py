@@ -11,6 +11,7 @@ from tsis.instrument.camera import Frame, Mode
 from tsis.instrument.file_bytes import file_size, shown
 from tsis.instrument.luma import grey_of_opencv
 from tsis.instrument.quiet import quiet_decoders, quiet_ffmpeg
+from tsis.instrument.sources.capture import present_mode
 from tsis.instrument.sources.stored import StoredFrames
 from tsis.model.errors import FileInputError
 
@@ -64,14 +65,7 @@ class VideoFile(StoredFrames):
 
     def modes(self) -> tuple[Mode, ...]:
         """The one mode: size and rate as the file declares them."""
-        capture = self._opened()
-        rate = float(capture.get(cv2.CAP_PROP_FPS))
-        mode = Mode(
-            width_px=int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)),
-            height_px=int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT)),
-            frames_per_s=rate if rate > 0 else None,
-        )
-        return (mode,)
+        return (present_mode(self._opened()),)
 
     def frames(self) -> Iterator[Frame]:
         """Yield the frames in order, with their times in the video.
