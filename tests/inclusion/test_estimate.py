@@ -13,6 +13,7 @@ import tsis
 from tsis import Layer, Probe, TactileImage
 from tsis.imaging.sensor import Sensor
 from tsis.inclusion import InclusionPrior, estimate, posterior
+from tsis.inclusion.frames import ring_edges, ring_profiles
 from tsis.inclusion.posterior import _posterior, likelihood_of
 from tsis.mechanics import Degrees, build_surrogate
 from tsis.model.errors import ImageMismatchError, InputError, NotCalibratedError
@@ -237,3 +238,32 @@ def test_without_a_calibration_nothing_is_estimated(lump: tuple[TactileImage, Ta
     with pytest.raises(NotCalibratedError, match=r"calibration must be a Calibration, .*; got") as refused:
         estimate(lump[0], probe=PROBE, calibration=calibration)
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("inclusion", "flag"),
+    [
+        (tsis.Inclusion(diameter_mm=7.0, depth_mm=15.0, young_kpa=100.0), "depth_mm_at_prior_end"),
+        (None, "diameter_mm_at_prior_end"),
+    ],
+)
+def test_what_the_prior_cuts_off_is_said(inclusion: tsis.Inclusion | None, flag: str, found: Estimate) -> None:
+    image, reference = presses(replace(PLAIN, inclusion=inclusion))
+    result = estimate(image, probe=PROBE, calibration=ANSWER, reference=reference)
+    assert flag in result.flags
+    assert flag not in found.flags
+
+
+def test_a_frame_given_twice_is_refused(lump: tuple[TactileImage, TactileImage]) -> None:
+    with pytest.raises(InputError, match="is given twice, which tells nothing new"):
+        estimate([lump[0], lump[0]], probe=PROBE, calibration=ANSWER, reference=lump[1])
+
+
+def test_frames_of_different_axes_are_refused(lump: tuple[TactileImage, TactileImage]) -> None:
+    with pytest.raises(ImageMismatchError, match=r"must share the shape .* and axis_px"):
+        estimate(replace(lump[0], axis_px=(404.0, 245.5)), probe=PROBE, calibration=ANSWER, reference=lump[1])
+
+
+def test_the_error_of_the_press_model_counts_as_noise(lump: tuple[TactileImage, TactileImage]) -> None:
+    exact, coarse = (ring_profiles(list(lump), ANSWER, ring_edges(PROBE), model_error=error) for error in (0.0, 0.01))
+    np.testing.assert_allclose(coarse.variance - exact.variance, (0.01 * exact.grey) ** 2, rtol=1e-9)

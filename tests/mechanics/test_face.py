@@ -34,3 +34,14 @@ def test_mass_turns_pressure_into_force() -> None:
     assert mass.sum() == pytest.approx(np.pi * 144.0, rel=1e-12)
     # p = r**3 on the face, weighed by r**2: 2 pi r**6 integrated.
     assert radius**2 @ mass @ radius**3 == pytest.approx(2 * np.pi * 12.0**7 / 7, rel=1e-12)
+
+
+def test_averages_keep_the_integral_and_what_is_constant() -> None:
+    grid = np.linspace(0.0, 12.0, 241)
+    matrix = FACE.averages(grid)
+    np.testing.assert_allclose(matrix.sum(axis=1), 1.0, rtol=1e-12)
+    singular = 1 / np.sqrt(12.3**2 - FACE.radius_mm**2)
+    total = np.ones(len(FACE.radius_mm)) @ FACE.mass() @ singular
+    assert 2 * np.pi * np.trapezoid(grid * (matrix @ singular), grid) == pytest.approx(total, rel=2e-4)
+    # A hat of half-width h has the second moment h**2 / 6; the weight r makes it count three times for a parabola.
+    np.testing.assert_allclose((matrix @ FACE.radius_mm**2 - grid**2)[40:-1], 3 * 0.05**2 / 6, rtol=0.01)

@@ -160,8 +160,22 @@ def test_a_finer_mesh_changes_nothing(size: tuple[float, float]) -> None:
     inner = here.radius_mm < 0.9 * PROBE.radius_mm
     np.testing.assert_allclose(here.face_displacement_mm[inner], finer.face_displacement_mm[inner], rtol=1e-3)
     np.testing.assert_allclose(here.pressure_kpa[inner], finer.pressure_kpa[inner], rtol=5e-3)
+    middle = here.radius_mm < 0.8 * PROBE.radius_mm  # where the docstring promises 0.1 %
+    np.testing.assert_allclose(here.pressure_kpa[middle], finer.pressure_kpa[middle], rtol=1e-3)
     signal, reference = change(phantom), change(phantom, FINER)
     np.testing.assert_allclose(signal[inner], reference[inner], atol=3e-3 * np.abs(reference).max())
+
+
+@pytest.mark.parametrize("edge", [0.02, 0.01, 0.004])
+def test_the_pressure_sums_up_to_the_force_on_any_mesh(edge: float) -> None:
+    field = press(PROBE, lump(10.0, 5.0, 100.0), force_n=0.8, resolution=Resolution(edge=edge))
+    total = 2 * np.pi * np.trapezoid(field.pressure_kpa * field.radius_mm, field.radius_mm)
+    assert total == pytest.approx(800.0, rel=2e-3)
+
+
+def test_a_press_through_the_slab_is_refused() -> None:
+    with pytest.raises(MechanicsError, match=r"the glass would travel .* choose a smaller force"):
+        press(PROBE, PLAIN, force_n=20.0)
 
 
 @pytest.mark.parametrize("thickness", [60.0, 200.0, 500.0])

@@ -192,8 +192,8 @@ def _weighted_centre(
 
 def _from_axis(point: tuple[float, float], image: TactileImage, scale: tuple[float, float]) -> tuple[float, float]:
     """A position in pixels as mm from the probe's axis."""
-    assert image.axis_px is not None  # TactileImage fills it in
-    return (point[0] - float(image.axis_px[0])) * scale[0], (point[1] - float(image.axis_px[1])) * scale[1]
+    axis = image.axis()
+    return (point[0] - axis[0]) * scale[0], (point[1] - axis[1]) * scale[1]
 
 
 def _ellipse(

@@ -70,8 +70,7 @@ def surface(image: TactileImage, *, max_points: int = 128, height_per_grey: floa
     check_image("image", image)
     limit = int(check.number("max_points", max_points, 2, 4096))
     check.number("height_per_grey", height_per_grey, -1e9, 1e9)
-    scale, axis = image.scale(), image.axis_px
-    assert axis is not None  # TactileImage fills it in
+    scale, axis = image.scale(), image.axis()
     rows, columns = image.grey.shape
     shrink = max(1.0, max(rows, columns) / limit)
     size = (max(1, round(columns / shrink)), max(1, round(rows / shrink)))

@@ -101,9 +101,8 @@ def radial_profile(
     """
     check_image("image", image)
     edges = _checked_edges(edges_mm)
-    centre = image.axis_px if centre_px is None else check.pair("centre_px", centre_px)
-    assert centre is not None  # TactileImage fills it in
-    rings = _ring_of_pixel(image.grey.shape, image.scale(), (float(centre[0]), float(centre[1])), edges.tobytes())
+    centre = image.axis() if centre_px is None else check.pair("centre_px", centre_px)
+    rings = _ring_of_pixel(image.grey.shape, image.scale(), centre, edges.tobytes())
     grey, clipped = image.grey, image.grey >= image.full_scale
     if reference is not None:
         check_same_frame(image, reference, "reference")

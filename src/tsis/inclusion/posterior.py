@@ -57,7 +57,7 @@ def estimate(
     calibration
         Answer of grey level to pressure and the sizes of the errors.
     reference
-        Presses of the same probe on plain tissue nearby; they narrow size and depth by about a half.
+        Presses of the same probe on plain tissue nearby; they narrow size and depth.
     prior
         Ranges of the inclusion and beliefs about the tissue; `InclusionPrior` by default.
 

@@ -108,7 +108,7 @@ def off_axis_mm(target: TactileImage, reference: TactileImage) -> float:
     """Distance in mm from the probe's axis to the centroid of what the target adds to the reference."""
     change = subtract_background(target, reference)
     sx, sy = change.scale()
-    axis = change.axis_px or (0.0, 0.0)
+    axis = change.axis()
     x = (np.arange(change.grey.shape[1]) - axis[0]) * sx
     y = (np.arange(change.grey.shape[0]) - axis[1]) * sy
     near = np.hypot(x[None, :], y[:, None]) < 0.8 * min(np.abs(x[[0, -1]]).min(), np.abs(y[[0, -1]]).min())

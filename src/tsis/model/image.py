@@ -82,6 +82,11 @@ class TactileImage:
             raise InputError(f"settings must be a mapping of names to values; got {self.settings!r:.80}")
         object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
 
+    def axis(self) -> tuple[float, float]:
+        """Where the probe's axis meets the image, (x, y) in pixels."""
+        assert self.axis_px is not None  # filled in when the image is made
+        return self.axis_px
+
     def scale(self) -> tuple[float, float]:
         """The pixel size (x, y) in mm, or a clear error when it is unknown."""
         if self.mm_per_pixel is None:
