@@ -67,10 +67,47 @@ def test_an_inclusion_is_accepted_exactly_when_it_fits(diameter: float, depth: f
             Phantom(young_kpa=5.0, thickness_mm=thickness, inclusion=lump)
 
 
-def test_only_a_sphere_on_the_axis_is_a_centred_sphere() -> None:
-    assert LUMP.is_centred_sphere
-    assert not replace(LUMP, offset_mm=(1.0, 0.0)).is_centred_sphere
-    assert not replace(LUMP, semi_axes_mm=(5.0, 4.0, 3.0)).is_centred_sphere
+def test_what_turns_around_the_axis_is_axisymmetric() -> None:
+    assert LUMP.is_axisymmetric
+    assert replace(LUMP, semi_axes_mm=(5.0, 5.0, 3.0)).is_axisymmetric
+    assert not replace(LUMP, offset_mm=(1.0, 0.0)).is_axisymmetric
+    assert not replace(LUMP, semi_axes_mm=(5.0, 4.0, 3.0)).is_axisymmetric
+
+
+def test_an_ellipsoid_reaches_as_deep_as_its_vertical_axis() -> None:
+    lens = Inclusion(diameter_mm=8.0, depth_mm=5.0, young_kpa=100.0, semi_axes_mm=(6.0, 6.0, 2.0))
+    assert (lens.centre_depth_mm, lens.bottom_mm) == (7.0, 9.0)
+    with pytest.raises(InputError, match="must be less than thickness_mm = 9; got 9"):
+        Phantom(young_kpa=5.0, thickness_mm=9.0, inclusion=lens)
+
+
+def test_two_inclusions_may_not_meet() -> None:
+    left = Inclusion(diameter_mm=6.0, depth_mm=5.0, young_kpa=100.0, offset_mm=(-4.0, 0.0))
+    right = replace(left, offset_mm=(4.0, 0.0))
+    pair = Phantom(young_kpa=5.0, thickness_mm=30.0, inclusion=left, more_inclusions=(right,))
+    assert pair.inclusions == (left, right)
+    assert pair.without_inclusion().inclusions == ()
+    with pytest.raises(InputError, match="centres at least 6 mm apart; got 5"):
+        replace(pair, more_inclusions=(replace(left, offset_mm=(1.0, 0.0)),))
+    with pytest.raises(InputError, match="give the first as inclusion"):
+        replace(pair, inclusion=None)
+
+
+@given(radius=st.floats(1.0, 100.0), share=st.floats(1.0, 1e3), at=st.floats(0.0, 1.0))
+def test_a_dome_is_a_piece_of_a_sphere(radius: float, share: float, at: float) -> None:
+    layer = replace(LAYER, thickness_mm=200.0)
+    probe = Probe(radius_mm=radius, layers=(layer,), face_curvature_mm=share * radius)
+    height = share * radius - probe.sag_mm(at * radius)
+    assert np.hypot(height, at * radius) == pytest.approx(share * radius, rel=1e-12)
+
+
+def test_a_dome_leaves_something_at_the_rim() -> None:
+    with pytest.raises(InputError, match="must leave 10% of the layers' 2 mm at the rim; got 20"):
+        Probe(radius_mm=12.0, layers=(replace(LAYER, thickness_mm=2.0),), face_curvature_mm=20.0)
+    with pytest.raises(InputError, match=r"face_curvature_mm must lie in \[12,"):
+        replace(PROBE, face_curvature_mm=1.0)
+    with pytest.raises(InputError, match="sides must be 'free' or 'bonded'; got 'glued'"):
+        replace(PROBE, sides="glued")  # type: ignore[arg-type]
 
 
 def test_the_stack_is_as_thick_as_its_layers() -> None:

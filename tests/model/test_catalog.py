@@ -38,7 +38,7 @@ def test_inclusions_are_those_printed(name: str, printed: tuple[float, float, fl
     assert phantom.inclusion is not None
     found = (phantom.inclusion.diameter_mm, phantom.inclusion.depth_mm, phantom.inclusion.young_kpa)
     assert found == printed
-    assert phantom.inclusion.is_centred_sphere
+    assert phantom.inclusion.is_axisymmetric
     assert (phantom.young_kpa, phantom.poisson) == (5.0, 0.49)
     assert phantom.assumed == ("thickness_mm",)
 

@@ -162,6 +162,8 @@ def press(
     check.number("force_n", force_n, 0.0, 50.0, hint="newtons")
     if strain != "small":
         raise InputError(f"strain must be 'small' in this version; got {strain!r}")
+    if probe.face_curvature_mm is not None or probe.sides != "free":
+        raise InputError("probe must be flat with free sides in this version; got a domed face or bonded sides")
     resolution = resolution or Resolution()
     with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
         unit = _unit_press(probe, phantom, resolution)
@@ -202,9 +204,9 @@ def _unit_press(probe: Probe, phantom: Phantom, resolution: Resolution) -> UnitP
     inclusion = phantom.inclusion
     if inclusion is None:
         return _kernel(probe, phantom.thickness_mm, phantom.poisson, None, resolution).plain(phantom.young_kpa)
-    if not inclusion.is_centred_sphere:
+    if phantom.more_inclusions or inclusion.offset_mm != (0.0, 0.0) or inclusion.semi_axes_mm is not None:
         raise InputError(
-            "inclusion must be a sphere on the probe's axis (offset_mm (0, 0), no semi_axes_mm) for this model; "
+            "inclusion must be one sphere on the probe's axis (offset_mm (0, 0), no semi_axes_mm) for this model; "
             f"got offset_mm {inclusion.offset_mm}, semi_axes_mm {inclusion.semi_axes_mm}"
         )
     block = block_radius_mm(probe, inclusion.diameter_mm)

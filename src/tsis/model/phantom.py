@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import combinations
+
+import numpy as np
 
 from tsis.model import check
 from tsis.model.errors import InputError
@@ -10,12 +13,12 @@ from tsis.model.errors import InputError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Inclusion:
-    """A homogeneous spherical (or ellipsoidal) inclusion.
+    """A homogeneous spherical or ellipsoidal inclusion.
 
     Parameters
     ----------
     diameter_mm
-        Diameter d in mm, in [0.1, 100].
+        Diameter d in mm, in [0.1, 100]; of an ellipsoid the nominal one, which only names it.
     depth_mm
         Depth h in mm from the skin to the TOP of the inclusion, in [0.2, 200].
     young_kpa
@@ -25,7 +28,7 @@ class Inclusion:
     offset_mm
         Position (x, y) of its centre relative to the probe's axis, mm.
     semi_axes_mm
-        Semi-axes (x, y, z) in mm of an ellipsoid; None for a sphere.
+        Semi-axes (x, y, z) in mm of an ellipsoid, z along the probe's axis; None for a sphere.
 
     Raises
     ------
@@ -53,14 +56,30 @@ class Inclusion:
             object.__setattr__(self, "semi_axes_mm", tuple(float(axis) for axis in axes))
 
     @property
-    def is_centred_sphere(self) -> bool:
-        """True when the inclusion is a sphere on the probe's axis."""
-        return self.offset_mm == (0.0, 0.0) and self.semi_axes_mm is None
+    def half_axes_mm(self) -> tuple[float, float, float]:
+        """Semi-axes (x, y, z) in mm, of a sphere too."""
+        return self.semi_axes_mm or (self.diameter_mm / 2,) * 3
+
+    @property
+    def centre_depth_mm(self) -> float:
+        """Depth of its centre under the skin, mm."""
+        return self.depth_mm + self.half_axes_mm[2]
+
+    @property
+    def bottom_mm(self) -> float:
+        """Depth of its lowest point under the skin, mm."""
+        return self.depth_mm + 2 * self.half_axes_mm[2]
+
+    @property
+    def is_axisymmetric(self) -> bool:
+        """True when the inclusion is a sphere or spheroid around the probe's axis."""
+        x, y, _ = self.half_axes_mm
+        return self.offset_mm == (0.0, 0.0) and x == y
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Phantom:
-    """A slab of soft tissue on a rigid chest wall, with at most one inclusion.
+    """A slab of soft tissue on a rigid chest wall, plain or with inclusions.
 
     Parameters
     ----------
@@ -72,6 +91,8 @@ class Phantom:
         Poisson's ratio of the tissue, in [0, 0.495].
     inclusion
         The inclusion, or None for plain tissue.
+    more_inclusions
+        Further ones, which only the three-dimensional model can press.
     name
         What reports call it.
     assumed
@@ -80,7 +101,7 @@ class Phantom:
     Raises
     ------
     InputError
-        When a value lies outside its range or the inclusion does not fit into the slab.
+        When a value lies outside its range, an inclusion does not fit into the slab, or two of them meet.
 
     Examples
     --------
@@ -94,6 +115,7 @@ class Phantom:
     thickness_mm: float
     poisson: float = 0.49
     inclusion: Inclusion | None = None
+    more_inclusions: tuple[Inclusion, ...] = ()
     name: str = ""
     assumed: tuple[str, ...] = ()
 
@@ -102,16 +124,34 @@ class Phantom:
         check.number("thickness_mm", self.thickness_mm, 2.0, 500.0, hint="millimetres")
         check.number("poisson", self.poisson, 0.0, 0.495)
         object.__setattr__(self, "assumed", tuple(self.assumed))
-        if self.inclusion is None:
-            return
-        if not isinstance(self.inclusion, Inclusion):
+        object.__setattr__(self, "more_inclusions", tuple(self.more_inclusions))
+        if self.inclusion is not None and not isinstance(self.inclusion, Inclusion):
             raise InputError(f"inclusion must be an Inclusion or None; got {self.inclusion!r}")
-        bottom = self.inclusion.depth_mm + self.inclusion.diameter_mm
-        if bottom >= self.thickness_mm:
-            raise InputError(
-                f"depth_mm + diameter_mm must be less than thickness_mm = {self.thickness_mm:g}; got {bottom:g}"
-            )
+        if self.more_inclusions and self.inclusion is None:
+            raise InputError("more_inclusions must stay empty where inclusion is None; give the first as inclusion")
+        for one in self.inclusions:
+            if one.bottom_mm >= self.thickness_mm:
+                raise InputError(
+                    f"depth_mm + diameter_mm must be less than thickness_mm = {self.thickness_mm:g}; "
+                    f"got {one.bottom_mm:g}"
+                )
+        for one, other in combinations(self.inclusions, 2):
+            _refuse_meeting(one, other)
+
+    @property
+    def inclusions(self) -> tuple[Inclusion, ...]:
+        """All inclusions, none for plain tissue."""
+        return () if self.inclusion is None else (self.inclusion, *self.more_inclusions)
 
     def without_inclusion(self) -> Phantom:
         """The same slab of plain tissue: the baseline of a press."""
-        return replace(self, inclusion=None)
+        return replace(self, inclusion=None, more_inclusions=())
+
+
+def _refuse_meeting(one: Inclusion, other: Inclusion) -> None:
+    """Keep apart what a mesh has to tell apart; ellipsoids count as the spheres around them."""
+    centres = np.array([[*inclusion.offset_mm, inclusion.centre_depth_mm] for inclusion in (one, other)])
+    apart = float(np.linalg.norm(centres[0] - centres[1]))
+    reach = max(one.half_axes_mm) + max(other.half_axes_mm)
+    if apart <= reach:
+        raise InputError(f"inclusions must not meet: centres at least {reach:g} mm apart; got {apart:g}")

@@ -3,9 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
 
 from tsis.model import check
 from tsis.model.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+THINNEST_RIM = 0.1  # of the thickness on the axis
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,14 +51,19 @@ class Layer:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Probe:
-    """A flat, round probe: layers from the tissue up, the last one bonded to rigid glass, sides free.
+    """A round probe: layers from the tissue up, the last one bonded to rigid glass.
 
     Parameters
     ----------
     radius_mm
         Radius of the face in mm, in [1, 100].
     layers
-        The layers, listed from the tissue up.
+        The layers, listed from the tissue up, each with its thickness on the axis.
+    face_curvature_mm
+        Radius of curvature of a domed face in mm, at least ``radius_mm``; None for a flat one. The glass is flat; the
+        layers bulge together, each keeping its share of the thickness at every radius.
+    sides
+        ``"free"``, or ``"bonded"`` to a rigid housing.
     name
         What reports call it.
     assumed
@@ -59,7 +72,7 @@ class Probe:
     Raises
     ------
     InputError
-        When the radius lies outside its range or there is no layer.
+        When a value lies outside its range, there is no layer, or the dome leaves almost nothing of them at the rim.
 
     Examples
     --------
@@ -70,6 +83,8 @@ class Probe:
 
     radius_mm: float
     layers: tuple[Layer, ...]
+    face_curvature_mm: float | None = None
+    sides: Literal["free", "bonded"] = "free"
     name: str = ""
     assumed: tuple[str, ...] = ()
 
@@ -80,8 +95,28 @@ class Probe:
             raise InputError(f"layers must be a tuple of at least one Layer; got {self.layers!r}")
         object.__setattr__(self, "layers", layers)
         object.__setattr__(self, "assumed", tuple(self.assumed))
+        if self.sides not in ("free", "bonded"):
+            raise InputError(f"sides must be 'free' or 'bonded'; got {self.sides!r}")
+        if self.face_curvature_mm is None:
+            return
+        check.number("face_curvature_mm", self.face_curvature_mm, self.radius_mm, 1e6, hint="millimetres, None is flat")
+        sag = float(self.sag_mm(self.radius_mm))
+        if sag > (1 - THINNEST_RIM) * self.thickness_mm:
+            raise InputError(
+                f"face_curvature_mm must leave {THINNEST_RIM:.0%} of the layers' {self.thickness_mm:g} mm at the rim; "
+                f"got {self.face_curvature_mm:g}, which takes {sag:.2f} mm away"
+            )
 
     @property
     def thickness_mm(self) -> float:
-        """Thickness of the whole stack in mm."""
+        """Thickness of the whole stack on the axis, mm."""
         return sum(layer.thickness_mm for layer in self.layers)
+
+    def sag_mm(self, radius_mm: Any) -> NDArray[np.float64]:
+        """How far the undeformed face lies behind its apex at ``radius_mm``, mm; zeros for a flat face."""
+        radius = np.asarray(radius_mm, dtype=float)
+        if self.face_curvature_mm is None:
+            return np.zeros_like(radius)
+        curvature = self.face_curvature_mm
+        # Written without the difference of two large numbers, which would cost digits on nearly flat faces.
+        return np.asarray(radius**2 / (curvature + np.sqrt(curvature**2 - radius**2)))

@@ -45,6 +45,7 @@ def load_probe(name: str = "tsis-2011") -> Probe:
         name=name,
         radius_mm=entry["radius_mm"],
         layers=tuple(Layer(**layer) for layer in entry["layers"]),
+        face_curvature_mm=entry.get("face_curvature_mm"),
         assumed=tuple(entry.get("assumed", ())),
     )
 
