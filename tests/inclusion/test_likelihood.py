@@ -150,6 +150,6 @@ def test_profiles_without_nuisances_are_the_response_to_the_surrogates_pressure(
 
 def test_ring_means_are_means_over_the_rings_area(surrogate: PressSurrogate) -> None:
     matrix = ring_means(surrogate, np.array([0.0, 3.0, 8.0]))
-    # r**2 over a ring: (b**4 - a**4) / (2 (b**2 - a**2)).
-    np.testing.assert_allclose(matrix @ surrogate.radius_mm**2, [4.5, (8.0**4 - 3.0**4) / (2 * 55.0)], rtol=1e-9)
+    # r over a ring: 2 (b**3 - a**3) / (3 (b**2 - a**2)).
+    np.testing.assert_allclose(matrix @ surrogate.radius_mm, [2.0, 2 * (8.0**3 - 3.0**3) / (3 * 55.0)], rtol=1e-9)
     np.testing.assert_allclose(matrix.sum(axis=1), 1.0, rtol=1e-12)

@@ -10,9 +10,11 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from tsis import Layer, Probe
-from tsis.mechanics import Resolution, bodies, mesh
+from tsis.mechanics import Resolution, bodies, mesh, slab
+from tsis.mechanics.bodies import face_of
 from tsis.mechanics.condensed import EMPTY, FIXED, Condensate, sweep
 from tsis.mechanics.element import stiffness
+from tsis.mechanics.small_strain import sphere
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -50,61 +52,80 @@ def one_large_solve(parts: list[Part], faces: int) -> NDArray[np.float64]:
 
 @pytest.fixture
 def swept(monkeypatch: pytest.MonkeyPatch) -> list[Part]:
-    """Every part that `bodies` condenses, as it was given."""
+    """Every part that is condensed, as it was given."""
     parts: list[Part] = []
 
     def record(body: mesh.LayeredMesh, dofs: NDArray[np.int64], **given: Any) -> Condensate:
         parts.append((body, dofs.copy(), given["young_kpa"], given["poisson"]))
         return sweep(body, dofs, **given)
 
-    monkeypatch.setattr(bodies, "sweep", record)
+    for module in (bodies, slab):
+        monkeypatch.setattr(module, "sweep", record)
     return parts
 
 
-def assert_same_compliance(stiffness: NDArray[np.float64], expected: NDArray[np.float64]) -> None:
-    np.testing.assert_allclose(np.linalg.inv(stiffness), expected, atol=1e-9 * np.abs(expected).max(), rtol=0)
+def assert_same(compliance: NDArray[np.float64], expected: NDArray[np.float64]) -> None:
+    np.testing.assert_allclose(compliance, expected, atol=1e-9 * np.abs(expected).max(), rtol=0)
 
 
-def test_probe(swept: list[Part]) -> None:
+FACE = face_of(12.0, COARSE)
+BALL = sphere(10.0, 5.0)
+
+
+@pytest.mark.parametrize("curvature", [None, 40.0])
+def test_probe(swept: list[Part], curvature: float | None) -> None:
     layers = (Layer(thickness_mm=2.0, young_kpa=140.0), Layer(thickness_mm=5.0, young_kpa=34.0, poisson=0.3))
-    found = bodies.probe_stiffness(Probe(radius_mm=12.0, layers=layers), COARSE)
+    probe = Probe(radius_mm=12.0, layers=layers, face_curvature_mm=curvature)
+    found = bodies.probe_compliance(probe, FACE, COARSE)
     assert len(swept) == 1
     assert set(swept[0][2]) == {140.0, 34.0}
-    assert_same_compliance(found, one_large_solve(swept, len(found)))
+    assert_same(found, one_large_solve(swept, len(found)))
 
 
-def slab() -> bodies.Slab:
-    return bodies.Slab(thickness_mm=30.0, poisson=0.49, probe_radius_mm=12.0, block_mm=9.0, resolution=COARSE)
+def test_a_rim_bonded_to_the_housing_does_not_move(swept: list[Part]) -> None:
+    probe = Probe(radius_mm=12.0, layers=(Layer(thickness_mm=5.0, young_kpa=34.0),), sides="bonded")
+    found = bodies.probe_compliance(probe, FACE, COARSE)
+    assert not found[-1].any()
+    assert not found[:, -1].any()
+    free = len(found) - 1
+    assert_same(found[:free, :free], one_large_solve(swept, free))
 
 
-def test_slab_with_a_sphere(swept: list[Part]) -> None:
-    body = slab().with_sphere(diameter_mm=10.0, depth_mm=5.0, poisson=0.49)
-    found = body.stiffness(20.0)
+def plain_slab(resolution: Resolution = COARSE) -> slab.Slab:
+    return slab.Slab(
+        thickness_mm=30.0, poisson=0.49, face=face_of(12.0, resolution), block_mm=9.0, resolution=resolution
+    )
+
+
+@pytest.mark.parametrize("shape", [BALL, mesh.Spheroid(centre_depth=8.0, half_width=6.0, half_height=2.0)])
+def test_slab_with_an_inclusion(swept: list[Part], shape: mesh.Spheroid) -> None:
+    found = plain_slab().with_inclusion(shape, poisson=0.49).compliance(20.0)
     assert len(swept) == 3
     swept[-1] = (*swept[-1][:2], 20.0 * swept[-1][2], swept[-1][3])
-    assert_same_compliance(found, one_large_solve(swept, len(found)))
+    assert_same(found, one_large_solve(swept, len(found)))
 
 
-def test_slab_with_a_sphere_of_its_own_poisson_ratio(swept: list[Part]) -> None:
-    body = slab().with_sphere(diameter_mm=10.0, depth_mm=5.0, poisson=0.3)
+def test_slab_with_an_inclusion_of_its_own_poisson_ratio(swept: list[Part]) -> None:
+    body = plain_slab().with_inclusion(BALL, poisson=0.3)
     around, ball, plain = swept[:2], swept[2], swept[3]
     assert (ball[3][0], plain[3][0]) == (0.3, 0.49)
     stiff = (*ball[:2], 8.0 * ball[2], ball[3])
-    found = body.stiffness(8.0)
-    assert_same_compliance(found, one_large_solve([*around, stiff], len(found)))
-    assert_same_compliance(body.plain_stiffness(), one_large_solve([*around, plain], len(found)))
+    found = body.compliance(8.0)
+    assert_same(found, one_large_solve([*around, stiff], len(found)))
+    assert_same(body.plain_compliance, one_large_solve([*around, plain], len(found)))
+    assert_same(body.change(8.0), found - body.plain_compliance)
 
 
 def test_plain_slab(swept: list[Part]) -> None:
-    found = slab().plain_stiffness()
-    assert_same_compliance(found, one_large_solve(swept, len(found)))
+    found = plain_slab().compliance
+    assert_same(found, one_large_solve(swept, len(found)))
 
 
-def test_plain_slab_agrees_with_a_sphere_of_no_contrast() -> None:
-    fine = Resolution()
-    body = bodies.Slab(thickness_mm=30.0, poisson=0.49, probe_radius_mm=12.0, block_mm=9.6, resolution=fine)
-    with_sphere = body.with_sphere(diameter_mm=10.0, depth_mm=5.0, poisson=0.49)
-    assert body.plain_stiffness().sum() == pytest.approx(with_sphere.plain_stiffness().sum(), rel=2e-4)
+def test_plain_slab_agrees_with_an_inclusion_of_no_contrast() -> None:
+    body = plain_slab(Resolution())
+    alike = body.with_inclusion(BALL, poisson=0.49).plain_compliance
+    stiffness_of = [np.linalg.inv(compliance).sum() for compliance in (body.compliance, alike)]
+    assert stiffness_of[0] == pytest.approx(stiffness_of[1], rel=2e-4)
 
 
 def test_adding_joins_shared_numbers_only() -> None:

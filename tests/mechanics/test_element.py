@@ -140,14 +140,17 @@ def test_a_layer_is_refined_towards_both_faces() -> None:
     assert 2.0 in lines
 
 
-def test_the_mesh_around_a_sphere_joins_boundary_and_sphere() -> None:
+@pytest.mark.parametrize(("half_width", "half_height"), [(2.0, 2.0), (3.0, 1.5), (1.0, 2.5)])
+def test_the_mesh_around_a_spheroid_joins_boundary_and_spheroid(half_width: float, half_height: float) -> None:
     side = np.linspace(0.0, 6.0, 7)
     boundary = np.concatenate([np.column_stack([side, 0 * side]), np.column_stack([6 + 0 * side, 1.5 * side])[1:]])
     boundary = np.concatenate([boundary, np.column_stack([side[::-1], 9 + 0 * side])[1:]])
-    outer = mesh.around_sphere(boundary, 4.0, 2.0, 2, layers=3)
-    inner = mesh.inside_sphere(boundary, 4.0, 2.0, 2, layers=1)
+    shape = mesh.Spheroid(centre_depth=4.0, half_width=half_width, half_height=half_height)
+    outer = mesh.around(boundary, shape, 2, layers=3)
+    inner = mesh.inside(boundary, shape, 2, layers=1)
     np.testing.assert_allclose(outer.nodes[:, 0], boundary, atol=1e-12)
-    np.testing.assert_allclose(np.hypot(outer.nodes[:, -1, 0], outer.nodes[:, -1, 1] - 4.0), 2.0, rtol=1e-12)
+    r, z = outer.nodes[:, -1].T
+    np.testing.assert_allclose((r / half_width) ** 2 + ((z - 4.0) / half_height) ** 2, 1.0, rtol=1e-12)
     np.testing.assert_allclose(inner.nodes[:, -1], outer.nodes[:, -1], atol=1e-12)
     np.testing.assert_allclose(inner.nodes[:, 0], np.tile([0.0, 4.0], (len(boundary), 1)), atol=1e-12)
     assert (outer.layers, inner.layers) == (3, 1)

@@ -10,9 +10,10 @@ import pytest
 
 from tsis import Layer, Probe
 from tsis.mechanics import Resolution, closed_form, mesh
-from tsis.mechanics.bodies import Slab, face_of, probe_stiffness
+from tsis.mechanics.bodies import face_of, probe_compliance
 from tsis.mechanics.condensed import FIXED, sweep
 from tsis.mechanics.contact import unilateral_contact
+from tsis.mechanics.slab import Slab
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,7 +25,9 @@ RADIUS = 12.0
 def test_a_stack_that_may_slide_has_the_effective_modulus() -> None:
     """With Poisson's ratio 0 nothing moves sideways, so that bonding does not matter: (3.78)."""
     layers = tuple(Layer(thickness_mm=t, young_kpa=e, poisson=0.0) for t, e in LAYERS)
-    stiffness = probe_stiffness(Probe(radius_mm=RADIUS, layers=layers), Resolution()).sum()
+    face = face_of(RADIUS, Resolution())
+    compliance = probe_compliance(Probe(radius_mm=RADIUS, layers=layers), face, Resolution())
+    stiffness = np.linalg.inv(compliance).sum()
     modulus = stiffness * 10.0 / (np.pi * RADIUS**2)
     assert modulus == pytest.approx(closed_form.effective_modulus_kpa(layers), rel=1e-6)
 
@@ -50,11 +53,11 @@ def slab_stiffness(thickness_mm: float, poisson: float) -> NDArray[np.float64]:
     slab = Slab(
         thickness_mm=thickness_mm,
         poisson=poisson,
-        probe_radius_mm=RADIUS,
+        face=face_of(RADIUS, Resolution()),
         block_mm=0.8 * RADIUS,
         resolution=Resolution(),
     )
-    return slab.plain_stiffness()
+    return np.asarray(np.linalg.inv(slab.compliance), dtype=float)
 
 
 @pytest.mark.parametrize("poisson", [0.3, 0.49])
@@ -87,9 +90,8 @@ def test_bonded_layer_under_a_flat_punch(share: float, poisson: float) -> None:
 def test_hertz(poisson: float, force: float, peak: float) -> None:
     """A rigid sphere of 10 mm, 0.5 mm deep in 5 kPa: the contact opens, on a face much wider than it."""
     reach, even = 3.0, Resolution(order=2, edge=0.02, growth=1.5, largest=0.03)
-    slab = Slab(thickness_mm=1000.0, poisson=poisson, probe_radius_mm=reach, block_mm=2.0, resolution=even)
-    compliance = np.linalg.inv(5.0 * slab.plain_stiffness())
-    nodal, found = unilateral_contact(compliance, slab.face.radius_mm**2 / 20.0, 0.5)
+    slab = Slab(thickness_mm=1000.0, poisson=poisson, face=face_of(reach, even), block_mm=2.0, resolution=even)
+    nodal, found = unilateral_contact(slab.compliance / 5.0, slab.face.radius_mm**2 / 20.0, 0.5)
     exact = closed_form.hertz(radius_mm=10.0, indentation_mm=0.5, young_kpa=5.0, poisson=poisson)
     assert nodal.sum() == pytest.approx(force, rel=0.01)
     assert slab.face.radius_mm[found.closed].max() == pytest.approx(exact.contact_radius_mm, rel=0.02)
@@ -119,8 +121,9 @@ def pulled_cylinder(contrast: float, poisson: float) -> Ball:
             np.column_stack([top[::-1], np.full_like(top, 2 * half)])[1:],
         ]
     )
-    outer = mesh.around_sphere(boundary, half, 1.0, order, layers=7)
-    inner = mesh.inside_sphere(boundary, half, 1.0, order, layers=1)
+    ball_shape = mesh.Spheroid(centre_depth=half, half_width=1.0, half_height=1.0)
+    outer = mesh.around(boundary, ball_shape, order, layers=7)
+    inner = mesh.inside(boundary, ball_shape, order, layers=1)
     count, layers, _ = outer.nodes.shape
     dofs = 1 + np.arange(count * layers * 2).reshape(count, layers, 2)
     dofs[boundary[:, 1] == 0.0, 0, 1] = 0

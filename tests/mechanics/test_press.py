@@ -11,9 +11,7 @@ import pytest
 
 import tsis
 from tsis import Inclusion, Layer, Phantom, Probe
-from tsis.mechanics import Resolution, closed_form, contrast_factor, press, small_strain
-from tsis.mechanics.bodies import face_of
-from tsis.mechanics.small_strain import PressKernel, UnitPress
+from tsis.mechanics import Resolution, closed_form, contrast_factor, press
 from tsis.model.errors import InputError, MechanicsError
 
 if TYPE_CHECKING:
@@ -113,25 +111,15 @@ def test_twice_the_moduli_give_half_the_displacement() -> None:
 
 
 def test_the_answer_scales_with_the_lengths() -> None:
-    """Twice the lengths under four times the force: the same pressures, twice the displacements."""
+    """1.5 times the lengths under 2.25 times the force: the same pressures, 1.5 times the displacements."""
     large = Probe(
-        radius_mm=24.0, layers=tuple(replace(layer, thickness_mm=2 * layer.thickness_mm) for layer in PROBE.layers)
+        radius_mm=18.0, layers=tuple(replace(layer, thickness_mm=1.5 * layer.thickness_mm) for layer in PROBE.layers)
     )
     small_field = press(PROBE, lump(8.0, 5.0, 100.0), force_n=0.5)
-    twice = replace(lump(8.0, 5.0, 100.0), thickness_mm=60.0, inclusion=lump(16.0, 10.0, 100.0).inclusion)
-    large_field = press(large, twice, force_n=2.0)
+    larger = replace(lump(8.0, 5.0, 100.0), thickness_mm=45.0, inclusion=lump(12.0, 7.5, 100.0).inclusion)
+    large_field = press(large, larger, force_n=1.125)
     np.testing.assert_allclose(large_field.pressure_kpa, small_field.pressure_kpa, rtol=1e-6)
-    np.testing.assert_allclose(large_field.face_displacement_mm, 2 * small_field.face_displacement_mm, rtol=1e-6)
-
-
-def test_nodal_forces_balance_the_force() -> None:
-    kernel = PressKernel(PROBE, thickness_mm=30.0, poisson=0.49)
-    slab = kernel.slab(diameter_mm=10.0, depth_mm=5.0, poisson=0.49)
-    whole = kernel.plain(5.0)
-    signal = kernel.signal(slab, 20.0, 5.0)
-    assert (kernel.face.mass() @ whole.pressure).sum() == pytest.approx(1.0, rel=1e-10)
-    assert (kernel.face.mass() @ signal.pressure).sum() == pytest.approx(0.0, abs=1e-10)
-    assert (whole + signal - signal).approach == pytest.approx(whole.approach, rel=1e-12)
+    np.testing.assert_allclose(large_field.face_displacement_mm, 1.5 * small_field.face_displacement_mm, rtol=1e-6)
 
 
 @pytest.mark.parametrize("size", [(2.0, 4.0), (10.0, 5.0), (14.0, 12.0)])
@@ -173,9 +161,15 @@ def test_the_pressure_sums_up_to_the_force_on_any_mesh(edge: float) -> None:
     assert total == pytest.approx(800.0, rel=2e-3)
 
 
-def test_a_press_through_the_slab_is_refused() -> None:
-    with pytest.raises(MechanicsError, match=r"the glass would travel .* choose a smaller force"):
-        press(PROBE, PLAIN, force_n=20.0)
+@pytest.mark.parametrize("probe", [PROBE, tsis.load_probe("tsis-domed")])
+def test_a_press_beyond_small_strain_is_refused_with_a_force_that_is_not(probe: Probe) -> None:
+    with pytest.raises(MechanicsError, match=r"strain of \d.*choose a force of at most \d") as refused:
+        press(probe, PLAIN, force_n=20.0)
+    valid = float(str(refused.value).split("at most ")[1].split(" N")[0])
+    assert valid > 1.0
+    press(probe, PLAIN, force_n=valid)
+    with pytest.raises(MechanicsError):
+        press(probe, PLAIN, force_n=1.1 * valid)
 
 
 @pytest.mark.parametrize("thickness", [60.0, 200.0, 500.0])
@@ -184,21 +178,10 @@ def test_thick_slabs_and_small_probes_are_meshed_as_well(thickness: float) -> No
     slab = replace(PLAIN, thickness_mm=thickness)
     small = Probe(radius_mm=2.0, layers=(Layer(thickness_mm=2.0, young_kpa=50.0),))
     for probe in (PROBE, small):
-        here, finer = (press(probe, slab, force_n=0.1, resolution=mesh) for mesh in (None, FINER))
+        here, finer = (press(probe, slab, force_n=0.02, resolution=mesh) for mesh in (None, FINER))
         inner = here.radius_mm < 0.9 * probe.radius_mm
         np.testing.assert_allclose(here.pressure_kpa[inner], finer.pressure_kpa[inner], rtol=5e-3)
         assert here.approach_mm == pytest.approx(finer.approach_mm, rel=1e-3)
-
-
-def test_lift_off_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
-    def pulling(*_: Any) -> UnitPress:
-        unit = PressKernel(PROBE, thickness_mm=30.0, poisson=0.49, resolution=COARSE).plain(5.0)
-        radius = face_of(PROBE.radius_mm, COARSE).radius_mm
-        return replace(unit, pressure=np.where(radius == radius[6], -1e-3, unit.pressure))
-
-    monkeypatch.setattr(small_strain, "_unit_press", pulling)
-    with pytest.raises(MechanicsError, match=r"lifts off the face at r = \d+\.\d mm, .* choose a smaller"):
-        press(PROBE, PLAIN, force_n=1.0, resolution=COARSE)
 
 
 def profile(field: PressField) -> list[int]:
@@ -217,11 +200,11 @@ def test_profiles_run_over_the_face() -> None:
         (PLAIN, {"force_n": -1.0}, r"force_n must lie in \[0, 50\]; got -1 \(newtons\)"),
         (PLAIN, {"force_n": float("nan")}, r"force_n must lie in \[0, 50\]; got nan"),
         (PLAIN, {"force_n": 1.0, "strain": "finite"}, "strain must be 'small' in this version; got 'finite'"),
-        (lump(5.0, 5.0, 50.0, offset_mm=(1.0, 0.0)), {"force_n": 1.0}, "sphere on the probe's axis .* got offset_mm"),
+        (lump(5.0, 5.0, 50.0, offset_mm=(1.0, 0.0)), {"force_n": 1.0}, "on the probe's axis .*; press_solid takes any"),
         (
-            lump(5.0, 5.0, 50.0, semi_axes_mm=(2.0, 2.0, 3.0)),
+            lump(5.0, 5.0, 50.0, semi_axes_mm=(2.0, 2.5, 3.0)),
             {"force_n": 1.0},
-            r"sphere on the probe's axis .* semi_axes_mm \(2.0, 2.0, 3.0\)",
+            "sphere or spheroid on the probe's axis",
         ),
     ],
 )

@@ -30,13 +30,13 @@ def ring_edges(probe: Probe) -> NDArray[np.float64]:
 
 
 def ring_means(surrogate: PressSurrogate, edges_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Matrix from nodal values to means over the rings' areas, shape (rings, nodes)."""
+    """Matrix from profiles to means over the rings' areas, shape (rings, radii of the profile)."""
     x, w = np.polynomial.legendre.leggauss(6)
     half = np.diff(edges_mm) / 2
     radius = edges_mm[:-1, None] + half[:, None] * (x + 1)
     weight = radius * w
     weight = weight / weight.sum(axis=1, keepdims=True)
-    values = surrogate.interpolate(radius.ravel()).reshape(*radius.shape, -1)
+    values = surrogate.interpolation(radius.ravel()).reshape(*radius.shape, -1)
     return np.asarray(np.einsum("rq,rqn->rn", weight, values))
 
 

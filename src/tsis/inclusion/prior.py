@@ -66,7 +66,11 @@ class InclusionPrior:
             check.number(f"the low end of {name}", low, least, greatest)
             check.number(f"the high end of {name}", high, low * (1 + LEAST_WIDTH), greatest, hint="above the low end")
             object.__setattr__(self, name, (low, high))
-        self.box()  # refuses what does not fit
+        if self.young_kpa[0] <= self.box().tissue_young_kpa[1]:  # the box refuses what does not fit
+            raise InputError(
+                f"young_kpa must lie above tissue_young_kpa and its spread, {self.box().tissue_young_kpa[1]:g}: "
+                f"an inclusion stiffer than its surroundings; got {self.young_kpa[0]:g}"
+            )
 
     @property
     def low(self) -> NDArray[np.float64]:

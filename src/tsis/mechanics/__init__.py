@@ -1,7 +1,7 @@
 """What a press does to probe and tissue: closed forms, finite elements, and a fast surrogate."""
 
 from tsis.mechanics.bodies import Resolution
-from tsis.mechanics.small_strain import press
+from tsis.mechanics.pressing import press
 from tsis.mechanics.surrogate import Box, Degrees, PressSurrogate, Surrogate, contrast_factor
 from tsis.mechanics.surrogate_build import build_surrogate
 

@@ -52,14 +52,38 @@ class Face:
         Unlike values at a point they keep the integral over the face, so that pressures sum up to the force although
         they are singular at the edge; ``radius_mm`` ascends from 0 to the edge.
         """
-        ends = np.union1d(radius_mm, self.lines)
-        x, w = legendre.leggauss(self.order + 2)
-        half = np.diff(ends) / 2
-        inside = (ends[:-1, None] + half[:, None] * (x + 1)).ravel()
-        right = np.clip(np.searchsorted(radius_mm, inside), 1, len(radius_mm) - 1)
-        share = (inside - radius_mm[right - 1]) / (radius_mm[right] - radius_mm[right - 1])
-        hats = np.zeros((len(radius_mm), len(inside)))
-        columns = np.arange(len(inside))
-        hats[right, columns], hats[right - 1, columns] = share, 1 - share
-        hats *= inside * (half[:, None] * w).ravel()
-        return np.asarray(hats @ self.interpolation(inside) / hats.sum(axis=1, keepdims=True))
+        inside, area = ring_points(np.union1d(radius_mm, self.lines), points=self.order + 2)
+        return means(radius_mm, inside, area, self.interpolation(inside))
+
+
+def ring_points(ends: NDArray[np.float64], *, points: int = 6) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Gauss points between the radii ``ends`` and the area in mm^2 that each stands for."""
+    x, w = legendre.leggauss(points)
+    half = np.diff(ends)[:, None] / 2
+    inside = (ends[:-1, None] + half * (x + 1)).ravel()
+    return inside, 2 * np.pi * inside * (half * w).ravel()
+
+
+def hats(radius_mm: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Functions that are 1 at one of ``radius_mm``, 0 at the others and linear between, shape (len(at), n)."""
+    right = np.clip(np.searchsorted(radius_mm, at), 1, len(radius_mm) - 1)
+    share = (at - radius_mm[right - 1]) / (radius_mm[right] - radius_mm[right - 1])
+    values = np.zeros((len(at), len(radius_mm)))
+    rows = np.arange(len(at))
+    values[rows, right], values[rows, right - 1] = share, 1 - share
+    return values
+
+
+def means(
+    radius_mm: NDArray[np.float64],
+    inside: NDArray[np.float64],
+    area: NDArray[np.float64],
+    values: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Means around ``radius_mm`` of what has ``values`` (points, k) at the integration points ``inside``.
+
+    The means are taken over all of the face, also where no integration point lies: the values are zero there.
+    """
+    weighted = area[:, None] * hats(radius_mm, inside)
+    whole, wide = ring_points(radius_mm, points=2)
+    return np.asarray(weighted.T @ values / (wide @ hats(radius_mm, whole))[:, None])

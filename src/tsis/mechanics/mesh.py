@@ -64,9 +64,18 @@ def graded(length: float, first: float, ratio: float, largest: float) -> NDArray
     return np.asarray(lines * (length / lines[-1]))
 
 
-def face_lines(edge: float, *, finest: float, growth: float, largest: float) -> NDArray[np.float64]:
-    """Radial element boundaries from the axis to the edge of the face, finer towards the singular edge."""
-    return edge - graded(edge, finest, growth, largest)[::-1]
+def face_lines(
+    edge: float, *, finest: float, growth: float, largest: float, central: float = np.inf
+) -> NDArray[np.float64]:
+    """Radial element boundaries from the axis to the edge of the face, finer towards the singular edge.
+
+    ``central`` is the size of the cell at the axis where something shallow needs a finer one than ``largest``.
+    """
+    lines = np.asarray(edge - graded(edge, finest, growth, largest)[::-1])
+    lines[0] = 0.0
+    if central >= lines[1]:
+        return lines
+    return np.concatenate([graded(float(lines[1]), central, growth, largest)[:-1], lines[1:]])
 
 
 def beyond_lines(edge: float, outer: float, *, finest: float, growth: float) -> NDArray[np.float64]:
@@ -86,39 +95,51 @@ def rectangle(a: NDArray[np.float64], b: NDArray[np.float64], order: int, *, a_i
     return LayeredMesh(nodes=grid if a_is_radius else grid[..., ::-1], order=order)
 
 
-def around_sphere(
-    boundary: NDArray[np.float64], centre_depth: float, radius: float, order: int, *, layers: int
-) -> LayeredMesh:
-    """Mesh between an outer ``boundary`` (b = 0) and a sphere on the axis (last b), along rays from its centre.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spheroid:
+    """A body of revolution on the axis, its centre below the face; lengths in mm."""
+
+    centre_depth: float
+    half_width: float
+    half_height: float
+
+    @property
+    def size(self) -> float:
+        """Radius of the sphere of the same volume."""
+        return float(np.cbrt(self.half_width**2 * self.half_height))
+
+    def surface(self, boundary: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Where rays from the centre to the points (r, z) of ``boundary`` leave it."""
+        centre = np.array([0.0, self.centre_depth])
+        rays = boundary - centre
+        share = 1 / np.hypot(rays[:, 0] / self.half_width, rays[:, 1] / self.half_height)
+        return np.asarray(centre + share[:, None] * rays)
+
+
+def around(boundary: NDArray[np.float64], spheroid: Spheroid, order: int, *, layers: int) -> LayeredMesh:
+    """Mesh between an outer ``boundary`` (b = 0) and a spheroid (last b), along rays from its centre.
 
     Parameters
     ----------
     boundary
         Outer nodes (r, z) from the axis on the face to the axis below, shape (na, 2).
-    centre_depth, radius
-        The sphere, mm.
+    spheroid
+        The inclusion.
     layers
-        Number of element layers, thinner towards the sphere.
+        Number of element layers, thinner towards the spheroid.
     """
-    sphere = _on_sphere(boundary, centre_depth, radius)
-    # Equal ratios of distance from the centre suit fields that decay with powers of it, however small the sphere.
-    reach = np.linalg.norm(boundary - [0.0, centre_depth], axis=1).max()
-    distance = radius * (reach / radius) ** (np.arange(layers + 1) / layers)
-    fraction = refine((distance - radius) / (reach - radius), order)[::-1]
-    nodes = sphere[:, None] + fraction[None, :, None] * (boundary - sphere)[:, None]
+    surface = spheroid.surface(boundary)
+    # Equal ratios of distance from the centre suit fields that decay with powers of it, however small the spheroid.
+    reach, size = np.linalg.norm(boundary - [0.0, spheroid.centre_depth], axis=1).max(), spheroid.size
+    distance = size * (reach / size) ** (np.arange(layers + 1) / layers)
+    fraction = refine((distance - size) / (reach - size), order)[::-1]
+    nodes = surface[:, None] + fraction[None, :, None] * (boundary - surface)[:, None]
     return LayeredMesh(nodes=nodes, order=order)
 
 
-def inside_sphere(
-    boundary: NDArray[np.float64], centre_depth: float, radius: float, order: int, *, layers: int
-) -> LayeredMesh:
-    """Mesh of the sphere itself, from its centre (b = 0) to its surface, on the same rays as `around_sphere`."""
-    centre = np.array([0.0, centre_depth])
+def inside(boundary: NDArray[np.float64], spheroid: Spheroid, order: int, *, layers: int) -> LayeredMesh:
+    """Mesh of the spheroid itself, from its centre (b = 0) to its surface, on the same rays as `around`."""
+    centre = np.array([0.0, spheroid.centre_depth])
     fraction = refine(np.linspace(0.0, 1.0, layers + 1), order)
-    sphere = _on_sphere(boundary, centre_depth, radius)
-    return LayeredMesh(nodes=centre + fraction[None, :, None] * (sphere - centre)[:, None], order=order)
-
-
-def _on_sphere(boundary: NDArray[np.float64], centre_depth: float, radius: float) -> NDArray[np.float64]:
-    rays = boundary - np.array([0.0, centre_depth])
-    return np.asarray([0.0, centre_depth] + radius * rays / np.linalg.norm(rays, axis=1)[:, None])
+    surface = spheroid.surface(boundary)
+    return LayeredMesh(nodes=centre + fraction[None, :, None] * (surface - centre)[:, None], order=order)

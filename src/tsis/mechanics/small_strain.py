@@ -1,4 +1,4 @@
-"""A flat probe pressed on a slab: small strain, frictionless contact that stays closed."""
+"""A probe pressed on a slab at small strain: frictionless contact that may open, an inclusion on the axis or none."""
 
 from __future__ import annotations
 
@@ -7,57 +7,80 @@ from functools import cached_property, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.optimize import brentq
 from threadpoolctl import threadpool_limits
 
-from tsis.mechanics.bodies import Resolution, Slab, SlabWithSphere, face_of, probe_stiffness
-from tsis.model import Phantom, PressField, Probe, check
+from tsis.mechanics.bodies import Resolution, face_of, probe_compliance
+from tsis.mechanics.disc_contact import Elastic
+from tsis.mechanics.face_contact import FaceContact
+from tsis.mechanics.mesh import Spheroid
+from tsis.mechanics.slab import Slab, SlabWithInclusion
+from tsis.model import PressField
 from tsis.model.errors import InputError, MechanicsError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.mechanics.face import Face
+    from tsis.model import Inclusion, Phantom, Probe
 
 MN_PER_N = 1000.0
 FACE_POINTS = 241
-EDGE_SHARE = 0.95  # outside it the pressure is singular and its sign says nothing
+STRAIN_LIMIT = 0.3  # nominal; beyond it the linear model is only a guess
+ENDLESS = 1e5  # thickness, in radii of the face, of the slab that stands for a half-space
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class UnitPress:
-    """Answer to a force of 1 mN at the face's nodes.
+class FacePress:
+    """What one press does on the face, at the radii of its kernel.
 
     Attributes
     ----------
-    pressure
-        Nodal pressure in kPa/mN, shape (n,).
-    displacement
-        Displacement of the probe's face relative to the glass in mm/mN, shape (n,).
-    approach
-        Travel of the glass in mm/mN.
+    pressure_kpa
+        Mean contact pressure around each radius.
+    face_displacement_mm
+        Displacement of the probe's face relative to the glass.
+    approach_mm
+        Travel of the glass.
     """
 
-    pressure: NDArray[np.float64]
-    displacement: NDArray[np.float64]
-    approach: float
+    pressure_kpa: NDArray[np.float64]
+    face_displacement_mm: NDArray[np.float64]
+    approach_mm: float
 
-    def __add__(self, other: UnitPress) -> UnitPress:
-        return UnitPress(
-            pressure=self.pressure + other.pressure,
-            displacement=self.displacement + other.displacement,
-            approach=self.approach + other.approach,
+    def __add__(self, other: FacePress) -> FacePress:
+        return FacePress(
+            pressure_kpa=self.pressure_kpa + other.pressure_kpa,
+            face_displacement_mm=self.face_displacement_mm + other.face_displacement_mm,
+            approach_mm=self.approach_mm + other.approach_mm,
         )
 
-    def __sub__(self, other: UnitPress) -> UnitPress:
-        return UnitPress(
-            pressure=self.pressure - other.pressure,
-            displacement=self.displacement - other.displacement,
-            approach=self.approach - other.approach,
+    def __sub__(self, other: FacePress) -> FacePress:
+        return FacePress(
+            pressure_kpa=self.pressure_kpa - other.pressure_kpa,
+            face_displacement_mm=self.face_displacement_mm - other.face_displacement_mm,
+            approach_mm=self.approach_mm - other.approach_mm,
         )
 
 
 class PressKernel:
-    """One probe on slabs of one thickness: everything that does not depend on the inclusion, computed once."""
+    """One probe on slabs of one thickness: everything that does not depend on the inclusion, computed once.
+
+    Parameters
+    ----------
+    probe
+        What presses.
+    thickness_mm, poisson
+        The slab.
+    block_mm
+        Least radius of the block in which inclusions are meshed; see `block_radius_mm`.
+    central_mm
+        Largest cell of the face at the axis; see `central_cell_mm`.
+    resolution
+        Mesh density.
+    points
+        Radii, evenly spaced from the axis to the edge, at which presses are told.
+    """
 
     def __init__(
         self,
@@ -66,158 +89,177 @@ class PressKernel:
         thickness_mm: float,
         poisson: float,
         block_mm: float | None = None,
+        central_mm: float = np.inf,
         resolution: Resolution | None = None,
+        points: int = FACE_POINTS,
     ) -> None:
         resolution = resolution or Resolution()
-        self.probe = probe
-        self.thickness_mm, self.poisson = thickness_mm, poisson
-        self.face: Face = face_of(probe.radius_mm, resolution)
-        self._probe_compliance = np.linalg.inv(probe_stiffness(probe, resolution))
-        self._mass = self.face.mass()
-        self._slab = Slab(
+        self.probe, self.thickness_mm, self.poisson, self._resolution = probe, thickness_mm, poisson, resolution
+        self.radius_mm = np.linspace(0.0, probe.radius_mm, points)
+        self.face: Face = face_of(probe.radius_mm, resolution, central_mm)
+        self.probe_compliance = probe_compliance(probe, self.face, resolution)
+        self.contact = FaceContact(probe, self.face, self.radius_mm)
+        self._at_radius = self.face.interpolation(self.radius_mm)
+        self._slab = self._slab_of(thickness_mm, block_radius_mm(probe, thickness_mm) if block_mm is None else block_mm)
+
+    def _slab_of(self, thickness_mm: float, block_mm: float) -> Slab:
+        return Slab(
             thickness_mm=thickness_mm,
-            poisson=poisson,
-            probe_radius_mm=probe.radius_mm,
-            block_mm=block_radius_mm(probe) if block_mm is None else block_mm,
-            resolution=resolution,
+            poisson=self.poisson,
+            face=self.face,
+            block_mm=block_mm,
+            resolution=self._resolution,
         )
 
-    def slab(self, *, diameter_mm: float, depth_mm: float, poisson: float) -> SlabWithSphere:
+    def slab(self, *, diameter_mm: float, depth_mm: float, poisson: float) -> SlabWithInclusion:
         """Mesh a sphere into the slab."""
-        return self._slab.with_sphere(diameter_mm=diameter_mm, depth_mm=depth_mm, poisson=poisson)
+        return self.slab_around(sphere(diameter_mm, depth_mm), poisson=poisson)
 
-    def solve(self, slab_stiffness: NDArray[np.float64], tissue_kpa: float) -> UnitPress:
-        """Press tissue whose face stiffness at unit modulus is ``slab_stiffness``."""
-        compliance = self._probe_compliance + np.linalg.inv(slab_stiffness) / tissue_kpa
-        force = np.linalg.solve(compliance, np.ones(len(compliance)))
-        force, approach = force / force.sum(), 1 / force.sum()
-        return UnitPress(
-            pressure=np.linalg.solve(self._mass, force),
-            displacement=self._probe_compliance @ force,
-            approach=float(approach),
+    def slab_around(self, shape: Spheroid, *, poisson: float) -> SlabWithInclusion:
+        """Mesh a spheroid into the slab."""
+        return self._slab.with_inclusion(shape, poisson=poisson)
+
+    def press(self, tissue_kpa: float, force_mn: float, change: NDArray[np.float64] | None = None) -> FacePress:
+        """Press tissue of ``tissue_kpa`` with ``force_mn`` > 0.
+
+        ``change`` is what an inclusion changes about the compliance of tissue of 1 kPa; plain tissue is solved on a
+        mesh that knows of no inclusion, so that a press less the plain one holds what the inclusion does and no more.
+        """
+        tissue = self._slab.compliance / tissue_kpa
+        both = self.probe_compliance + (tissue if change is None else tissue + change / tissue_kpa)
+        touch = self.contact.touch(both, force_mn, self._split(both, tissue_kpa) if self.contact.is_domed else None)
+        return FacePress(
+            pressure_kpa=touch.pressure_kpa,
+            face_displacement_mm=self._at_radius @ (self.probe_compliance @ touch.force),
+            approach_mm=touch.approach_mm,
         )
 
-    def plain(self, tissue_kpa: float) -> UnitPress:
-        """Plain tissue, on a mesh that depends on nothing but the slab."""
-        return self.solve(self._plain_stiffness, tissue_kpa)
+    def _split(self, both: NDArray[np.float64], tissue_kpa: float) -> Elastic:
+        return Elastic(
+            half_space=(1 - self.poisson**2) / tissue_kpa, smooth=both - self._half_space_compliance / tissue_kpa
+        )
 
     @cached_property
-    def _plain_stiffness(self) -> NDArray[np.float64]:
-        return self._slab.plain_stiffness()
-
-    def signal(self, slab: SlabWithSphere, contrast: float, tissue_kpa: float) -> UnitPress:
-        """What the sphere changes: with it minus without it, ON ONE MESH (else the mesh manufactures signal)."""
-        return self.solve(slab.stiffness(contrast), tissue_kpa) - self.solve(slab.plain_stiffness(), tissue_kpa)
+    def _half_space_compliance(self) -> NDArray[np.float64]:
+        return self._slab_of(ENDLESS * self.probe.radius_mm, self.probe.radius_mm / 2).compliance
 
 
-def block_radius_mm(probe: Probe, diameter_mm: float = 0.0) -> float:
-    """Radius of the block around the axis that is meshed anew for inclusions of up to ``diameter_mm``."""
-    return max(0.8 * probe.radius_mm, 0.65 * diameter_mm)
+def sphere(diameter_mm: float, depth_mm: float) -> Spheroid:
+    """The sphere whose top lies ``depth_mm`` under the skin."""
+    radius = diameter_mm / 2
+    return Spheroid(centre_depth=depth_mm + radius, half_width=radius, half_height=radius)
 
 
-def press(
-    probe: Probe,
-    phantom: Phantom,
-    *,
-    force_n: float,
-    strain: str = "small",
-    resolution: Resolution | None = None,
-) -> PressField:
-    """Press a probe on a phantom and return what happens on the probe's face.
+def block_radius_mm(probe: Probe, thickness_mm: float, width_mm: float = 0.0) -> float:
+    """Radius of the block around the axis that is meshed anew for inclusions of up to ``width_mm``."""
+    return max(min(0.8 * probe.radius_mm, thickness_mm), 0.65 * width_mm)
 
-    The tissue is bonded to the chest wall, the contact is frictionless and closed, the inclusion sits on the axis.
-    The field of a phantom with an inclusion is that of plain tissue plus the inclusion's change, the latter computed
-    with and without contrast on one mesh, so that ``press(p, with) - press(p, without)`` is a converged signal.
 
-    Parameters
-    ----------
-    probe, phantom
-        What presses and what is pressed.
-    force_n
-        Force in newtons, in [0, 50]; the answer is linear in it.
-    strain
-        ``"small"``; the finite-strain model is not part of this version.
-    resolution
-        Mesh density. The default is converged to 0.1 % inside 0.8 of the face's radius for faces of about 12 mm and
-        inclusions from 1 mm; smaller ones, very shallow ones and much larger faces need a finer one.
+def central_cell_mm(width_mm: float, depth_mm: float, centre_mm: float) -> float:
+    """Largest cell of the face that still follows what an inclusion under it does.
 
-    Raises
-    ------
-    InputError
-        When a value lies outside its range or the inclusion is not a sphere on the axis.
-    MechanicsError
-        When the tissue would lift off the face or the glass would travel through the slab, which this linear model
-        cannot describe.
-
-    Examples
-    --------
-    >>> import tsis
-    >>> from tsis.mechanics import press
-    >>> field = press(tsis.load_probe("tsis-2011"), tsis.load_phantom("plain"), force_n=1.0)
-    >>> f"{field.face_displacement_mm[0]:.4f} mm in the centre"
-    '0.1555 mm in the centre'
+    That is about as wide as the inclusion's centre lies deep, or as the gap over a large one that nearly touches it.
     """
-    check.kind("probe", probe, Probe)
-    check.kind("phantom", phantom, Phantom)
-    check.number("force_n", force_n, 0.0, 50.0, hint="newtons")
-    if strain != "small":
-        raise InputError(f"strain must be 'small' in this version; got {strain!r}")
-    if probe.face_curvature_mm is not None or probe.sides != "free":
-        raise InputError("probe must be flat with free sides in this version; got a domed face or bonded sides")
-    resolution = resolution or Resolution()
+    return 0.6 * min(centre_mm, depth_mm + float(np.sqrt(width_mm * depth_mm)))
+
+
+def small_strain_press(probe: Probe, phantom: Phantom, force_n: float, resolution: Resolution | None) -> PressField:
+    """The press of `tsis.mechanics.press` at small strain; arguments are checked there."""
     with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
-        unit = _unit_press(probe, phantom, resolution)
-    load, face = force_n * MN_PER_N, face_of(probe.radius_mm, resolution)
-    _refuse_impossible_travel(unit.approach * load, probe, phantom)
-    radius = np.linspace(0.0, probe.radius_mm, FACE_POINTS)
-    pressure = load * face.averages(radius) @ unit.pressure
-    _refuse_lift_off(radius, pressure)
+        found = _face_press(probe, phantom, force_n * MN_PER_N, resolution or Resolution())
+        strain = nominal_strain(found.approach_mm, probe, phantom)
+        if strain > STRAIN_LIMIT:
+            valid = _valid_force(probe, phantom, force_n, resolution or Resolution())
+            raise MechanicsError(
+                f"the glass would travel {found.approach_mm:.1f} mm, a strain of {strain:.2f}; small strain holds up to "
+                f"{STRAIN_LIMIT:g}: choose a force of at most {valid:.2g} N, stiffer tissue, or strain='finite'"
+            )
     return PressField(
-        radius_mm=radius,
-        face_displacement_mm=load * face.interpolation(radius) @ unit.displacement,
-        pressure_kpa=pressure,
-        approach_mm=unit.approach * load,
+        radius_mm=np.linspace(0.0, probe.radius_mm, FACE_POINTS),
+        face_displacement_mm=found.face_displacement_mm,
+        pressure_kpa=found.pressure_kpa,
+        approach_mm=found.approach_mm,
         force_n=force_n,
     )
 
 
-def _refuse_impossible_travel(approach_mm: float, probe: Probe, phantom: Phantom) -> None:
-    room = probe.thickness_mm + phantom.thickness_mm
-    if approach_mm >= room:
-        raise MechanicsError(
-            f"the glass would travel {approach_mm:.0f} mm, and probe and slab are only {room:g} mm thick together; "
-            "small strain cannot describe this press: choose a smaller force or stiffer tissue"
-        )
-
-
-def _refuse_lift_off(radius: NDArray[np.float64], pressure: NDArray[np.float64]) -> None:
-    inside = radius < EDGE_SHARE * radius[-1]
-    lowest = int(np.argmin(np.where(inside, pressure, np.inf)))
-    if pressure[lowest] < 0:
-        raise MechanicsError(
-            f"the tissue lifts off the face at r = {radius[lowest]:.1f} mm, and this model keeps the contact closed; "
-            "choose a smaller, deeper or softer inclusion"
-        )
-
-
-def _unit_press(probe: Probe, phantom: Phantom, resolution: Resolution) -> UnitPress:
+def _face_press(probe: Probe, phantom: Phantom, force_mn: float, resolution: Resolution) -> FacePress:
+    if force_mn == 0:
+        nothing = np.zeros(FACE_POINTS)
+        return FacePress(pressure_kpa=nothing, face_displacement_mm=nothing, approach_mm=0.0)
+    tissue = phantom.young_kpa
+    plain = _kernel(probe, phantom, block_radius_mm(probe, phantom.thickness_mm), np.inf, resolution)
     inclusion = phantom.inclusion
     if inclusion is None:
-        return _kernel(probe, phantom.thickness_mm, phantom.poisson, None, resolution).plain(phantom.young_kpa)
-    if phantom.more_inclusions or inclusion.offset_mm != (0.0, 0.0) or inclusion.semi_axes_mm is not None:
+        return plain.press(tissue, force_mn)
+    shape = shape_on_axis(phantom)
+    kernel = _kernel_around(shape, inclusion.depth_mm, probe, phantom, resolution)
+    slab = kernel.slab_around(shape, poisson=inclusion.poisson)
+    found = kernel.press(tissue, force_mn, slab.change(inclusion.young_kpa / tissue))
+    if kernel is plain:
+        return found
+    # Another mesh of the face: only what the inclusion changes is taken from it, or it would add its own error.
+    return plain.press(tissue, force_mn) + (found - kernel.press(tissue, force_mn))
+
+
+def nominal_strain(approach_mm: float, probe: Probe, phantom: Phantom) -> float:
+    """Travel over what it squeezes: probe and slab, the slab no deeper than the face is wide."""
+    return approach_mm / (probe.thickness_mm + min(phantom.thickness_mm, 2 * probe.radius_mm))
+
+
+def _valid_force(probe: Probe, phantom: Phantom, force_n: float, resolution: Resolution) -> float:
+    """The largest force within the limit, rounded down to two digits; a dome yields more at first."""
+
+    def excess(force: float) -> float:
+        found = _face_press(probe, phantom, force * MN_PER_N, resolution)
+        return nominal_strain(found.approach_mm, probe, phantom) - STRAIN_LIMIT
+
+    valid = float(brentq(excess, 1e-6 * force_n, force_n, rtol=1e-3))
+    digit = 10 ** (np.floor(np.log10(valid)) - 1)
+    return float(digit * np.floor(0.999 * valid / digit))
+
+
+def _kernel_around(
+    shape: Spheroid, depth_mm: float, probe: Probe, phantom: Phantom, resolution: Resolution
+) -> PressKernel:
+    width = 2 * shape.half_width
+    central = central_cell_mm(width, depth_mm, shape.centre_depth)
+    # Deep inclusions share the kernel of plain tissue: their cell is wider than any that a face has.
+    central = np.inf if central >= resolution.largest * probe.radius_mm else central
+    return _kernel(probe, phantom, block_radius_mm(probe, phantom.thickness_mm, width), central, resolution)
+
+
+def shape_on_axis(phantom: Phantom) -> Spheroid:
+    """The phantom's only inclusion as a body of revolution.
+
+    Raises
+    ------
+    InputError
+        When it is none around the probe's axis, or there are several.
+    """
+    inclusion: Inclusion | None = phantom.inclusion
+    if inclusion is None or phantom.more_inclusions or not inclusion.is_axisymmetric:
         raise InputError(
-            "inclusion must be one sphere on the probe's axis (offset_mm (0, 0), no semi_axes_mm) for this model; "
-            f"got offset_mm {inclusion.offset_mm}, semi_axes_mm {inclusion.semi_axes_mm}"
+            "inclusion must be one sphere or spheroid on the probe's axis (offset_mm (0, 0), semi_axes_mm x = y, "
+            f"no more_inclusions) for this model; got {phantom.inclusions!r:.200}; press_solid takes any"
         )
-    block = block_radius_mm(probe, inclusion.diameter_mm)
-    kernel = _kernel(probe, phantom.thickness_mm, phantom.poisson, block, resolution)
-    slab = kernel.slab(diameter_mm=inclusion.diameter_mm, depth_mm=inclusion.depth_mm, poisson=inclusion.poisson)
-    contrast = inclusion.young_kpa / phantom.young_kpa
-    return kernel.plain(phantom.young_kpa) + kernel.signal(slab, contrast, phantom.young_kpa)
+    half_width, _, half_height = inclusion.half_axes_mm
+    return Spheroid(centre_depth=inclusion.centre_depth_mm, half_width=half_width, half_height=half_height)
+
+
+def _kernel(probe: Probe, phantom: Phantom, block_mm: float, central_mm: float, resolution: Resolution) -> PressKernel:
+    return _stored_kernel(probe, phantom.thickness_mm, phantom.poisson, block_mm, central_mm, resolution)
 
 
 @lru_cache(maxsize=8)
-def _kernel(
-    probe: Probe, thickness_mm: float, poisson: float, block_mm: float | None, resolution: Resolution
+def _stored_kernel(
+    probe: Probe, thickness_mm: float, poisson: float, block_mm: float, central_mm: float, resolution: Resolution
 ) -> PressKernel:
-    return PressKernel(probe, thickness_mm=thickness_mm, poisson=poisson, block_mm=block_mm, resolution=resolution)
+    return PressKernel(
+        probe,
+        thickness_mm=thickness_mm,
+        poisson=poisson,
+        block_mm=block_mm,
+        central_mm=central_mm,
+        resolution=resolution,
+    )

@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.mechanics import chebyshev
+from tsis.mechanics.face import hats
 from tsis.model import check
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import NDArray
 
 CHUNK = 512  # inclusions evaluated at a time, so that what lies between the two products stays in the cache
@@ -57,11 +56,6 @@ class Box:
                 f"the largest depth_mm + diameter_mm must be less than the smallest thickness_mm "
                 f"= {self.thickness_mm[0]:g}; got {deepest:g}"
             )
-        if self.young_kpa[0] <= self.tissue_young_kpa[1]:
-            raise InputError(
-                f"young_kpa must lie above tissue_young_kpa = {self.tissue_young_kpa[1]:g}: an inclusion stiffer "
-                f"than its surroundings; got {self.young_kpa[0]:g}"
-            )
 
     @property
     def contrast_factor(self) -> tuple[float, float]:
@@ -94,6 +88,11 @@ def contrast_factor(contrast: Any) -> Any:
     return (contrast - 1) / (contrast + 1.5)
 
 
+def contrast_of(factor: Any) -> Any:
+    """The contrast Ei / Et whose `contrast_factor` is ``factor``."""
+    return (1 + 1.5 * factor) / (1 - factor)
+
+
 def scale(diameter_mm: Any, depth_mm: Any, factor: Any) -> Any:
     """What the change is nearly proportional to: g (d / c)**3."""
     return factor * (diameter_mm / (depth_mm + diameter_mm / 2)) ** 3
@@ -107,7 +106,7 @@ def log_range(interval: tuple[float, float]) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Surrogate:
-    """A probe's answer to a press of 1 N anywhere in a box, linear in the force.
+    """A probe's answer to a press at one force anywhere in a box.
 
     Attributes
     ----------
@@ -156,7 +155,7 @@ class TissueSurrogate:
     def __call__(
         self, diameter_mm: NDArray[np.float64], depth_mm: NDArray[np.float64], young_kpa: NDArray[np.float64]
     ) -> NDArray[np.float64]:
-        """Answer at 1 N for inclusions given by three arrays of shape (n,); shape (n, outputs)."""
+        """Answer for inclusions given by three arrays of shape (n,); shape (n, outputs)."""
         box, (nd, nh, ng, outputs) = self.box, self.change.shape
         factor = contrast_factor(np.asarray(young_kpa) / self.tissue_young_kpa)
         in_d = chebyshev.weights(box.diameter_mm, nd, diameter_mm)
@@ -175,26 +174,30 @@ class TissueSurrogate:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PressSurrogate:
-    """Surrogates of everything a press answers, on the nodes of one probe's face.
+    """Surrogates of everything a press at one force answers, around radii of one probe's face.
 
     Attributes
     ----------
     radius_mm
-        Nodes of the face, shape (n,).
-    interpolate
-        Matrix maker from nodal values to values at given radii.
+        Radii of the profiles, evenly spaced from the axis to the edge, shape (n,).
+    force_n
+        Force of the presses; the answers of a flat face are proportional to it.
     pressure_kpa, face_displacement_mm, approach_mm
-        Surrogates at 1 N with n, n and 1 outputs.
+        Surrogates with n, n and 1 outputs.
     error
         Largest error of the pressure met in fresh presses inside the box, as a share of its mean.
     key
-        Name of its content: probe, box, degrees and resolution.
+        Name of its content: probe, box, force, degrees and resolution.
     """
 
     radius_mm: NDArray[np.float64]
-    interpolate: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+    force_n: float
     pressure_kpa: Surrogate
     face_displacement_mm: Surrogate
     approach_mm: Surrogate
     error: float
     key: str
+
+    def interpolation(self, radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Matrix from profiles to values at ``radius_mm``, straight between its radii; (len(radius_mm), n)."""
+        return hats(self.radius_mm, radius_mm)

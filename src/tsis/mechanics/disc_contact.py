@@ -1,0 +1,176 @@
+"""Contact over a disc whose edge lies anywhere: no node decides where it ends.
+
+Inside the disc of radius a the pressure is ``sqrt(1 - s**2)`` times a polynomial in ``s**2``, s = r / a, as it is under
+every smooth body (Hertz is the constant). Demanding that the gap is closed in the mean, weighted by each of these
+pressures and by ``1 / sqrt(1 - s**2)`` too, is the stationarity of the energy, the last of them its stationarity by a:
+the contact ends where the pressure runs out.
+
+What a half-space answers to these pressures is known exactly (Copson 1947), and no mesh resolves the kink at an edge
+that lies inside its elements. So the compliance is split: the half-space exactly, and what layers, walls, inclusion
+and probe change about it, which is smooth, by the difference of two compliances from ONE mesh.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.polynomial import legendre
+from scipy.optimize import newton
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from tsis.mechanics.face import Face
+
+TERMS = 10  # polynomials in s**2
+POINTS = 20  # Gauss points between two lines of the face: exact enough for all terms over one whole cell
+SMALLEST = 1e-3  # contact radius that is looked for, as a share of the face's
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DiscContact:
+    """A contact that ends at ``radius_mm``.
+
+    Attributes
+    ----------
+    radius_mm
+        Where the pressure runs out.
+    terms
+        Factors of the pressure's terms, kPa, shape (terms,).
+    force
+        Forces on the face's nodes, mN, shape (n,).
+    approach_mm
+        Travel since first touch.
+    """
+
+    radius_mm: float
+    terms: NDArray[np.float64]
+    force: NDArray[np.float64]
+    approach_mm: float
+
+    def pressure_kpa(self, radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Pressure at ``radius_mm``, zero outside the contact."""
+        share = np.minimum(radius_mm / self.radius_mm, 1.0)
+        return np.asarray(np.sqrt(1 - share**2) * (_polynomials(share**2) @ self.terms))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Elastic:
+    """Two bodies in contact.
+
+    Attributes
+    ----------
+    half_space
+        Compliance ``(1 - nu**2) / E`` in 1/kPa of the half-space that is answered exactly.
+    smooth
+        Compliance of the face's nodes, mm/mN, shape (n, n), of both bodies, less that of the half-space.
+    """
+
+    half_space: float
+    smooth: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Loads:
+    """What each term of the pressure does on a disc; the last column is the one that is infinite at its edge.
+
+    Attributes
+    ----------
+    nodal
+        Nodal forces by 1 kPa, shape (n, terms + 1).
+    total
+        Whole force by 1 kPa, shape (terms + 1,).
+    gap
+        Undeformed gap weighted by the term, mm mN/kPa, shape (terms + 1,).
+    """
+
+    nodal: NDArray[np.float64]
+    total: NDArray[np.float64]
+    gap: NDArray[np.float64]
+
+
+def loads(face: Face, gap_mm: Callable[[NDArray[np.float64]], NDArray[np.float64]], radius_mm: float) -> Loads:
+    """Integrate the terms over a disc, in the angle arcsin(r / a), in which even its edge is smooth."""
+    angle, weight = disc_points(face.lines, radius_mm, POINTS)
+    share = np.sin(angle)
+    area = 2 * np.pi * radius_mm**2 * share * np.cos(angle) * weight
+    values = np.column_stack([np.cos(angle)[:, None] * _polynomials(share**2), 1 / np.cos(angle)])
+    weighted = area[:, None] * values
+    radius = radius_mm * share
+    return Loads(
+        nodal=face.interpolation(radius).T @ weighted, total=weighted.sum(axis=0), gap=gap_mm(radius) @ weighted
+    )
+
+
+def disc_points(
+    lines: NDArray[np.float64], radius_mm: float, points: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Gauss points and weights in the angle arcsin(r / a), between the ``lines`` that lie on the disc."""
+    ends = np.arcsin(np.append(lines[lines < radius_mm], radius_mm) / radius_mm)
+    x, w = legendre.leggauss(points)
+    half = np.diff(ends)[:, None] / 2
+    return (ends[:-1, None] + half * (x + 1)).ravel(), (half * w).ravel()
+
+
+def on_disc(contact: Elastic, on: Loads, radius_mm: float) -> DiscContact:
+    """The contact that ends at ``radius_mm``, whatever force that takes."""
+    answer = on.nodal.T @ contact.smooth @ on.nodal[:, :-1]
+    answer += contact.half_space * radius_mm**3 * half_space_answer()
+    solution = np.asarray(np.linalg.solve(np.column_stack([answer, -on.total]), -on.gap), dtype=float)
+    return DiscContact(
+        radius_mm=radius_mm,
+        terms=solution[:-1],
+        force=on.nodal[:, :-1] @ solution[:-1],
+        approach_mm=float(solution[-1]),
+    )
+
+
+def under_force(
+    contact: Elastic,
+    face: Face,
+    gap_mm: Callable[[NDArray[np.float64]], NDArray[np.float64]],
+    force_mn: float,
+    *,
+    largest: DiscContact,
+) -> DiscContact:
+    """The contact that carries ``force_mn``, less than what ``largest``, the contact of the whole face, carries."""
+    whole = float(largest.force.sum())
+
+    def ending_at(log_radius: float) -> DiscContact:
+        radius = float(np.clip(np.exp(log_radius), SMALLEST, 1.0)) * largest.radius_mm
+        return on_disc(contact, loads(face, gap_mm, radius), radius)
+
+    def excess(log_radius: float) -> float:
+        return float(np.log(max(ending_at(log_radius).force.sum(), 1e-300) / force_mn))
+
+    # Hertz's law, force as the cube of the radius, starts the search.
+    start = np.log(force_mn / whole) / 3
+    return ending_at(float(newton(excess, start, x1=0.98 * start - 0.01, tol=1e-13, maxiter=60)))
+
+
+@cache
+def half_space_answer() -> NDArray[np.float64]:
+    """Work of each term's pressure (rows) on what each regular one displaces, for a = 1 and (1 - nu**2) / E = 1.
+
+    With the Abel transform ``h(t)``, the integral of ``r p(r) / sqrt(r**2 - t**2)`` from t to a, the work of p on the
+    displacement of q is 8 times the integral of ``h_p h_q`` from 0 to a; shape (terms + 1, terms).
+    """
+    x, w = legendre.leggauss(2 * TERMS + 2)
+    t, weight = (x + 1) / 2, w / 2
+    angle, turn = np.pi * t / 2, np.pi * weight / 2
+    square = t[:, None] ** 2 + (1 - t[:, None] ** 2) * np.sin(angle) ** 2
+    inner = np.einsum(
+        "tak,a->tk", _polynomials(square.ravel()).reshape(*square.shape, TERMS), turn * np.cos(angle) ** 2
+    )
+    regular = (1 - t[:, None] ** 2) * inner
+    transforms = np.column_stack([regular, np.full_like(t, np.pi / 2)])
+    return np.asarray(8 * transforms.T @ (weight[:, None] * regular))
+
+
+def _polynomials(square: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(legendre.legvander(2 * square - 1, TERMS - 1))

@@ -1,0 +1,167 @@
+"""Where a probe's face touches the tissue, and with what pressure, at a given force.
+
+A flat face touches everywhere, a domed one over a disc that grows until it reaches the rim. Both are answered without
+iterating over nodes. Where tissue would have to pull, because something soft or very shallow lies under the face, the
+contact opens inside, and a complementarity problem over the nodes finds where.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import brentq
+
+from tsis.mechanics import disc_contact
+from tsis.mechanics.contact import unilateral_contact
+from tsis.mechanics.face import hats, means, ring_points
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.mechanics.face import Face
+    from tsis.model import Probe
+
+EDGE_SHARE = 0.95  # of the face's radius; outside it the pressure may be singular and its sign says nothing
+PULL = 1e-6  # pressures this far below zero, relative to the mean, are rounding
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Touch:
+    """One contact.
+
+    Attributes
+    ----------
+    force
+        Forces on the face's nodes, mN, shape (n,).
+    pressure_kpa
+        Mean pressures around the radii asked for.
+    approach_mm
+        Travel since first touch.
+    radius_mm
+        Where the contact ends; the face's radius when it covers the face, NaN when it opens inside.
+    """
+
+    force: NDArray[np.float64]
+    pressure_kpa: NDArray[np.float64]
+    approach_mm: float
+    radius_mm: float
+
+    def __add__(self, other: Touch) -> Touch:
+        return Touch(
+            force=self.force + other.force,
+            pressure_kpa=self.pressure_kpa + other.pressure_kpa,
+            approach_mm=self.approach_mm + other.approach_mm,
+            radius_mm=max(self.radius_mm, other.radius_mm),
+        )
+
+
+class FaceContact:
+    """The contact face of one probe, and everything about it that no tissue changes.
+
+    Parameters
+    ----------
+    probe, face
+        The probe, whose undeformed gap it is, and the mesh of its face.
+    radius_mm
+        Radii from 0 to the edge around which pressures are averaged, shape (k,).
+    """
+
+    def __init__(self, probe: Probe, face: Face, radius_mm: NDArray[np.float64]) -> None:
+        self.probe, self.face, self.radius_mm = probe, face, radius_mm
+        self.is_domed = probe.face_curvature_mm is not None
+        self._inner = radius_mm < EDGE_SHARE * probe.radius_mm
+        self._closed_pressure = face.averages(radius_mm) @ np.linalg.inv(face.mass())
+
+    def touch(
+        self, compliance: NDArray[np.float64], force_mn: float, half_space: disc_contact.Elastic | None = None
+    ) -> Touch:
+        """The contact under ``force_mn``.
+
+        Parameters
+        ----------
+        compliance
+            Of both bodies together on the face's nodes, mm/mN, shape (n, n).
+        force_mn
+            Total force, mN, > 0.
+        half_space
+            The same, with the tissue's half-space split off; a domed face needs it.
+        """
+        touch = (
+            self._closed(compliance, force_mn) if half_space is None else self._domed(compliance, half_space, force_mn)
+        )
+        pull = -PULL * force_mn / (np.pi * self.probe.radius_mm**2)
+        return touch if touch.pressure_kpa[self._inner].min() >= pull else self._opening(compliance, force_mn)
+
+    def _closed(self, compliance: NDArray[np.float64], force_mn: float) -> Touch:
+        """The whole face travels by one amount."""
+        force = np.asarray(np.linalg.solve(compliance, np.ones(len(compliance))), dtype=float)
+        approach = force_mn / force.sum()
+        force *= approach
+        return Touch(
+            force=force,
+            pressure_kpa=self._closed_pressure @ force,
+            approach_mm=float(approach),
+            radius_mm=self.probe.radius_mm,
+        )
+
+    def _domed(self, compliance: NDArray[np.float64], half_space: disc_contact.Elastic, force_mn: float) -> Touch:
+        edge = self.probe.radius_mm
+        whole = disc_contact.on_disc(half_space, self._whole_disc, edge)
+        rest = force_mn - float(whole.force.sum())
+        if rest >= 0:  # once the rim touches, more force presses a closed face
+            touch = self._of_disc(whole)
+            return touch + self._closed(compliance, rest) if rest else touch
+        return self._of_disc(
+            disc_contact.under_force(half_space, self.face, self.probe.sag_mm, force_mn, largest=whole)
+        )
+
+    @cached_property
+    def _whole_disc(self) -> disc_contact.Loads:
+        return disc_contact.loads(self.face, self.probe.sag_mm, self.probe.radius_mm)
+
+    def _of_disc(self, disc: disc_contact.DiscContact) -> Touch:
+        angle, weight = disc_contact.disc_points(self.radius_mm, disc.radius_mm, 3)
+        inside = disc.radius_mm * np.sin(angle)
+        area = 2 * np.pi * inside * disc.radius_mm * np.cos(angle) * weight
+        return Touch(
+            force=disc.force,
+            pressure_kpa=means(self.radius_mm, inside, area, disc.pressure_kpa(inside)[:, None])[:, 0],
+            approach_mm=disc.approach_mm,
+            radius_mm=disc.radius_mm,
+        )
+
+    def _opening(self, compliance: NDArray[np.float64], force_mn: float) -> Touch:
+        """Contact anywhere: pressures linear between the nodes and never negative, gaps closed in their mean."""
+        area, nodal, gap = self._opening_loads
+        each = nodal / area  # nodal forces of 1 mN on each node's hat
+        answer = each.T @ compliance @ each
+
+        def push(approach: float) -> NDArray[np.float64]:
+            return unilateral_contact(answer, gap / area, approach)[0]
+
+        if self.is_domed:
+            far = 10 * (gap / area).max()
+            while push(far).sum() < force_mn:
+                far *= 2
+            approach = float(brentq(lambda travel: push(travel).sum() - force_mn, 0.0, far, xtol=1e-12 * far))
+        else:
+            approach = force_mn / float(push(1.0).sum())  # all flat contacts are alike
+        hat_force = push(approach)
+        inside, ring = ring_points(np.union1d(self.radius_mm, self.face.radius_mm))
+        values = hats(self.face.radius_mm, inside) @ (hat_force / area)
+        return Touch(
+            force=each @ hat_force,
+            pressure_kpa=means(self.radius_mm, inside, ring, values[:, None])[:, 0],
+            approach_mm=approach,
+            radius_mm=np.nan,
+        )
+
+    @cached_property
+    def _opening_loads(self) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Of each node's hat: its area, its nodal forces at 1 kPa (n, n), and the gap weighted by it."""
+        inside, ring = ring_points(self.face.radius_mm)
+        weighted = ring[:, None] * hats(self.face.radius_mm, inside)
+        return weighted.sum(axis=0), self.face.interpolation(inside).T @ weighted, self.probe.sag_mm(inside) @ weighted

@@ -1,0 +1,62 @@
+"""The one entry to a press: which model computes it is an argument."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tsis.mechanics.small_strain import small_strain_press
+from tsis.model import Phantom, PressField, Probe, check
+from tsis.model.errors import InputError
+
+if TYPE_CHECKING:
+    from tsis.mechanics.bodies import Resolution
+
+
+def press(
+    probe: Probe,
+    phantom: Phantom,
+    *,
+    force_n: float,
+    strain: str = "small",
+    resolution: Resolution | None = None,
+) -> PressField:
+    """Press a probe on a phantom and return what happens on the probe's face.
+
+    The tissue is bonded to the chest wall and the contact is frictionless and unilateral: tissue pushes and never
+    pulls, a domed face touches over a disc that grows with the force. The inclusion is a sphere or spheroid on the
+    probe's axis. ``press(p, with) - press(p, without)`` is a converged signal: what the inclusion changes is computed
+    with and without contrast on one mesh.
+
+    Parameters
+    ----------
+    probe, phantom
+        What presses and what is pressed.
+    force_n
+        Force in newtons, in [0, 50]. At small strain the answer of a flat face is linear in it.
+    strain
+        ``"small"``; the finite-strain model is not part of this version.
+    resolution
+        Mesh density. The default is converged to 0.1 % inside 0.8 of the face's radius; the mesh follows the
+        inclusion's size and depth.
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range or the inclusion is not around the axis.
+    MechanicsError
+        When the strain is too large for the model; the message names a force that is not.
+
+    Examples
+    --------
+    >>> import tsis
+    >>> from tsis.mechanics import press
+    >>> field = press(tsis.load_probe("tsis-2011"), tsis.load_phantom("plain"), force_n=1.0)
+    >>> f"{field.face_displacement_mm[0]:.4f} mm in the centre"
+    '0.1555 mm in the centre'
+    """
+    check.kind("probe", probe, Probe)
+    check.kind("phantom", phantom, Phantom)
+    check.number("force_n", force_n, 0.0, 50.0, hint="newtons")
+    if strain != "small":
+        raise InputError(f"strain must be 'small' in this version; got {strain!r}")
+    return small_strain_press(probe, phantom, force_n, resolution)
