@@ -9,7 +9,7 @@ import pytest
 
 from tsis.mechanics import mesh
 from tsis.mechanics.closed_form import oedometric_modulus_kpa
-from tsis.mechanics.element import elasticity, lagrange, lobatto_points, stiffness
+from tsis.mechanics.element import lagrange, lame_constants, lobatto_points, reference, stiffness
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -89,12 +89,34 @@ def test_either_orientation_gives_the_same_stiffness() -> None:
     np.testing.assert_allclose(mirrored, expected, atol=1e-12 * np.abs(expected).max())
 
 
+def hooke(young: float, poisson: float) -> NDArray[np.float64]:
+    """Stresses (rr, zz, hoop, rz) by strains, engineering shear."""
+    shear, lame = (float(constant[0]) for constant in lame_constants(np.array([young]), np.array([poisson])))
+    law = np.diag([2 * shear, 2 * shear, 2 * shear, shear])
+    law[:3, :3] += lame
+    return law
+
+
 def test_hooke() -> None:
-    law = elasticity(np.array([7.0]), np.array([0.4]))[0]
+    law = hooke(7.0, 0.4)
     uniaxial = np.linalg.solve(law, [0.0, 1.0, 0.0, 0.0])
     np.testing.assert_allclose(uniaxial, np.array([-0.4, 1.0, -0.4, 0.0]) / 7.0, rtol=1e-12, atol=1e-15)
     assert law[1, 1] == pytest.approx(oedometric_modulus_kpa(young_kpa=7.0, poisson=0.4))
     assert law[3, 3] == pytest.approx(7.0 / 2.8)
+
+
+@pytest.mark.parametrize("order", ORDERS)
+def test_stiffness_is_the_sum_over_points_that_anyone_can_read(order: int) -> None:
+    nodes, ref, law = quadrilateral(order)[0], reference(order), hooke(5.0, 0.3)
+    total = np.zeros((2 * len(nodes), 2 * len(nodes)))
+    for value, slope_a, slope_b, weight in zip(ref.value, ref.slope_a, ref.slope_b, ref.weight, strict=True):
+        jacobian = np.array([slope_a @ nodes, slope_b @ nodes])
+        along_r, along_z = np.linalg.solve(jacobian, [slope_a, slope_b])
+        radius, nothing = value @ nodes[:, 0], np.zeros(len(nodes))
+        rows = [(along_r, nothing), (nothing, along_z), (value / radius, nothing), (along_z, along_r)]
+        strain = np.array([np.column_stack(row).ravel() for row in rows])
+        total += 2 * np.pi * radius * abs(np.linalg.det(jacobian)) * weight * strain.T @ law @ strain
+    np.testing.assert_allclose(matrix(order), total, atol=1e-12 * np.abs(total).max())
 
 
 @pytest.mark.parametrize("order", ORDERS)

@@ -3,17 +3,20 @@
 A `Condensate` is a dense symmetric stiffness over numbered degrees of freedom. Bodies are swept one element layer at
 a time: the layer is added, everything that no later layer and no neighbour needs is eliminated (Schur complement).
 The answer equals that of one large sparse solve; it costs a few dense solves of about a hundred unknowns instead.
+Where each number goes depends on the numbering alone and not on the shape, so it is worked out once (`Step`).
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import cholesky, solve_triangular
 
 from tsis.mechanics.element import stiffness
+from tsis.mechanics.mesh import layer_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -50,10 +53,14 @@ class Condensate:
         if not out.size:
             return self
         order = np.concatenate([out, stay])
-        matrix = self.stiffness[order[:, None], order]
-        factor = cholesky(matrix[: out.size, : out.size], lower=True, check_finite=False)
-        root = solve_triangular(factor, matrix[: out.size, out.size :], lower=True, check_finite=False)
-        return Condensate(dofs=self.dofs[stay], stiffness=matrix[out.size :, out.size :] - root.T @ root)
+        return Condensate(dofs=self.dofs[stay], stiffness=_eliminate(self.stiffness[order[:, None], order], out.size))
+
+
+def _eliminate(matrix: NDArray[np.float64], first: int) -> NDArray[np.float64]:
+    """Schur complement that is left when the ``first`` degrees of freedom are eliminated."""
+    factor = cholesky(matrix[:first, :first], lower=True, check_finite=False)
+    root = solve_triangular(factor, matrix[:first, first:], lower=True, check_finite=False)
+    return np.asarray(matrix[first:, first:] - root.T @ root)
 
 
 EMPTY = Condensate(dofs=np.zeros(0, dtype=np.int64), stiffness=np.zeros((0, 0)))
@@ -89,35 +96,87 @@ def sweep(
     matrices = stiffness(
         elements.reshape(-1, count, 2), mesh.order, np.repeat(young_kpa, columns), np.repeat(poisson, columns)
     )
-    matrices, boundary = _without_interior(matrices, mesh.order)
-    matrices = matrices.reshape(mesh.layers, columns, *matrices.shape[1:])
-    carried = start
-    for index in range(mesh.layers):
-        numbers = mesh.layer(index, dofs).reshape(columns, 2 * count)[:, boundary]
-        last = dofs[:, (index + 1) * mesh.order].ravel()
-        joined = carried + _assemble(numbers, matrices[index])
-        carried = joined.keep(np.concatenate([keep, last]))
-    return carried
+    rims = _without_interior(matrices, mesh.order).reshape(mesh.layers, -1)
+    carried = start.stiffness
+    steps = _steps(mesh.order, dofs.shape, dofs.tobytes(), keep.tobytes(), start.dofs.tobytes())
+    for step, values in zip(steps, rims, strict=True):
+        size = step.size
+        # One slot more than the matrix has, for everything that is fixed.
+        total = np.bincount(step.element_slots, weights=values, minlength=size * size + 1)[:-1].reshape(size, size)
+        total.reshape(-1)[step.carried_slots] += carried.reshape(-1)
+        carried = _eliminate(total, step.eliminated)
+    return Condensate(dofs=steps[-1].dofs, stiffness=carried)
 
 
-def _without_interior(matrices: NDArray[np.float64], order: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Eliminate the nodes inside each element; return the matrices and the positions of what is left."""
-    inner = np.zeros((order + 1, order + 1, 2), dtype=bool)
-    inner[1:-1, 1:-1] = True
-    inside, rim = np.flatnonzero(inner.ravel()), np.flatnonzero(~inner.ravel())
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Step:
+    """Where the numbers of one element layer go: into a matrix whose first rows are eliminated.
+
+    Attributes
+    ----------
+    size, eliminated
+        Rows of the matrix, and how many of them are eliminated.
+    element_slots
+        Place of each entry of the layer's elements in the flat matrix; the one behind its end where it is fixed.
+    carried_slots
+        Place of each entry of what was carried here.
+    dofs
+        What is carried on, ascending.
+    """
+
+    size: int
+    eliminated: int
+    element_slots: NDArray[np.int64]
+    carried_slots: NDArray[np.int64]
+    dofs: NDArray[np.int64]
+
+
+@lru_cache(maxsize=64)
+def _steps(order: int, shape: tuple[int, int, int], dofs: bytes, keep: bytes, start: bytes) -> tuple[Step, ...]:
+    """The steps of a sweep; the arrays come as bytes, by which they are remembered."""
+    numbers, kept = np.frombuffer(dofs, dtype=np.int64).reshape(shape), np.frombuffer(keep, dtype=np.int64)
+    carried = np.frombuffer(start, dtype=np.int64)
+    steps = []
+    for index in range((shape[1] - 1) // order):
+        layer = layer_of(numbers, order, index).reshape(-1, 2 * (order + 1) ** 2)[:, _rim(order)]
+        last = numbers[:, (index + 1) * order].ravel()
+        present = np.union1d(layer, carried)
+        present = present[present != FIXED]
+        stays = np.isin(present, np.concatenate([kept, last]))
+        ordered = np.concatenate([present[~stays], present[stays]])
+        size, place = len(ordered), np.argsort(ordered)
+        there = place[np.minimum(np.searchsorted(present, layer), size - 1)]
+        slots = there[:, :, None] * size + there[:, None, :]
+        fixed = layer == FIXED
+        slots[fixed[:, :, None] | fixed[:, None, :]] = size * size
+        here = place[np.searchsorted(present, carried)]
+        carried = present[stays]
+        steps.append(
+            Step(
+                size=size,
+                eliminated=int(np.count_nonzero(~stays)),
+                element_slots=slots.ravel(),
+                carried_slots=(here[:, None] * size + here).ravel(),
+                dofs=carried,
+            )
+        )
+    return tuple(steps)
+
+
+def _without_interior(matrices: NDArray[np.float64], order: int) -> NDArray[np.float64]:
+    """Eliminate the nodes inside each element."""
+    rim = _rim(order)
+    inside = np.setdiff1d(np.arange(2 * (order + 1) ** 2), rim)
     if not inside.size:
-        return matrices, rim
+        return matrices
     cross = matrices[:, inside[:, None], rim]
     core = np.linalg.solve(matrices[:, inside[:, None], inside], cross)
-    return matrices[:, rim[:, None], rim] - np.swapaxes(cross, 1, 2) @ core, rim
+    return np.asarray(matrices[:, rim[:, None], rim] - np.swapaxes(cross, 1, 2) @ core)
 
 
-def _assemble(numbers: NDArray[np.int64], matrices: NDArray[np.float64]) -> Condensate:
-    """Add element matrices into one dense matrix over the free numbers that occur."""
-    dofs, place = np.unique(numbers, return_inverse=True)
-    place = place.reshape(numbers.shape)
-    size = len(dofs)
-    flat = (place[:, :, None] * size + place[:, None, :]).ravel()
-    total = np.bincount(flat, weights=matrices.ravel(), minlength=size * size).astype(float).reshape(size, size)
-    free = dofs != FIXED
-    return Condensate(dofs=dofs[free], stiffness=total[np.ix_(free, free)])
+@cache
+def _rim(order: int) -> NDArray[np.int64]:
+    """Positions, among an element's displacements, of those on its sides."""
+    inner = np.zeros((order + 1, order + 1, 2), dtype=bool)
+    inner[1:-1, 1:-1] = True
+    return np.flatnonzero(~inner.ravel())

@@ -76,33 +76,38 @@ def stiffness(
     -------
     Array of shape (elements, n, n) with n = 2 (order + 1)**2, symmetric.
     """
-    ref = reference(order)
-    jacobian = np.stack([ref.slope_a @ nodes, ref.slope_b @ nodes], axis=-2)  # (e, q, direction, r or z)
-    determinant = np.linalg.det(jacobian)
-    slopes = np.linalg.inv(jacobian) @ np.stack([ref.slope_a, ref.slope_b], axis=1)
+    ref, count = reference(order), (order + 1) ** 2
+    # Slopes of r and z along both directions of the reference square, each of shape (elements, points).
+    r_a, z_a = np.moveaxis(ref.slope_a @ nodes, -1, 0)
+    r_b, z_b = np.moveaxis(ref.slope_b @ nodes, -1, 0)
+    determinant = r_a * z_b - r_b * z_a
     radius = nodes[..., 0] @ ref.value.T
-    elements, points, count = len(nodes), len(ref.weight), (order + 1) ** 2
-    strain = np.zeros((elements, points, 4, count, 2))  # rr, zz, hoop, rz
-    strain[:, :, 0, :, 0] = slopes[:, :, 0]
-    strain[:, :, 1, :, 1] = slopes[:, :, 1]
-    strain[:, :, 2, :, 0] = ref.value / radius[..., None]
-    strain[:, :, 3, :, 0] = slopes[:, :, 1]
-    strain[:, :, 3, :, 1] = slopes[:, :, 0]
-    matrix = strain.reshape(elements, points, 4, 2 * count)
-    volume = 2 * np.pi * radius * np.abs(determinant) * ref.weight
-    stress = elasticity(young_kpa, poisson)[:, None] @ matrix
-    stress *= volume[..., None, None]
-    flat = (elements, points * 4, 2 * count)
-    return np.asarray(np.swapaxes(matrix.reshape(flat), 1, 2) @ stress.reshape(flat))
+    # Every entry is a product of strains along r, along z and around the hoop; both factors take half of the weight.
+    root = np.sqrt(2 * np.pi * radius * np.abs(determinant) * ref.weight)
+    share = root / determinant
+    along_r = (share * z_b)[..., None] * ref.slope_a - (share * z_a)[..., None] * ref.slope_b
+    along_z = (share * r_a)[..., None] * ref.slope_b - (share * r_b)[..., None] * ref.slope_a
+    hoop = (root / radius)[..., None] * ref.value
+    sideways = along_r + hoop
+    shear, lame = (constant[:, None, None] for constant in lame_constants(young_kpa, poisson))
+    rr, zz = _product(along_r, along_r), _product(along_z, along_z)
+    cross = lame * _product(along_z, sideways) + shear * _product(along_r, along_z)  # of u_z (rows) and u_r
+    matrix = np.empty((len(nodes), count, 2, count, 2))
+    matrix[:, :, 0, :, 0] = lame * _product(sideways, sideways) + shear * (2 * (rr + _product(hoop, hoop)) + zz)
+    matrix[:, :, 1, :, 1] = (lame + 2 * shear) * zz + shear * rr
+    matrix[:, :, 1, :, 0] = cross
+    matrix[:, :, 0, :, 1] = np.swapaxes(cross, 1, 2)
+    return matrix.reshape(len(nodes), 2 * count, 2 * count)
 
 
-def elasticity(young_kpa: NDArray[np.float64], poisson: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Hooke's law (rr, zz, hoop, rz) of each element, shape (elements, 4, 4), engineering shear strain."""
+def _product(left: NDArray[np.float64], right: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sums over the integration points of each element."""
+    return np.asarray(np.swapaxes(left, 1, 2) @ right)
+
+
+def lame_constants(
+    young_kpa: NDArray[np.float64], poisson: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Shear modulus and Lame's first constant, kPa."""
     shear = young_kpa / (2 * (1 + poisson))
-    lame = 2 * shear * poisson / (1 - 2 * poisson)
-    matrix = np.zeros((len(young_kpa), 4, 4))
-    matrix[:, :3, :3] = lame[:, None, None]
-    for i in range(3):
-        matrix[:, i, i] += 2 * shear
-    matrix[:, 3, 3] = shear
-    return matrix
+    return shear, 2 * shear * poisson / (1 - 2 * poisson)

@@ -40,12 +40,16 @@ class LayeredMesh:
         return int(self.nodes.shape[1] - 1) // self.order
 
     def layer(self, index: int, values: NDArray[Scalar]) -> NDArray[Scalar]:
-        """Gather ``values`` (na, nb, ...) by element of one layer: shape (columns, (order + 1)**2, ...)."""
-        p = self.order
-        strip = values[:, index * p : index * p + p + 1]
-        columns = (self.nodes.shape[0] - 1) // p
-        gathered = np.stack([strip[column * p : column * p + p + 1] for column in range(columns)])
-        return gathered.reshape(columns, (p + 1) ** 2, *values.shape[2:])
+        """Gather ``values`` (na, nb, ...) by element of one layer; see `layer_of`."""
+        return layer_of(values, self.order, index)
+
+
+def layer_of(values: NDArray[Scalar], order: int, index: int) -> NDArray[Scalar]:
+    """Gather ``values`` (na, nb, ...) by element of one layer: shape (columns, (order + 1)**2, ...)."""
+    strip = values[:, index * order : (index + 1) * order + 1]
+    columns = (values.shape[0] - 1) // order
+    gathered = np.stack([strip[column * order : (column + 1) * order + 1] for column in range(columns)])
+    return gathered.reshape(columns, (order + 1) ** 2, *values.shape[2:])
 
 
 def refine(lines: NDArray[np.float64], order: int) -> NDArray[np.float64]:

@@ -171,7 +171,7 @@ def small_strain_press(probe: Probe, phantom: Phantom, force_n: float, resolutio
         if strain > STRAIN_LIMIT:
             valid = _valid_force(probe, phantom, force_n, resolution or Resolution())
             raise MechanicsError(
-                f"the glass would travel {found.approach_mm:.1f} mm, a strain of {strain:.2f}; small strain holds up to "
+                f"the glass would travel {found.approach_mm:.1f} mm, a strain of {strain:.2f}; small strain holds to "
                 f"{STRAIN_LIMIT:g}: choose a force of at most {valid:.2g} N, stiffer tissue, or strain='finite'"
             )
     return PressField(
