@@ -4,5 +4,18 @@ from tsis.mechanics.bodies import Resolution
 from tsis.mechanics.pressing import press
 from tsis.mechanics.surrogate import Box, Degrees, PressSurrogate, Surrogate, contrast_factor
 from tsis.mechanics.surrogate_build import build_surrogate
+from tsis.mechanics.viscoelastic import RelaxingPress, relaxing_press, settling_time_s
 
-__all__ = ["Box", "Degrees", "PressSurrogate", "Resolution", "Surrogate", "build_surrogate", "contrast_factor", "press"]
+__all__ = [
+    "Box",
+    "Degrees",
+    "PressSurrogate",
+    "RelaxingPress",
+    "Resolution",
+    "Surrogate",
+    "build_surrogate",
+    "contrast_factor",
+    "press",
+    "relaxing_press",
+    "settling_time_s",
+]

@@ -100,10 +100,10 @@ def sweep(
     carried = start.stiffness
     steps = _steps(mesh.order, dofs.shape, dofs.tobytes(), keep.tobytes(), start.dofs.tobytes())
     for step, values in zip(steps, rims, strict=True):
-        size = step.size
         # One slot more than the matrix has, for everything that is fixed.
-        total = np.bincount(step.element_slots, weights=values, minlength=size * size + 1)[:-1].reshape(size, size)
-        total.reshape(-1)[step.carried_slots] += carried.reshape(-1)
+        flat = np.bincount(step.element_slots, weights=values, minlength=step.size**2 + 1)[:-1].astype(float)
+        flat[step.carried_slots] += carried.ravel()
+        total = flat.reshape(step.size, step.size)
         carried = _eliminate(total, step.eliminated)
     return Condensate(dofs=steps[-1].dofs, stiffness=carried)
 

@@ -72,7 +72,7 @@ class FaceContact:
     def __init__(self, probe: Probe, face: Face, radius_mm: NDArray[np.float64]) -> None:
         self.probe, self.face, self.radius_mm = probe, face, radius_mm
         self.is_domed = probe.face_curvature_mm is not None
-        self._inner = radius_mm < EDGE_SHARE * probe.radius_mm
+        self.inner = radius_mm < EDGE_SHARE * probe.radius_mm
         self._closed_pressure = face.averages(radius_mm) @ np.linalg.inv(face.mass())
 
     def touch(
@@ -93,7 +93,11 @@ class FaceContact:
             self._closed(compliance, force_mn) if half_space is None else self._domed(compliance, half_space, force_mn)
         )
         pull = -PULL * force_mn / (np.pi * self.probe.radius_mm**2)
-        return touch if touch.pressure_kpa[self._inner].min() >= pull else self._opening(compliance, force_mn)
+        return touch if touch.pressure_kpa[self.inner].min() >= pull else self._opening(compliance, force_mn)
+
+    def closed_pressure(self, force: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Mean pressures of nodal forces of a contact that covers the face; columns are mapped one by one."""
+        return self._closed_pressure @ force
 
     def _closed(self, compliance: NDArray[np.float64], force_mn: float) -> Touch:
         """The whole face travels by one amount."""
@@ -102,7 +106,7 @@ class FaceContact:
         force *= approach
         return Touch(
             force=force,
-            pressure_kpa=self._closed_pressure @ force,
+            pressure_kpa=self.closed_pressure(force),
             approach_mm=float(approach),
             radius_mm=self.probe.radius_mm,
         )

@@ -125,14 +125,22 @@ class PressKernel:
         ``change`` is what an inclusion changes about the compliance of tissue of 1 kPa; plain tissue is solved on a
         mesh that knows of no inclusion, so that a press less the plain one holds what the inclusion does and no more.
         """
-        tissue = self._slab.compliance / tissue_kpa
-        both = self.probe_compliance + (tissue if change is None else tissue + change / tissue_kpa)
+        both = self.probe_compliance + self.tissue_compliance(tissue_kpa, change)
         touch = self.contact.touch(both, force_mn, self._split(both, tissue_kpa) if self.contact.is_domed else None)
         return FacePress(
             pressure_kpa=touch.pressure_kpa,
-            face_displacement_mm=self._at_radius @ (self.probe_compliance @ touch.force),
+            face_displacement_mm=self.face_displacement(touch.force),
             approach_mm=touch.approach_mm,
         )
+
+    def face_displacement(self, force: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Displacement of the face by nodal forces; columns are mapped one by one."""
+        return np.asarray(self._at_radius @ (self.probe_compliance @ force))
+
+    def tissue_compliance(self, tissue_kpa: float, change: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+        """Compliance of the face's nodes on tissue, with what an inclusion changes about that of 1 kPa."""
+        plain = self._slab.compliance
+        return np.asarray((plain if change is None else plain + change) / tissue_kpa)
 
     def _split(self, both: NDArray[np.float64], tissue_kpa: float) -> Elastic:
         return Elastic(
@@ -189,13 +197,10 @@ def _face_press(probe: Probe, phantom: Phantom, force_mn: float, resolution: Res
         return FacePress(pressure_kpa=nothing, face_displacement_mm=nothing, approach_mm=0.0)
     tissue = phantom.young_kpa
     plain = _kernel(probe, phantom, block_radius_mm(probe, phantom.thickness_mm), np.inf, resolution)
-    inclusion = phantom.inclusion
-    if inclusion is None:
+    if phantom.inclusion is None:
         return plain.press(tissue, force_mn)
-    shape = shape_on_axis(phantom)
-    kernel = _kernel_around(shape, inclusion.depth_mm, probe, phantom, resolution)
-    slab = kernel.slab_around(shape, poisson=inclusion.poisson)
-    found = kernel.press(tissue, force_mn, slab.change(inclusion.young_kpa / tissue))
+    kernel, change = _kernel_and_change(probe, phantom, phantom.inclusion, resolution)
+    found = kernel.press(tissue, force_mn, change)
     if kernel is plain:
         return found
     # Another mesh of the face: only what the inclusion changes is taken from it, or it would add its own error.
@@ -219,14 +224,28 @@ def _valid_force(probe: Probe, phantom: Phantom, force_n: float, resolution: Res
     return float(digit * np.floor(0.999 * valid / digit))
 
 
-def _kernel_around(
-    shape: Spheroid, depth_mm: float, probe: Probe, phantom: Phantom, resolution: Resolution
-) -> PressKernel:
+def compliances(probe: Probe, phantom: Phantom, resolution: Resolution) -> tuple[PressKernel, NDArray[np.float64]]:
+    """The kernel of a press and the compliance of the phantom's tissue on its face's nodes, mm/mN."""
+    if phantom.inclusion is None:
+        block = block_radius_mm(probe, phantom.thickness_mm)
+        kernel, change = _kernel(probe, phantom, block, np.inf, resolution), None
+    else:
+        kernel, change = _kernel_and_change(probe, phantom, phantom.inclusion, resolution)
+    return kernel, kernel.tissue_compliance(phantom.young_kpa, change)
+
+
+def _kernel_and_change(
+    probe: Probe, phantom: Phantom, inclusion: Inclusion, resolution: Resolution
+) -> tuple[PressKernel, NDArray[np.float64]]:
+    """A kernel whose mesh suits the inclusion, and what the inclusion changes about tissue of 1 kPa."""
+    shape = shape_on_axis(phantom)
     width = 2 * shape.half_width
-    central = central_cell_mm(width, depth_mm, shape.centre_depth)
+    central = central_cell_mm(width, inclusion.depth_mm, shape.centre_depth)
     # Deep inclusions share the kernel of plain tissue: their cell is wider than any that a face has.
     central = np.inf if central >= resolution.largest * probe.radius_mm else central
-    return _kernel(probe, phantom, block_radius_mm(probe, phantom.thickness_mm, width), central, resolution)
+    kernel = _kernel(probe, phantom, block_radius_mm(probe, phantom.thickness_mm, width), central, resolution)
+    slab = kernel.slab_around(shape, poisson=inclusion.poisson)
+    return kernel, slab.change(inclusion.young_kpa / phantom.young_kpa)
 
 
 def shape_on_axis(phantom: Phantom) -> Spheroid:

@@ -7,6 +7,7 @@ from tsis.model.image import TactileImage
 from tsis.model.phantom import Inclusion, Phantom
 from tsis.model.press import PressField
 from tsis.model.probe import Layer, Probe
+from tsis.model.relaxation import Relaxation
 
 __all__ = [
     "Calibration",
@@ -16,6 +17,7 @@ __all__ = [
     "Phantom",
     "PressField",
     "Probe",
+    "Relaxation",
     "TactileImage",
     "list_phantoms",
     "list_probes",

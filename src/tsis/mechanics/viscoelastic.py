@@ -1,0 +1,212 @@
+"""A press on tissue that relaxes: force and image against time while the glass is held.
+
+Probe and tissue push on one another through the face. In the vectors that make both compliances diagonal at once, each
+is a spring (the probe) in a row with a relaxing spring (the tissue), whose history obeys a linear equation of as many
+unknowns as the tissue has time constants. So the whole course is a sum of exponentials, exact at every time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.linalg import eigh
+from scipy.optimize import brentq
+from threadpoolctl import threadpool_limits
+
+from tsis.mechanics.bodies import Resolution
+from tsis.mechanics.small_strain import MN_PER_N, compliances
+from tsis.model import Phantom, Probe, Relaxation, check
+from tsis.model.errors import InputError, MechanicsError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.mechanics.small_strain import PressKernel
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RelaxingPress:
+    """The course of a press after the glass has travelled to its place and stays there.
+
+    Attributes
+    ----------
+    time_s
+        Times since the travel began, shape (t,).
+    force_n
+        Force at each of them, shape (t,).
+    radius_mm
+        Radii on the face, shape (n,).
+    pressure_kpa, face_displacement_mm
+        Mean pressure around each radius and displacement of the face, shape (t, n).
+    approach_mm
+        Travel of the glass.
+    """
+
+    time_s: NDArray[np.float64]
+    force_n: NDArray[np.float64]
+    radius_mm: NDArray[np.float64]
+    pressure_kpa: NDArray[np.float64]
+    face_displacement_mm: NDArray[np.float64]
+    approach_mm: float
+
+
+def relaxing_press(
+    probe: Probe,
+    phantom: Phantom,
+    relaxation: Relaxation,
+    *,
+    approach_mm: float,
+    time_s: Any,
+    ramp_s: float = 0.0,
+    resolution: Resolution | None = None,
+) -> RelaxingPress:
+    """Press by a travel of the glass, hold it, and follow force and pressure in time.
+
+    The probe is elastic; tissue and inclusion relax alike, at small strain. The contact must cover the face from the
+    end of the travel on, as it does under a flat face and, pressed far enough, under a dome.
+
+    Parameters
+    ----------
+    probe, phantom
+        What presses and what is pressed; the phantom's moduli are the settled ones.
+    relaxation
+        How the tissue's modulus fades.
+    approach_mm
+        Travel of the glass since first touch, mm, in [1e-4, 100].
+    time_s
+        Times since the travel began, s, each in [0, 1e7].
+    ramp_s
+        How long the travel takes, at constant speed; 0 is at once.
+    resolution
+        Mesh density.
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range.
+    MechanicsError
+        When the contact does not cover the face.
+    """
+    check.kind("probe", probe, Probe)
+    check.kind("phantom", phantom, Phantom)
+    check.kind("relaxation", relaxation, Relaxation)
+    check.number("approach_mm", approach_mm, 1e-4, 100.0, hint="millimetres")
+    check.number("ramp_s", ramp_s, 0.0, 1e6, hint="seconds")
+    times = check.array("time_s", time_s, ndim=1)
+    if times.min() < 0 or times.max() > 1e7:
+        raise InputError(f"time_s must lie in [0, 1e+07] seconds; got {times.min():g} to {times.max():g}")
+    with threadpool_limits(limits=1, user_api="blas"):
+        kernel, tissue = compliances(probe, phantom, resolution or Resolution())
+        course = _Course(kernel.probe_compliance, tissue, relaxation, approach_mm - probe.sag_mm(kernel.face.radius_mm))
+        nodal = course.forces(times, ramp_s)
+        pressure, displacement = _told(kernel, nodal)
+    _refuse_opening(kernel, pressure[times >= ramp_s], approach_mm)
+    return RelaxingPress(
+        time_s=times,
+        force_n=nodal.sum(axis=1) / MN_PER_N,
+        radius_mm=kernel.radius_mm,
+        pressure_kpa=pressure,
+        face_displacement_mm=displacement,
+        approach_mm=approach_mm,
+    )
+
+
+def settling_time_s(
+    probe: Probe,
+    phantom: Phantom,
+    relaxation: Relaxation,
+    *,
+    approach_mm: float,
+    tolerance: float = 0.01,
+    ramp_s: float = 0.0,
+    resolution: Resolution | None = None,
+) -> float:
+    """Time since the travel began after which the force stays within ``tolerance`` (a share) of its last value.
+
+    Examples
+    --------
+    A probe far stiffer than the tissue leaves the tissue's own course, 2 s * ln(0.3 / 0.7 / 0.01):
+
+    >>> from tsis import Layer, Phantom, Probe
+    >>> from tsis.model import Relaxation
+    >>> rigid = Probe(radius_mm=12.0, layers=(Layer(thickness_mm=2.0, young_kpa=1e6),))
+    >>> tissue = Relaxation(shares=(0.3,), times_s=(2.0,))
+    >>> time = settling_time_s(rigid, Phantom(young_kpa=5.0, thickness_mm=30.0), tissue, approach_mm=1.0)
+    >>> f"{time:.2f} s"
+    '7.52 s'
+    """
+    check.number("tolerance", tolerance, 1e-6, 1.0, hint="a share of the settled force")
+
+    def excess(log_time: float) -> float:
+        there = relaxing_press(
+            probe,
+            phantom,
+            relaxation,
+            approach_mm=approach_mm,
+            time_s=[float(np.exp(log_time)), 1e7],
+            ramp_s=ramp_s,
+            resolution=resolution,
+        )
+        return float(there.force_n[0] / there.force_n[1] - 1 - tolerance)
+
+    first, last = max(ramp_s, 1e-6), ramp_s + 100 * max(relaxation.times_s)
+    if excess(float(np.log(first))) <= 0:
+        return ramp_s
+    return float(np.exp(brentq(excess, np.log(first), np.log(last), xtol=1e-10)))
+
+
+class _Course:
+    """Nodal forces in time, for a face whose nodes have all travelled by given distances."""
+
+    def __init__(
+        self,
+        probe: NDArray[np.float64],
+        tissue: NDArray[np.float64],
+        relaxation: Relaxation,
+        travel_mm: NDArray[np.float64],
+    ) -> None:
+        self._softness, self._vectors = eigh(probe, tissue)  # of each spring of the probe, the tissue's being 1
+        self._travel = self._vectors.T @ travel_mm
+        ratio, times = relaxation.instantaneous_ratio, np.array(relaxation.times_s)
+        self._lost = ratio * np.array(relaxation.shares)
+        # The stretch u of a tissue spring and its memories z: force ratio * u - lost @ z, dz/dt = (u - z) / time, and
+        # probe and tissue fill the travel, softness * force + u = travel.
+        self._give = 1 / (1 + self._softness * ratio)
+        by_memory = (self._softness * self._give)[:, None, None] * self._lost
+        self._rates, self._modes = np.linalg.eig((by_memory - np.eye(len(times))) / times[:, None])
+        drive = (self._give * self._travel)[:, None] / times
+        self._drive = np.linalg.solve(self._modes, drive[..., None])[..., 0]
+        self._ratio = ratio
+
+    def forces(self, time_s: NDArray[np.float64], ramp_s: float) -> NDArray[np.float64]:
+        """Forces on the nodes, mN, shape (t, n)."""
+        memory = np.einsum("nij,tnj->tni", self._modes, self._drive * self._memory(time_s, ramp_s))
+        share = np.minimum(time_s / ramp_s, 1.0) if ramp_s else np.ones_like(time_s)
+        faded = memory @ self._lost
+        stretch = self._give * (share[:, None] * self._travel + self._softness * faded)
+        return np.asarray((self._ratio * stretch - faded) @ self._vectors.T)
+
+    def _memory(self, time_s: NDArray[np.float64], ramp_s: float) -> NDArray[np.float64]:
+        """Answer of ``dx/dt = rate * x + drive(t)`` over the drive at the end of the travel, shape (t, n, terms)."""
+        rate, time = self._rates, time_s[:, None, None]
+        if not ramp_s:
+            return np.asarray(np.expm1(rate * time) / rate)
+        moving = np.minimum(time, ramp_s)
+        at_end = (np.expm1(rate * moving) / rate - moving) / (rate * ramp_s)
+        held = time - moving
+        return np.asarray(at_end * np.exp(rate * held) + np.expm1(rate * held) / rate)
+
+
+def _told(kernel: PressKernel, nodal: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    return kernel.contact.closed_pressure(nodal.T).T, kernel.face_displacement(nodal.T).T
+
+
+def _refuse_opening(kernel: PressKernel, pressure: NDArray[np.float64], approach_mm: float) -> None:
+    inner = pressure[:, kernel.contact.inner]
+    if inner.size and inner.min() < 0:
+        raise MechanicsError(
+            f"approach_mm must close the contact over the whole face, or its edge would move as the tissue relaxes, "
+            f"which this model does not follow; got {approach_mm:g}: press further, or choose a flatter face"
+        )
