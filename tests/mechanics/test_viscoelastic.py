@@ -135,7 +135,7 @@ def test_a_dome_must_be_pressed_until_it_touches_everywhere() -> None:
     whole = relaxing_press(domed, PLAIN, SOLID, approach_mm=4.5, time_s=[0.0, 1e7])
     elastic = press(domed, PLAIN, force_n=float(whole.force_n[1]))
     assert elastic.approach_mm == pytest.approx(4.5, rel=2e-3)
-    with pytest.raises(MechanicsError, match="approach_mm must close the contact over the whole face.* got 1:"):
+    with pytest.raises(MechanicsError, match=r"approach_mm must close the contact over the whole face.* got 1:"):
         relaxing_press(domed, PLAIN, SOLID, approach_mm=1.0, time_s=[0.0])
 
 
