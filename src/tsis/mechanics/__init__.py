@@ -1,6 +1,7 @@
 """What a press does to probe and tissue: closed forms, finite elements, and a fast surrogate."""
 
 from tsis.mechanics.bodies import Resolution
+from tsis.mechanics.indentation import Indentation, indent
 from tsis.mechanics.pressing import press
 from tsis.mechanics.surrogate import Box, Degrees, PressSurrogate, Surrogate, contrast_factor
 from tsis.mechanics.surrogate_build import build_surrogate
@@ -9,12 +10,14 @@ from tsis.mechanics.viscoelastic import RelaxingPress, relaxing_press, settling_
 __all__ = [
     "Box",
     "Degrees",
+    "Indentation",
     "PressSurrogate",
     "RelaxingPress",
     "Resolution",
     "Surrogate",
     "build_surrogate",
     "contrast_factor",
+    "indent",
     "press",
     "relaxing_press",
     "settling_time_s",

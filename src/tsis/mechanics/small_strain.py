@@ -149,7 +149,14 @@ class PressKernel:
 
     @cached_property
     def _half_space_compliance(self) -> NDArray[np.float64]:
-        return self._slab_of(ENDLESS * self.probe.radius_mm, self.probe.radius_mm / 2).compliance
+        return (1 - self.poisson**2) * half_space_compliance(self.face, self.poisson, self._resolution)
+
+
+def half_space_compliance(face: Face, poisson: float, resolution: Resolution) -> NDArray[np.float64]:
+    """Compliance of a face's nodes on a half-space of ``E / (1 - nu**2)`` = 1 kPa, by a very thick slab, (n, n)."""
+    edge = float(face.lines[-1])
+    endless = Slab(thickness_mm=ENDLESS * edge, poisson=poisson, face=face, block_mm=edge / 2, resolution=resolution)
+    return endless.compliance / (1 - poisson**2)
 
 
 def sphere(diameter_mm: float, depth_mm: float) -> Spheroid:
