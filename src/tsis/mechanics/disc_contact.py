@@ -157,19 +157,37 @@ def under_force(
 def half_space_answer() -> NDArray[np.float64]:
     """Work of each term's pressure (rows) on what each regular one displaces, for a = 1 and (1 - nu**2) / E = 1.
 
-    With the Abel transform ``h(t)``, the integral of ``r p(r) / sqrt(r**2 - t**2)`` from t to a, the work of p on the
-    displacement of q is 8 times the integral of ``h_p h_q`` from 0 to a; shape (terms + 1, terms).
+    With the Abel transforms h of both it is 8 times the integral of their product from 0 to a; (terms + 1, terms).
     """
-    x, w = legendre.leggauss(2 * TERMS + 2)
-    t, weight = (x + 1) / 2, w / 2
+    t, weight = _unit_points(2 * TERMS + 2)
+    regular = _abel_transforms(t)
+    every = np.column_stack([regular, np.full_like(t, np.pi / 2)])
+    return np.asarray(8 * every.T @ (weight[:, None] * regular))
+
+
+def displaced_outside(disc: DiscContact, radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Displacement of a half-space of (1 - nu**2) / E = 1 / kPa around the contact, at ``radius_mm`` beyond it, mm."""
+    t, weight = _unit_points(4 * TERMS)
     angle, turn = np.pi * t / 2, np.pi * weight / 2
+    share = np.sin(angle)
+    transform = disc.radius_mm * (_abel_transforms(share) @ disc.terms)
+    far = np.sqrt((radius_mm[:, None] / disc.radius_mm) ** 2 - share**2)
+    return np.asarray(4 / np.pi * (1 / far) @ (turn * np.cos(angle) * transform))
+
+
+def _abel_transforms(t: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Of each term, for a = 1: h(t), the integral of r p(r) / sqrt(r**2 - t**2) from t to a; shape (len(t), terms)."""
+    x, weight = _unit_points(2 * TERMS + 2)
+    angle, turn = np.pi * x / 2, np.pi * weight / 2
     square = t[:, None] ** 2 + (1 - t[:, None] ** 2) * np.sin(angle) ** 2
-    inner = np.einsum(
-        "tak,a->tk", _polynomials(square.ravel()).reshape(*square.shape, TERMS), turn * np.cos(angle) ** 2
-    )
-    regular = (1 - t[:, None] ** 2) * inner
-    transforms = np.column_stack([regular, np.full_like(t, np.pi / 2)])
-    return np.asarray(8 * transforms.T @ (weight[:, None] * regular))
+    values = _polynomials(square.ravel()).reshape(*square.shape, TERMS)
+    return np.asarray((1 - t[:, None] ** 2) * np.einsum("tak,a->tk", values, turn * np.cos(angle) ** 2))
+
+
+def _unit_points(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Gauss points and weights on [0, 1]."""
+    x, w = legendre.leggauss(count)
+    return (x + 1) / 2, w / 2
 
 
 def _polynomials(square: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -35,8 +35,7 @@ class Indentation:
     contact_radius_mm
         Radius of the contact.
     radius_mm, face_displacement_mm
-        Displacement of the face towards the glass over the face, positive inwards, shape (n,) each; exact to some 1e-5
-        in the contact, to half a per cent of the depth next to its edge.
+        Displacement of the face towards the glass over the face, positive inwards, shape (n,) each.
     """
 
     force_n: float
@@ -123,8 +122,9 @@ def _indent(probe: Probe, sphere_radius_mm: float, force_n: float, resolution: R
         )
     found = disc_contact.under_force(elastic, face, gap, force_n * MN_PER_N, largest=largest)
     radius = np.linspace(0.0, probe.radius_mm, POINTS)
-    moved = face.interpolation(radius) @ compliance @ found.force
-    touched = radius <= found.radius_mm  # there it is known: no mesh resolves the kink at the edge
+    touched = radius <= found.radius_mm
+    moved = face.interpolation(radius) @ elastic.smooth @ found.force
+    moved[~touched] += softness * disc_contact.displaced_outside(found, radius[~touched])
     return Indentation(
         force_n=force_n,
         depth_mm=found.approach_mm,
