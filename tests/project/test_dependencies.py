@@ -49,6 +49,12 @@ def manifest() -> dict[str, dict[str, list[str]]]:
     return loaded
 
 
+def _extras() -> dict[str, list[str]]:
+    loaded = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+    extras: dict[str, list[str]] = loaded["project"]["optional-dependencies"]
+    return extras
+
+
 def _pins() -> dict[str, str]:
     lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
     pinned = [line for line in lines if line and not line.startswith("#")]
@@ -71,10 +77,18 @@ def test_every_package_is_pinned(manifest: dict[str, dict[str, list[str]]]) -> N
     assert not missing, f"constraints.txt does not pin {missing}; run `make constraints`"
 
 
+def test_the_extra_for_sweeps_brings_no_gpl() -> None:
+    packages = _closure(_extras()["cluster"])
+    assert {"pyarrow", "distributed", "dask"} <= set(packages)
+    for name, package in packages.items():
+        assert not GPL.search(NOT_GPL.sub("", _declared(package))), f"{name} is under {_declared(package)}"
+
+
 def test_the_libraries_page_names_every_direct_dependency(manifest: dict[str, dict[str, list[str]]]) -> None:
     page = (ROOT / "docs" / "decisions" / "0001-libraries.md").read_text(encoding="utf-8")
     groups = [text for group in manifest["dependency-groups"].values() for text in group]
-    for text in manifest["project"]["dependencies"] + groups:
+    extras = [text for extra in _extras().values() for text in extra]
+    for text in manifest["project"]["dependencies"] + extras + groups:
         name = Requirement(text).name
         assert f"| {name} |" in page, f"docs/decisions/0001-libraries.md must say why {name} is used"
 

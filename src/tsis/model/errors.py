@@ -9,6 +9,7 @@
     │   └── ImageMismatchError  images that do not belong together
     ├── NotCalibratedError  an estimate that needs a calibration nobody gave
     ├── MechanicsError      a press that the chosen model cannot describe
+    ├── SweepError          a sweep that cannot go on; what it has computed is kept
     ├── MissingExtraError   (also an ImportError) an optional library is not installed
     └── CameraError         a camera that cannot be opened or was lost
 
@@ -42,6 +43,10 @@ class NotCalibratedError(TsisError):
 
 class MechanicsError(TsisError):
     """A press that the chosen mechanical model cannot describe."""
+
+
+class SweepError(TsisError):
+    """A sweep that cannot go on; what it has computed is kept."""
 
 
 class MissingExtraError(TsisError, ImportError):

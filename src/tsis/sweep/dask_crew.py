@@ -1,0 +1,128 @@
+"""Workers of a Dask cluster that somebody else has started."""
+
+from __future__ import annotations
+
+import logging
+import re
+import time
+from concurrent.futures import CancelledError
+from contextlib import suppress
+from itertools import count
+from typing import TYPE_CHECKING, Any
+from uuid import uuid4
+
+from tsis.model.errors import InputError, SweepError
+from tsis.sweep.extra import library
+from tsis.sweep.work import Lost, finish
+
+if TYPE_CHECKING:
+    from types import TracebackType
+    from typing import Self
+
+    from tsis.sweep.samples import Batch
+    from tsis.sweep.work import Answer, Job
+
+AHEAD = 2  # batches a thread of a worker
+ADDRESS = re.compile(r"(tcp|tls)://[\w.\-\[\]:]+:\d{1,5}")
+CONNECT_S = 10.0
+WORKERS_S = 60.0
+COUNT_EVERY_S = 5.0
+LOGGERS = ("distributed", "distributed.client", "distributed.core", "distributed.batched")
+CURE = "what is done is kept: start the cluster and run the same command again"
+
+
+class DaskCrew:
+    """The workers of a Dask scheduler.
+
+    Parameters
+    ----------
+    job
+        What all batches share; its folder must be one that all workers see.
+    address
+        Of the scheduler, ``tcp://host:port`` or ``tls://host:port``.
+
+    Raises
+    ------
+    InputError
+        When ``address`` has another form.
+    """
+
+    def __init__(self, job: Job, address: str) -> None:
+        if not ADDRESS.fullmatch(address):
+            raise InputError(f"scheduler must be an address such as tcp://127.0.0.1:8786; got {address!r:.80}")
+        self._distributed = library("distributed", "a sweep on a cluster")
+        self._job, self._address = job, address
+        self._run = uuid4().hex  # results of an earlier client must not answer for this one
+        self._number = count()
+        self._batches: dict[str, Batch] = {}
+        self._window, self._counted = 1, float("-inf")
+        self._loggers = {logger: logger.level for logger in map(logging.getLogger, LOGGERS)}
+
+    @property
+    def window(self) -> int:
+        """Batches to hold at a time; follows the cluster as it grows and shrinks."""
+        if time.monotonic() - self._counted > COUNT_EVERY_S:
+            with suppress(OSError, TimeoutError, RuntimeError):
+                self._window = AHEAD * max(1, sum(self._client.nthreads().values()))
+            self._counted = time.monotonic()
+        return self._window
+
+    def submit(self, batch: Batch) -> None:
+        """Hand over a batch."""
+        key = f"tsis-sweep-{self._run}-{next(self._number)}"
+        self._batches[key] = batch
+        self._answers.add(self._client.submit(finish, self._job, batch, key=key, pure=False))
+
+    def collect(self) -> Answer:
+        """Wait for the next answer.
+
+        Raises
+        ------
+        SweepError
+            When the scheduler is gone.
+        """
+        future = next(self._answers)
+        batch = self._batches.pop(future.key)
+        try:
+            answer: Answer = future.result(timeout=WORKERS_S)
+        except (OSError, CancelledError, self._distributed.KilledWorker) as error:
+            # A worker died more often than the scheduler allows, or an answer was lost on the way: once more.
+            if self._client.status not in ("running", "connecting"):
+                raise SweepError(f"the scheduler at {self._address} is gone; {CURE}") from error
+            answer = Lost(batch=batch)
+        except Exception as error:
+            # Faults of a batch are answers, so this one is the cluster's: workers without tsis, say.
+            reason = f"{type(error).__name__}: {error!s:.200}"
+            raise SweepError(f"the workers at {self._address} must have this version of tsis; got {reason}") from error
+        finally:
+            future.release()  # a scheduler that remembers every batch grows with the sweep
+        return answer
+
+    def __enter__(self) -> Self:
+        for logger in self._loggers:  # they would print tracebacks of connections that the sweep deals with
+            logger.setLevel(logging.CRITICAL)
+        try:
+            self._client: Any = self._distributed.Client(self._address, timeout=CONNECT_S, set_as_default=False)
+            try:
+                self._client.wait_for_workers(1, timeout=WORKERS_S)
+            except TimeoutError as error:
+                self._client.close()
+                raise SweepError(
+                    f"the scheduler at {self._address} must have a worker; got none in {WORKERS_S:g} s"
+                ) from error
+        except (OSError, TimeoutError) as error:
+            self._restore_loggers()
+            raise SweepError(f"a Dask scheduler must answer at {self._address}; got none; {CURE}") from error
+        self._answers = self._distributed.as_completed(loop=self._client.loop)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        with suppress(Exception):  # a cluster that has gone cannot be said goodbye to
+            self._client.close(timeout=CONNECT_S)
+        self._restore_loggers()
+
+    def _restore_loggers(self) -> None:
+        for logger, level in self._loggers.items():
+            logger.setLevel(level)

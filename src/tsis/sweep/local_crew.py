@@ -1,0 +1,127 @@
+"""Workers on this machine: one process each, looked after by one thread each that replaces it when it dies."""
+
+from __future__ import annotations
+
+import os
+import pickle
+import subprocess
+import sys
+import threading
+from queue import SimpleQueue
+from typing import TYPE_CHECKING
+
+from tsis.sweep.work import Lost
+
+if TYPE_CHECKING:
+    from types import TracebackType
+    from typing import Self
+
+    from tsis.sweep.samples import Batch
+    from tsis.sweep.work import Answer, Job
+
+AHEAD = 2  # batches a worker: the one that it computes, and the next
+# -P: the folder that the user stands in may hold a random.py or numpy.py of its own.
+COMMAND = (sys.executable, "-P", "-m", "tsis.sweep.worker_process")
+# Set before the libraries load: a pool of threads that is never made costs nothing.
+ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
+
+
+class LocalCrew:
+    """Worker processes on this machine.
+
+    Parameters
+    ----------
+    job
+        What all batches share.
+    count
+        Number of processes.
+    """
+
+    def __init__(self, job: Job, count: int) -> None:
+        self.window = AHEAD * count
+        self._job = pickle.dumps(job)
+        self._todo: SimpleQueue[Batch | None] = SimpleQueue()
+        self._answers: SimpleQueue[Answer] = SimpleQueue()
+        self._stopping = False
+        self._lock = threading.Lock()
+        self._processes: dict[int, subprocess.Popen[bytes]] = {}
+        self._threads = [
+            threading.Thread(target=self._look_after, args=(place,), daemon=True) for place in range(count)
+        ]
+
+    def submit(self, batch: Batch) -> None:
+        """Hand over a batch."""
+        self._todo.put(batch)
+
+    def collect(self) -> Answer:
+        """Wait for the next answer."""
+        return self._answers.get()
+
+    def __enter__(self) -> Self:
+        for thread in self._threads:
+            thread.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        with self._lock:
+            self._stopping = True
+            for process in self._processes.values():
+                process.kill()  # a file is whole or absent, so nothing has to be finished
+        for _ in self._threads:
+            self._todo.put(None)
+        for thread in self._threads:
+            thread.join()
+
+    def _look_after(self, place: int) -> None:
+        process: subprocess.Popen[bytes] | None = None
+        while (batch := self._todo.get()) is not None and not self._stopping:
+            try:
+                process = process or self._started(place)
+                answer: Answer = _ask(process, batch)
+            except Exception:  # whatever half an answer looks like, its worker is gone
+                answer = Lost(batch=batch)
+                _end(process)
+                process = None
+            self._answers.put(answer)
+        _end(process)
+
+    def _started(self, place: int) -> subprocess.Popen[bytes]:
+        with self._lock:
+            if self._stopping:
+                raise EOFError
+            process = subprocess.Popen(
+                COMMAND,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                env=os.environ | ONE_THREAD,
+                # Ctrl-C on the terminal is for the sweep, which then ends its workers.
+                process_group=0 if os.name == "posix" else None,
+            )
+            self._processes[place] = process
+        assert process.stdin is not None
+        process.stdin.write(self._job)
+        return process
+
+
+def _ask(process: subprocess.Popen[bytes], batch: Batch) -> Answer:
+    assert process.stdin is not None
+    assert process.stdout is not None
+    pickle.dump(batch, process.stdin)
+    process.stdin.flush()
+    answer: Answer = pickle.load(process.stdout)
+    return answer
+
+
+def _end(process: subprocess.Popen[bytes] | None) -> None:
+    if process is None:
+        return
+    process.kill()
+    process.wait()
+    for stream in (process.stdin, process.stdout):
+        if stream is not None:
+            try:
+                stream.close()
+            except OSError:  # what was not sent has no reader any more
+                continue

@@ -1,0 +1,99 @@
+"""``manifest.json``: what a data set is, and the SHA-256 of every file of it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict
+from importlib import metadata
+from typing import TYPE_CHECKING, Any
+
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.instrument import read_bytes, shown
+from tsis.model.errors import FileInputError, InputError
+from tsis.sweep.durable import write_durably
+from tsis.sweep.extra import library
+from tsis.sweep.plan_file import plan_document, plan_of
+from tsis.sweep.shards import FEATURE, NAME, Receipt, shard_name
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+    from pathlib import Path
+
+    from tsis.sweep.plan import Plan
+
+MANIFEST = "manifest.json"
+FORMAT, VERSION = "tsis-sweep", 1
+# Their versions can change the last digits, or the bytes of a file.
+LIBRARIES = ("numpy", "scipy", "pyarrow")
+
+
+def head(plan: Plan) -> dict[str, Any]:
+    """What decides every byte of a data set; no time, machine or worker is part of it."""
+    library("pyarrow", FEATURE)
+    document = plan_document(plan)
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "tsis": __version__,
+        "libraries": {name: metadata.version(name) for name in LIBRARIES},
+        "plan_sha256": _hash(document),
+        "plan": document,
+    }
+
+
+def data_set_key(start: Mapping[str, Any]) -> str:
+    """The key that every file of the data set carries."""
+    return _hash(start)
+
+
+def write_manifest(folder: Path, start: Mapping[str, Any], receipts: Iterable[Receipt] | None) -> None:
+    """Write the manifest; ``receipts`` is None as long as the data set is not complete."""
+    files = None if receipts is None else sorted(receipts, key=lambda receipt: receipt.shard)
+    document = {
+        "notice": RESEARCH_USE_ONLY,
+        **start,
+        "data_set": data_set_key(start),
+        "complete": files is not None,
+        "presses": sum(one.rows for one in files or ()),
+        "refused": sum(one.refused for one in files or ()),
+        "shards": [{"file": shard_name(one.shard), **asdict(one)} for one in files or ()],
+    }
+    write_durably(folder / MANIFEST, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """The manifest of a data set, its form checked.
+
+    Raises
+    ------
+    FileInputError
+        When there is none, or it is no manifest of a sweep.
+    """
+    path = folder / MANIFEST
+    data = read_bytes(path)
+    try:
+        document = json.loads(data)
+        found = (document["format"], document["version"])
+        entries = [(str(entry["file"]), int(entry["shard"]), str(entry["sha256"])) for entry in document["shards"]]
+        whole = all(NAME.fullmatch(name) and name == shard_name(shard) for name, shard, _ in entries)
+        plan_of(document["plan"])
+        start = {key: document[key] for key in START}
+    except (ValueError, KeyError, TypeError, RecursionError, InputError) as error:
+        raise FileInputError(f"{shown(path)} must be the manifest of a sweep; got: {error!s:.200}") from error
+    if found != (FORMAT, VERSION):
+        raise FileInputError(f"{shown(path)} must be of {FORMAT}, version {VERSION}; got another format")
+    if (
+        not whole
+        or document.get("data_set") != data_set_key(start)
+        or document["plan_sha256"] != _hash(document["plan"])
+    ):
+        raise FileInputError(f"{shown(path)} must be as it was written; its hashes do not agree with its content")
+    return dict(document)
+
+
+START = ("format", "version", "tsis", "libraries", "plan_sha256", "plan")
+
+
+def _hash(document: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(document, sort_keys=True, allow_nan=False).encode()).hexdigest()

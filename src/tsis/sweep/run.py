@@ -1,0 +1,212 @@
+"""A sweep from its plan to its data set: whatever dies on the way, the same bytes come out."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import Counter
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tsis.mechanics import press as press_by_elements
+from tsis.model import Phantom, check
+from tsis.model.errors import SweepError
+from tsis.sweep.dask_crew import DaskCrew
+from tsis.sweep.durable import sweep_unfinished
+from tsis.sweep.folder import begun
+from tsis.sweep.local_crew import LocalCrew
+from tsis.sweep.manifest import data_set_key, head, write_manifest
+from tsis.sweep.plan import TISSUE
+from tsis.sweep.presses import press_all
+from tsis.sweep.quantity import extremes
+from tsis.sweep.samples import batches
+from tsis.sweep.shards import Receipt, shard_name
+from tsis.sweep.work import Failed, Job, Lost
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tsis.sweep.crew import Crew
+    from tsis.sweep.plan import Plan
+    from tsis.sweep.presses import Press
+    from tsis.sweep.samples import Batch
+
+MOST_WORKERS = 1024
+# A batch that ends its worker this often ends every worker: memory, or a fault in a library.
+MOST_DEATHS = 20
+TRIED, TRIED_S = 8, 3.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Summary:
+    """What a sweep did.
+
+    Attributes
+    ----------
+    folder
+        Absolute path of the data set.
+    presses, refused
+        Presses in it, and how many of them the model refused.
+    shards
+        Number of files.
+    computed, kept
+        Files computed now, and files found whole.
+    repaired
+        Names of files that were damaged or foreign and were computed again; they count as computed.
+    lost
+        Batches whose worker died, which were given to another.
+    seconds
+        Time that the run took.
+    """
+
+    folder: str
+    presses: int
+    refused: int
+    shards: int
+    computed: int
+    kept: int
+    repaired: tuple[str, ...]
+    lost: int
+    seconds: float
+
+
+def run_sweep(
+    plan: Plan,
+    folder: str | os.PathLike[str],
+    *,
+    workers: int | None = None,
+    scheduler: str | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    press: Press = press_by_elements,
+) -> Summary:
+    """Press all phantoms of a plan and write the data set, or finish the one that an earlier run began.
+
+    The bytes of the data set depend on the plan, the versions of the libraries and the kind of processor, and on
+    nothing else: not on the workers, their number or their deaths, nor on how often the run was interrupted.
+
+    Parameters
+    ----------
+    plan
+        What to press.
+    folder
+        The data set: a new folder, or one that the same plan began.
+    workers
+        Number of processes on this machine; None for one a processor.
+    scheduler
+        Address of a Dask scheduler whose workers are used instead, ``tcp://host:port``; they must see ``folder`` under
+        the same path.
+    progress
+        Called with the number of finished and of all files.
+    press
+        What computes a press; a function that workers can import.
+
+    Raises
+    ------
+    FileInputError
+        When the folder holds something else or another sweep writes into it.
+    SweepError
+        When the sweep cannot go on; the same call goes on from there later.
+    """
+    started = time.monotonic()
+    count = worker_count(workers)
+    start = head(plan)
+    refuse_model(plan, press)
+    with begun(Path(folder), start) as place:
+        job = Job(folder=str(place), plan=plan, data_set=data_set_key(start), press=press)
+        crew: Crew = LocalCrew(job, count) if scheduler is None else DaskCrew(job, scheduler)
+        with crew:
+            done, lost = _finish_all(plan, crew, progress or (lambda *_: None))
+        write_manifest(place, start, [receipt for receipt, _ in done.values()])
+        sweep_unfinished(place)
+    states = Counter(state for _, state in done.values())
+    return Summary(
+        folder=str(place),
+        presses=sum(receipt.rows for receipt, _ in done.values()),
+        refused=sum(receipt.refused for receipt, _ in done.values()),
+        shards=len(done),
+        computed=states["computed"] + states["repaired"],
+        kept=states["kept"],
+        repaired=tuple(shard_name(shard) for shard, (_, state) in sorted(done.items()) if state == "repaired"),
+        lost=lost,
+        seconds=time.monotonic() - started,
+    )
+
+
+def worker_count(workers: int | None) -> int:
+    """Number of processes: as given, or one a processor that this process may use."""
+    if workers is None:
+        return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return int(check.number("workers", workers, 1, MOST_WORKERS))
+
+
+def refuse_model(plan: Plan, press: Press = press_by_elements) -> None:
+    """Refuse a plan whose model takes no press of this probe at all, before a million rows say so.
+
+    A press of no force costs nothing.
+
+    Raises
+    ------
+    TsisError
+        What the model says of a press of no force.
+    """
+    tissue = {name: extremes(plan.quantities[name])[1] for name in TISSUE}
+    slab = Phantom(young_kpa=tissue["tissue_young_kpa"], thickness_mm=tissue["thickness_mm"], poisson=tissue["poisson"])
+    press(plan.probe, slab, force_n=0.0, strain=plan.strain)
+
+
+def seconds_per_press(plan: Plan, press: Press = press_by_elements) -> float:
+    """Mean time of the plan's first presses on this machine, after one that warms up, s.
+
+    Raises
+    ------
+    TsisError
+        When the model takes no press of this probe.
+    """
+    refuse_model(plan, press)
+    batch = next(batches(plan))
+    started, done = time.perf_counter(), 0
+    for k in range(min(TRIED, batch.samples)):
+        one = type(batch)(shard=0, first=k, values={name: values[k : k + 1] for name, values in batch.values.items()})
+        press_all(plan, one, press)
+        done += len(plan.forces_n)
+        if k == 0 and batch.samples > 1:
+            started, done = time.perf_counter(), 0
+        elif time.perf_counter() - started > TRIED_S:
+            break
+    return (time.perf_counter() - started) / done
+
+
+def _finish_all(
+    plan: Plan, crew: Crew, progress: Callable[[int, int], None]
+) -> tuple[dict[int, tuple[Receipt, str]], int]:
+    """Keep the crew busy until every file is there; receipts and states by file, and how many batches were lost."""
+    left = batches(plan)
+    done: dict[int, tuple[Receipt, str]] = {}
+    deaths: Counter[int] = Counter()
+    handed_over = 0
+    progress(0, plan.shards)
+    while len(done) < plan.shards:
+        while handed_over - len(done) < crew.window and (batch := next(left, None)) is not None:
+            crew.submit(batch)
+            handed_over += 1
+        answer = crew.collect()
+        if isinstance(answer, Lost):
+            _count_death(deaths, answer.batch)
+            crew.submit(answer.batch)
+        elif isinstance(answer, Failed):
+            raise SweepError(f"{answer.reason} (the files that are done are kept)")
+        else:
+            done[answer.receipt.shard] = (answer.receipt, answer.state)
+            progress(len(done), plan.shards)
+    return done, deaths.total()
+
+
+def _count_death(deaths: Counter[int], batch: Batch) -> None:
+    deaths[batch.shard] += 1
+    if deaths[batch.shard] >= MOST_DEATHS:
+        raise SweepError(
+            f"{MOST_DEATHS} workers died of {shard_name(batch.shard)}, phantoms {batch.first} to "
+            f"{batch.first + batch.samples - 1}; try a smaller batch or fewer workers, memory may be short "
+            "(the files that are done are kept)"
+        )

@@ -1,0 +1,104 @@
+"""What a worker does: see that one file of the data set is there and whole."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+from tsis.model.errors import SweepError
+from tsis.sweep.durable import write_durably
+from tsis.sweep.manifest import MANIFEST
+from tsis.sweep.presses import press_all
+from tsis.sweep.shards import Receipt, encode, receipt_of, shard_name
+
+if TYPE_CHECKING:
+    from tsis.sweep.plan import Plan
+    from tsis.sweep.presses import Press
+    from tsis.sweep.samples import Batch
+
+# Threads of one process share the number of threads of its linear algebra, which decides the last digits.
+_ONE_AT_A_TIME = threading.Lock()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Job:
+    """What all batches of a sweep share.
+
+    Attributes
+    ----------
+    folder
+        Absolute path of the data set.
+    plan
+        What is pressed.
+    data_set
+        Key of the data set, which every file carries.
+    press
+        What computes a press.
+    """
+
+    folder: str
+    plan: Plan
+    data_set: str
+    press: Press
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finished:
+    """A file is there: it was computed now, kept as it was, or was damaged or foreign and computed again."""
+
+    receipt: Receipt
+    state: Literal["computed", "kept", "repaired"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Lost:
+    """The worker that had this batch is gone."""
+
+    batch: Batch
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Failed:
+    """A batch that no repetition would finish, and why."""
+
+    reason: str
+
+
+Answer: TypeAlias = Finished | Lost | Failed
+
+
+def finish(job: Job, batch: Batch) -> Finished | Failed:
+    """Keep the batch's file where it is whole, else compute and write it; failures are an answer too."""
+    try:
+        with _ONE_AT_A_TIME:
+            return _finish(job, batch)
+    except SweepError as error:
+        return Failed(reason=str(error))
+    except OSError as error:
+        reason = error.strerror or str(error)
+        return Failed(reason=f"{shard_name(batch.shard)} must be readable and writable in the folder; got: {reason}")
+    except Exception as error:  # a worker must answer, or its batch would be tried again and again
+        return Failed(reason=f"{shard_name(batch.shard)} could not be computed: {type(error).__name__}: {error}")
+
+
+def _finish(job: Job, batch: Batch) -> Finished:
+    folder = Path(job.folder)
+    if not (folder / MANIFEST).is_file():
+        raise SweepError(f"the folder {job.folder!r} must be seen by every worker; one of them does not find it")
+    path = folder / shard_name(batch.shard)
+    try:
+        present = path.read_bytes()
+    except FileNotFoundError:
+        present = None
+    if present is not None:
+        receipt = receipt_of(present, shard=batch.shard, data_set=job.data_set)
+        if receipt is not None:
+            return Finished(receipt=receipt, state="kept")
+    content = encode(press_all(job.plan, batch, job.press), shard=batch.shard, data_set=job.data_set)
+    write_durably(path, content)
+    receipt = receipt_of(content, shard=batch.shard, data_set=job.data_set)
+    if receipt is None:
+        raise SweepError(f"{path.name} does not carry what was written into it; the pyarrow at hand is not supported")
+    return Finished(receipt=receipt, state="computed" if present is None else "repaired")

@@ -1,0 +1,129 @@
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tsis.sweep import EXAMPLE, parse_plan
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.cli.conftest import RunTsis
+
+SMALL = EXAMPLE.replace("count = 1024", "count = 8").replace("batch = 64", "batch = 4")
+
+
+@pytest.fixture
+def plan(tmp_path: Path) -> Path:
+    (tmp_path / "plan.toml").write_text(SMALL)
+    return tmp_path / "plan.toml"
+
+
+def test_the_example_is_a_plan(run_tsis: RunTsis) -> None:
+    printed = run_tsis("sweep", "example").out
+    assert tomllib.loads(printed)["sample"] == "sobol"
+    assert parse_plan(printed).presses == 1024
+
+
+@pytest.mark.usefixtures("plan")
+def test_a_data_set_is_made_verified_and_kept(run_tsis: RunTsis, tmp_path: Path) -> None:
+    finished = run_tsis("sweep", "run", "plan.toml", "--out", "data", "--workers", "1", "--json")
+    assert finished.code == 0, finished.err
+    document = json.loads(finished.out)
+    assert (document["presses"], document["computed"], document["kept"], document["refused"]) == (8, 2, 0, 0)
+    assert document["folder"] == str(tmp_path / "data")
+    again = run_tsis("sweep", "run", "plan.toml", "--out", "data", "--workers", "1")
+    assert "8 presses in 2 files, 0 computed now, 2 kept." in " ".join(again.out.split())
+    assert "Research use only" in again.out
+    verified = json.loads(run_tsis("sweep", "verify", "data", "--json").out)
+    assert (verified["presses"], verified["shards"]) == (8, 2)
+    assert "are as they were written" in run_tsis("sweep", "verify", "data").out
+    (tmp_path / "data" / "part-000001.parquet").write_bytes(b"nothing")
+    damaged = run_tsis("sweep", "verify", "data")
+    assert damaged.code == 2
+    assert "part-000001.parquet (damaged)" in damaged.err
+    repaired = run_tsis("sweep", "run", "plan.toml", "--out", "data", "--workers", "1")
+    assert "damaged or foreign, computed again: part-000001.parquet" in " ".join(repaired.out.split())
+
+
+def test_a_dry_run_says_how_much_and_writes_nothing(run_tsis: RunTsis, plan: Path) -> None:
+    arguments = ("sweep", "run", "plan.toml", "--workers", "3", "--dry-run")
+    document = json.loads(run_tsis(*arguments, "--json").out)
+    assert (document["presses"], document["shards"], document["workers"]) == (8, 2, 3)
+    assert document["estimated_seconds"] == pytest.approx(document["seconds_per_press"] * 8 / 3)
+    assert "Nothing was computed or written" in run_tsis(*arguments).out
+    assert list(plan.parent.iterdir()) == [plan]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "sentence"),
+    [
+        (["run", "absent.toml"], "'absent.toml' does not exist"),
+        (["run", "."], "must be a file; got a folder"),
+        (["run", "plan.toml", "--workers", "0"], "workers must lie in [1, 1024]; got 0"),
+        (["run", "plan.toml", "--workers", "many"], "--workers"),
+        (["run", "plan.toml", "--scheduler", "here"], "scheduler must be an address such as tcp://127.0.0.1:8786"),
+        (["run", "plan.toml", "--out", "plan.toml"], "must be a folder that can be written"),
+        (["run", "plan.toml", "--out", "x" * 300], "must be a folder that can be written"),
+        (["run", "plan.toml", "--out", "."], "must be new, empty, or a folder that this plan began"),
+        (["run", "wrong.toml"], "no key of a plan is called 'sead'; did you mean 'seed'?"),
+        (["verify", "absent"], "does not exist"),
+        (["verify", "."], "does not exist"),
+        (["nothing"], "No such command 'nothing'"),
+    ],
+)
+def test_wrong_input_is_one_sentence(run_tsis: RunTsis, plan: Path, arguments: list[str], sentence: str) -> None:
+    (plan.parent / "wrong.toml").write_text("sead = 1\n" + SMALL)
+    before = {path.name for path in plan.parent.iterdir()} | {"tsis-sweep"}
+    finished = run_tsis("sweep", *arguments)
+    assert finished.code == 2
+    assert finished.out == ""
+    assert sentence in finished.err
+    assert finished.err.startswith("Error: ")
+    assert finished.err.count("\n") == 1
+    assert {path.name for path in plan.parent.iterdir()} <= before
+
+
+def test_without_a_subcommand_help_is_shown(run_tsis: RunTsis) -> None:
+    finished = run_tsis("sweep")
+    assert finished.code == 0
+    assert "tsis sweep example" in " ".join(finished.out.split())
+
+
+@pytest.mark.parametrize("command", ["run", "verify", "example"])
+def test_help_ends_with_an_example(run_tsis: RunTsis, command: str) -> None:
+    finished = run_tsis("sweep", command, "--help")
+    assert finished.code == 0
+    assert f"Example: tsis sweep {command}" in " ".join(finished.out.split())
+
+
+@pytest.mark.system
+@pytest.mark.skipif(os.name != "posix", reason="sends a signal")
+def test_an_interrupt_says_how_to_go_on(plan: Path) -> None:
+    plan.write_text(SMALL.replace("count = 8", "count = 8192"))
+    code = "import sys; sys.argv[0] = 'tsis'; from tsis.cli import main; main()"
+    sweep = subprocess.Popen(
+        [sys.executable, "-c", code, "sweep", "run", "plan.toml", "--out", "my data", "--workers", "1"],
+        cwd=plan.parent,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    until = time.monotonic() + 60
+    while not list((plan.parent / "my data").glob("part-*")) and time.monotonic() < until:
+        time.sleep(0.02)
+    sweep.send_signal(signal.SIGINT)
+    out, err = sweep.communicate(timeout=30)
+    assert sweep.returncode == 130
+    assert out == ""
+    assert err == (
+        "Interrupted; finished files are kept. Go on with: tsis sweep run plan.toml --out 'my data' --workers 1\n"
+    )

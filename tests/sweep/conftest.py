@@ -1,0 +1,53 @@
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Protocol
+
+import pytest
+from hypothesis import settings
+
+from tsis.model import load_probe
+from tsis.sweep import Plan, Range
+
+settings.register_profile("no deadline", deadline=None)  # a busy machine is no failure
+settings.load_profile("no deadline")
+
+QUANTITIES = {
+    "tissue_young_kpa": 5.0,
+    "thickness_mm": 40.0,
+    "diameter_mm": Range(low=4.0, high=12.0),
+    "depth_mm": Range(low=6.0, high=16.0),
+    "young_kpa": Range(low=20.0, high=200.0, logarithmic=True),
+}
+
+
+class MakePlan(Protocol):
+    def __call__(self, **changes: Any) -> Plan: ...
+
+
+def small_plan(**changes: Any) -> Plan:
+    """60 phantoms in 6 files."""
+    given: dict[str, Any] = {
+        "probe": load_probe(),
+        "quantities": QUANTITIES,
+        "count": 60,
+        "seed": 4,
+        "batch": 10,
+        "radii_mm": (0.0, 3.0, 12.0),
+    }
+    return Plan(**(given | changes))
+
+
+@pytest.fixture
+def make_plan() -> MakePlan:
+    return small_plan
+
+
+@pytest.fixture
+def workers_find_stand_ins(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[2]))
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    """Every file of a folder."""
+    return {path.name: path.read_bytes() for path in folder.iterdir()}

@@ -1,0 +1,80 @@
+"""The same bytes from a Dask cluster whose worker is killed, all on the loopback interface."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from benchmarks.loopback_cluster import LoopbackCluster
+from tests.sweep.conftest import content, small_plan
+from tests.sweep.stand_ins import MARKER, quick
+
+from tsis.model.errors import SweepError
+from tsis.sweep import run_sweep
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+pytestmark = [pytest.mark.system, pytest.mark.usefixtures("workers_find_stand_ins")]
+ROOT = Path(__file__).parents[2]
+# In a process of its own: threads of Dask's client outlive it.
+SWEEP = """
+import sys
+from tests.sweep import stand_ins
+from tests.sweep.conftest import small_plan
+from tsis.model.errors import TsisError
+from tsis.sweep import run_sweep
+try:
+    done = run_sweep(small_plan(), sys.argv[1], scheduler=sys.argv[2], press=getattr(stand_ins, sys.argv[3]))
+except TsisError as error:
+    sys.exit(f"{type(error).__name__}: {error}")
+print(done.computed, done.lost)
+"""
+
+
+@pytest.fixture
+def cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[LoopbackCluster]:
+    (tmp_path / "died").mkdir()
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    monkeypatch.setenv(MARKER, str(tmp_path / "died"))
+    with LoopbackCluster(tmp_path / "cluster", workers=2) as started:
+        yield started
+
+
+def sweep(folder: Path, address: str, press: str) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", SWEEP, str(folder), address, press]
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=120)
+
+
+def listening(pid: int) -> set[str]:
+    """Addresses, in the kernel's hexadecimal, on which a process listens."""
+    inodes = {str(path.readlink()) for path in Path(f"/proc/{pid}/fd").iterdir() if path.is_symlink()}
+    lines = [
+        line.split()
+        for table in ("tcp", "tcp6")
+        for line in Path(f"/proc/{pid}/net/{table}").read_text().splitlines()[1:]
+    ]
+    return {line[1].split(":")[0] for line in lines if line[3] == "0A" and f"socket:[{line[9]}]" in inodes}
+
+
+@pytest.mark.skipif(not Path("/proc").is_dir(), reason="reads /proc")
+def test_a_cluster_gives_the_same_bytes_and_loses_no_batch_of_a_killed_worker(
+    cluster: LoopbackCluster, tmp_path: Path
+) -> None:
+    for name in ("one", "two"):
+        (tmp_path / "died" / name).touch()  # so that only one worker dies of its first press
+    finished = sweep(tmp_path / "data", cluster.address, "deadly_once")
+    assert finished.returncode == 0, finished.stderr
+    assert len(list((tmp_path / "died").iterdir())) == 3
+    assert listening(cluster.scheduler.pid) == {"0100007F"}, "nothing listens beyond the loopback interface"
+    run_sweep(small_plan(), tmp_path / "peaceful", workers=1, press=quick)
+    assert content(tmp_path / "data") == content(tmp_path / "peaceful")
+
+
+def test_a_scheduler_that_does_not_answer_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tsis.sweep.dask_crew.CONNECT_S", 0.5)
+    with pytest.raises(SweepError, match=r"a Dask scheduler must answer at tcp://127\.0\.0\.1:9; got none"):
+        run_sweep(small_plan(), tmp_path / "data", scheduler="tcp://127.0.0.1:9", press=quick)

@@ -1,0 +1,104 @@
+"""A file is decided by its content and proves that it is whole."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.sweep.conftest import small_plan
+from tests.sweep.stand_ins import quick, refusing
+
+from tsis.sweep.presses import press_all
+from tsis.sweep.samples import batches
+from tsis.sweep.shards import decode, encode, is_whole, receipt_of, sha256
+
+PLAN = small_plan(forces_n=(0.5, 1.0))
+ROWS = press_all(PLAN, next(batches(PLAN)), quick)
+KEY = "a" * 64
+CONTENT = encode(ROWS, shard=3, data_set=KEY)
+
+
+def test_equal_rows_are_equal_bytes() -> None:
+    again = encode(press_all(PLAN, next(batches(PLAN)), quick), shard=3, data_set=KEY)
+    assert again == CONTENT
+    assert encode(ROWS, shard=4, data_set=KEY) != CONTENT
+
+
+def test_a_receipt_names_what_is_in_the_file() -> None:
+    receipt = receipt_of(CONTENT, shard=3, data_set=KEY)
+    assert receipt is not None
+    assert (receipt.rows, receipt.refused, receipt.sha256) == (20, 0, sha256(CONTENT))
+
+
+def test_a_foreign_file_has_no_receipt() -> None:
+    assert receipt_of(CONTENT, shard=4, data_set=KEY) is None
+    assert receipt_of(CONTENT, shard=3, data_set="b" * 64) is None
+
+
+@given(where=st.integers(0, len(CONTENT) - 1), bit=st.integers(0, 7))
+def test_one_flipped_bit_anywhere_is_seen(where: int, bit: int) -> None:
+    damaged = bytearray(CONTENT)
+    damaged[where] ^= 1 << bit
+    assert not is_whole(bytes(damaged))
+
+
+@given(size=st.integers(0, len(CONTENT) - 1), zeros=st.booleans())
+def test_a_cut_file_is_seen(size: int, zeros: bool) -> None:
+    cut = CONTENT[:size]
+    assert not is_whole(cut.ljust(len(CONTENT), b"\0") if zeros else cut)
+
+
+@given(data=st.binary(max_size=300))
+def test_any_other_bytes_are_no_file(data: bytes) -> None:
+    assert not is_whole(data)
+
+
+def test_what_was_encoded_is_decoded() -> None:
+    table = decode(CONTENT)
+    assert table.column("sample").to_pylist() == [k // 2 for k in range(20)]
+    assert table.column("force_n").to_pylist() == [0.5, 1.0] * 10
+    profile = np.array(table.column("pressure_kpa").to_pylist())
+    np.testing.assert_array_equal(profile, ROWS.numbers["pressure_kpa"])
+    assert profile.shape == (20, 3)
+
+
+def test_a_refused_press_is_a_row_that_says_why() -> None:
+    plan = small_plan(quantities={**PLAN.quantities, "young_kpa": 160.0})
+    rows = press_all(plan, next(batches(plan)), refusing)
+    receipt = receipt_of(encode(rows, shard=0, data_set=KEY), shard=0, data_set=KEY)
+    assert receipt is not None
+    assert (receipt.rows, receipt.refused) == (10, 10)
+    assert rows.error[0] == "MechanicsError: young_kpa must be at most 150; got 160"
+    assert np.isnan(rows.numbers["pressure_kpa"]).all()
+    assert np.isnan(rows.numbers["approach_mm"]).all()
+
+
+def test_an_inclusion_that_does_not_fit_is_such_a_row() -> None:
+    plan = small_plan(quantities={**PLAN.quantities, "thickness_mm": 20.0}, unfit="keep", batch=60)
+    rows = press_all(plan, next(batches(plan)), quick)
+    bottom = rows.numbers["depth_mm"] + rows.numbers["diameter_mm"]
+    assert [bool(text) for text in rows.error] == (bottom >= 20.0).tolist()
+    assert 0 < rows.refused < 60
+
+
+def test_a_fault_of_the_program_is_no_row() -> None:
+    def wrong(*_: object, **__: object) -> None:
+        raise TypeError
+
+    with pytest.raises(TypeError):
+        press_all(PLAN, next(batches(PLAN)), wrong)  # type: ignore[arg-type]
+
+
+def test_the_change_is_that_against_plain_tissue() -> None:
+    plan = small_plan(columns=("change_by_inclusion_mm",))
+    batch = next(batches(plan))
+    rows = press_all(plan, batch, quick)
+    phantom = plan.phantom({name: float(values[0]) for name, values in batch.values.items()})
+    with_it, without = (
+        quick(plan.probe, one, force_n=1.0, strain="small") for one in (phantom, phantom.without_inclusion())
+    )
+    change = with_it.face_displacement_mm - without.face_displacement_mm
+    np.testing.assert_allclose(
+        rows.numbers["change_by_inclusion_mm"][0], np.interp(plan.radii_mm, with_it.radius_mm, change), rtol=1e-14
+    )
