@@ -17,8 +17,9 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.polynomial import legendre
-from scipy.optimize import newton
+
+from tsis.mechanics.element import gauss_points
+from tsis.model.errors import MechanicsError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -28,8 +29,13 @@ if TYPE_CHECKING:
     from tsis.mechanics.face import Face
 
 TERMS = 10  # polynomials in s**2
-POINTS = 20  # Gauss points between two lines of the face: exact enough for all terms over one whole cell
-SMALLEST = 1e-3  # contact radius that is looked for, as a share of the face's
+POINTS = 28  # Gauss points over the disc, which integrate all terms to rounding,
+FEWEST = 13  # and between two lines of the face
+SMALLEST = np.log(1e-3)  # of the contact radius that is looked for, as a share of the face's
+FORCE_POWER = 2.7  # of the radius that the force grows with; 3 under a rigid dome on a half-space
+STEPS = 60
+ROUNDING = 1e-11  # of the force
+TINY = 1e-300
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,8 +61,8 @@ class DiscContact:
 
     def pressure_kpa(self, radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
         """Pressure at ``radius_mm``, zero outside the contact."""
-        share = np.minimum(radius_mm / self.radius_mm, 1.0)
-        return np.asarray(np.sqrt(1 - share**2) * (_polynomials(share**2) @ self.terms))
+        angle = np.arcsin(np.minimum(radius_mm / self.radius_mm, 1.0))
+        return np.asarray(np.cos(angle) * (_polynomials(angle) @ self.terms))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -96,10 +102,11 @@ class Loads:
 
 def loads(face: Face, gap_mm: Callable[[NDArray[np.float64]], NDArray[np.float64]], radius_mm: float) -> Loads:
     """Integrate the terms over a disc, in the angle arcsin(r / a), in which even its edge is smooth."""
-    angle, weight = disc_points(face.lines, radius_mm, POINTS)
+    cells = int(np.count_nonzero(face.lines < radius_mm))
+    angle, weight = disc_points(face.lines, radius_mm, max(FEWEST, POINTS // cells))
     share = np.sin(angle)
     area = 2 * np.pi * radius_mm**2 * share * np.cos(angle) * weight
-    values = np.column_stack([np.cos(angle)[:, None] * _polynomials(share**2), 1 / np.cos(angle)])
+    values = np.column_stack([np.cos(angle)[:, None] * _polynomials(angle), 1 / np.cos(angle)])
     weighted = area[:, None] * values
     radius = radius_mm * share
     return Loads(
@@ -112,7 +119,7 @@ def disc_points(
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Gauss points and weights in the angle arcsin(r / a), between the ``lines`` that lie on the disc."""
     ends = np.arcsin(np.append(lines[lines < radius_mm], radius_mm) / radius_mm)
-    x, w = legendre.leggauss(points)
+    x, w = gauss_points(points)
     half = np.diff(ends)[:, None] / 2
     return (ends[:-1, None] + half * (x + 1)).ravel(), (half * w).ravel()
 
@@ -139,18 +146,20 @@ def under_force(
     largest: DiscContact,
 ) -> DiscContact:
     """The contact that carries ``force_mn``, less than what ``largest``, the contact of the whole face, carries."""
-    whole = float(largest.force.sum())
-
-    def ending_at(log_radius: float) -> DiscContact:
-        radius = float(np.clip(np.exp(log_radius), SMALLEST, 1.0)) * largest.radius_mm
-        return on_disc(contact, loads(face, gap_mm, radius), radius)
-
-    def excess(log_radius: float) -> float:
-        return float(np.log(max(ending_at(log_radius).force.sum(), 1e-300) / force_mn))
-
-    # Hertz's law, force as the cube of the radius, starts the search.
-    start = np.log(force_mn / whole) / 3
-    return ending_at(float(newton(excess, start, x1=0.98 * start - 0.01, tol=1e-13, maxiter=60)))
+    # Secants in the logarithms, in which Hertz's law is a line; `largest` is the first point on it.
+    log_force = np.log(force_mn)
+    before, excess_before = 0.0, float(np.log(largest.force.sum()) - log_force)
+    here = -excess_before / FORCE_POWER
+    for _ in range(STEPS):
+        radius = float(np.exp(np.clip(here, SMALLEST, 0.0))) * largest.radius_mm
+        found = on_disc(contact, loads(face, gap_mm, radius), radius)
+        excess = float(np.log(max(found.force.sum(), TINY)) - log_force)
+        if abs(excess) < ROUNDING:
+            return found
+        before, here, excess_before = here, here - excess * (here - before) / (excess - excess_before), excess
+    raise MechanicsError(
+        f"no contact carries {force_mn:g} mN: its radius was sought down to {radius:.2g} mm; choose another force"
+    )
 
 
 @cache
@@ -179,16 +188,16 @@ def _abel_transforms(t: NDArray[np.float64]) -> NDArray[np.float64]:
     """Of each term, for a = 1: h(t), the integral of r p(r) / sqrt(r**2 - t**2) from t to a; shape (len(t), terms)."""
     x, weight = _unit_points(2 * TERMS + 2)
     angle, turn = np.pi * x / 2, np.pi * weight / 2
-    square = t[:, None] ** 2 + (1 - t[:, None] ** 2) * np.sin(angle) ** 2
-    values = _polynomials(square.ravel()).reshape(*square.shape, TERMS)
-    return np.asarray((1 - t[:, None] ** 2) * np.einsum("tak,a->tk", values, turn * np.cos(angle) ** 2))
+    there = np.arcsin(np.sqrt(t[:, None] ** 2 + (1 - t[:, None] ** 2) * np.sin(angle) ** 2))
+    return np.asarray((1 - t[:, None] ** 2) * np.einsum("tak,a->tk", _polynomials(there), turn * np.cos(angle) ** 2))
 
 
 def _unit_points(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Gauss points and weights on [0, 1]."""
-    x, w = legendre.leggauss(count)
+    x, w = gauss_points(count)
     return (x + 1) / 2, w / 2
 
 
-def _polynomials(square: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(legendre.legvander(2 * square - 1, TERMS - 1))
+def _polynomials(angle: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Chebyshev polynomials of 1 - 2 s**2, s being the sine of ``angle``, along a new last axis."""
+    return np.asarray(np.cos(2 * angle[..., None] * np.arange(TERMS)))

@@ -26,6 +26,25 @@ def lobatto_points(order: int) -> NDArray[np.float64]:
     return points
 
 
+@cache
+def gauss_points(count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Gauss-Legendre points and weights on [-1, 1]."""
+    points, weights = (np.asarray(part, dtype=float) for part in legendre.leggauss(count))
+    points.flags.writeable = weights.flags.writeable = False
+    return points, weights
+
+
+@cache
+def _modes(order: int) -> NDArray[np.float64]:
+    """Legendre coefficients of the polynomials that are 1 at one of the `lobatto_points`, as columns."""
+    return np.asarray(np.linalg.inv(legendre.legvander(lobatto_points(order), order)), dtype=float)
+
+
+def lobatto_values(order: int, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Lagrange polynomials on the `lobatto_points` at ``x``, shape (len(x), order + 1)."""
+    return np.asarray(legendre.legvander(x, order) @ _modes(order), dtype=float)
+
+
 def lagrange(nodes: NDArray[np.float64], x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Lagrange polynomials on ``nodes`` and their derivatives at ``x``; both of shape (len(x), len(nodes))."""
     vandermonde = legendre.legvander(nodes, len(nodes) - 1)
@@ -48,7 +67,7 @@ class Reference:
 @cache
 def reference(order: int) -> Reference:
     """The reference square of ``order``; node (i, j) has the index ``i * (order + 1) + j``."""
-    x, w = (np.asarray(part, dtype=float) for part in legendre.leggauss(order + 1))
+    x, w = gauss_points(order + 1)
     value, slope = lagrange(lobatto_points(order), x)
     return Reference(
         value=np.asarray(np.kron(value, value), dtype=float),

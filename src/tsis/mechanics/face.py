@@ -6,9 +6,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.polynomial import legendre
 
-from tsis.mechanics.element import lagrange, lobatto_points
+from tsis.mechanics.element import gauss_points, lobatto_values
 from tsis.mechanics.mesh import refine
 
 if TYPE_CHECKING:
@@ -31,15 +30,15 @@ class Face:
         """Matrix from nodal values to values at ``radius_mm``, shape (len(radius_mm), n)."""
         cell = np.clip(np.searchsorted(self.lines, radius_mm, side="right") - 1, 0, len(self.lines) - 2)
         left, size = self.lines[cell], np.diff(self.lines)[cell]
-        values, _ = lagrange(lobatto_points(self.order), 2 * (radius_mm - left) / size - 1)
-        matrix = np.zeros((len(radius_mm), len(self.radius_mm)))
+        values = lobatto_values(self.order, 2 * (radius_mm - left) / size - 1)
+        matrix = np.zeros((len(radius_mm), (len(self.lines) - 1) * self.order + 1))
         columns = cell[:, None] * self.order + np.arange(self.order + 1)
         np.put_along_axis(matrix, columns, values, axis=1)
         return matrix
 
     def mass(self) -> NDArray[np.float64]:
         """Consistent mass of the face in mm^2: nodal forces (mN) = mass @ nodal pressures (kPa)."""
-        x, w = legendre.leggauss(self.order + 2)
+        x, w = gauss_points(self.order + 2)
         half = np.diff(self.lines) / 2
         radius = (self.lines[:-1, None] + half[:, None] * (x + 1)).ravel()
         weight = 2 * np.pi * radius * (half[:, None] * w).ravel()
@@ -58,7 +57,7 @@ class Face:
 
 def ring_points(ends: NDArray[np.float64], *, points: int = 6) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Gauss points between the radii ``ends`` and the area in mm^2 that each stands for."""
-    x, w = legendre.leggauss(points)
+    x, w = gauss_points(points)
     half = np.diff(ends)[:, None] / 2
     inside = (ends[:-1, None] + half * (x + 1)).ravel()
     return inside, 2 * np.pi * inside * (half * w).ravel()
