@@ -1,0 +1,158 @@
+"""A probe on a slab as one potential energy: meshes, contact, what moves, and how its states are read."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.mechanics import face_reading, load_path, neo_hookean
+from tsis.mechanics.elastic_body import FIXED, OWN, ElasticBody, number
+from tsis.mechanics.finite_bodies import FiniteResolution, fillet_mm, mesh_probe, mesh_slab, outline
+from tsis.mechanics.finite_mesh import beside
+from tsis.mechanics.mesh import face_lines
+from tsis.mechanics.potential import Potential
+from tsis.mechanics.sliding_contact import SlidingContact, SoftFace
+from tsis.mechanics.smooth_face import SmoothFace
+from tsis.model import PressField
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.mechanics.load_path import State
+    from tsis.model import Phantom, Probe
+
+FACE_POINTS = 241
+SPRING = 1e7  # mN/mm, pulls the bodies together for the first touch
+STIFFNESS = 400.0  # of the contact's springs, kPa/mm for each kPa of the tissue's modulus
+STEERING = 20.0  # the same for what steers Newton's method
+TOUCH = 0.02  # travel of the first touch as a share of the slab's or the probe's thickness, the smaller
+LARGEST_STRETCH = 3.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FinitePress:
+    """One state of a press with large deformations.
+
+    Attributes
+    ----------
+    field
+        What happens on the probe's face.
+    stored_mn_mm
+        Strain energy of probe and tissue and of the contact's springs, mN mm: the work of the force on its way.
+    stretch
+        Largest ratio of a length to its reference length, or of the reference length to it, outside the rounded rim.
+    """
+
+    field: PressField
+    stored_mn_mm: float
+    stretch: float
+
+
+class ProbeOnSlab:
+    """A probe on a slab.
+
+    Parameters
+    ----------
+    probe, phantom
+        What presses and what is pressed.
+    resolution
+        Mesh density.
+    contrast
+        False gives the inclusion the tissue's own material, on the same mesh.
+    """
+
+    def __init__(self, probe: Probe, phantom: Phantom, resolution: FiniteResolution, *, contrast: bool = True) -> None:
+        self.probe = probe
+        largest, finest = resolution.largest, resolution.rim_mm / probe.radius_mm
+        lines = face_lines(1.0, finest=finest, growth=resolution.growth, largest=largest)
+        meshed, slab = mesh_probe(probe, lines, resolution), mesh_slab(phantom, probe, resolution)
+        tissue = slab.solid
+        if contrast and phantom.inclusion is not None:
+            tissue = replace(
+                tissue,
+                young_kpa=np.where(slab.inclusion, phantom.inclusion.young_kpa, tissue.young_kpa),
+                poisson=np.where(slab.inclusion, phantom.inclusion.poisson, tissue.poisson),
+            )
+        solid = beside(meshed.solid, tissue)
+        self._probe_nodes = len(meshed.solid.nodes)
+        shared = np.full((len(solid.nodes), 2), OWN)
+        shared[np.abs(solid.nodes[:, 0]) < 1e-9, 0] = FIXED
+        shared[meshed.glass] = [FIXED, 0]
+        if probe.sides == "bonded":
+            shared[meshed.side] = [FIXED, 0]  # the housing moves with the glass
+        shared[np.abs(solid.nodes[:, 1] - phantom.thickness_mm) < 1e-7] = FIXED
+        body = ElasticBody(solid, number(solid, shared, 1))
+        curve = SmoothFace(meshed.arc_mm, resolution.order, lambda arc: outline(probe, arc))
+        self.face = SoftFace(curve, meshed.face)
+        self.contact = SlidingContact(
+            solid.nodes,
+            slab.skin + self._probe_nodes,
+            resolution.order,
+            self.face,
+            STIFFNESS * phantom.young_kpa,
+            STEERING * phantom.young_kpa,
+        )
+        self.potential = Potential(body, [self.contact], 0)
+        self._touch_mm = TOUCH * min(probe.thickness_mm, phantom.thickness_mm)
+        self._inner = _away_from_rim(solid.nodes[solid.cells].mean(axis=1), probe)
+
+    def path(self, forces_n: Sequence[float]) -> tuple[FinitePress, ...]:
+        """States at ascending ``forces_n`` in newtons."""
+        forces = [force * load_path.MN_PER_N for force in forces_n]
+        first = load_path.touch(self.potential, self._moved, self._touch_mm, SPRING, below_mn=forces[0] / 2)
+        states = load_path.walk(self.potential, first, forces, refuse=self._refuse)
+        return tuple(self.read(state, force) for state, force in zip(states, forces_n, strict=True))
+
+    def _moved(self, travel_mm: float) -> NDArray[np.float64]:
+        """Unknowns when the whole probe moves by ``travel_mm``."""
+        unknowns = np.zeros(self.potential.size)
+        axial = self.potential.body.numbering.of_node[: self._probe_nodes, 1]
+        unknowns[axial[axial >= 0]] = travel_mm
+        return unknowns
+
+    def read(self, state: State, force_n: float) -> FinitePress:
+        """What a state says about the face."""
+        displacements, positions = (
+            self.potential.displacements(state.unknowns),
+            self.potential.positions(state.unknowns),
+        )
+        travel = float(state.unknowns[self.potential.travel])
+        radius = np.linspace(0.0, self.probe.radius_mm, FACE_POINTS)
+        field = PressField(
+            radius_mm=radius,
+            face_displacement_mm=face_reading.face_displacement_mm(
+                self.probe, self.face, displacements, radius, glass_mm=travel
+            ),
+            pressure_kpa=face_reading.face_pressure_kpa(self.probe, self.contact, self.face, positions, radius),
+            approach_mm=travel,
+            force_n=force_n,
+        )
+        return FinitePress(
+            field=field, stored_mn_mm=self.potential.stored(state.unknowns), stretch=self._stretch(state)
+        )
+
+    def _stretch(self, state: State) -> float:
+        gradient = self.potential.body.gradient(self.potential.displacements(state.unknowns))[:, self._inner]
+        stretches = neo_hookean.principal_stretches(gradient)
+        return float(max(stretches.max(), (1 / stretches).max()))
+
+    def _refuse(self, state: State) -> str | None:
+        stretch = self._stretch(state)
+        if stretch <= LARGEST_STRETCH:
+            return None
+        return (
+            f"the material is stretched {stretch:.2g} times, more than the {LARGEST_STRETCH:g} this model is good for,"
+        )
+
+
+def _away_from_rim(centres: NDArray[np.float64], probe: Probe) -> NDArray[np.bool_]:
+    """Which elements lie outside the neighbourhood of the rounded rim, where strains are those of the rounding."""
+    rim = np.array([probe.radius_mm, -float(probe.sag_mm(probe.radius_mm))])
+    near = face_reading.rim_mm(probe) + fillet_mm(probe)
+    beneath = np.array([probe.radius_mm, 0.0])
+    apart = np.minimum(np.linalg.norm(centres - rim, axis=1), np.linalg.norm(centres - beneath, axis=1))
+    return np.asarray(apart > near)
