@@ -123,7 +123,7 @@ def refine(
         cells = _cells(origin, axes, per_axis, support)
         log_weight = log_density(cells.points) + np.log(cells.share)
         log_weight -= log_weight.max()
-        power = _temper(log_weight, ENOUGH_SHARE * per_axis**3)
+        power = _temper(log_weight, min(ENOUGH_SHARE * per_axis**3, len(log_weight) / 2))
         if resolved and power == 1.0:
             break
         # One more grid at temperature one: the last that was tempered is too wide for the density itself.
