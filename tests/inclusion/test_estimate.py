@@ -267,3 +267,10 @@ def test_frames_of_different_axes_are_refused(lump: tuple[TactileImage, TactileI
 def test_the_error_of_the_press_model_counts_as_noise(lump: tuple[TactileImage, TactileImage]) -> None:
     exact, coarse = (ring_profiles(list(lump), ANSWER, ring_edges(PROBE), model_error=error) for error in (0.0, 0.01))
     np.testing.assert_allclose(coarse.variance - exact.variance, (0.01 * exact.grey) ** 2, rtol=1e-9)
+
+
+def test_a_domed_probe_is_refused() -> None:
+    virtual = VirtualProbe(tsis.load_probe("tsis-domed"), rng=np.random.default_rng(1))
+    frame = virtual.press(PLAIN, force_n=1.0)
+    with pytest.raises(InputError, match="probe must have a flat face for an estimate"):
+        estimate(frame, probe=virtual.probe, calibration=virtual.calibration)

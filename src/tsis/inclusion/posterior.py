@@ -69,13 +69,12 @@ def estimate(
     Raises
     ------
     InputError
-        When there is no image, or one has no force or no scale, or the probe's face lies outside the picture.
+        When there is no image, or one has no force or no scale, the probe's face lies outside the picture, or the face
+        is domed: its pressure is not proportional to the force, which this estimate relies on.
     NotCalibratedError
         When no calibration is given.
     ImageMismatchError
         When the images differ in scale or range of values.
-    MechanicsError
-        When the tissue would lift off the face somewhere in the prior.
     """
     targets, references = as_frames("images", images), as_frames("reference", reference)
     if not targets:
@@ -85,6 +84,11 @@ def estimate(
             f"calibration must be a Calibration, the answer of this probe's grey level to pressure; got {calibration!r}"
         )
     check.kind("probe", probe, Probe)
+    if probe.face_curvature_mm is not None:
+        raise InputError(
+            f"probe must have a flat face for an estimate in this version; got face_curvature_mm "
+            f"{probe.face_curvature_mm:g}, whose pressure is not proportional to the force"
+        )
     prior = InclusionPrior() if prior is None else prior
     check.kind("prior", prior, InclusionPrior)
     check_frames(targets + references)

@@ -8,13 +8,13 @@ import numpy as np
 
 from tsis.imaging.render import render
 from tsis.imaging.sensor import Sensor, expose
-from tsis.mechanics import Resolution, press
+from tsis.mechanics import Resolution, press, press_solid
 from tsis.model import Calibration, Probe, TactileImage, check
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.model import Phantom
+    from tsis.model import Phantom, PressField, PressMap
 
 # Finer and of another order than the mesh inside the estimator, so that an estimate is never checked by itself.
 FINE = Resolution(order=6, edge=0.006, growth=1.9, largest=0.17, below_cells=4, ray_layers=6)
@@ -78,7 +78,7 @@ class VirtualProbe:
         InputError
             When the force or the phantom lies outside what the mechanics accept.
         MechanicsError
-            When the tissue would lift off the face.
+            When the force strains the tissue beyond what the mechanics describe.
         """
         check.number("force_n", force_n, 1e-4, LARGEST_FORCE_N, hint="newtons")
         light = self.light(phantom, force_n=force_n)
@@ -88,11 +88,17 @@ class VirtualProbe:
         """Expected grey levels above the background of one press that misses ``force_n`` a little; 0 is no contact."""
         check.number("force_n", force_n, 0.0, LARGEST_FORCE_N, hint="newtons")
         force = force_n * max(0.0, 1 + self.calibration.force_sd * self._rng.standard_normal())
-        field = press(self.probe, phantom, force_n=force, resolution=self._resolution)
-        seen = render(field, self.sensor, self.calibration)
+        seen = render(self._pressed(phantom, force), self.sensor, self.calibration)
         seen *= self._gain * self._pattern * self._ring_pattern(self.calibration.repeatability_sd)
         stray = self.calibration.offset_sd * self._rng.standard_normal() * float(np.median(seen))
         return seen + stray
+
+    def _pressed(self, phantom: Phantom, force_n: float) -> PressField | PressMap:
+        """The press by the model that can describe it; three dimensions only where they are needed."""
+        inclusions = phantom.inclusions
+        if not inclusions or (len(inclusions) == 1 and inclusions[0].is_axisymmetric):
+            return press(self.probe, phantom, force_n=force_n, resolution=self._resolution)
+        return press_solid(self.probe, phantom, force_n=force_n, plain_resolution=self._resolution)
 
     def _ring_pattern(self, sd: float) -> NDArray[np.float64]:
         """Factor near one that varies with the radius with standard deviation ``sd``; ring means by 0.9 of it."""
