@@ -7,7 +7,8 @@ import pickle
 import subprocess
 import sys
 import threading
-from queue import SimpleQueue
+from collections import deque
+from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING
 
 from tsis.sweep.work import Lost
@@ -19,7 +20,8 @@ if TYPE_CHECKING:
     from tsis.sweep.samples import Batch
     from tsis.sweep.work import Answer, Job
 
-AHEAD = 2  # batches a worker: the one that it computes, and the next
+HELD = 2  # batches that a worker has: it need not wait for the next one
+AHEAD = HELD + 1  # and one a worker that waits here
 # -P: the folder that the user stands in may hold a random.py or numpy.py of its own.
 COMMAND = (sys.executable, "-P", "-m", "tsis.sweep.worker_process")
 # Set before the libraries load: a pool of threads that is never made costs nothing.
@@ -75,17 +77,35 @@ class LocalCrew:
             thread.join()
 
     def _look_after(self, place: int) -> None:
+        """Keep one process busy, and replace it when it dies."""
         process: subprocess.Popen[bytes] | None = None
-        while (batch := self._todo.get()) is not None and not self._stopping:
+        given: deque[Batch] = deque()  # what the process has; it works on the first
+        while not self._stopping:
+            batch = self._next(wait=not given)
             try:
-                process = process or self._started(place)
-                answer: Answer = _ask(process, batch)
+                if batch is not None:
+                    given.append(batch)
+                    process = process or self._started(place)
+                    _hand_over(process, batch)
+                    if len(given) < HELD:
+                        continue
+                if process is not None and given:
+                    answer = _answer_of(process)
+                    given.popleft()
+                    self._answers.put(answer)
             except Exception:  # whatever half an answer looks like, its worker is gone
-                answer = Lost(batch=batch)
                 _end(process)
                 process = None
-            self._answers.put(answer)
+                for lost in given:
+                    self._answers.put(Lost(batch=lost))
+                given.clear()
         _end(process)
+
+    def _next(self, *, wait: bool) -> Batch | None:
+        try:
+            return self._todo.get(block=wait)
+        except Empty:
+            return None
 
     def _started(self, place: int) -> subprocess.Popen[bytes]:
         with self._lock:
@@ -105,11 +125,14 @@ class LocalCrew:
         return process
 
 
-def _ask(process: subprocess.Popen[bytes], batch: Batch) -> Answer:
+def _hand_over(process: subprocess.Popen[bytes], batch: Batch) -> None:
     assert process.stdin is not None
-    assert process.stdout is not None
     pickle.dump(batch, process.stdin)
     process.stdin.flush()
+
+
+def _answer_of(process: subprocess.Popen[bytes]) -> Answer:
+    assert process.stdout is not None
     answer: Answer = pickle.load(process.stdout)
     return answer
 

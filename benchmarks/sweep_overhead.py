@@ -1,0 +1,102 @@
+"""What a sweep costs a worker beside its presses, when a press takes 10 ms: the gaps between one press and the next.
+
+    python benchmarks/sweep_overhead.py [--presses 1500]
+
+One worker each, so that every gap counts: encoding, hashing, flushing to the disk, pipes. Presses tell when they began
+and ended, so that the start of the worker and whatever else slows a press are left out. Beside it, in the same run:
+`concurrent.futures` with the same batches, which writes nothing and survives nothing, and the bare loop.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import tempfile
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from benchmarks.busy_press import PRESS_S, busy
+
+from tsis.model import load_probe
+from tsis.sweep import Plan, Range, read, run_sweep
+from tsis.sweep.samples import batches
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from tsis.sweep.samples import Batch
+
+MOST_OVERHEAD = 0.03
+
+
+def _plan(count: int, batch: int = 100) -> Plan:
+    tissue = Range(low=3.0, high=10.0)
+    return Plan(
+        probe=load_probe(),
+        quantities={"tissue_young_kpa": tissue, "thickness_mm": 40.0},
+        count=count,
+        seed=1,
+        batch=batch,
+    )
+
+
+def _sweep(count: int, batch: int) -> NDArray[np.float64]:
+    """Beginning and end of each press, s."""
+    with tempfile.TemporaryDirectory() as folder:
+        run_sweep(_plan(count, batch), folder, workers=1, press=busy)
+        found = read(folder)
+    return np.column_stack([found["approach_mm"], found["pressure_kpa"][:, 0]])
+
+
+def _press_batch(plan: Plan, batch: Batch) -> list[tuple[float, float]]:
+    times = []
+    for k in range(batch.samples):
+        values = {name: float(column[k]) for name, column in batch.values.items()}
+        field = busy(plan.probe, plan.phantom(values), force_n=1.0, strain="small")
+        times.append((field.approach_mm, float(field.pressure_kpa[0])))
+    return times
+
+
+def _loop(count: int) -> NDArray[np.float64]:
+    plan = _plan(count)
+    return np.concatenate([_press_batch(plan, batch) for batch in batches(plan)])
+
+
+def _futures(count: int, batch: int) -> NDArray[np.float64]:
+    plan = _plan(count, batch)
+    with ProcessPoolExecutor(1) as pool:
+        return np.concatenate(list(pool.map(partial(_press_batch, plan), batches(plan))))
+
+
+def main() -> int:
+    """Print a table; 1 when the sweep costs more than it may."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
+    parser.add_argument("--presses", type=int, default=1500)
+    count = parser.parse_args().presses
+    root = str(Path(__file__).parents[1])
+    os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))  # for the workers
+    ways: dict[str, Callable[[int], NDArray[np.float64]]] = {
+        "tsis sweep, 100 a file": partial(_sweep, batch=100),
+        "tsis sweep, 20 a file": partial(_sweep, batch=20),
+        "concurrent.futures, 100 a task": partial(_futures, batch=100),
+        "concurrent.futures, 1 a task": partial(_futures, batch=1),
+        "bare loop": _loop,
+    }
+    overhead = {}
+    for name, work in ways.items():
+        times = work(count)
+        gaps = times[1:, 0] - times[:-1, 1]
+        overhead[name] = gaps.sum() / (PRESS_S * len(gaps))
+        longest = 1000 * gaps.max()
+        print(f"{name:32s} {100 * overhead[name]:6.2f} % of the presses, longest gap {longest:6.1f} ms", flush=True)
+    return int(overhead["tsis sweep, 100 a file"] > MOST_OVERHEAD)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,136 @@
+"""Kill the workers of a sweep every two seconds, then its whole cluster twenty times, and compare the bytes.
+
+    python benchmarks/sweep_survival.py [--presses 20000] [--workers 2] [--kills 20]
+
+Three data sets of one plan: undisturbed on this machine; on this machine with one worker killed every two seconds; on a
+Dask cluster whose scheduler, workers and driver are all killed at once, started again and resumed. Linux only: worker
+processes are found in /proc.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+from benchmarks.loopback_cluster import LoopbackCluster
+
+from tsis.sweep import EXAMPLE, verify
+
+KILL_EVERY_S = 2.0
+PATIENCE_S = 1800.0
+TSIS = (sys.executable, "-c", "from tsis.cli import main; main()", "sweep", "run")
+
+
+def write_plan(path: Path, presses: int) -> None:
+    """One slab and deep inclusions, which are the quickest presses."""
+    text = EXAMPLE.replace("count = 1024", f"count = {presses}").replace("batch = 64", "batch = 50")
+    text = text.replace("depth_mm = [6.0, 16.0]", "depth_mm = [14.0, 24.0]")
+    path.write_text(text)
+
+
+def start(plan: Path, folder: Path, *arguments: str) -> subprocess.Popen[str]:
+    """Start a sweep as a process of its own."""
+    command = [*TSIS, str(plan), "--out", str(folder), *arguments]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
+
+
+def hash_of(folder: Path) -> str:
+    """SHA-256 of all names and bytes."""
+    digest = hashlib.sha256()
+    for path in sorted(folder.iterdir()):
+        digest.update(path.name.encode() + b"\0" + hashlib.sha256(path.read_bytes()).digest())
+    return digest.hexdigest()
+
+
+def files(folder: Path) -> int:
+    """Number of files that are done."""
+    return len(list(folder.glob("part-*.parquet")))
+
+
+def children(process: subprocess.Popen[str]) -> list[int]:
+    """Process numbers of the worker processes."""
+    found: list[int] = []
+    for task in Path(f"/proc/{process.pid}/task").iterdir():
+        found += map(int, (task / "children").read_text().split())
+    return sorted(found)
+
+
+def with_worker_deaths(plan: Path, folder: Path, workers: int) -> tuple[int, str]:
+    """Run a sweep and kill one of its workers every two seconds; number of kills, and what it printed."""
+    sweep = start(plan, folder, "--workers", str(workers))
+    kills = 0
+    while sweep.poll() is None:
+        time.sleep(KILL_EVERY_S)
+        try:
+            alive = children(sweep)
+        except OSError:  # the sweep has just ended
+            break
+        if alive:
+            subprocess.run(["kill", "-KILL", str(alive[kills % len(alive)])], check=False)
+            kills += 1
+    out, _ = sweep.communicate()
+    if sweep.returncode:
+        raise RuntimeError(f"the sweep ended with {sweep.returncode}")
+    return kills, out
+
+
+def with_cluster_deaths(plan: Path, folder: Path, workers: int, kills: int, shards: int) -> None:
+    """Run a sweep on a cluster, kill everything whenever a share of the files is done, and resume."""
+    logs = folder.with_name("cluster")
+    for kill in range(kills):
+        with LoopbackCluster(logs, workers) as cluster:
+            sweep = start(plan, folder, "--scheduler", cluster.address)
+            wanted, until = shards * (kill + 1) // (kills + 1), time.monotonic() + PATIENCE_S
+            while files(folder) < wanted:
+                if sweep.poll() is not None or time.monotonic() > until:
+                    raise RuntimeError("the sweep stopped by itself")
+                time.sleep(0.05)
+            sweep.kill()
+            cluster.kill()
+            sweep.communicate()
+    with LoopbackCluster(logs, workers) as cluster:
+        sweep = start(plan, folder, "--scheduler", cluster.address)
+        sweep.communicate()
+        if sweep.returncode:
+            raise RuntimeError(f"the sweep ended with {sweep.returncode}")
+
+
+def main() -> int:
+    """Print three hashes; 1 when they differ."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--presses", type=int, default=20_000)
+    parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--kills", type=int, default=20)
+    options = parser.parse_args()
+    with tempfile.TemporaryDirectory() as place:
+        root = Path(place)
+        plan = root / "plan.toml"
+        write_plan(plan, options.presses)
+        started = time.monotonic()
+        start(plan, root / "undisturbed", "--workers", str(options.workers)).communicate()
+        hashes = [hash_of(root / "undisturbed")]
+        shards = files(root / "undisturbed")
+        print(f"undisturbed: {shards} files in {time.monotonic() - started:.0f} s, {hashes[0]}", flush=True)
+
+        started = time.monotonic()
+        kills, out = with_worker_deaths(plan, root / "workers", options.workers)
+        hashes.append(hash_of(root / "workers"))
+        print(f"{kills} workers killed: {time.monotonic() - started:.0f} s, {hashes[1]}")
+        print(f"  it said: {' '.join(out.split())[:160]}", flush=True)
+
+        started = time.monotonic()
+        with_cluster_deaths(plan, root / "clusters", options.workers, options.kills, shards)
+        hashes.append(hash_of(root / "clusters"))
+        print(f"{options.kills} clusters killed: {time.monotonic() - started:.0f} s, {hashes[2]}")
+        presses = verify(root / "clusters")["presses"]
+        print(f"{presses} presses, all three alike: {len(set(hashes)) == 1}")
+        return int(len(set(hashes)) > 1 or presses != options.presses)
+
+
+if __name__ == "__main__":
+    sys.exit(main())
