@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from scipy.special import erf
 
-from tsis.model import check
+from tsis.model import PressMap, check
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -45,14 +45,14 @@ def rough_contact_slope(pressure_kpa: NDArray[np.float64], calibration: Calibrat
 
 
 def render(
-    field: PressField, sensor: Sensor, calibration: Calibration, *, blur_mm: float = 0.05
+    field: PressField | PressMap, sensor: Sensor, calibration: Calibration, *, blur_mm: float = 0.05
 ) -> NDArray[np.float64]:
     """Expected light of a press on the sensor, before noise.
 
     Parameters
     ----------
     field
-        The press; dark outside its face.
+        The press, around the axis or over a grid; dark outside its face.
     sensor
         The camera that sees it, its axis on the probe's axis.
     calibration
@@ -66,9 +66,19 @@ def render(
     """
     check.number("blur_mm", blur_mm, 0.0, 10.0)
     grey = rough_contact(field.pressure_kpa, calibration)
-    light = np.interp(sensor.radius_mm(), field.radius_mm, grey, right=0.0)
+    if isinstance(field, PressMap):
+        x, y = sensor.axes_mm()
+        light = _between(field.y_mm, y) @ grey @ _between(field.x_mm, x).T
+    else:
+        light = np.interp(sensor.radius_mm(), field.radius_mm, grey, right=0.0)
     if blur_mm == 0:
         return light
     sigma_x, sigma_y = (blur_mm / size for size in sensor.mm_per_pixel)
     blurred = cv2.GaussianBlur(light, (0, 0), sigmaX=sigma_x, sigmaY=sigma_y, borderType=cv2.BORDER_REFLECT)
     return np.asarray(blurred, dtype=float)
+
+
+def _between(knots: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Matrix from values at ``knots`` to values at ``at``, shape (len(at), len(knots)): linear, and zero outside."""
+    columns = [np.interp(at, knots, unit, left=0.0, right=0.0) for unit in np.eye(len(knots))]
+    return np.column_stack(columns)

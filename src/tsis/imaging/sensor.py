@@ -54,10 +54,15 @@ class Sensor:
         check.number("shot_noise_grey", self.shot_noise_grey, 0.0, self.full_scale)
         check.number("background_grey", self.background_grey, 0.0, self.full_scale)
 
-    def radius_mm(self) -> NDArray[np.float64]:
-        """Distance of each pixel's centre from the optical axis, shape (rows, columns)."""
+    def axes_mm(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Coordinates (x, y) from the optical axis of the columns' and the rows' centres, mm."""
         x = (np.arange(self.columns) - (self.columns - 1) / 2) * self.mm_per_pixel[0]
         y = (np.arange(self.rows) - (self.rows - 1) / 2) * self.mm_per_pixel[1]
+        return np.asarray(x), np.asarray(y)
+
+    def radius_mm(self) -> NDArray[np.float64]:
+        """Distance of each pixel's centre from the optical axis, shape (rows, columns)."""
+        x, y = self.axes_mm()
         return np.asarray(np.hypot(x[None, :], y[:, None]))
 
 

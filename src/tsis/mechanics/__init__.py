@@ -3,6 +3,8 @@
 from tsis.mechanics.bodies import Resolution
 from tsis.mechanics.indentation import Indentation, indent
 from tsis.mechanics.pressing import press
+from tsis.mechanics.solid import press_solid
+from tsis.mechanics.solid_mesh import SolidResolution
 from tsis.mechanics.surrogate import Box, Degrees, PressSurrogate, Surrogate, contrast_factor
 from tsis.mechanics.surrogate_build import build_surrogate
 from tsis.mechanics.viscoelastic import RelaxingPress, relaxing_press, settling_time_s
@@ -14,11 +16,13 @@ __all__ = [
     "PressSurrogate",
     "RelaxingPress",
     "Resolution",
+    "SolidResolution",
     "Surrogate",
     "build_surrogate",
     "contrast_factor",
     "indent",
     "press",
+    "press_solid",
     "relaxing_press",
     "settling_time_s",
 ]

@@ -5,7 +5,7 @@ from tsis.model.catalog import list_phantoms, list_probes, load_phantom, load_pr
 from tsis.model.estimate import Estimate
 from tsis.model.image import TactileImage
 from tsis.model.phantom import Inclusion, Phantom
-from tsis.model.press import PressField
+from tsis.model.press import PressField, PressMap
 from tsis.model.probe import Layer, Probe
 from tsis.model.relaxation import Relaxation
 
@@ -16,6 +16,7 @@ __all__ = [
     "Layer",
     "Phantom",
     "PressField",
+    "PressMap",
     "Probe",
     "Relaxation",
     "TactileImage",

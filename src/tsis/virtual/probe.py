@@ -79,6 +79,9 @@ class VirtualProbe:
             When the force or the phantom lies outside what the mechanics accept.
         MechanicsError
             When the force strains the tissue beyond what the mechanics describe.
+        MissingExtraError
+            When an inclusion lies off the axis, is no body of revolution or is one of several, and NGSolve, which
+            presses those, is not installed.
         """
         check.number("force_n", force_n, 1e-4, LARGEST_FORCE_N, hint="newtons")
         light = self.light(phantom, force_n=force_n)
