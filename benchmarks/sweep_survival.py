@@ -39,6 +39,14 @@ def start(plan: Path, folder: Path, *arguments: str) -> subprocess.Popen[str]:
     return subprocess.Popen(command, stdout=subprocess.PIPE, text=True)
 
 
+def finish(sweep: subprocess.Popen[str]) -> str:
+    """Wait for a sweep; what it printed."""
+    out, _ = sweep.communicate()
+    if sweep.returncode:
+        raise RuntimeError(f"the sweep ended with {sweep.returncode}")
+    return out
+
+
 def hash_of(folder: Path) -> str:
     """SHA-256 of all names and bytes."""
     digest = hashlib.sha256()
@@ -73,10 +81,7 @@ def with_worker_deaths(plan: Path, folder: Path, workers: int) -> tuple[int, str
         if alive:
             subprocess.run(["kill", "-KILL", str(alive[kills % len(alive)])], check=False)
             kills += 1
-    out, _ = sweep.communicate()
-    if sweep.returncode:
-        raise RuntimeError(f"the sweep ended with {sweep.returncode}")
-    return kills, out
+    return kills, finish(sweep)
 
 
 def with_cluster_deaths(plan: Path, folder: Path, workers: int, kills: int, shards: int) -> None:
@@ -94,10 +99,7 @@ def with_cluster_deaths(plan: Path, folder: Path, workers: int, kills: int, shar
             cluster.kill()
             sweep.communicate()
     with LoopbackCluster(logs, workers) as cluster:
-        sweep = start(plan, folder, "--scheduler", cluster.address)
-        sweep.communicate()
-        if sweep.returncode:
-            raise RuntimeError(f"the sweep ended with {sweep.returncode}")
+        finish(start(plan, folder, "--scheduler", cluster.address))
 
 
 def main() -> int:
@@ -112,7 +114,7 @@ def main() -> int:
         plan = root / "plan.toml"
         write_plan(plan, options.presses)
         started = time.monotonic()
-        start(plan, root / "undisturbed", "--workers", str(options.workers)).communicate()
+        finish(start(plan, root / "undisturbed", "--workers", str(options.workers)))
         hashes = [hash_of(root / "undisturbed")]
         shards = files(root / "undisturbed")
         print(f"undisturbed: {shards} files in {time.monotonic() - started:.0f} s, {hashes[0]}", flush=True)
