@@ -86,7 +86,7 @@ def kernel_of(probe: Probe, resolution: Resolution | None = None) -> PressKernel
 def touch_of(kernel: PressKernel, force_mn: float) -> tuple[Touch, NDArray[np.float64]]:
     """Contact on plain tissue of 5 kPa, and the compliance of both bodies."""
     both = kernel.probe_compliance + kernel._slab.compliance / 5.0
-    return kernel.contact.touch(both, force_mn, kernel._split(both, 5.0)), both
+    return kernel.contact.touch(both, force_mn, kernel.split(both, 5.0)), both
 
 
 @pytest.mark.parametrize("force_mn", [30.0, 200.0, 800.0])
@@ -111,7 +111,7 @@ def test_the_work_of_the_force_is_the_strain_energy(force_mn: float) -> None:
 def energy_and_approach(kernel: PressKernel, force_mn: float) -> tuple[float, float]:
     """Half the work of the contact's pressure on what it displaces, on the disc and, with the rim touching, beyond."""
     touch, both = touch_of(kernel, force_mn)
-    split = kernel._split(both, 5.0)
+    split = kernel.split(both, 5.0)
     whole = disc_contact.on_disc(split, kernel.contact._whole_disc, 12.0)
     carried = float(whole.force.sum())
     if force_mn <= carried:

@@ -126,7 +126,7 @@ class PressKernel:
         mesh that knows of no inclusion, so that a press less the plain one holds what the inclusion does and no more.
         """
         both = self.probe_compliance + self.tissue_compliance(tissue_kpa, change)
-        touch = self.contact.touch(both, force_mn, self._split(both, tissue_kpa) if self.contact.is_domed else None)
+        touch = self.contact.touch(both, force_mn, self.split(both, tissue_kpa) if self.contact.is_domed else None)
         return FacePress(
             pressure_kpa=touch.pressure_kpa,
             face_displacement_mm=self.face_displacement(touch.force),
@@ -142,7 +142,8 @@ class PressKernel:
         plain = self._slab.compliance
         return np.asarray((plain if change is None else plain + change) / tissue_kpa)
 
-    def _split(self, both: NDArray[np.float64], tissue_kpa: float) -> Elastic:
+    def split(self, both: NDArray[np.float64], tissue_kpa: float) -> Elastic:
+        """The compliance of ``both`` bodies with the tissue's half-space taken out of it, for contact over a disc."""
         return Elastic(
             half_space=(1 - self.poisson**2) / tissue_kpa, smooth=both - self._half_space_compliance / tissue_kpa
         )

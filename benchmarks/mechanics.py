@@ -1,0 +1,229 @@
+"""How fast and how exact the mechanics are, beside other programs, in one run.
+
+    python -m benchmarks.mechanics [--markdown]
+
+One thread, but for the surrogate's build. Every time is the least of several repetitions; a peer that is not installed
+is named and left out. NGSolve comes with the extra fem3d; `pip install scikit-fem` and `apt-get install calculix-ccx`
+bring the others.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import shutil
+import time
+from dataclasses import dataclass
+from importlib import metadata
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from threadpoolctl import threadpool_limits
+
+import tsis
+from tsis import Inclusion, Phantom
+from tsis.mechanics import Resolution, build_surrogate, mesh, press
+from tsis.mechanics.element import stiffness
+from tsis.mechanics.small_strain import PressKernel
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from numpy.typing import NDArray
+
+PROBE, DOMED = tsis.load_probe("tsis-2011"), tsis.load_probe("tsis-domed")
+LUMP = Phantom(young_kpa=5.0, thickness_mm=30.0, inclusion=Inclusion(diameter_mm=10.0, depth_mm=5.0, young_kpa=100.0))
+PLAIN = LUMP.without_inclusion()
+FAST = Resolution(order=3, edge=0.1, growth=3.0, largest=0.5, below_cells=1, ray_layers=4, ray_ratio=9.0)
+FINE = Resolution(order=6, edge=0.006, growth=1.9, largest=0.17, below_cells=4, ray_layers=6)
+RADIUS = np.linspace(0.0, 11.0, 45)
+MN = 1000.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """One line of the table."""
+
+    task: str
+    program: str
+    seconds: float
+    outcome: str
+
+
+def least(call: Callable[[], object], repeats: int = 5) -> float:
+    """Shortest wall time of a call."""
+    times = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        call()
+        times.append(time.perf_counter() - start)
+    return min(times)
+
+
+def signals(resolution: Resolution, presses: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
+    """What inclusions (diameter, depth, modulus) change on the face, and seconds a solve of a new geometry."""
+    kernel = PressKernel(PROBE, thickness_mm=30.0, poisson=0.49, resolution=resolution)
+    bare = kernel.press(5.0, MN).face_displacement_mm
+
+    def solve(diameter: float, depth: float, young: float) -> NDArray[np.float64]:
+        slab = kernel.slab(diameter_mm=diameter, depth_mm=depth, poisson=0.49)
+        return kernel.press(5.0, MN, slab.change(young / 5.0)).face_displacement_mm
+
+    found = np.array([solve(*one) for one in presses.tolist()])  # which also fills what is remembered
+    return found - bare, least(lambda: [solve(*one) for one in presses.tolist()], 3) / len(presses)
+
+
+def small_strain() -> Iterator[Row]:
+    """The condensed kernel, a new inclusion each time, against its own fine mesh; and peers on the reference case."""
+    rng = np.random.default_rng(1)
+    drawn = rng.uniform([2.0, 4.0, 40.0], [14.0, 12.0, 120.0], (40, 3))
+    exact, _ = signals(FINE, drawn)
+    inner = np.linspace(0.0, PROBE.radius_mm, exact.shape[1]) < 11.0
+    for label, resolution in (("fast mesh", FAST), ("default mesh", Resolution())):
+        found, seconds = signals(resolution, drawn)
+        errors = np.abs(found - exact)[:, inner].max(axis=1) / np.abs(exact)[:, inner].max(axis=1)
+        spread = f"median {np.median(errors):.2%}, 90 % below {np.quantile(errors, 0.9):.2%}, worst {errors.max():.2%}"
+        yield Row(
+            task="press with a new inclusion, small strain",
+            program=f"tsis, {label}",
+            seconds=seconds,
+            outcome=f"{1 / seconds:.0f} solves/s; error of the change: {spread}",
+        )
+    with_it, plain = press(PROBE, LUMP, force_n=1.0), press(PROBE, PLAIN, force_n=1.0)
+    change = np.interp(RADIUS, with_it.radius_mm, with_it.face_displacement_mm - plain.face_displacement_mm)
+    if has("ngsolve"):
+        from benchmarks.peers.ngsolve_press import change_of_face
+
+        other = change_of_face(PROBE, LUMP, RADIUS)
+        off = np.abs(other.face_displacement_mm - change).max() / np.abs(change).max()
+        yield Row(
+            task="the same, (10 mm, 5 mm, 100 kPa)",
+            program=f"NGSolve {metadata.version('ngsolve')}",
+            seconds=least(lambda: change_of_face(PROBE, LUMP, RADIUS), 3),
+            outcome=f"{other.unknowns} unknowns, meshing included; differs by {off:.2%} of the change",
+        )
+    if shutil.which("ccx"):
+        from benchmarks.peers.calculix_press import stiffness_n_per_mm
+
+        stiff, unknowns = stiffness_n_per_mm(PROBE, PLAIN, finest_mm=0.1)
+        yield Row(
+            task="plain tissue, no inclusion",
+            program="CalculiX",
+            seconds=least(lambda: stiffness_n_per_mm(PROBE, PLAIN, finest_mm=0.1), 3),
+            outcome=f"{unknowns} unknowns; stiffness differs by {abs(stiff * plain.approach_mm - 1):.2%}",
+        )
+
+
+def assembly() -> Iterator[Row]:
+    """Element matrices of 1,184 quadratic elements."""
+    body = mesh.rectangle(np.linspace(0.0, 10.0, 38), np.linspace(0.0, 10.0, 33), 2, a_is_radius=True)
+    elements = np.concatenate([body.layer(index, body.nodes) for index in range(body.layers)])
+    young, poisson = np.full(len(elements), 5.0), np.full(len(elements), 0.49)
+    yield Row(
+        task="1,184 elements of nine nodes",
+        program="tsis",
+        seconds=least(lambda: stiffness(elements, 2, young, poisson)),
+        outcome="element matrices",
+    )
+    if has("scikit-fem"):
+        from benchmarks.peers.skfem_assembly import assembled
+
+        yield Row(
+            task="1,184 elements of nine nodes",
+            program=f"scikit-fem {metadata.version('scikit-fem')}",
+            seconds=least(lambda: assembled(37, 32, 5.0, 0.49)),
+            outcome="sparse matrix",
+        )
+
+
+def domed() -> Iterator[Row]:
+    """The contact of a dome, which ends on the face or covers it."""
+    kernel = PressKernel(DOMED, thickness_mm=30.0, poisson=0.49)
+    both = kernel.probe_compliance + kernel.tissue_compliance(5.0)
+    ones = np.ones(len(both))
+    yield Row(
+        task="contact of a dome",
+        program="NumPy",
+        seconds=least(lambda: [np.linalg.solve(both, ones) for _ in range(100)]) / 100,
+        outcome=f"one linear solve of {len(both)} nodes, for comparison",
+    )
+    for force in (100.0, 1000.0):
+        radius = kernel.contact.touch(both, force, kernel.split(both, 5.0)).radius_mm
+        yield Row(
+            task="contact of a dome",
+            program="tsis",
+            seconds=least(
+                lambda force=force: [kernel.contact.touch(both, force, kernel.split(both, 5.0)) for _ in range(50)]
+            )
+            / 50,
+            outcome=f"{force / MN:g} N, contact to {radius:.2f} mm",
+        )
+
+
+def surrogate() -> Iterator[Row]:
+    """Building it, and asking it."""
+    start = time.perf_counter()
+    built = build_surrogate(PROBE, cached=False)
+    yield Row(
+        task="surrogate of the default box",
+        program="tsis",
+        seconds=time.perf_counter() - start,
+        outcome=f"231 slabs on {os.cpu_count()} cores; error {built.error:.3%} of the mean pressure",
+    )
+    rng, count = np.random.default_rng(2), 100_000
+    rings = built.pressure_kpa.mapped(built.interpolation(np.linspace(0.0, 9.6, 20))).at_tissue(5.0, 30.0)
+    asked = [rng.uniform(*interval, count) for interval in ((1.0, 15.0), (4.0, 12.0), (40.0, 120.0))]
+    seconds = least(lambda: rings(*asked))
+    yield Row(
+        task="profiles of 20 rings from the surrogate",
+        program="tsis",
+        seconds=seconds / count,
+        outcome=f"{count / seconds / 1e6:.2f} million profiles/s",
+    )
+
+
+def has(package: str) -> bool:
+    """Whether a package is installed; says so where it is not."""
+    try:
+        metadata.version(package)
+    except metadata.PackageNotFoundError:
+        Console(stderr=True).print(f"{package} is not installed and left out")
+        return False
+    return True
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
+    arguments = parser.parse_args()
+    with threadpool_limits(limits=1, user_api="blas"):
+        rows = [row for part in (small_strain, assembly, domed, surrogate) for row in part()]
+    machine = (
+        f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}, NumPy {np.__version__}"
+    )
+    if arguments.markdown:
+        print(f"Machine: {machine}; tsis {tsis.__version__}.\n")
+        print("| task | program | time | outcome |\n| --- | --- | --- | --- |")
+        for row in rows:
+            print(f"| {row.task} | {row.program} | {duration(row.seconds)} | {row.outcome} |")
+        return
+    table = Table("task", "program", "time", "outcome", title=machine)
+    for row in rows:
+        table.add_row(row.task, row.program, duration(row.seconds), row.outcome)
+    Console().print(table)
+
+
+def duration(seconds: float) -> str:
+    """Seconds in the unit that suits them."""
+    for unit, size in (("s", 1.0), ("ms", 1e-3), ("µs", 1e-6)):
+        if seconds >= size:
+            return f"{seconds / size:.3g} {unit}"
+    return f"{seconds / 1e-9:.3g} ns"
+
+
+if __name__ == "__main__":
+    main()
