@@ -74,7 +74,8 @@ def _solve(
     load.data = form.mat * moved.vec
     force = ng.InnerProduct(moved.vec, load)  # work of a travel of 1 mm, mN
     points = [mesh(max(r, 1e-6), 0.0) for r in radius_mm]
-    return np.array([1.0 - moved.components[2](point) for point in points]) * 1000.0 / force
+    face = np.array([moved.components[2](point) for point in points], dtype=float)
+    return (1.0 - face) * 1000.0 / float(force)
 
 
 def _strain(radial: Any, axial: Any) -> tuple[Any, Any, Any, Any]:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from scipy.sparse import csr_matrix
+from scipy.sparse import csr_matrix
 
 
-def assembled(columns: int, rows: int, young_kpa: float, poisson: float) -> csr_matrix:
+def assembled(columns: int, rows: int, young_kpa: float, poisson: float) -> csr_matrix[Any]:
     """Stiffness of a cylinder of 10 mm radius and height in ``columns`` by ``rows`` elements of nine nodes."""
     import skfem
     from skfem.helpers import ddot, grad
@@ -19,7 +17,6 @@ def assembled(columns: int, rows: int, young_kpa: float, poisson: float) -> csr_
     basis = skfem.Basis(mesh, skfem.ElementVector(skfem.ElementQuad2()), intorder=4)
     lame, shear = young_kpa * poisson / (1 + poisson) / (1 - 2 * poisson), young_kpa / 2 / (1 + poisson)
 
-    @skfem.BilinearForm
     def energy(u: Any, v: Any, w: Any) -> Any:
         radius = w.x[0]
         slopes = [grad(field) for field in (u, v)]
@@ -29,4 +26,4 @@ def assembled(columns: int, rows: int, young_kpa: float, poisson: float) -> csr_
         density = lame * traces[0] * traces[1] + shear * (ddot(*shears) / 2 + 2 * hoops[0] * hoops[1])
         return 2 * np.pi * radius * density
 
-    return energy.assemble(basis)
+    return csr_matrix(skfem.BilinearForm(energy).assemble(basis))

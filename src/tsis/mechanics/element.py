@@ -73,7 +73,7 @@ def reference(order: int) -> Reference:
         value=np.asarray(np.kron(value, value), dtype=float),
         slope_a=np.asarray(np.kron(slope, value), dtype=float),
         slope_b=np.asarray(np.kron(value, slope), dtype=float),
-        weight=np.kron(w, w),
+        weight=np.asarray(np.kron(w, w), dtype=float),
     )
 
 
