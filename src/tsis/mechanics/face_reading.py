@@ -8,20 +8,19 @@ import numpy as np
 from numpy.polynomial import legendre
 
 from tsis.mechanics.element import lagrange
-from tsis.mechanics.finite_bodies import arc_at, fillet_mm, radius_at
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from tsis.mechanics.rounded_probe import RoundedProbe
     from tsis.mechanics.sliding_contact import SlidingContact, SoftFace
-    from tsis.model import Probe
 
 PARTS = 24  # of every closed part of an element edge, between which the force is summed up
 PRESSURE_DEGREES_LESS = 2  # than the displacement has: what of the pressure on an edge is not ripple
 
 
 def face_displacement_mm(
-    probe: Probe,
+    shape: RoundedProbe,
     face: SoftFace,
     displacements: NDArray[np.float64],
     radius_mm: NDArray[np.float64],
@@ -32,12 +31,12 @@ def face_displacement_mm(
 
     Radii on the rounded rim are material points of it: nothing is extrapolated.
     """
-    weights = face.face.weights(arc_at(probe, radius_mm))[:, 1]
+    weights = face.face.weights(shape.arc_at(radius_mm))[:, 1]
     return np.asarray(glass_mm - weights @ displacements[face.nodes, 1])
 
 
 def face_pressure_kpa(
-    probe: Probe,
+    shape: RoundedProbe,
     contact: SlidingContact,
     face: SoftFace,
     positions: NDArray[np.float64],
@@ -48,7 +47,7 @@ def face_pressure_kpa(
     The means weigh by area and by distance to the neighbours, so that their integral is the force. On each element edge
     the pressure is reduced to the polynomial that the displacements can resolve, which keeps its integral.
     """
-    radius, force = _force_within(probe, contact, face, positions)
+    radius, force = _force_within(shape, contact, face, positions)
 
     # The mean of a hat function over the force is a difference of the integrals of "force within a radius".
     # Between two radii the pressure is taken as even, so the force goes with the square of the radius.
@@ -69,7 +68,7 @@ def face_pressure_kpa(
 
 
 def _force_within(
-    probe: Probe, contact: SlidingContact, face: SoftFace, positions: NDArray[np.float64]
+    shape: RoundedProbe, contact: SlidingContact, face: SoftFace, positions: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Material radii, ascending from 0, and the axial force in mN that the face takes inside each."""
     gauss, weight = legendre.leggauss(4)
@@ -87,10 +86,10 @@ def _force_within(
         pieces = (share * smooth).reshape(PARTS, -1).sum(axis=1)
         points = contact.points(np.full(PARTS, part.edge), ends[1:], positions)
         foot = face.face.closest(positions[face.nodes], points)
-        radii.append(radius_at(probe, foot.place))
+        radii.append(shape.radius_at(foot.place))
         forces.append(forces[-1][-1] + np.cumsum(pieces))
     radius, force = np.concatenate(radii), np.concatenate(forces)
-    return np.maximum.accumulate(np.clip(radius, 0.0, probe.radius_mm)), force
+    return np.maximum.accumulate(np.clip(radius, 0.0, shape.radius_mm)), force
 
 
 def _hat_areas(radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -100,8 +99,3 @@ def _hat_areas(radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
     rising = 2 * np.pi * step * (low / 2 + step / 3)  # of the hat at the upper end
     falling = 2 * np.pi * step * (low / 2 + step / 6)
     return np.asarray(np.append(falling, 0.0) + np.concatenate([[0.0], rising]))
-
-
-def rim_mm(probe: Probe) -> float:
-    """Distance from the rim in mm within which strains are those of its rounding and say nothing about the model."""
-    return 2 * fillet_mm(probe)

@@ -14,9 +14,9 @@ from tsis.mechanics.mesh import LayeredMesh
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from tsis.mechanics.rounded_probe import RoundedProbe
     from tsis.model import Phantom, Probe
 
-FILLET_MM = 0.5
 SLIDING_MM = 1.2  # width of the fine strip of skin inside the rim, which large loads drag around it
 
 
@@ -28,6 +28,8 @@ class FiniteResolution:
     ----------
     order
         Polynomial order of the elements; at least 3.
+    fillet_mm
+        Radius of the probe's rounded rim; less on thin first layers and small faces. A sharp rim has no solution.
     rim_mm
         Size of the smallest cells, where the face ends.
     growth
@@ -39,6 +41,7 @@ class FiniteResolution:
     """
 
     order: int = 4
+    fillet_mm: float = 0.5
     rim_mm: float = 0.4
     growth: float = 2.2
     largest: float = 0.2
@@ -71,34 +74,29 @@ class MeshedProbe:
     side: NDArray[np.int64]
 
 
-def fillet_mm(probe: Probe) -> float:
-    """Radius of the rounded rim in mm: 0.5, less for thin first layers and small faces."""
-    return min(FILLET_MM, probe.layers[0].thickness_mm / 4, probe.radius_mm / 10)
-
-
-def mesh_probe(probe: Probe, face_lines: NDArray[np.float64], resolution: FiniteResolution) -> MeshedProbe:
+def mesh_probe(shape: RoundedProbe, face_lines: NDArray[np.float64], resolution: FiniteResolution) -> MeshedProbe:
     """Mesh a probe in three patches that meet inside its rounded rim.
 
     Parameters
     ----------
-    probe
-        The probe.
+    shape
+        The probe and its rim.
     face_lines
         Element boundaries along the face as shares of its length from the axis to the middle of the rounded rim.
     resolution
         Element order and density.
     """
-    order, fillet, radius = resolution.order, fillet_mm(probe), probe.radius_mm
+    order, probe, fillet, radius = resolution.order, shape.probe, shape.fillet_mm, shape.radius_mm
     frame = 2 * fillet  # thickness of the strip along face and side
     corner = radius - frame
     depth = mesh.graded(frame, 0.7 * resolution.rim_mm, resolution.growth, frame)
     inwards = mesh.refine(depth / frame, order)
     # Along the face: from the axis to the middle of the rounded rim; the inner line ends at the corner of the strip.
     along = mesh.refine(face_lines, order)
-    start = radius - fillet + fillet * np.pi / 4
-    outer = _rim(along * start, radius, fillet)
+    start = shape.middle_mm
+    outer = shape.flat_points(along * start)
     inner = np.column_stack([along * corner, np.full_like(along, -frame)])
-    below = _shaped(probe, _between(outer, inner, inwards), order)
+    below = _shaped(shape, _between(outer, inner, inwards), order)
     # Along the side: each layer of the probe is a piece of its own.
     ends = np.cumsum([layer.thickness_mm for layer in probe.layers])
     inner_ends, outer_ends = np.concatenate([[frame], ends]), np.concatenate([[0.0], ends - fillet * (1 - np.pi / 4)])
@@ -111,10 +109,10 @@ def mesh_probe(probe: Probe, face_lines: NDArray[np.float64], resolution: Finite
     up = _chain(inner_ends, shares)
     side_inner = np.column_stack([np.full_like(up, corner), -up])
     side_arc = start + _chain(outer_ends, shares)
-    side_outer = _rim(side_arc, radius, fillet)
+    side_outer = shape.flat_points(side_arc)
     # Turned, so that direction b runs from layer to layer.
-    turned = _shaped(probe, np.swapaxes(_between(side_outer, side_inner, inwards), 0, 1), order)
-    core = _shaped(probe, np.stack(np.meshgrid(along * corner, -up, indexing="ij"), axis=-1), order)
+    turned = _shaped(shape, np.swapaxes(_between(side_outer, side_inner, inwards), 0, 1), order)
+    core = _shaped(shape, np.stack(np.meshgrid(along * corner, -up, indexing="ij"), axis=-1), order)
     young = np.repeat([layer.young_kpa for layer in probe.layers], counts)
     poisson = np.repeat([layer.poisson for layer in probe.layers], counts)
     first = probe.layers[0]
@@ -138,40 +136,8 @@ def mesh_probe(probe: Probe, face_lines: NDArray[np.float64], resolution: Finite
     )
 
 
-def outline(probe: Probe, arc_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Points (r, z) of the undeformed face, at ``arc_mm`` from the axis along the face of a flat probe."""
-    return bulge(probe, _rim(arc_mm, probe.radius_mm, fillet_mm(probe)))
-
-
-def arc_at(probe: Probe, radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Place on the outline of the face's material points at ``radius_mm``, mm."""
-    fillet = fillet_mm(probe)
-    beyond = np.clip((radius_mm - (probe.radius_mm - fillet)) / fillet, 0.0, 1.0)
-    return np.asarray(np.minimum(radius_mm, probe.radius_mm - fillet) + fillet * np.arcsin(beyond))
-
-
-def radius_at(probe: Probe, arc_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Material radius of places on the outline, mm."""
-    return _rim(arc_mm, probe.radius_mm, fillet_mm(probe))[:, 0]
-
-
-def bulge(probe: Probe, nodes: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Nodes of a flat probe after its layers bulge in proportion, the glass staying flat."""
-    thickness = probe.thickness_mm
-    share = (thickness - probe.sag_mm(np.minimum(nodes[:, 0], probe.radius_mm))) / thickness
-    return np.column_stack([nodes[:, 0], (nodes[:, 1] + thickness) * share - thickness])
-
-
-def _shaped(probe: Probe, nodes: NDArray[np.float64], order: int) -> LayeredMesh:
-    return LayeredMesh(nodes=bulge(probe, nodes.reshape(-1, 2)).reshape(nodes.shape), order=order)
-
-
-def _rim(arc: NDArray[np.float64], radius: float, fillet: float) -> NDArray[np.float64]:
-    """Points on the outline of a flat probe, at ``arc`` mm from the axis along face, rounded rim and side."""
-    flat = radius - fillet
-    turn = np.clip((arc - flat) / fillet, 0.0, np.pi / 2)
-    up = np.maximum(arc - flat - fillet * np.pi / 2, 0.0)
-    return np.column_stack([np.minimum(arc, flat) + fillet * np.sin(turn), -fillet * (1 - np.cos(turn)) - up])
+def _shaped(shape: RoundedProbe, nodes: NDArray[np.float64], order: int) -> LayeredMesh:
+    return LayeredMesh(nodes=shape.bulge(nodes.reshape(-1, 2)).reshape(nodes.shape), order=order)
 
 
 def _between(outer: NDArray[np.float64], inner: NDArray[np.float64], share: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -9,10 +9,11 @@ import numpy as np
 
 from tsis.mechanics import face_reading, load_path, neo_hookean
 from tsis.mechanics.elastic_body import FIXED, OWN, ElasticBody, number
-from tsis.mechanics.finite_bodies import FiniteResolution, fillet_mm, mesh_probe, mesh_slab, outline
+from tsis.mechanics.finite_bodies import FiniteResolution, mesh_probe, mesh_slab
 from tsis.mechanics.finite_mesh import beside
 from tsis.mechanics.mesh import face_lines
 from tsis.mechanics.potential import Potential
+from tsis.mechanics.rounded_probe import RoundedProbe, rounded
 from tsis.mechanics.sliding_contact import SlidingContact, SoftFace
 from tsis.mechanics.smooth_face import SmoothFace
 from tsis.model import PressField
@@ -31,6 +32,7 @@ STIFFNESS = 400.0  # of the contact's springs, kPa/mm for each kPa of the tissue
 STEERING = 20.0  # the same for what steers Newton's method
 TOUCH = 0.02  # travel of the first touch as a share of the slab's or the probe's thickness, the smaller
 LARGEST_STRETCH = 3.0
+RIM_FILLETS = 3.0  # distance from the rim in its radii within which strains are those of its rounding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -66,10 +68,10 @@ class ProbeOnSlab:
     """
 
     def __init__(self, probe: Probe, phantom: Phantom, resolution: FiniteResolution, *, contrast: bool = True) -> None:
-        self.probe = probe
+        self.shape = rounded(probe, resolution.fillet_mm)
         largest, finest = resolution.largest, resolution.rim_mm / probe.radius_mm
         lines = face_lines(1.0, finest=finest, growth=resolution.growth, largest=largest)
-        meshed, slab = mesh_probe(probe, lines, resolution), mesh_slab(phantom, probe, resolution)
+        meshed, slab = mesh_probe(self.shape, lines, resolution), mesh_slab(phantom, probe, resolution)
         tissue = slab.solid
         if contrast and phantom.inclusion is not None:
             tissue = replace(
@@ -86,7 +88,7 @@ class ProbeOnSlab:
             shared[meshed.side] = [FIXED, 0]  # the housing moves with the glass
         shared[np.abs(solid.nodes[:, 1] - phantom.thickness_mm) < 1e-7] = FIXED
         body = ElasticBody(solid, number(solid, shared, 1))
-        curve = SmoothFace(meshed.arc_mm, resolution.order, lambda arc: outline(probe, arc))
+        curve = SmoothFace(meshed.arc_mm, resolution.order, self.shape.points)
         self.face = SoftFace(curve, meshed.face)
         self.contact = SlidingContact(
             solid.nodes,
@@ -98,7 +100,7 @@ class ProbeOnSlab:
         )
         self.potential = Potential(body, [self.contact], 0)
         self._touch_mm = TOUCH * min(probe.thickness_mm, phantom.thickness_mm)
-        self._inner = _away_from_rim(solid.nodes[solid.cells].mean(axis=1), probe)
+        self._inner = _away_from_rim(solid.nodes[solid.cells].mean(axis=1), self.shape)
 
     def path(self, forces_n: Sequence[float]) -> tuple[FinitePress, ...]:
         """States at ascending ``forces_n`` in newtons."""
@@ -121,38 +123,44 @@ class ProbeOnSlab:
             self.potential.positions(state.unknowns),
         )
         travel = float(state.unknowns[self.potential.travel])
-        radius = np.linspace(0.0, self.probe.radius_mm, FACE_POINTS)
+        radius = np.linspace(0.0, self.shape.radius_mm, FACE_POINTS)
         field = PressField(
             radius_mm=radius,
             face_displacement_mm=face_reading.face_displacement_mm(
-                self.probe, self.face, displacements, radius, glass_mm=travel
+                self.shape, self.face, displacements, radius, glass_mm=travel
             ),
-            pressure_kpa=face_reading.face_pressure_kpa(self.probe, self.contact, self.face, positions, radius),
+            pressure_kpa=face_reading.face_pressure_kpa(self.shape, self.contact, self.face, positions, radius),
             approach_mm=travel,
             force_n=force_n,
         )
         return FinitePress(
-            field=field, stored_mn_mm=self.potential.stored(state.unknowns), stretch=self._stretch(state)
+            field=field,
+            stored_mn_mm=self.potential.stored(state.unknowns),
+            stretch=largest_stretch(self.potential, state, self._inner),
         )
-
-    def _stretch(self, state: State) -> float:
-        gradient = self.potential.body.gradient(self.potential.displacements(state.unknowns))[:, self._inner]
-        stretches = neo_hookean.principal_stretches(gradient)
-        return float(max(stretches.max(), (1 / stretches).max()))
 
     def _refuse(self, state: State) -> str | None:
-        stretch = self._stretch(state)
-        if stretch <= LARGEST_STRETCH:
-            return None
-        return (
-            f"the material is stretched {stretch:.2g} times, more than the {LARGEST_STRETCH:g} this model is good for,"
-        )
+        return refuse_beyond(largest_stretch(self.potential, state, self._inner), LARGEST_STRETCH)
 
 
-def _away_from_rim(centres: NDArray[np.float64], probe: Probe) -> NDArray[np.bool_]:
+def largest_stretch(potential: Potential, state: State, elements: NDArray[np.bool_]) -> float:
+    """Largest ratio of a length to its reference length, or of the reference length to it, in some ``elements``."""
+    gradient = potential.body.gradient(potential.displacements(state.unknowns))[:, elements]
+    stretches = neo_hookean.principal_stretches(gradient)
+    return float(max(stretches.max(), (1 / stretches).max()))
+
+
+def refuse_beyond(stretch: float, largest: float) -> str | None:
+    """Why a state is no answer of this model, or None."""
+    if stretch <= largest:
+        return None
+    return f"lengths change {stretch:.2g} times, more than the {largest:g} that this model is good for,"
+
+
+def _away_from_rim(centres: NDArray[np.float64], shape: RoundedProbe) -> NDArray[np.bool_]:
     """Which elements lie outside the neighbourhood of the rounded rim, where strains are those of the rounding."""
-    rim = np.array([probe.radius_mm, -float(probe.sag_mm(probe.radius_mm))])
-    near = face_reading.rim_mm(probe) + fillet_mm(probe)
-    beneath = np.array([probe.radius_mm, 0.0])
-    apart = np.minimum(np.linalg.norm(centres - rim, axis=1), np.linalg.norm(centres - beneath, axis=1))
-    return np.asarray(apart > near)
+    probe = shape.probe
+    on_probe = np.array([probe.radius_mm, -float(probe.sag_mm(probe.radius_mm))])
+    on_skin = np.array([probe.radius_mm, 0.0])
+    apart = np.minimum(np.linalg.norm(centres - on_probe, axis=1), np.linalg.norm(centres - on_skin, axis=1))
+    return np.asarray(apart > RIM_FILLETS * shape.fillet_mm)

@@ -18,16 +18,17 @@ if TYPE_CHECKING:
     from tsis.mechanics.potential import Pressures
 
 DECREMENT = 1e-12  # of the stored energy: what Newton's last step may still gain
-ROUNDS = 15
+ROUNDS = 25
 TOUCHES = 12
-PATIENCE = 3  # Newton steps before each has to beat all but the last one
+PATIENCE = 5  # Newton steps in which at least one has to be better than all before
 SMALLEST_SHARE = 1 / 64
 TOUCHING = 1e-2  # the same at the first touch
 ROUGH = 1e-6  # the same between the loads that were asked for
 SMALLEST_STEP = 1e-3  # of the largest force
 FIRST_STEP = 0.35  # of the largest force
+FIRST_GROWTH = 5.0  # of the force at the first touch
 GROWTH = 2.0
-EASY_ROUNDS = 6  # a step that took no more is followed by a larger one
+EASY_ROUNDS = 9  # a step that took no more is followed by a larger one
 MN_PER_N = 1000.0
 
 
@@ -71,7 +72,11 @@ def settle(
         step = model.step()
         slope = abs(model.slope(step))
         share = _upright(potential, unknowns, step)
-        if not np.isfinite(slope) or share is None or (count > PATIENCE and slope > min(slopes[:-1])):
+        if (
+            not np.isfinite(slope)
+            or share is None
+            or (count > PATIENCE and min(slopes[-PATIENCE:]) > min(slopes[:-PATIENCE]))
+        ):
             return None
         slopes.append(slope)
         reached = model.pressures(step)
@@ -149,7 +154,7 @@ def walk(
     """
     state, force, before = first, potential.reaction(first.unknowns, first.load), None
     largest = float(forces_mn[-1])
-    step = FIRST_STEP * largest
+    step = min(FIRST_STEP * largest, FIRST_GROWTH * force)
     for target in forces_mn:
         while force < target:
             left = target - force

@@ -117,17 +117,22 @@ class SoftFace:
 
 
 class Plate:
-    """A rigid frictionless plane that faces the body from below (z larger); it moves with one node's z.
+    """A rigid frictionless plane that faces a body from larger z and moves towards smaller z.
 
-    The node is a point of the mesh's list that only carries the travel of the plate.
+    Parameters
+    ----------
+    node
+        A point of the list of nodes that belongs to no element; its displacement along z is the plate's travel.
+    height_mm
+        Where the plate is before it travels, mm.
     """
 
-    def __init__(self, node: int) -> None:
-        self.nodes = np.array([node])
+    def __init__(self, node: int, height_mm: float) -> None:
+        self.nodes, self._height = np.array([node]), height_mm
 
     def gap(self, positions: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Signed distance of ``points`` (k, 2) in mm, positive outside."""
-        return np.asarray(positions[0, 1] - points[:, 1])
+        return np.asarray(self._height - positions[0, 1] - points[:, 1])
 
     def normals(self, positions: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
         """Outward unit normals at the feet of ``points``, shape (k, 2)."""
@@ -142,7 +147,7 @@ class Plate:
     ) -> Gaps:
         """The gap is linear in the coordinates."""
         slope = np.zeros((len(points), shapes.shape[1] + 1, 2))
-        slope[:, :-1, 1], slope[:, -1, 1] = -shapes, 1.0
+        slope[:, :-1, 1], slope[:, -1, 1] = -shapes, -1.0
         flat = slope.reshape(len(points), -1)
         size = flat.shape[1]
         return Gaps(gap_mm=self.gap(positions, points), slope=flat, curvature=np.zeros((size, size)))
@@ -241,13 +246,21 @@ class SlidingContact:
         np.put_along_axis(matrix, element[:, None] * self.order + np.arange(self.order + 1), values, axis=1)
         return matrix
 
-    def area(self, element: NDArray[np.int64], place: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Reference area of the ring per unit of the edge's coordinate, mm^2."""
+    def area(
+        self, element: NDArray[np.int64], place: NDArray[np.float64], positions: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float64]:
+        """Area of the ring per unit of the edge's coordinate in mm^2: the reference one, or that at ``positions``."""
+        surface = self._reference if positions is None else positions[self.surface]
         values, slopes = lagrange(self._lobatto, place)
-        local = self._reference[element[:, None] * self.order + np.arange(self.order + 1)]
+        local = surface[element[:, None] * self.order + np.arange(self.order + 1)]
         radius = (values * local[..., 0]).sum(axis=1)
         tangent = (slopes[..., None] * local).sum(axis=1)
         return np.asarray(2 * np.pi * radius * np.linalg.norm(tangent, axis=1))
+
+    def between(self, place: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Matrix from values at an edge's points ``gauss`` to values at ``place``, shape (k, count)."""
+        values, _ = lagrange(self.gauss, place)
+        return values
 
     def energy(self, positions: NDArray[np.float64]) -> float:
         """Energy of the springs in mN mm."""
