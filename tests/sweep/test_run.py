@@ -130,6 +130,8 @@ def test_a_folder_of_something_else_is_refused(undisturbed: Path, tmp_path: Path
         run_sweep(small_plan(seed=5), other, workers=1, press=quick)
     with pytest.raises(FileInputError, match="must be a folder that can be written"):
         run_sweep(small_plan(), tmp_path / "notes.txt", workers=1, press=quick)
+    with pytest.raises(FileInputError, match="folder must be the name of a folder"):
+        run_sweep(small_plan(), "no\0name", workers=1, press=quick)
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no such locks")
@@ -214,6 +216,7 @@ def test_nothing_in_a_data_set_tells_where_or_when_it_was_made(undisturbed: Path
 def test_wrong_workers_are_refused(tmp_path: Path, workers: int, scheduler: str | None) -> None:
     with pytest.raises(InputError, match=r"workers must lie in|scheduler must be an address"):
         run_sweep(small_plan(), tmp_path / "data", workers=workers, scheduler=scheduler, press=quick)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_missing_library_is_named_with_its_extra(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -17,6 +17,7 @@ from tsis.report.document import envelope
 from tsis.sweep import EXAMPLE, Plan, load_plan, run_sweep, seconds_per_press, verify, worker_count
 
 INTERRUPTED = 130
+MOST_NAMED = 5
 
 app = typer.Typer(
     name="sweep",
@@ -73,7 +74,8 @@ def run(
     if done.refused:
         console.print(f"- {done.refused} presses were refused: their rows hold NaN, and the column error says why.")
     if done.repaired:
-        console.print(f"- damaged or foreign, computed again: {', '.join(done.repaired)}", markup=False)
+        names = ", ".join(done.repaired[:MOST_NAMED]) + (", ..." if len(done.repaired) > MOST_NAMED else "")
+        console.print(f"- {len(done.repaired)} damaged or foreign, computed again: {names}", markup=False)
     if done.lost:
         console.print(f"- {done.lost} batches lost their worker and were given to another.")
     console.print(f"Data set: {done.folder}", soft_wrap=True, markup=False)

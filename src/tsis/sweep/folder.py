@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tsis.instrument import shown
@@ -15,11 +16,24 @@ from tsis.sweep.shards import NAME, data_set_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
-    from pathlib import Path
+
+
+def as_folder(folder: str | os.PathLike[str]) -> Path:
+    """The absolute path of a folder that need not exist.
+
+    Raises
+    ------
+    FileInputError
+        When no folder can have this name.
+    """
+    try:
+        return Path(folder).resolve()
+    except (OSError, ValueError, TypeError) as error:
+        raise FileInputError(f"folder must be the name of a folder; got {folder!r:.80}") from error
 
 
 @contextmanager
-def begun(folder: Path, start: Mapping[str, Any]) -> Iterator[Path]:
+def begun(folder: Path, start: Mapping[str, Any]) -> Iterator[None]:
     """Make or resume the data set that ``start`` describes, and keep other sweeps out of it meanwhile.
 
     Raises
@@ -29,14 +43,13 @@ def begun(folder: Path, start: Mapping[str, Any]) -> Iterator[Path]:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        folder = folder.resolve()
         with _alone(folder):
             if (folder / MANIFEST).exists():
                 _refuse_other(folder, start)
             else:
                 _refuse_content(folder, start)
                 write_manifest(folder, start, None)
-            yield folder
+            yield
     except OSError as error:
         reason = error.strerror or str(error)
         raise FileInputError(f"{shown(folder)} must be a folder that can be written; got: {reason}") from error

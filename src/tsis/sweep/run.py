@@ -6,7 +6,6 @@ import os
 import time
 from collections import Counter
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tsis.mechanics import press as press_by_elements
@@ -14,7 +13,7 @@ from tsis.model import Phantom, check
 from tsis.model.errors import SweepError
 from tsis.sweep.dask_crew import DaskCrew
 from tsis.sweep.durable import sweep_unfinished
-from tsis.sweep.folder import begun
+from tsis.sweep.folder import as_folder, begun
 from tsis.sweep.local_crew import LocalCrew
 from tsis.sweep.manifest import data_set_key, head, write_manifest
 from tsis.sweep.plan import TISSUE
@@ -112,9 +111,10 @@ def run_sweep(
     count = worker_count(workers)
     start = head(plan)
     refuse_model(plan, press)
-    with begun(Path(folder), start) as place:
-        job = Job(folder=str(place), plan=plan, data_set=data_set_key(start), press=press)
-        crew: Crew = LocalCrew(job, count) if scheduler is None else DaskCrew(job, scheduler)
+    place = as_folder(folder)
+    job = Job(folder=str(place), plan=plan, data_set=data_set_key(start), press=press)
+    crew: Crew = LocalCrew(job, count) if scheduler is None else DaskCrew(job, scheduler)
+    with begun(place, start):
         with crew:
             done, lost = _finish_all(plan, crew, progress or (lambda *_: None))
         write_manifest(place, start, [receipt for receipt, _ in done.values()])
