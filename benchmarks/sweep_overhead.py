@@ -1,6 +1,6 @@
 """What a sweep costs a worker beside its presses, when a press takes 10 ms: the gaps between one press and the next.
 
-    python benchmarks/sweep_overhead.py [--presses 1500]
+    python -m benchmarks.sweep_overhead [--presses 1500]
 
 One worker each, so that every gap counts: encoding, hashing, flushing to the disk, pipes. Presses tell when they began
 and ended, so that the start of the worker and whatever else slows a press are left out. Beside it, in the same run:

@@ -1,6 +1,6 @@
 """Kill the workers of a sweep every two seconds, then its whole cluster twenty times, and compare the bytes.
 
-    python benchmarks/sweep_survival.py [--presses 20000] [--workers 2] [--kills 20]
+    python -m benchmarks.sweep_survival [--presses 20000] [--workers 2] [--kills 20]
 
 Three data sets of one plan: undisturbed on this machine; on this machine with one worker killed every two seconds; on a
 Dask cluster whose scheduler, workers and driver are all killed at once, started again and resumed. Linux only: worker
