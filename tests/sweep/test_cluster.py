@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import socket
 import subprocess
 import sys
+import threading
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -76,5 +79,23 @@ def test_a_cluster_gives_the_same_bytes_and_loses_no_batch_of_a_killed_worker(
 
 def test_a_scheduler_that_does_not_answer_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tsis.sweep.dask_crew.CONNECT_S", 0.5)
-    with pytest.raises(SweepError, match=r"a Dask scheduler must answer at tcp://127\.0\.0\.1:9; got none"):
+    with pytest.raises(SweepError, match=r"a Dask scheduler must answer at tcp://127\.0\.0\.1:9; got OSError"):
         run_sweep(small_plan(), tmp_path / "data", scheduler="tcp://127.0.0.1:9", press=quick)
+
+
+def test_another_program_at_the_address_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tsis.sweep.dask_crew.CONNECT_S", 0.5)
+    with socket.create_server(("127.0.0.1", 0)) as other:
+
+        def answer() -> None:
+            with suppress(OSError):
+                while True:
+                    connection, _ = other.accept()
+                    connection.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+                    connection.close()
+
+        threading.Thread(target=answer, daemon=True).start()
+        address = f"tcp://127.0.0.1:{other.getsockname()[1]}"
+        with pytest.raises(SweepError, match=f"a Dask scheduler must answer at {address}; got "):
+            run_sweep(small_plan(), tmp_path / "data", scheduler=address, press=quick)
+        other.shutdown(socket.SHUT_RDWR)

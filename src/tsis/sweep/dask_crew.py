@@ -103,16 +103,17 @@ class DaskCrew:
             logger.setLevel(logging.CRITICAL)
         try:
             self._client: Any = self._distributed.Client(self._address, timeout=CONNECT_S, set_as_default=False)
-            try:
-                self._client.wait_for_workers(1, timeout=WORKERS_S)
-            except TimeoutError as error:
-                self._client.close()
-                raise SweepError(
-                    f"the scheduler at {self._address} must have a worker; got none in {WORKERS_S:g} s"
-                ) from error
-        except (OSError, TimeoutError) as error:
+        except Exception as error:  # another program may answer there with anything, and TLS wants to be configured
             self._restore_loggers()
-            raise SweepError(f"a Dask scheduler must answer at {self._address}; got none; {CURE}") from error
+            got = f"{type(error).__name__}: {error!s:.200}"
+            raise SweepError(f"a Dask scheduler must answer at {self._address}; got {got} ({CURE})") from error
+        try:
+            self._client.wait_for_workers(1, timeout=WORKERS_S)
+        except (OSError, TimeoutError) as error:
+            self.__exit__(None, None, None)
+            raise SweepError(
+                f"the scheduler at {self._address} must have a worker; got none in {WORKERS_S:g} s"
+            ) from error
         self._answers = self._distributed.as_completed(loop=self._client.loop)
         return self
 
