@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import tsis
+from tsis import Inclusion, Phantom
 from tsis.inclusion import InclusionPrior
 from tsis.mechanics import (
     Box,
@@ -17,6 +18,7 @@ from tsis.mechanics import (
     build_surrogate,
     chebyshev,
     contrast_factor,
+    press,
     surrogate_build,
 )
 from tsis.mechanics.face import ring_points
@@ -282,3 +284,38 @@ def test_progress_is_told_slab_by_slab() -> None:
 def test_what_a_box_refuses(changes: dict[str, Any], phrase: str) -> None:
     with pytest.raises(InputError, match=phrase):
         replace(SMALL, **changes)
+
+
+@pytest.mark.slow
+def test_finite_strain_has_a_surrogate_too() -> None:
+    """Its own error, and the signal's against a fresh path inside the box."""
+    box = Box(
+        diameter_mm=(8.0, 12.0),
+        depth_mm=(4.0, 7.0),
+        young_kpa=(60.0, 120.0),
+        tissue_young_kpa=(4.9, 5.1),
+        thickness_mm=(29.9, 30.1),
+    )
+    few = Degrees(diameter=3, depth=3, contrast=2, tissue=1, thickness=1, plain=2)
+    surrogate = build_surrogate(PROBE, box, force_n=0.75, strain="finite", degrees=few, cached=False)
+    assert 0 < surrogate.error < 5e-3
+    lump = Inclusion(diameter_mm=10.0, depth_mm=5.0, young_kpa=100.0)
+    phantom = Phantom(young_kpa=5.0, thickness_mm=30.0, inclusion=lump)
+    fresh = press(PROBE, phantom, force_n=0.75, strain="finite").face_displacement_mm[::2]
+    bare = press(PROBE, phantom.without_inclusion(), force_n=0.75, strain="finite").face_displacement_mm[::2]
+    at = surrogate.face_displacement_mm.at_tissue(5.0, 30.0)
+    fast = at(np.array([10.0]), np.array([5.0]), np.array([100.0]))[0] - at.plain
+    assert np.abs(fast - (fresh - bare))[:97].max() < 0.01 * np.abs(fresh - bare).max()
+
+
+@pytest.mark.parametrize(
+    ("given", "phrase"),
+    [
+        ({"strain": "large"}, "strain must be 'small' or 'finite'; got 'large'"),
+        ({"strain": "finite"}, "resolution must be that of strain 'finite'; got a Resolution"),
+        ({"force_n": 0.0}, "force_n must lie in"),
+    ],
+)
+def test_what_a_surrogate_refuses(given: dict[str, Any], phrase: str) -> None:
+    with pytest.raises(InputError, match=phrase):
+        tiny(cached=False, **given)

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
+from tsis.mechanics.bodies import Resolution
+from tsis.mechanics.finite_bodies import FiniteResolution
+from tsis.mechanics.finite_strain import press_finite
 from tsis.mechanics.small_strain import small_strain_press
 from tsis.model import Phantom, PressField, Probe, check
 from tsis.model.errors import InputError
-
-if TYPE_CHECKING:
-    from tsis.mechanics.bodies import Resolution
 
 
 def press(
@@ -18,7 +16,7 @@ def press(
     *,
     force_n: float,
     strain: str = "small",
-    resolution: Resolution | None = None,
+    resolution: Resolution | FiniteResolution | None = None,
 ) -> PressField:
     """Press a probe on a phantom and return what happens on the probe's face.
 
@@ -34,10 +32,11 @@ def press(
     force_n
         Force in newtons, in [0, 50]. At small strain the answer of a flat face is linear in it.
     strain
-        ``"small"``; the finite-strain model is not part of this version.
+        ``"small"``, milliseconds a press, or ``"finite"``: neo-Hookean bodies, large rotations, a probe that slides;
+        seconds a press, and a rim rounded by `tsis.mechanics.FiniteResolution`.
     resolution
-        Mesh density. The default is converged to 0.1 % inside 0.8 of the face's radius; the mesh follows the
-        inclusion's size and depth.
+        Mesh density, a `Resolution` at small strain and a `FiniteResolution` at finite. The default one at small strain
+        is converged to 0.1 % inside 0.8 of the face's radius; the mesh follows the inclusion's size and depth.
 
     Raises
     ------
@@ -57,6 +56,10 @@ def press(
     check.kind("probe", probe, Probe)
     check.kind("phantom", phantom, Phantom)
     check.number("force_n", force_n, 0.0, 50.0, hint="newtons")
-    if strain != "small":
-        raise InputError(f"strain must be 'small' in this version; got {strain!r}")
-    return small_strain_press(probe, phantom, force_n, resolution)
+    if strain == "small" and isinstance(resolution, Resolution | None):
+        return small_strain_press(probe, phantom, force_n, resolution)
+    if strain == "finite" and isinstance(resolution, FiniteResolution | None):
+        return press_finite(probe, phantom, force_n=force_n, resolution=resolution)
+    if strain in ("small", "finite"):
+        raise InputError(f"resolution must be that of strain {strain!r}; got a {type(resolution).__name__}")
+    raise InputError(f"strain must be 'small' or 'finite'; got {strain!r}")

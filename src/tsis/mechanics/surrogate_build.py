@@ -10,16 +10,24 @@ import itertools
 import os
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
 
 from tsis.mechanics import chebyshev, disk_cache
-from tsis.mechanics.bodies import Resolution
-from tsis.mechanics.small_strain import MN_PER_N, FacePress, PressKernel, block_radius_mm, central_cell_mm
-from tsis.mechanics.surrogate import Box, Degrees, PressSurrogate, Surrogate, contrast_of, log_range, scale
+from tsis.mechanics.surrogate import (
+    Box,
+    Degrees,
+    PressSurrogate,
+    Surrogate,
+    contrast_factor,
+    contrast_of,
+    log_range,
+    scale,
+)
+from tsis.mechanics.surrogate_presses import FACE_POINTS, slabs_of
 from tsis.model import check
 
 if TYPE_CHECKING:
@@ -27,10 +35,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from tsis.mechanics.bodies import Resolution
+    from tsis.mechanics.finite_bodies import FiniteResolution
+    from tsis.mechanics.surrogate_presses import Slabs
     from tsis.model import Probe
 
-FORMAT_VERSION = 4
-FACE_POINTS = 121  # of each profile; between them it is taken as straight
+FORMAT_VERSION = 5
 CHECKS = 8  # fresh presses that the surrogate's error is measured on
 CHECKED_SHARE = 0.8  # of the face's radius, as far as profiles are used
 SMALLEST_FACTOR = 1e-3  # contrasts below it change nothing that could be divided by it
@@ -41,8 +51,9 @@ def build_surrogate(
     box: Box | None = None,
     *,
     force_n: float = 1.0,
+    strain: str = "small",
     degrees: Degrees | None = None,
-    resolution: Resolution | None = None,
+    resolution: Resolution | FiniteResolution | None = None,
     progress: Callable[[int, int], None] | None = None,
     cached: bool = True,
 ) -> PressSurrogate:
@@ -53,9 +64,11 @@ def build_surrogate(
     probe, box
         What presses, and the ranges of what is pressed.
     force_n
-        Force of every press, N, in [1e-3, 50]; the answers of a flat face are proportional to it.
+        Force of every press, N, in [1e-3, 50]; at small strain the answers of a flat face are proportional to it.
+    strain
+        ``"small"``, or ``"finite"``, which takes seconds a press: choose a small box and few `Degrees`.
     degrees, resolution
-        Polynomial degrees and mesh density.
+        Polynomial degrees, and the mesh density of the model.
     progress
         Called with (slabs solved, slabs in all) as the work goes on.
     cached
@@ -65,21 +78,25 @@ def build_surrogate(
     ------
     InputError
         When a range is empty or an inclusion of the box does not fit into the slab.
+    MechanicsError
+        When a press of the box fails; small strain describes any, finite strain not every one.
     """
     check.number("force_n", force_n, 1e-3, 50.0, hint="newtons")
-    box, degrees, resolution = box or Box(), degrees or Degrees(), resolution or Resolution()
+    box, degrees = box or Box(), degrees or Degrees()
+    slabs, resolution = slabs_of(probe, box, force_n, strain, resolution)
     key = disk_cache.content_key(
         {
             "format": FORMAT_VERSION,
             "probe": asdict(replace(probe, name="", assumed=())),
             "force_n": force_n,
+            "strain": strain,
             "box": asdict(box),
             "degrees": asdict(degrees),
             "resolution": asdict(resolution),
         }
     )
     stored = disk_cache.read("surrogates", key) if cached else None
-    presses = SmallStrainPresses(probe=probe, box=box, force_n=force_n, resolution=resolution)
+    presses = Presses(probe=probe, box=box, force_n=force_n, slabs=slabs)
     if stored is None:
         plain, change = _solve_all(presses, degrees, progress)
         error = _measured_error(presses, _assemble(presses, plain, change, key, error=0.0))
@@ -93,59 +110,18 @@ def build_surrogate(
     return _assemble(presses, plain, change, key, error=error)
 
 
-@dataclass(frozen=True, kw_only=True)
-class SmallStrainPresses:
-    """Presses of one probe at one force anywhere in a box, as rows of numbers."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Presses:
+    """Presses of one probe at one force anywhere in a box; ``slabs`` makes those of one thickness."""
 
     probe: Probe
     box: Box
     force_n: float
-    resolution: Resolution
-
-    def kernel(self, thickness_mm: float) -> PressKernel:
-        """What all slabs of one thickness share."""
-        box = self.box
-        shallowest = central_cell_mm(box.diameter_mm[0], box.depth_mm[0], box.depth_mm[0] + box.diameter_mm[0] / 2)
-        return PressKernel(
-            self.probe,
-            thickness_mm=thickness_mm,
-            poisson=box.poisson,
-            block_mm=block_radius_mm(self.probe, box.thickness_mm[0], box.diameter_mm[1]),
-            central_mm=shallowest,
-            resolution=self.resolution,
-            points=FACE_POINTS,
-        )
-
-    def plain(self, kernel: PressKernel, tissues: list[float]) -> NDArray[np.float64]:
-        """Plain tissue of each modulus, shape (tissues, outputs)."""
-        return np.array([_row(kernel.press(tissue, self.force_n * MN_PER_N)) for tissue in tissues])
-
-    def changes(
-        self,
-        kernel: PressKernel,
-        sphere: tuple[float, float],
-        factors: NDArray[np.float64],
-        tissues: list[float],
-    ) -> NDArray[np.float64]:
-        """What a sphere of each contrast adds in each tissue, over its `scale`: (factors, tissues, outputs)."""
-        diameter, depth = sphere
-        slab = kernel.slab(diameter_mm=diameter, depth_mm=depth, poisson=kernel.poisson)
-        plain = self.plain(kernel, tissues)
-        rows = []
-        for factor in factors:
-            change = slab.change(float(contrast_of(factor)))
-            pressed = [_row(kernel.press(tissue, self.force_n * MN_PER_N, change)) for tissue in tissues]
-            rows.append((np.array(pressed) - plain) / scale(diameter, depth, factor))
-        return np.array(rows)
-
-
-def _row(found: FacePress) -> NDArray[np.float64]:
-    """One press as one row: pressures, displacements, approach."""
-    return np.concatenate([found.pressure_kpa, found.face_displacement_mm, [found.approach_mm]])
+    slabs: Callable[[float], Slabs]
 
 
 def _assemble(
-    presses: SmallStrainPresses, plain: NDArray[np.float64], change: NDArray[np.float64], key: str, *, error: float
+    presses: Presses, plain: NDArray[np.float64], change: NDArray[np.float64], key: str, *, error: float
 ) -> PressSurrogate:
     parts = [slice(0, FACE_POINTS), slice(FACE_POINTS, 2 * FACE_POINTS), slice(2 * FACE_POINTS, None)]
     pressure, displacement, approach = (
@@ -163,12 +139,11 @@ def _assemble(
 
 
 def _solve_all(
-    presses: SmallStrainPresses, degrees: Degrees, progress: Callable[[int, int], None] | None
+    presses: Presses, degrees: Degrees, progress: Callable[[int, int], None] | None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     box = presses.box
     slabs, tissues = _tissue_points(box, degrees.thickness, degrees.tissue)
-    factors = chebyshev.points(box.contrast_factor, degrees.contrast)
-    factors = np.where(np.abs(factors) < SMALLEST_FACTOR, SMALLEST_FACTOR, factors)
+    factors = _apart_from_none(chebyshev.points(box.contrast_factor, degrees.contrast))
     spheres = list(
         itertools.product(
             chebyshev.points(box.diameter_mm, degrees.diameter), chebyshev.points(box.depth_mm, degrees.depth)
@@ -179,8 +154,8 @@ def _solve_all(
     # Two levels of threads would fight for the cores: BLAS stays on one, the slabs share the others.
     with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
         for thickness in slabs:
-            kernel = presses.kernel(thickness)
-            tasks = [pool.submit(presses.changes, kernel, sphere, factors, tissues) for sphere in spheres]
+            alike = presses.slabs(thickness)
+            tasks = [pool.submit(alike.changes, sphere, factors, tissues) for sphere in spheres]
             rows = []
             for task in tasks:
                 rows.append(task.result())
@@ -188,11 +163,11 @@ def _solve_all(
                     progress(next(done), total)
             change.append(np.array(rows).reshape(degrees.diameter, degrees.depth, *rows[0].shape))
         slabs, tissues = _tissue_points(box, degrees.plain, degrees.plain)
-        plain = pool.map(lambda thickness: presses.plain(presses.kernel(thickness), tissues), slabs)
+        plain = pool.map(lambda thickness: presses.slabs(thickness).plain(tissues), slabs)
         return np.stack(list(plain), axis=1), np.stack(change, axis=4)
 
 
-def _measured_error(presses: SmallStrainPresses, surrogate: PressSurrogate) -> float:
+def _measured_error(presses: Presses, surrogate: PressSurrogate) -> float:
     """Largest error of the pressure over fresh presses in the box, as a share of the mean pressure."""
     box = presses.box
     ranges = np.array([box.diameter_mm, box.depth_mm, box.young_kpa, box.tissue_young_kpa])
@@ -202,17 +177,25 @@ def _measured_error(presses: SmallStrainPresses, surrogate: PressSurrogate) -> f
     slabs = [float(np.quantile(box.thickness_mm, share)) for share in (0.2, 0.7)]
     inside = surrogate.radius_mm <= CHECKED_SHARE * presses.probe.radius_mm
 
-    def error(kernel: PressKernel, point: NDArray[np.float64]) -> float:
+    def error(thickness: float, alike: Slabs, point: NDArray[np.float64]) -> float:
         diameter, depth, young, tissue = point.tolist()
-        slab = kernel.slab(diameter_mm=diameter, depth_mm=depth, poisson=box.poisson)
-        fresh = kernel.press(tissue, presses.force_n * MN_PER_N, slab.change(young / tissue)).pressure_kpa[inside]
-        there = surrogate.pressure_kpa.at_tissue(tissue, kernel.thickness_mm)
+        factor = float(_apart_from_none(contrast_factor(young / tissue)))
+        change = scale(diameter, depth, factor) * alike.changes((diameter, depth), np.array([factor]), [tissue])[0]
+        fresh = (alike.plain([tissue]) + change)[0, :FACE_POINTS][inside]
+        there = surrogate.pressure_kpa.at_tissue(tissue, thickness)
+        young = float(contrast_of(factor)) * tissue
         fast = there(np.array([diameter]), np.array([depth]), np.array([young]))[0, inside]
         return float(np.abs(fast - fresh).max() / fresh.mean())
 
     with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
-        kernels = itertools.cycle(pool.map(presses.kernel, slabs))
-        return max(pool.map(error, kernels, ranges[:, 0] + unit * np.ptp(ranges, axis=1)))
+        kernels = itertools.cycle(list(pool.map(presses.slabs, slabs)))
+        points = ranges[:, 0] + unit * np.ptp(ranges, axis=1)
+        return max(pool.map(error, itertools.cycle(slabs), kernels, points))
+
+
+def _apart_from_none(factor: Any) -> NDArray[np.float64]:
+    """Contrast factors none of which is too small to divide by what it changes."""
+    return np.where(np.abs(factor) < SMALLEST_FACTOR, SMALLEST_FACTOR, factor)
 
 
 def _tissue_points(box: Box, thicknesses: int, tissues: int) -> tuple[list[float], list[float]]:
