@@ -35,7 +35,7 @@ class FiniteResolution:
     growth
         Ratio of neighbouring cells away from it.
     largest
-        Size of the largest cell on the face as a share of its radius.
+        Size of the largest cell on the face as a share of its radius; half of it is taken on a domed face.
     ray_layers, sphere_layers
         Element layers around and inside the inclusion.
     """

@@ -68,6 +68,8 @@ class ProbeOnSlab:
     """
 
     def __init__(self, probe: Probe, phantom: Phantom, resolution: FiniteResolution, *, contrast: bool = True) -> None:
+        if probe.face_curvature_mm is not None:  # the edge of the contact travels over the whole face
+            resolution = replace(resolution, largest=resolution.largest / 2)
         self.shape = rounded(probe, resolution.fillet_mm)
         largest, finest = resolution.largest, resolution.rim_mm / probe.radius_mm
         lines = face_lines(1.0, finest=finest, growth=resolution.growth, largest=largest)

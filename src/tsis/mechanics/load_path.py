@@ -24,7 +24,7 @@ PATIENCE = 5  # Newton steps in which at least one has to be better than all bef
 SMALLEST_SHARE = 1 / 64
 TOUCHING = 1e-2  # the same at the first touch
 ROUGH = 1e-6  # the same between the loads that were asked for
-SMALLEST_STEP = 1e-3  # of the largest force
+SMALLEST_STEP = 1e-3  # of the force it would lead to
 FIRST_STEP = 0.35  # of the largest force
 FIRST_GROWTH = 5.0  # of the force at the first touch
 GROWTH = 2.0
@@ -164,7 +164,7 @@ def walk(
             found = settle(potential, *start, Load(force_mn=next_force), decrement=exact)
             if found is None:
                 step = (next_force - force) / 2
-                if step < SMALLEST_STEP * largest:
+                if step < SMALLEST_STEP * next_force:
                     raise MechanicsError(_last(f"the press does not converge at {next_force / MN_PER_N:.3g} N", force))
                 continue
             why = refuse(found)
