@@ -30,3 +30,22 @@ def test_people_get_a_table(run_tsis: RunTsis) -> None:
     assert finished.code == 0
     assert "pressure" in finished.out
     assert "Research use only" in finished.out
+
+
+def test_a_dome_and_either_strain_are_pressed(run_tsis: RunTsis) -> None:
+    domed = json.loads(run_tsis("simulate", "--probe", "tsis-domed", "--force-n", "0.1", "--json").out)
+    assert domed["pressure_kpa"][-1] == 0.0, "it touches in the middle only"
+    small, finite = (
+        json.loads(run_tsis("simulate", "--phantom", "plain", "--force-n", "0.1", "--strain", strain, "--json").out)
+        for strain in ("small", "finite")
+    )
+    assert finite["strain"] == "finite"
+    np.testing.assert_allclose(finite["approach_mm"], small["approach_mm"], rtol=0.06)  # its rim is rounded
+    assert finite["approach_mm"] != small["approach_mm"]
+
+
+def test_a_force_beyond_the_model_is_one_sentence(run_tsis: RunTsis) -> None:
+    finished = run_tsis("simulate", "--force-n", "9")
+    assert finished.code != 0
+    assert "choose a force of at most" in " ".join(finished.err.split())
+    assert "Traceback" not in finished.err

@@ -3,18 +3,26 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from enum import StrEnum
 from typing import Annotated
 
 import typer
 from rich.table import Table
 
-from tsis.cli.console_output import people, print_json, print_notice
+from tsis.cli.console_output import people, print_json, print_notice, waiting
 from tsis.cli.targets import AsJson, DepthMm, DiameterMm, ForceN, PhantomName, ProbeName, YoungKpa, chosen_phantom
 from tsis.mechanics import press
 from tsis.model import list_phantoms, list_probes, load_phantom, load_probe
 from tsis.report.document import envelope
 
 SHOWN_RADII = 13
+
+
+class Strain(StrEnum):
+    """Which model presses."""
+
+    SMALL = "small"
+    FINITE = "finite"
 
 
 def simulate(
@@ -25,6 +33,9 @@ def simulate(
     diameter_mm: DiameterMm = None,
     depth_mm: DepthMm = None,
     young_kpa: YoungKpa = None,
+    strain: Annotated[
+        Strain, typer.Option(help="small: linear, milliseconds; finite: large deformations and sliding, seconds.")
+    ] = Strain.SMALL,
     show_catalog: Annotated[bool, typer.Option("--list", help="List the catalog's probes and phantoms.")] = False,
     as_json: AsJson = False,
 ) -> None:
@@ -34,8 +45,9 @@ def simulate(
         return
     pressed = chosen_phantom(phantom, diameter_mm, depth_mm, young_kpa)
     chosen = load_probe(probe)
-    field = press(chosen, pressed, force_n=force_n)
-    plain = press(chosen, pressed.without_inclusion(), force_n=force_n)
+    with waiting(f"pressing at {strain} strain"):
+        field = press(chosen, pressed, force_n=force_n, strain=strain)
+        plain = press(chosen, pressed.without_inclusion(), force_n=force_n, strain=strain)
     change = field.face_displacement_mm - plain.face_displacement_mm
     if as_json:
         print_json(
@@ -44,6 +56,7 @@ def simulate(
                 probe=asdict(chosen),
                 phantom=asdict(pressed),
                 force_n=force_n,
+                strain=strain,
                 approach_mm=field.approach_mm,
                 radius_mm=field.radius_mm,
                 pressure_kpa=field.pressure_kpa,
