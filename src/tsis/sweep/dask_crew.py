@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import re
 import time
-from concurrent.futures import CancelledError
+from concurrent.futures import CancelledError, ThreadPoolExecutor
 from contextlib import suppress
 from itertools import count
 from typing import TYPE_CHECKING, Any
@@ -102,6 +103,8 @@ class DaskCrew:
         for logger in self._loggers:  # they would print tracebacks of connections that the sweep deals with
             logger.setLevel(logging.CRITICAL)
         try:
+            with ThreadPoolExecutor(1) as thread:  # a notebook's own thread runs a loop already
+                thread.submit(asyncio.run, self._greet()).result()
             self._client: Any = self._distributed.Client(self._address, timeout=CONNECT_S, set_as_default=False)
         except Exception as error:  # another program may answer there with anything, and TLS wants to be configured
             self._restore_loggers()
@@ -123,6 +126,12 @@ class DaskCrew:
         with suppress(Exception):  # a cluster that has gone cannot be said goodbye to
             self._client.close(timeout=CONNECT_S)
         self._restore_loggers()
+
+    async def _greet(self) -> None:
+        """Connect once and hang up: a client that meets something else leaves threads and complaints behind."""
+        security = self._distributed.Security().get_connection_args("client")
+        connection = await self._distributed.comm.connect(self._address, timeout=CONNECT_S, **security)
+        await connection.close()
 
     def _restore_loggers(self) -> None:
         for logger, level in self._loggers.items():
