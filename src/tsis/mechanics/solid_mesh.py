@@ -101,7 +101,7 @@ def _ellipsoid(occ: Any, inclusion: Inclusion, symmetry: Symmetry) -> Any:
     if half_x == half_y == half_z:
         return occ.Sphere(centre, half_z)
     along = occ.Vec(np.cos(symmetry.angle), -np.sin(symmetry.angle), 0)  # the phantom's x axis in the turned frame
-    return occ.Ellipsoid(occ.Axes(centre, n=occ.Z, h=along), half_x, half_y, half_z)
+    return occ.Ellipsoid(occ.Axes(centre, n=occ.Z, h=along), half_z, half_x, half_y)  # along n, along h, across both
 
 
 def _layers(occ: Any, probe: Probe) -> list[Any]:
@@ -149,8 +149,14 @@ def _name_faces(part: Any, probe: Probe, phantom: Phantom, resolution: SolidReso
             face.name = "mirror_y"
         elif "x" in symmetry.mirrors and flat(face, 0, 0.0):
             face.name = "mirror_x"
-        elif face.bounding_box[0][2] > -close and reach(face) > 0.99 * radius:
+        elif _is_side(face, close) and reach(face) > 0.99 * radius:
             face.name = "side"
     for edge in part.edges:
         if flat(edge, 2, 0.0) and 0.99 * radius < reach(edge) < 1.01 * radius and abs(edge.center[1]) > close:
             edge.maxh = resolution.rim * radius
+
+
+def _is_side(face: Any, close: float) -> bool:
+    """Whether a face stands upright beside a layer of the probe, and does not lie between two."""
+    low, high = face.bounding_box
+    return bool(low[2] > -close and high[2] - low[2] > close)
