@@ -24,9 +24,9 @@ COARSE = Resolution(order=3, edge=0.1, growth=2.5, largest=0.4, below_cells=2, r
 Part = tuple[mesh.LayeredMesh, "NDArray[np.int64]", "NDArray[np.float64]", "NDArray[np.float64]"]
 
 
-def one_large_solve(parts: list[Part], faces: int) -> NDArray[np.float64]:
-    """Displacements of the first ``faces`` numbers by unit forces on them: every element into one sparse matrix."""
-    rows, columns, values = [], [], []
+def element_matrices(parts: list[Part]) -> list[tuple[NDArray[np.int64], NDArray[np.float64]]]:
+    """Numbers and stiffness of every element, without what is fixed."""
+    found = []
     for body, dofs, young, poisson in parts:
         count = (body.order + 1) ** 2
         for index in range(body.layers):
@@ -35,19 +35,28 @@ def one_large_solve(parts: list[Part], faces: int) -> NDArray[np.float64]:
             for place, element in enumerate(nodes):
                 matrix = stiffness(element[None], body.order, young[index : index + 1], poisson[index : index + 1])[0]
                 free = np.flatnonzero(numbers[place] != FIXED)
-                row, column = np.meshgrid(numbers[place][free], numbers[place][free], indexing="ij")
-                rows.append(row.ravel())
-                columns.append(column.ravel())
-                values.append(matrix[np.ix_(free, free)].ravel())
-    row, column = np.concatenate(rows), np.concatenate(columns)
+                found.append((numbers[place][free], matrix[np.ix_(free, free)]))
+    return found
+
+
+def one_large_solve(parts: list[Part], faces: int) -> NDArray[np.float64]:
+    """Displacements of the first ``faces`` numbers by unit forces on them: every element into one sparse matrix."""
+    used, moved = all_displacements(parts, np.eye(faces))
+    return moved[np.searchsorted(used, np.arange(faces))]
+
+
+def all_displacements(parts: list[Part], forces: NDArray[np.float64]) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """All numbers, and their displacements by ``forces`` (faces, cases) on the first ones."""
+    elements = element_matrices(parts)
+    grids = [np.meshgrid(numbers, numbers, indexing="ij") for numbers, _ in elements]
+    row, column = (np.concatenate([grid[axis].ravel() for grid in grids]) for axis in (0, 1))
     used = np.union1d(row, [])
     size = len(used)
-    whole = sparse.csc_matrix(
-        (np.concatenate(values), (np.searchsorted(used, row), np.searchsorted(used, column))), shape=(size, size)
-    )
-    forces = np.zeros((size, faces))
-    forces[np.arange(faces), np.arange(faces)] = 1.0
-    return np.asarray(splu(whole).solve(forces)[:faces], dtype=float)
+    values = np.concatenate([matrix.ravel() for _, matrix in elements])
+    whole = sparse.csc_matrix((values, (np.searchsorted(used, row), np.searchsorted(used, column))), shape=(size, size))
+    load = np.zeros((size, forces.shape[1]))
+    load[: len(forces)] = forces
+    return used, np.asarray(splu(whole).solve(load), dtype=float)
 
 
 @pytest.fixture
@@ -126,6 +135,24 @@ def test_plain_slab_agrees_with_an_inclusion_of_no_contrast() -> None:
     alike = body.with_inclusion(BALL, poisson=0.49).plain_compliance
     stiffness_of = [np.linalg.inv(compliance).sum() for compliance in (body.compliance, alike)]
     assert stiffness_of[0] == pytest.approx(stiffness_of[1], rel=2e-4)
+
+
+def test_the_work_of_the_force_is_the_strain_energy_of_every_element(swept: list[Part]) -> None:
+    """F delta / 2 against the energies of all elements of probe and slab, displaced by the contact's forces."""
+    layers = (Layer(thickness_mm=2.0, young_kpa=140.0), Layer(thickness_mm=5.0, young_kpa=34.0))
+    both = bodies.probe_compliance(Probe(radius_mm=12.0, layers=layers), FACE, COARSE)
+    body = plain_slab().with_inclusion(BALL, poisson=0.49)
+    both = both + body.compliance(20.0)
+    force = np.linalg.solve(both, np.ones(len(both)))
+    travel, force = 1000.0 / force.sum(), force * 1000.0 / force.sum()
+    swept[-1] = (*swept[-1][:2], 20.0 * swept[-1][2], swept[-1][3])
+    energy = 0.0
+    for parts in (swept[:1], swept[1:]):
+        used, moved = all_displacements(parts, force[:, None])
+        for numbers, matrix in element_matrices(parts):
+            part = moved[np.searchsorted(used, numbers), 0]
+            energy += 0.5 * float(part @ matrix @ part)
+    assert energy == pytest.approx(0.5 * 1000.0 * travel, rel=1e-8)
 
 
 def test_adding_joins_shared_numbers_only() -> None:
