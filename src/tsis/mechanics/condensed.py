@@ -13,7 +13,8 @@ from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import cholesky, solve_triangular
+from scipy.linalg.blas import dtrsm
+from scipy.linalg.lapack import dpotrf
 
 from tsis.mechanics.element import stiffness
 from tsis.mechanics.mesh import layer_of
@@ -58,8 +59,11 @@ class Condensate:
 
 def _eliminate(matrix: NDArray[np.float64], first: int) -> NDArray[np.float64]:
     """Schur complement that is left when the ``first`` degrees of freedom are eliminated."""
-    factor = cholesky(matrix[:first, :first], lower=True, check_finite=False)
-    root = solve_triangular(factor, matrix[:first, first:], lower=True, check_finite=False)
+    # LAPACK and BLAS themselves: for matrices this small, what is wrapped around them costs as much as they do.
+    factor, failed = dpotrf(matrix[:first, :first], lower=1, clean=0)
+    if failed:
+        raise np.linalg.LinAlgError("a body's stiffness must be positive definite; it is not")
+    root = dtrsm(1.0, factor, matrix[:first, first:], lower=1)
     return np.asarray(matrix[first:, first:] - root.T @ root)
 
 
