@@ -121,7 +121,8 @@ def test_an_ellipsoid_is_felt_along_its_long_axis() -> None:
     middle, five = len(found.x_mm) // 2, int(np.searchsorted(found.x_mm, 5.0))
     assert change[middle, five] > 1.1 * change[five, middle]
     turned = signal(along_y, resolution=COARSE).T
-    np.testing.assert_allclose(turned, change, atol=0.02 * np.abs(change).max())  # another mesh
+    inner = radii(found) < 0.95 * 12.0
+    assert np.abs(turned - change)[inner].max() < 0.02 * np.abs(change).max()  # another mesh
 
 
 def test_a_spheroid_is_that_of_the_axisymmetric_press() -> None:
@@ -162,7 +163,7 @@ def test_housed_sides_agree_with_the_axisymmetric_press() -> None:
     housed = replace(PROBE, sides="bonded")
     expected = press(housed, replace(PLAIN, inclusion=LARGE), force_n=1.0)
     bare = press(housed, PLAIN, force_n=1.0)
-    found = solid(LARGE, probe=housed, resolution=COARSE)
+    found = solid(LARGE, probe=housed)
     reference = expected.face_displacement_mm[0] - bare.face_displacement_mm[0]
     middle = len(found.x_mm) // 2
     assert found.face_displacement_mm[middle, middle] - bare.face_displacement_mm[0] == pytest.approx(
