@@ -1,7 +1,7 @@
 """Domed contact at small strain against another code; how the values were made is in benchmarks/domed_second_code.py.
 
 That code's own two meshes differ by 0.15 % of the largest value in the plain displacement (at the rim), 0.02 % in what
-inclusions change about it, 0.02 % in pressures, and by 0.3 and 0.9 % in pressures where the contact ends inside the face.
+inclusions change about it, 0.02 % in pressures, and by 0.3 and 0.9 % in pressures where the contact ends on the face.
 """
 
 from __future__ import annotations
@@ -10,7 +10,6 @@ import json
 from typing import Any
 
 import pytest
-
 from benchmarks.domed_second_code import FORCES_N, SPHERES, STORED, deviations, kernel
 
 STORED_CASES: list[dict[str, Any]] = json.loads(STORED.read_text(encoding="utf-8"))["small_strain"]["cases"]
