@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tsis.mechanics.rounded_probe import RoundedProbe
     from tsis.model import Phantom, Probe
 
-SLIDING_MM = 1.2  # width of the fine strip of skin inside the rim, which large loads drag around it
+SLIDING_MM = 2.0  # width of the fine strip of skin inside the rim, which large loads drag around it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
 FACE_POINTS = 241
 SPRING = 1e7  # mN/mm, pulls the bodies together for the first touch
-STIFFNESS = 400.0  # of the contact's springs, kPa/mm for each kPa of the tissue's modulus
+STIFFNESS = 400.0  # of the contact's springs, kPa/mm for each kPa of the softer one of tissue and skin of the probe
 STEERING = 20.0  # the same for what steers Newton's method
 TOUCH = 0.02  # travel of the first touch as a share of the slab's or the probe's thickness, the smaller
 LARGEST_STRETCH = 3.0
@@ -92,13 +92,14 @@ class ProbeOnSlab:
         body = ElasticBody(solid, number(solid, shared, 1))
         curve = SmoothFace(meshed.arc_mm, resolution.order, self.shape.points)
         self.face = SoftFace(curve, meshed.face)
+        softer = min(phantom.young_kpa, probe.layers[0].young_kpa)
         self.contact = SlidingContact(
             solid.nodes,
             slab.skin + self._probe_nodes,
             resolution.order,
             self.face,
-            STIFFNESS * phantom.young_kpa,
-            STEERING * phantom.young_kpa,
+            STIFFNESS * softer,
+            STEERING * softer,
         )
         self.potential = Potential(body, [self.contact], 0)
         self._touch_mm = TOUCH * min(probe.thickness_mm, phantom.thickness_mm)

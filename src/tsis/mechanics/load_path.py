@@ -163,7 +163,7 @@ def walk(
             exact = DECREMENT if next_force == target else ROUGH
             found = settle(potential, *start, Load(force_mn=next_force), decrement=exact)
             if found is None:
-                step = (next_force - force) / 2
+                step, before = (next_force - force) / 2, None
                 if step < SMALLEST_STEP * next_force:
                     raise MechanicsError(_last(f"the press does not converge at {next_force / MN_PER_N:.3g} N", force))
                 continue
@@ -171,7 +171,7 @@ def walk(
             if why is not None:
                 raise MechanicsError(_last(f"{why} at {next_force / MN_PER_N:.3g} N", force))
             step = (next_force - force) * (GROWTH if found.rounds <= EASY_ROUNDS else 1.0)
-            before = state if before is not None or state is not first else None
+            before = state if state is not first else None
             state, force = found, next_force
         yield state
 
@@ -197,4 +197,6 @@ def _ahead(
 
 
 def _last(problem: str, force_mn: float) -> str:
-    return f"{problem}; the last load that converged is {force_mn / MN_PER_N:.3g} N: ask for at most that"
+    digits = 10.0 ** (2 - np.floor(np.log10(force_mn)))
+    valid = np.floor(force_mn * digits) / digits / MN_PER_N  # rounded down: asking for it must succeed
+    return f"{problem}; the last load that converged is {valid:.3g} N: ask for at most that"

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 EDGE_ROUNDS = 8
 
-EXTRA = 2  # points on an edge beyond the element's order
+EXTRA = 4  # points on an edge beyond the element's order
 SAMPLES = 13  # on an edge, between which the pressure's sign is followed
 
 

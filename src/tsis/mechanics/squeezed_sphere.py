@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 FACE_POINTS = 241
 SPRING = 1e7  # mN/mm, pulls the bodies together for the first touch
-STIFFNESS = 400.0  # of the contact's springs, kPa/mm for each kPa of the sphere's modulus
+STIFFNESS = 400.0  # of the contact's springs, kPa/mm for each kPa of the softer one of sphere and skin of the probe
 STEERING = 20.0  # the same for what steers Newton's method
 TOUCH = 0.02  # travel of the first touch as a share of the sphere's radius
 WIDEST = 0.6  # radius of the sphere as a share of the face's: what spreads stays on the face
@@ -183,7 +183,8 @@ class SphereOnProbe:
         self._first, self._plate, self._radius = len(meshed.solid.nodes), plate, radius_mm
         curve = SmoothFace(meshed.arc_mm, order, self.shape.points)
         self.face = SoftFace(curve, meshed.face)
-        stiffness = (STIFFNESS * young_kpa, STEERING * young_kpa)
+        softer = min(young_kpa, probe.layers[0].young_kpa)
+        stiffness = (STIFFNESS * softer, STEERING * softer)
         reach = (2 * len(surface) // 3) // order * order + 1  # each contact may climb past the equator
         nodes = solid.nodes
         self.contact = SlidingContact(nodes, surface[:reach] + self._first, order, self.face, *stiffness)
