@@ -1,4 +1,8 @@
-"""Newton's method with an energy line search, and the steps of the load along which it is repeated."""
+"""Newton's method, and the steps of the load along which it is repeated.
+
+Pressures, of the contacts and of nearly incompressible matter, are unknowns beside the displacements: a large step then
+spoils neither the tangent nor what is closed. A step is shortened when it would turn an element over.
+"""
 
 from __future__ import annotations
 
@@ -40,6 +44,8 @@ class State:
     ----------
     unknowns
         All unknowns, mm.
+    pressures
+        Volumetric stress of the elements and pressures of the contacts, kPa.
     load
         What holds it.
     model
@@ -63,7 +69,7 @@ def settle(
     *,
     decrement: float = DECREMENT,
 ) -> State | None:
-    """Newton's method from ``start``; None when it does not converge."""
+    """Newton's method from ``start``; None when it does not converge, or to no minimum of the energy."""
     unknowns, slopes = start, [np.inf]
     if not np.isfinite(potential.stored(unknowns)):
         return None
@@ -83,7 +89,8 @@ def settle(
         pressures = tuple(old + share * (new - old) for old, new in zip(pressures, reached, strict=True))
         unknowns = unknowns + share * step
         if slope < decrement * max(abs(potential.energy(unknowns, load)), 1e-9) and share == 1.0:
-            return State(unknowns=unknowns, pressures=pressures, load=load, model=model, rounds=count)
+            found = State(unknowns=unknowns, pressures=pressures, load=load, model=model, rounds=count)
+            return found if model.stable else None
     return None
 
 

@@ -68,6 +68,11 @@ class Quadratic:
             *(-stiffness * (found.slope @ moved[touching]) for stiffness, touching, found in self.contacts),
         )
 
+    @property
+    def stable(self) -> bool:
+        """Whether the energy has a minimum there and no saddle: all pivots are positive."""
+        return bool(self.factors.U.diagonal().min() > 0)
+
     def step(self) -> NDArray[np.float64]:
         """Newton's step of all unknowns."""
         return self._complete(self._solve(-self.gradient), self.elements.rest)
@@ -131,17 +136,6 @@ class Potential:
     def positions(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
         """Positions of all nodes, mm."""
         return np.asarray(self.body.solid.nodes + self.displacements(unknowns))
-
-    def merit(self, unknowns: NDArray[np.float64], pressures: Pressures, load: Load) -> float:
-        """What a line search lowers: the energy, with the contacts held by their ``pressures``, mN mm."""
-        strain = self.body.energy(self.displacements(unknowns))
-        if not np.isfinite(strain):
-            return strain
-        positions = self.positions(unknowns)
-        held = sum(
-            contact.merit(positions, pressure) for contact, pressure in zip(self.contacts, pressures[1:], strict=True)
-        )
-        return strain + held + load.energy(float(unknowns[self.travel]))
 
     def upright(self, unknowns: NDArray[np.float64]) -> bool:
         """Whether no element is turned over."""

@@ -299,14 +299,6 @@ class SlidingContact:
             slope=gaps.slope,
         )
 
-    def merit(self, positions: NDArray[np.float64], pressure: NDArray[np.float64]) -> float:
-        """Augmented energy in mN mm that a line search may lower while ``pressure`` stays as it is."""
-        gap = self._gaps(positions)
-        expected = (pressure - self.steering * (gap + pressure / self.stiffness)).reshape(self._edges, -1)
-        element, place, area = self._closed_points(-expected, self.count)
-        values, _ = lagrange(self.gauss, place)
-        return float((area * (values * expected[element]).sum(axis=1) ** 2).sum() / (2 * self.steering))
-
     def pressed(self, positions: NDArray[np.float64]) -> list[Pressed]:
         """The closed parts of the surface, from its first node to its last."""
         own, here = positions[self.obstacle.nodes], self._shapes @ positions[self.surface]
