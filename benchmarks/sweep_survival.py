@@ -1,6 +1,6 @@
 """Kill the workers of a sweep every two seconds, then its whole cluster twenty times, and compare the bytes.
 
-    python -m benchmarks.sweep_survival [--presses 20000] [--workers 2] [--kills 20]
+    python -m benchmarks.sweep_survival [--presses 20000] [--workers 2] [--kills 20] [--plain]
 
 Three data sets of one plan: undisturbed on this machine; on this machine with one worker killed every two seconds; on a
 Dask cluster whose scheduler, workers and driver are all killed at once, started again and resumed. Linux only: worker
@@ -26,10 +26,14 @@ PATIENCE_S = 1800.0
 TSIS = (sys.executable, "-c", "from tsis.cli import main; main()", "sweep", "run")
 
 
-def write_plan(path: Path, presses: int) -> None:
-    """One slab and deep inclusions, which are the quickest presses."""
-    text = EXAMPLE.replace("count = 1024", f"count = {presses}").replace("batch = 64", "batch = 50")
+def write_plan(path: Path, presses: int, *, plain: bool) -> None:
+    """One slab with deep inclusions, or without any, whose presses are ten times quicker."""
+    text = EXAMPLE.replace("count = 1024", f"count = {presses}").replace("batch = 64", "batch = 25")
     text = text.replace("depth_mm = [6.0, 16.0]", "depth_mm = [14.0, 24.0]")
+    if plain:
+        inclusion = ("diameter_mm", "depth_mm", "young_kpa", "logarithmic")
+        text = "".join(line for line in text.splitlines(keepends=True) if not line.startswith(inclusion))
+        text = text.replace("tissue_young_kpa = 5.0", "tissue_young_kpa = [3.0, 10.0]")
     path.write_text(text)
 
 
@@ -108,11 +112,12 @@ def main() -> int:
     parser.add_argument("--presses", type=int, default=20_000)
     parser.add_argument("--workers", type=int, default=2)
     parser.add_argument("--kills", type=int, default=20)
+    parser.add_argument("--plain", action="store_true", help="press tissue without inclusions, which is quicker")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as place:
         root = Path(place)
         plan = root / "plan.toml"
-        write_plan(plan, options.presses)
+        write_plan(plan, options.presses, plain=options.plain)
         started = time.monotonic()
         finish(start(plan, root / "undisturbed", "--workers", str(options.workers)))
         hashes = [hash_of(root / "undisturbed")]

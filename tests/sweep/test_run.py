@@ -141,8 +141,10 @@ def test_two_sweeps_do_not_share_a_folder(tmp_path: Path) -> None:
 
 
 def test_a_batch_that_kills_every_worker_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tsis.sweep.run.MOST_DEATHS", 2)
-    with pytest.raises(SweepError, match=r"2 workers died of part-000000\.parquet, phantoms 0 to 9"):
+    monkeypatch.setattr("tsis.sweep.run.MOST_LOST", 1)
+    with pytest.raises(
+        SweepError, match=r"3 batches in a row lost their worker, the last one that of part-00000\d\.par"
+    ):
         run_sweep(small_plan(), tmp_path / "data", workers=1, press=deadly)
 
 

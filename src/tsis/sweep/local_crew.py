@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 from collections import deque
+from contextlib import suppress
 from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING
 
@@ -45,11 +46,12 @@ class LocalCrew:
         self._todo: SimpleQueue[Batch | None] = SimpleQueue()
         self._answers: SimpleQueue[Answer] = SimpleQueue()
         self._stopping = False
-        self._lock = threading.Lock()
-        self._processes: dict[int, subprocess.Popen[bytes]] = {}
-        self._threads = [
-            threading.Thread(target=self._look_after, args=(place,), daemon=True) for place in range(count)
-        ]
+        self._lock = threading.RLock()
+        self._processes: set[subprocess.Popen[bytes]] = set()
+        # Once a worker has died, another is kept ready: workers that die sooner than they start would finish nothing.
+        self._has_lost = False
+        self._spare: subprocess.Popen[bytes] | None = None
+        self._threads = [threading.Thread(target=self._look_after, daemon=True) for _ in range(count)]
 
     def submit(self, batch: Batch) -> None:
         """Hand over a batch."""
@@ -69,14 +71,16 @@ class LocalCrew:
     ) -> None:
         with self._lock:
             self._stopping = True
-            for process in self._processes.values():
+            for process in self._processes:
                 process.kill()  # a file is whole or absent, so nothing has to be finished
         for _ in self._threads:
             self._todo.put(None)
         for thread in self._threads:
             thread.join()
+        for process in tuple(self._processes):
+            self._end(process)
 
-    def _look_after(self, place: int) -> None:
+    def _look_after(self) -> None:
         """Keep one process busy, and replace it when it dies."""
         process: subprocess.Popen[bytes] | None = None
         given: deque[Batch] = deque()  # what the process has; it works on the first
@@ -85,7 +89,7 @@ class LocalCrew:
             try:
                 if batch is not None:
                     given.append(batch)
-                    process = process or self._started(place)
+                    process = process or self._started()
                     _hand_over(process, batch)
                     if len(given) < HELD:
                         continue
@@ -94,12 +98,12 @@ class LocalCrew:
                     given.popleft()
                     self._answers.put(answer)
             except Exception:  # whatever half an answer looks like, its worker is gone
-                _end(process)
-                process = None
+                self._end(process)
+                process, self._has_lost = None, True
                 for lost in given:
                     self._answers.put(Lost(batch=lost))
                 given.clear()
-        _end(process)
+        self._end(process)
 
     def _next(self, *, wait: bool) -> Batch | None:
         try:
@@ -107,22 +111,45 @@ class LocalCrew:
         except Empty:
             return None
 
-    def _started(self, place: int) -> subprocess.Popen[bytes]:
+    def _started(self) -> subprocess.Popen[bytes]:
+        """A process that knows the job: the spare one, or a new one."""
         with self._lock:
             if self._stopping:
                 raise EOFError
-            process = subprocess.Popen(
-                COMMAND,
-                stdin=subprocess.PIPE,
-                stdout=subprocess.PIPE,
-                env=os.environ | ONE_THREAD,
-                # Ctrl-C on the terminal is for the sweep, which then ends its workers.
-                process_group=0 if os.name == "posix" else None,
-            )
-            self._processes[place] = process
+            spare, self._spare = self._spare, None
+            if spare is not None and spare.poll() is not None:  # spare ones die, too
+                self._end(spare)
+                spare = None
+            process = spare or self._launched()
+            if self._has_lost:
+                self._spare = self._launched()
         assert process.stdin is not None
         process.stdin.write(self._job)
         return process
+
+    def _launched(self) -> subprocess.Popen[bytes]:
+        process = subprocess.Popen(
+            COMMAND,
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            env=os.environ | ONE_THREAD,
+            # Ctrl-C on the terminal is for the sweep, which then ends its workers.
+            process_group=0 if os.name == "posix" else None,
+        )
+        self._processes.add(process)
+        return process
+
+    def _end(self, process: subprocess.Popen[bytes] | None) -> None:
+        if process is None:
+            return
+        process.kill()
+        process.wait()
+        for stream in (process.stdin, process.stdout):
+            if stream is not None:
+                with suppress(OSError):  # what was not sent has no reader any more
+                    stream.close()
+        with self._lock:
+            self._processes.discard(process)
 
 
 def _hand_over(process: subprocess.Popen[bytes], batch: Batch) -> None:
@@ -135,16 +162,3 @@ def _answer_of(process: subprocess.Popen[bytes]) -> Answer:
     assert process.stdout is not None
     answer: Answer = pickle.load(process.stdout)
     return answer
-
-
-def _end(process: subprocess.Popen[bytes] | None) -> None:
-    if process is None:
-        return
-    process.kill()
-    process.wait()
-    for stream in (process.stdin, process.stdout):
-        if stream is not None:
-            try:
-                stream.close()
-            except OSError:  # what was not sent has no reader any more
-                continue

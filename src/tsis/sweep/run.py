@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections import Counter
+from collections import Counter, deque
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -19,21 +19,20 @@ from tsis.sweep.manifest import data_set_key, head, write_manifest
 from tsis.sweep.plan import TISSUE
 from tsis.sweep.presses import press_all
 from tsis.sweep.quantity import extremes
-from tsis.sweep.samples import batches
+from tsis.sweep.samples import Batch, batches
 from tsis.sweep.shards import Receipt, shard_name
 from tsis.sweep.work import Failed, Job, Lost
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
     from tsis.sweep.crew import Crew
     from tsis.sweep.plan import Plan
     from tsis.sweep.presses import Press
-    from tsis.sweep.samples import Batch
 
 MOST_WORKERS = 1024
-# A batch that ends its worker this often ends every worker: memory, or a fault in a library.
-MOST_DEATHS = 20
+# So many times its window may a crew lose batches in a row: then no worker lives long enough to finish one.
+MOST_LOST = 10
 TRIED, TRIED_S = 8, 3.0
 
 
@@ -181,32 +180,39 @@ def _finish_all(
     plan: Plan, crew: Crew, progress: Callable[[int, int], None]
 ) -> tuple[dict[int, tuple[Receipt, str]], int]:
     """Keep the crew busy until every file is there; receipts and states by file, and how many batches were lost."""
-    left = batches(plan)
+    left, again = batches(plan), deque[Batch]()
     done: dict[int, tuple[Receipt, str]] = {}
-    deaths: Counter[int] = Counter()
-    handed_over = 0
+    under_way = lost = in_a_row = 0
     progress(0, plan.shards)
     while len(done) < plan.shards:
-        while handed_over - len(done) < crew.window and (batch := next(left, None)) is not None:
+        while under_way < crew.window and (batch := _next(left, again, crew.window)) is not None:
             crew.submit(batch)
-            handed_over += 1
+            under_way += 1
         answer = crew.collect()
+        under_way -= 1
         if isinstance(answer, Lost):
-            _count_death(deaths, answer.batch)
-            crew.submit(answer.batch)
+            again.append(answer.batch)
+            lost, in_a_row = lost + 1, in_a_row + 1
+            if in_a_row >= MOST_LOST * crew.window:
+                raise SweepError(_hopeless(in_a_row, answer.batch))
         elif isinstance(answer, Failed):
             raise SweepError(f"{answer.reason} (the files that are done are kept)")
         else:
             done[answer.receipt.shard] = (answer.receipt, answer.state)
+            in_a_row = 0
             progress(len(done), plan.shards)
-    return done, deaths.total()
+    return done, lost
 
 
-def _count_death(deaths: Counter[int], batch: Batch) -> None:
-    deaths[batch.shard] += 1
-    if deaths[batch.shard] >= MOST_DEATHS:
-        raise SweepError(
-            f"{MOST_DEATHS} workers died of {shard_name(batch.shard)}, phantoms {batch.first} to "
-            f"{batch.first + batch.samples - 1}; try a smaller batch or fewer workers, memory may be short "
-            "(the files that are done are kept)"
-        )
+def _next(left: Iterator[Batch], again: deque[Batch], most: int) -> Batch | None:
+    """The next batch; one that lost its worker waits for the others, because it may end every worker that it meets."""
+    batch = None if len(again) > most else next(left, None)
+    return again.popleft() if batch is None and again else batch
+
+
+def _hopeless(lost: int, batch: Batch) -> str:
+    return (
+        f"{lost} batches in a row lost their worker, the last one that of {shard_name(batch.shard)}, phantoms "
+        f"{batch.first} to {batch.first + batch.samples - 1}; try a smaller batch, or fewer workers if memory is short "
+        "(the files that are done are kept)"
+    )
