@@ -232,18 +232,18 @@ def test_a_missing_library_is_named_with_its_extra(tmp_path: Path, monkeypatch: 
 def test_a_killed_sweep_is_resumed_with_real_presses(tmp_path: Path) -> None:
     code = (
         "import sys; from pathlib import Path; from tests.sweep.conftest import small_plan; "
-        "from tsis.sweep import run_sweep; run_sweep(small_plan(count=24, batch=4), Path(sys.argv[1]), workers=2)"
+        "from tsis.sweep import run_sweep; run_sweep(small_plan(count=40, batch=2), Path(sys.argv[1]), workers=2)"
     )
     disturbed, peaceful = tmp_path / "disturbed", tmp_path / "peaceful"
     sweep = subprocess.Popen([sys.executable, "-c", code, str(disturbed)], cwd=Path(__file__).parents[2])
     until = time.monotonic() + 60
     while not list(disturbed.glob("part-*")) and time.monotonic() < until:
-        time.sleep(0.02)
+        time.sleep(0.005)
     sweep.send_signal(signal.SIGKILL)
     sweep.wait()
     assert not json.loads((disturbed / "manifest.json").read_text())["complete"]
-    done = run_sweep(small_plan(count=24, batch=4), disturbed, workers=1)
+    done = run_sweep(small_plan(count=40, batch=2), disturbed, workers=1)
     assert done.kept >= 1
-    run_sweep(small_plan(count=24, batch=4), peaceful, workers=2)
+    run_sweep(small_plan(count=40, batch=2), peaceful, workers=2)
     assert content(disturbed) == content(peaceful)
     assert read(peaceful)["pressure_kpa"].min() > 0
