@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
     from tsis.mechanics.potential import Pressures
 
-DECREMENT = 1e-12  # of the stored energy: what Newton's last step may still gain
+DECREMENT = 1e-9  # of the stored energy: what Newton's last step may still gain
 ROUNDS = 25
 TOUCHES = 12
 PATIENCE = 5  # Newton steps in which at least one has to be better than all before
 SMALLEST_SHARE = 1 / 64
-TOUCHING = 1e-2  # the same at the first touch
+TOUCHING = 1e-1  # the same at the first touch
 ROUGH = 1e-6  # the same between the loads that were asked for
 SMALLEST_STEP = 1e-3  # of the force it would lead to
 FIRST_STEP = 0.35  # of the largest force
