@@ -14,7 +14,7 @@ import os
 import platform
 import shutil
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from importlib import metadata
 from typing import TYPE_CHECKING
@@ -26,9 +26,13 @@ from threadpoolctl import threadpool_limits
 
 import tsis
 from tsis import Inclusion, Phantom
-from tsis.mechanics import Resolution, build_surrogate, mesh, press
+from tsis.mechanics import Resolution, build_surrogate, mesh, press, press_solid
 from tsis.mechanics.element import stiffness
+from tsis.mechanics.finite_bodies import FiniteResolution
+from tsis.mechanics.finite_press import ProbeOnSlab
+from tsis.mechanics.finite_strain import press_pairs
 from tsis.mechanics.small_strain import PressKernel
+from tsis.mechanics.squeezed_sphere import squeeze_path
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -38,7 +42,8 @@ if TYPE_CHECKING:
     from tsis.mechanics.face_contact import Touch
 
 PROBE, DOMED = tsis.load_probe("tsis-2011"), tsis.load_probe("tsis-domed")
-LUMP = Phantom(young_kpa=5.0, thickness_mm=30.0, inclusion=Inclusion(diameter_mm=10.0, depth_mm=5.0, young_kpa=100.0))
+SPHERE = Inclusion(diameter_mm=10.0, depth_mm=5.0, young_kpa=100.0)
+LUMP = Phantom(young_kpa=5.0, thickness_mm=30.0, inclusion=SPHERE)
 PLAIN = LUMP.without_inclusion()
 FAST = Resolution(order=3, edge=0.1, growth=3.0, largest=0.5, below_cells=1, ray_layers=4, ray_ratio=9.0)
 FINE = Resolution(order=6, edge=0.006, growth=1.9, largest=0.17, below_cells=4, ray_layers=6)
@@ -168,6 +173,55 @@ def touched(kernel: PressKernel, both: NDArray[np.float64], force_mn: float) -> 
     return kernel.contact.touch(both, force_mn, kernel.split(both, 5.0))
 
 
+def finite_strain() -> Iterator[Row]:
+    """Large deformations: a path to 0.75 N, and a soft sphere between plate and probe."""
+    coarse, fine = (pair_change(order) for order in (4, 6))
+    inner = np.linspace(0.0, PROBE.radius_mm, len(fine)) < 11.0
+    off = np.abs(coarse - fine)[inner].max() / np.abs(fine[inner]).max()
+    yield Row(
+        task="path to 0.75 N with an inclusion, finite strain",
+        program="tsis",
+        seconds=least(lambda: ProbeOnSlab(PROBE, LUMP, FiniteResolution()).path((0.75,)), 3),
+        outcome=f"the change differs by {off:.2%} from that of a mesh of order 6",
+    )
+    squeezed = partial(squeeze_path, PROBE, sphere_radius_mm=3.0, young_kpa=103.0)
+    forces = (0.1, 0.3, 0.7, 1.2)
+    yield Row(
+        task="soft sphere between plate and probe, path to 1.2 N",
+        program="tsis",
+        seconds=least(lambda: squeezed(forces_n=forces), 1),
+        outcome=f"{squeezed(forces_n=forces)[-1].approach_mm:.2f} mm of travel",
+    )
+
+
+def pair_change(order: int) -> NDArray[np.float64]:
+    """What the inclusion changes at 0.75 N, paired on one mesh of elements of ``order``."""
+    ((with_it, without),) = press_pairs(PROBE, LUMP, forces_n=(0.75,), resolution=FiniteResolution(order=order))
+    return with_it.face_displacement_mm - without.face_displacement_mm
+
+
+def three_dimensions() -> Iterator[Row]:
+    """The solid model on the axis, where the axisymmetric one knows the answer, and beside it."""
+    if not has("ngsolve"):
+        return
+    alike, plain = press(PROBE, LUMP, force_n=1.0), press(PROBE, PLAIN, force_n=1.0)
+    beside = replace(LUMP, inclusion=replace(SPHERE, offset_mm=(3.0, 0.0)))
+    for label, phantom in (("on the axis", LUMP), ("3 mm off it", beside)):
+        start = time.perf_counter()
+        found = press_solid(PROBE, phantom, force_n=1.0, threads=os.cpu_count() or 1)
+        seconds = time.perf_counter() - start
+        outcome = f"travel {found.approach_mm:.4f} mm"
+        if phantom is LUMP:
+            row = found.face_displacement_mm[found.y_mm.searchsorted(0.0)]
+            along = np.interp(np.abs(found.x_mm), alike.radius_mm, alike.face_displacement_mm)
+            change = np.interp(RADIUS, alike.radius_mm, alike.face_displacement_mm - plain.face_displacement_mm)
+            inner = np.abs(found.x_mm) < 0.8 * PROBE.radius_mm
+            outcome = f"differs by {np.abs(row - along)[inner].max() / change.max():.2%} of the change (r < 9.6 mm)"
+        yield Row(
+            task=f"sphere {label} in three dimensions", program="tsis with NGSolve", seconds=seconds, outcome=outcome
+        )
+
+
 def surrogate() -> Iterator[Row]:
     """Building it, and asking it."""
     start = time.perf_counter()
@@ -206,7 +260,11 @@ def main() -> None:
     parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
     arguments = parser.parse_args()
     with threadpool_limits(limits=1, user_api="blas"):
-        rows = [row for part in (small_strain, assembly, domed, surrogate) for row in part()]
+        rows = [
+            row
+            for part in (small_strain, assembly, domed, finite_strain, three_dimensions, surrogate)
+            for row in part()
+        ]
     machine = (
         f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}, NumPy {np.__version__}"
     )
