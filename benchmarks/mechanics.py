@@ -28,11 +28,11 @@ import tsis
 from tsis import Inclusion, Phantom
 from tsis.mechanics import Resolution, build_surrogate, mesh, press, press_solid
 from tsis.mechanics.element import stiffness
-from tsis.mechanics.finite_bodies import FiniteResolution
-from tsis.mechanics.finite_press import ProbeOnSlab
-from tsis.mechanics.finite_strain import press_pairs
+from tsis.mechanics.finite_strain.bodies import FiniteResolution
+from tsis.mechanics.finite_strain.pressing import press_pairs
+from tsis.mechanics.finite_strain.probe_on_slab import ProbeOnSlab
+from tsis.mechanics.finite_strain.squeezed_sphere import squeeze_path
 from tsis.mechanics.small_strain import PressKernel
-from tsis.mechanics.squeezed_sphere import squeeze_path
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -1,6 +1,9 @@
 """What a press does to probe and tissue: closed forms, finite elements, and a fast surrogate."""
 
 from tsis.mechanics.bodies import Resolution
+from tsis.mechanics.finite_strain.bodies import FiniteResolution
+from tsis.mechanics.finite_strain.pressing import press_pairs, press_path
+from tsis.mechanics.finite_strain.squeezed_sphere import SpherePress, SphereResolution, squeeze_path, squeeze_sphere
 from tsis.mechanics.indentation import Indentation, indent
 from tsis.mechanics.pressing import press
 from tsis.mechanics.solid import press_solid
@@ -12,17 +15,24 @@ from tsis.mechanics.viscoelastic import RelaxingPress, relaxing_press, settling_
 __all__ = [
     "Box",
     "Degrees",
+    "FiniteResolution",
     "Indentation",
     "PressSurrogate",
     "RelaxingPress",
     "Resolution",
     "SolidResolution",
+    "SpherePress",
+    "SphereResolution",
     "Surrogate",
     "build_surrogate",
     "contrast_factor",
     "indent",
     "press",
+    "press_pairs",
+    "press_path",
     "press_solid",
     "relaxing_press",
     "settling_time_s",
+    "squeeze_path",
+    "squeeze_sphere",
 ]

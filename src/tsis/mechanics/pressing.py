@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from tsis.mechanics.bodies import Resolution
-from tsis.mechanics.finite_bodies import FiniteResolution
-from tsis.mechanics.finite_strain import press_finite
+from tsis.mechanics.finite_strain.bodies import FiniteResolution
+from tsis.mechanics.finite_strain.pressing import press_finite
 from tsis.mechanics.small_strain import small_strain_press
 from tsis.model import Phantom, PressField, Probe, check
 from tsis.model.errors import InputError

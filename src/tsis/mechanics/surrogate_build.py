@@ -36,7 +36,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.mechanics.bodies import Resolution
-    from tsis.mechanics.finite_bodies import FiniteResolution
+    from tsis.mechanics.finite_strain.bodies import FiniteResolution
     from tsis.mechanics.surrogate_presses import Slabs
     from tsis.model import Probe
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from tsis.mechanics.bodies import Resolution
-from tsis.mechanics.finite_bodies import FiniteResolution
-from tsis.mechanics.finite_strain import press_finite, press_pairs
+from tsis.mechanics.finite_strain.bodies import FiniteResolution
+from tsis.mechanics.finite_strain.pressing import press_finite, press_pairs
 from tsis.mechanics.small_strain import MN_PER_N, PressKernel, block_radius_mm, central_cell_mm
 from tsis.mechanics.surrogate import contrast_of, scale
 from tsis.model import Inclusion, Phantom

@@ -11,14 +11,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.mechanics import neo_hookean
 from tsis.mechanics.element import reference
-from tsis.mechanics.neo_hookean import HOOP, RR, RZ, ZR, ZZ
+from tsis.mechanics.finite_strain import neo_hookean
+from tsis.mechanics.finite_strain.neo_hookean import HOOP, RR, RZ, ZR, ZZ
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.mechanics.finite_mesh import Solid
+    from tsis.mechanics.finite_strain.meshed_solid import Solid
 
 FIXED, OWN = -1, -2  # what a node's direction may be instead of moved by a shared unknown
 RADIAL, AXIAL = (RR, RZ, HOOP), (ZR, ZZ)  # components that u_r and u_z act on

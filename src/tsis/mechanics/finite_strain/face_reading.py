@@ -12,8 +12,8 @@ from tsis.mechanics.element import lagrange
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.mechanics.rounded_probe import RoundedProbe
-    from tsis.mechanics.sliding_contact import SlidingContact, SoftFace
+    from tsis.mechanics.finite_strain.rounded_probe import RoundedProbe
+    from tsis.mechanics.finite_strain.sliding_contact import SlidingContact, SoftFace
 
 PARTS = 24  # of every closed part of an element edge, between which the force is summed up
 PRESSURE_DEGREES_LESS = 2  # than the displacement has: what of the pressure on an edge is not ripple

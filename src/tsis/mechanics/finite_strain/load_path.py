@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.mechanics.potential import Load, Potential, Quadratic
+from tsis.mechanics.finite_strain.potential import Load, Potential, Quadratic
 from tsis.model.errors import MechanicsError
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.mechanics.potential import Pressures
+    from tsis.mechanics.finite_strain.potential import Pressures
 
 DECREMENT = 1e-9  # of the stored energy: what Newton's last step may still gain
 ROUNDS = 25

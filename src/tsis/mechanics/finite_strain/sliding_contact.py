@@ -19,7 +19,7 @@ from tsis.mechanics.element import lagrange, lobatto_points
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.mechanics.smooth_face import SmoothFace
+    from tsis.mechanics.finite_strain.smooth_face import SmoothFace
 
 EDGE_ROUNDS = 8
 

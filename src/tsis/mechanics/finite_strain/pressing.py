@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 from threadpoolctl import threadpool_limits
 
-from tsis.mechanics.finite_bodies import FiniteResolution
-from tsis.mechanics.finite_press import FinitePress, ProbeOnSlab
+from tsis.mechanics.finite_strain.bodies import FiniteResolution
+from tsis.mechanics.finite_strain.probe_on_slab import FinitePress, ProbeOnSlab
 from tsis.model import Phantom, PressField, Probe, check
 from tsis.model.errors import InputError
 
@@ -50,7 +50,7 @@ def press_finite(
     Examples
     --------
     >>> import tsis
-    >>> from tsis.mechanics.finite_strain import press_finite
+    >>> from tsis.mechanics.finite_strain.pressing import press_finite
     >>> field = press_finite(tsis.load_probe("tsis-2011"), tsis.load_phantom("plain"), force_n=0.25)
     >>> f"{field.approach_mm:.2f} mm of travel"
     '1.07 mm of travel'

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.mechanics import mesh
-from tsis.mechanics.finite_mesh import Patch, Solid, weld
+from tsis.mechanics.finite_strain.meshed_solid import Patch, Solid, weld
 from tsis.mechanics.mesh import LayeredMesh
 
 if TYPE_CHECKING:

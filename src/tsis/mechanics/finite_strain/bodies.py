@@ -8,13 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.mechanics import mesh
-from tsis.mechanics.finite_mesh import Patch, Solid, weld
+from tsis.mechanics.finite_strain.meshed_solid import Patch, Solid, weld
 from tsis.mechanics.mesh import LayeredMesh
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.mechanics.rounded_probe import RoundedProbe
+    from tsis.mechanics.finite_strain.rounded_probe import RoundedProbe
     from tsis.model import Phantom, Probe
 
 SLIDING_MM = 2.0  # width of the fine strip of skin inside the rim, which large loads drag around it

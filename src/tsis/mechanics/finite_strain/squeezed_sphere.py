@@ -8,16 +8,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from tsis.mechanics import face_reading, load_path, mesh
-from tsis.mechanics.ball_mesh import mesh_ball
-from tsis.mechanics.elastic_body import FIXED, OWN, ElasticBody, number
-from tsis.mechanics.finite_bodies import FiniteResolution, mesh_probe
-from tsis.mechanics.finite_mesh import beside
-from tsis.mechanics.finite_press import largest_stretch, refuse_beyond
-from tsis.mechanics.potential import Potential
-from tsis.mechanics.rounded_probe import rounded
-from tsis.mechanics.sliding_contact import Plate, SlidingContact, SoftFace
-from tsis.mechanics.smooth_face import SmoothFace
+from tsis.mechanics import mesh
+from tsis.mechanics.finite_strain import face_reading, load_path
+from tsis.mechanics.finite_strain.ball_mesh import mesh_ball
+from tsis.mechanics.finite_strain.bodies import FiniteResolution, mesh_probe
+from tsis.mechanics.finite_strain.elastic_body import FIXED, OWN, ElasticBody, number
+from tsis.mechanics.finite_strain.meshed_solid import beside
+from tsis.mechanics.finite_strain.potential import Potential
+from tsis.mechanics.finite_strain.probe_on_slab import largest_stretch, refuse_beyond
+from tsis.mechanics.finite_strain.rounded_probe import rounded
+from tsis.mechanics.finite_strain.sliding_contact import Plate, SlidingContact, SoftFace
+from tsis.mechanics.finite_strain.smooth_face import SmoothFace
 from tsis.model import PressField, Probe, check
 from tsis.model.errors import InputError
 
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.mechanics.load_path import State
+    from tsis.mechanics.finite_strain.load_path import State
 
 FACE_POINTS = 241
 SPRING = 1e7  # mN/mm, pulls the bodies together for the first touch

@@ -14,8 +14,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.mechanics.elastic_body import ElasticBody, Tangent
-    from tsis.mechanics.sliding_contact import Linearised, SlidingContact
+    from tsis.mechanics.finite_strain.elastic_body import ElasticBody, Tangent
+    from tsis.mechanics.finite_strain.sliding_contact import Linearised, SlidingContact
 
     Pressures = tuple[NDArray[np.float64], ...]
 

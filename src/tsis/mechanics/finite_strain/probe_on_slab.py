@@ -7,15 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.mechanics import face_reading, load_path, neo_hookean
-from tsis.mechanics.elastic_body import FIXED, OWN, ElasticBody, number
-from tsis.mechanics.finite_bodies import FiniteResolution, mesh_probe, mesh_slab
-from tsis.mechanics.finite_mesh import beside
+from tsis.mechanics.finite_strain import face_reading, load_path, neo_hookean
+from tsis.mechanics.finite_strain.bodies import FiniteResolution, mesh_probe, mesh_slab
+from tsis.mechanics.finite_strain.elastic_body import FIXED, OWN, ElasticBody, number
+from tsis.mechanics.finite_strain.meshed_solid import beside
+from tsis.mechanics.finite_strain.potential import Potential
+from tsis.mechanics.finite_strain.rounded_probe import RoundedProbe, rounded
+from tsis.mechanics.finite_strain.sliding_contact import SlidingContact, SoftFace
+from tsis.mechanics.finite_strain.smooth_face import SmoothFace
 from tsis.mechanics.mesh import face_lines
-from tsis.mechanics.potential import Potential
-from tsis.mechanics.rounded_probe import RoundedProbe, rounded
-from tsis.mechanics.sliding_contact import SlidingContact, SoftFace
-from tsis.mechanics.smooth_face import SmoothFace
 from tsis.model import PressField
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.mechanics.load_path import State
+    from tsis.mechanics.finite_strain.load_path import State
     from tsis.model import Phantom, Probe
 
 FACE_POINTS = 241
