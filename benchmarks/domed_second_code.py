@@ -242,11 +242,12 @@ def computed(fine: Fineness, forces_n: tuple[float, ...] = FORCES_N) -> list[dic
     return cases
 
 
-def kernel(case: dict[str, Any]) -> dict[str, Any]:
+def kernel(case: dict[str, Any], strain: str = "small") -> dict[str, Any]:
     """The same case by `tsis.mechanics.press`."""
     sphere = tsis.Inclusion(**{name: case[name] for name in ("diameter_mm", "depth_mm", "young_kpa")})
     plain, full = (
-        press(PROBE, phantom, force_n=case["force_n"]) for phantom in (PLAIN, replace(PLAIN, inclusion=sphere))
+        press(PROBE, phantom, force_n=case["force_n"], strain=strain)
+        for phantom in (PLAIN, replace(PLAIN, inclusion=sphere))
     )
     radius = plain.radius_mm
     hats = np.maximum(0.0, 1 - np.abs(radius - RADIUS_MM[:, None]) / HAT_MM) * radius
@@ -265,10 +266,11 @@ def kernel(case: dict[str, Any]) -> dict[str, Any]:
     }
 
 
-def deviations(found: dict[str, Any], reference: dict[str, Any]) -> dict[str, float]:
-    """Largest deviation of every curve and value as a share of its largest value."""
+def deviations(found: dict[str, Any], reference: dict[str, Any], *, within_mm: float = np.inf) -> dict[str, float]:
+    """Largest deviation of every curve and value as a share of its largest value, at radii below ``within_mm``."""
     names = ("plain_approach_mm", "approach_mm", "plain_w_mm", "plain_p_kpa", "dw_mm", "dp_kpa")
-    pairs = {name: (np.atleast_1d(found[name]), np.atleast_1d(reference[name])) for name in names}
+    count = int(np.count_nonzero(within_mm > RADIUS_MM))
+    pairs = {name: (np.atleast_1d(found[name])[:count], np.atleast_1d(reference[name])[:count]) for name in names}
     return {name: float(np.abs(one - other).max() / np.abs(other).max()) for name, (one, other) in pairs.items()}
 
 
@@ -292,7 +294,8 @@ def main() -> None:
         stored |= {"small_strain": {"meta": meta, "cases": [rounded(case) for case in cases]}}
         STORED.parent.mkdir(exist_ok=True)
         STORED.write_text(json.dumps(stored) + "\n", encoding="utf-8")
-    show(stored["small_strain"]["cases"])
+    cases = stored["small_strain"]["cases"]
+    show(cases, [deviations(kernel(case), case) for case in cases])
 
 
 def rounded(case: dict[str, Any]) -> dict[str, Any]:
@@ -304,14 +307,14 @@ def rounded(case: dict[str, Any]) -> dict[str, Any]:
     return {name: short(value) for name, value in case.items()}
 
 
-def show(cases: list[dict[str, Any]]) -> None:
+def show(cases: list[dict[str, Any]], apart: list[dict[str, float]]) -> None:
+    """One line a case."""
     table = Table(title="tsis against the stored values, largest deviation over the largest value, %")
     for heading in ("d, h, E", "F (N)", "approach plain", "with", "w plain", "p plain", "dw", "dp"):
         table.add_column(heading, justify="right")
-    for case in cases:
+    for case, shares in zip(cases, apart, strict=True):
         name = f"{case['diameter_mm']:g}, {case['depth_mm']:g}, {case['young_kpa']:g}"
-        apart = deviations(kernel(case), case)
-        table.add_row(name, f"{case['force_n']:g}", *(f"{100 * value:.3f}" for value in apart.values()))
+        table.add_row(name, f"{case['force_n']:g}", *(f"{100 * value:.3f}" for value in shares.values()))
     Console(width=110).print(table)
 
 

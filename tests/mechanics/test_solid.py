@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -25,6 +25,7 @@ PLAIN = Phantom(young_kpa=5.0, thickness_mm=30.0)
 LARGE = Inclusion(diameter_mm=10.0, depth_mm=5.0, young_kpa=100.0)
 SMALL = Inclusion(diameter_mm=5.0, depth_mm=4.0, young_kpa=80.0)
 COARSE = SolidResolution(face=0.15, rim=0.15, inclusion=0.5)
+ROUGH = SolidResolution(face=0.25, rim=0.25, inclusion=0.6)  # for what holds on any mesh
 
 
 @cache
@@ -95,9 +96,9 @@ def test_the_peak_moves_with_the_inclusion() -> None:
 
 
 def test_a_mirrored_offset_mirrors_the_map() -> None:
-    right = solid(replace(SMALL, offset_mm=(3.0, 0.0)), resolution=COARSE)
-    left = solid(replace(SMALL, offset_mm=(-3.0, 0.0)), resolution=COARSE)
-    up = solid(replace(SMALL, offset_mm=(0.0, 3.0)), resolution=COARSE)
+    right = solid(replace(SMALL, offset_mm=(3.0, 0.0)), resolution=ROUGH)
+    left = solid(replace(SMALL, offset_mm=(-3.0, 0.0)), resolution=ROUGH)
+    up = solid(replace(SMALL, offset_mm=(0.0, 3.0)), resolution=ROUGH)
     for name in ("face_displacement_mm", "pressure_kpa"):
         values = getattr(right, name)
         scale = 1e-5 * np.abs(values).max()
@@ -109,7 +110,7 @@ def test_a_mirrored_offset_mirrors_the_map() -> None:
 def test_an_ellipsoid_of_equal_axes_is_the_sphere() -> None:
     named = replace(SMALL, diameter_mm=1.0, semi_axes_mm=(2.5, 2.5, 2.5))
     np.testing.assert_allclose(
-        solid(named, resolution=COARSE).pressure_kpa, solid(SMALL, resolution=COARSE).pressure_kpa, rtol=1e-12
+        solid(named, resolution=ROUGH).pressure_kpa, solid(SMALL, resolution=ROUGH).pressure_kpa, rtol=1e-12
     )
 
 
@@ -148,13 +149,13 @@ def test_two_small_inclusions_far_apart_add_up() -> None:
 
 def test_an_inclusion_of_the_tissues_own_material_is_not_there() -> None:
     same = replace(SMALL, young_kpa=5.0, offset_mm=(2.0, 1.0))
-    assert np.abs(signal(same, resolution=COARSE)).max() < 1e-8
+    assert np.abs(signal(same, resolution=ROUGH)).max() < 1e-8
 
 
 def test_the_answer_is_linear_in_the_force() -> None:
     phantom = replace(PLAIN, inclusion=SMALL)
-    half = press_solid(PROBE, phantom, force_n=0.5, resolution=COARSE, threads=1)
-    whole = solid(SMALL, resolution=COARSE)
+    half = press_solid(PROBE, phantom, force_n=0.5, resolution=ROUGH, threads=1)
+    whole = solid(SMALL, resolution=ROUGH)
     np.testing.assert_allclose(2 * half.pressure_kpa, whole.pressure_kpa, rtol=1e-12)
     assert 2 * half.approach_mm == pytest.approx(whole.approach_mm)
 
@@ -174,11 +175,13 @@ def test_housed_sides_agree_with_the_axisymmetric_press() -> None:
 def test_stages_are_told() -> None:
     told: list[str] = []
     phantom = replace(PLAIN, inclusion=SMALL)
-    press_solid(PROBE, phantom, force_n=0.1, resolution=COARSE, threads=1, progress=told.append)
+    press_solid(PROBE, phantom, force_n=0.1, resolution=ROUGH, threads=1, progress=told.append)
     assert [text.split()[0] for text in told] == ["meshing", "factorising", "solving"]
 
 
-def test_the_virtual_probe_sees_where_the_inclusion_lies() -> None:
+def test_the_virtual_probe_sees_where_the_inclusion_lies(monkeypatch: pytest.MonkeyPatch) -> None:
+    quick = partial(press_solid, resolution=COARSE, threads=1)
+    monkeypatch.setattr("tsis.virtual.probe.press_solid", quick)
     virtual = tsis.virtual.VirtualProbe(PROBE, rng=np.random.default_rng(1))
     phantom = replace(PLAIN, inclusion=replace(SMALL, offset_mm=(3.0, -2.0)))
     grey = virtual.press(phantom, force_n=1.0).grey - virtual.press(PLAIN, force_n=1.0).grey

@@ -133,7 +133,7 @@ def _name_faces(part: Any, probe: Probe, phantom: Phantom, resolution: SolidReso
 
     def reach(shape: Any) -> float:
         low, high = shape.bounding_box
-        return max(abs(low[0]), abs(high[0]), abs(low[1]), abs(high[1]))
+        return float(max(abs(low[0]), abs(high[0]), abs(low[1]), abs(high[1])))
 
     for face in part.faces:
         face.name = "inside"
