@@ -91,17 +91,25 @@ class VirtualProbe:
         """Expected grey levels above the background of one press that misses ``force_n`` a little; 0 is no contact."""
         check.number("force_n", force_n, 0.0, LARGEST_FORCE_N, hint="newtons")
         force = force_n * max(0.0, 1 + self.calibration.force_sd * self._rng.standard_normal())
-        seen = render(self._pressed(phantom, force), self.sensor, self.calibration)
+        seen = self._seen(phantom, force)
         seen *= self._gain * self._pattern * self._ring_pattern(self.calibration.repeatability_sd)
         stray = self.calibration.offset_sd * self._rng.standard_normal() * float(np.median(seen))
         return seen + stray
 
-    def _pressed(self, phantom: Phantom, force_n: float) -> PressField | PressMap:
-        """The press by the model that can describe it; three dimensions only where they are needed."""
+    def _seen(self, phantom: Phantom, force_n: float) -> NDArray[np.float64]:
+        """Light of the press by the model that can describe it; three dimensions only where they are needed."""
+
+        def seen(field: PressField | PressMap) -> NDArray[np.float64]:
+            return render(field, self.sensor, self.calibration)
+
         inclusions = phantom.inclusions
         if not inclusions or (len(inclusions) == 1 and inclusions[0].is_axisymmetric):
-            return press(self.probe, phantom, force_n=force_n, resolution=self._resolution)
-        return press_solid(self.probe, phantom, force_n=force_n, plain_resolution=self._resolution)
+            return seen(press(self.probe, phantom, force_n=force_n, resolution=self._resolution))
+        found = press_solid(self.probe, phantom, force_n=force_n, plain_resolution=self._resolution)
+        # The grid blurs the rim, of which the axisymmetric press of plain tissue knows all; so only a change is taken.
+        plain = press(self.probe, phantom.without_inclusion(), force_n=force_n, resolution=self._resolution)
+        change = seen(found) - seen(plain.on_grid(found.x_mm, found.y_mm))
+        return np.maximum(seen(plain) + change, 0.0)
 
     def _ring_pattern(self, sd: float) -> NDArray[np.float64]:
         """Factor near one that varies with the radius with standard deviation ``sd``; ring means by 0.9 of it."""
