@@ -19,7 +19,7 @@ RADIUS_MM = np.linspace(0.0, 12.0, 241)
 def busy(_probe: Probe, _phantom: Phantom, /, *, force_n: float, strain: str) -> PressField:
     """Keep a processor busy for 10 ms; the travel is the time of the beginning, the pressure that of the end, s."""
     began = perf_counter()
-    until = began + (PRESS_S if force_n > 0 else 0.0)
+    until = began + (PRESS_S if force_n > 1e-3 else 0.0)
     while perf_counter() < until:
         pass
     return PressField(

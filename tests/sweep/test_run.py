@@ -247,3 +247,15 @@ def test_a_killed_sweep_is_resumed_with_real_presses(tmp_path: Path) -> None:
     run_sweep(small_plan(count=40, batch=2), peaceful, workers=2)
     assert content(disturbed) == content(peaceful)
     assert read(peaceful)["pressure_kpa"].min() > 0
+
+
+@pytest.mark.slow
+def test_the_finite_strain_model_is_swept(tmp_path: Path) -> None:
+    plan = small_plan(strain="finite", count=2, batch=1)
+    done = run_sweep(plan, tmp_path / "data", workers=2)
+    assert (done.presses, done.refused) == (2, 0)
+    small = run_sweep(small_plan(count=2, batch=1), tmp_path / "small", workers=2)
+    assert small.refused == 0
+    finite_mm, small_mm = (read(tmp_path / name)["approach_mm"] for name in ("data", "small"))
+    np.testing.assert_allclose(finite_mm, small_mm, rtol=0.3)
+    assert (finite_mm != small_mm).all()
