@@ -27,6 +27,8 @@ test-slow: $(VENV)/.dev  ## the tests that take minutes
 benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, one process at a time
 	$(BIN)/pytest -m benchmark -s tests benchmarks
 	$(BIN)/python benchmarks/coverage.py
+	$(BIN)/python -m benchmarks.mechanics
+	$(BIN)/python -m benchmarks.domed_second_code
 	$(BIN)/python -m benchmarks.sweep_overhead
 	$(BIN)/python benchmarks/real_frames.py || test $$? = 2  # 2: the real frames are not on this machine
 
