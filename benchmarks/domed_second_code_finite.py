@@ -9,9 +9,9 @@ an energy of 1/(2 eps) on the penetration along the normal of the probe's deform
 one before. The rim of the probe is rounded by 0.5 mm. The wall travels in steps until the force asked for is met. What
 an inclusion changes is taken with and without contrast on one mesh.
 
-Not converged: many contact points on meshes that do not match tie the two skins together more than contact does, mostly
-near the rim, so the approach reads low. Fewer points or a higher order raise it by 0.2 to 0.3 % at 0.5 N; a coarser mesh
-lowers it by 0.15 % at 0.5 N and by 0.9 % at 1 N. Pressures beyond 10.6 mm are ripple.
+Not converged: many contact points on meshes that do not match tie the two skins together more than contact does,
+mostly near the rim, so the approach reads low. Fewer points or a higher order raise it by 0.2 to 0.3 % at 0.5 N; a
+coarser mesh lowers it by 0.15 % at 0.5 N and by 0.9 % at 1 N. Pressures beyond 10.6 mm are ripple.
 """
 
 from __future__ import annotations
