@@ -68,6 +68,16 @@ def test_a_failing_disk_leaves_no_half_file(cache: Path) -> None:
     assert disk_cache.read("kind", "key") is None
 
 
+def test_an_interruption_leaves_no_half_file(cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def interrupt(_: int) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("os.fsync", interrupt)
+    with pytest.raises(KeyboardInterrupt):
+        disk_cache.write("kind", "key", b"payload")
+    assert list((cache / "kind").iterdir()) == []
+
+
 def test_the_platforms_folder_is_used_when_nothing_is_set(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv("TSIS_CACHE_DIR")
     assert disk_cache.folder().name == "tsis"

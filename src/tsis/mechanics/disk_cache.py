@@ -9,12 +9,13 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-import tempfile
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import platformdirs
+
+from tsis.model.durable import write_durably
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -44,16 +45,10 @@ def read(kind: str, key: str) -> bytes | None:
 
 def write(kind: str, key: str, payload: bytes) -> None:
     """Store ``payload``; readers see all of it or nothing."""
-    place = folder() / kind
+    path = folder() / kind / key
     with suppress(OSError):
-        place.mkdir(parents=True, exist_ok=True)
-        handle, name = tempfile.mkstemp(dir=place)
-        try:
-            with os.fdopen(handle, "wb") as file:
-                file.write(_digest(key, payload) + payload)
-            Path(name).replace(place / key)
-        except OSError:
-            Path(name).unlink(missing_ok=True)
+        path.parent.mkdir(parents=True, exist_ok=True)
+        write_durably(path, _digest(key, payload) + payload)
 
 
 def _digest(key: str, payload: bytes) -> bytes:

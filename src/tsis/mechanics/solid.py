@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.mechanics.small_strain import MN_PER_N, STRAIN_LIMIT, nominal_strain, small_strain_press
-from tsis.mechanics.solid_extra import library
-from tsis.mechanics.solid_mesh import SolidResolution, outer_radius_mm
+from tsis.mechanics.solid_mesh import FEATURE, SolidResolution, outer_radius_mm
 from tsis.mechanics.solid_symmetry import symmetry_of
 from tsis.mechanics.solid_tie import TiedSolid
 from tsis.model import Phantom, PressField, PressMap, Probe, check
 from tsis.model.errors import InputError, MechanicsError
+from tsis.model.extra import library
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -136,7 +136,7 @@ def _change(
     progress: Callable[[str], None] | None,
 ) -> FaceChange:
     """What 1 mN changes, kept because the answer is linear: the next force costs nothing."""
-    ng = library("ngsolve")
+    ng = library("ngsolve", feature=FEATURE, extra="fem3d")
     report = progress or (lambda _: None)
     report("meshing")
     ng.SetNumThreads(threads)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
 from tsis.model.errors import InputError, SweepError
-from tsis.sweep.extra import library
+from tsis.model.extra import library
 from tsis.sweep.work import Lost, finish
 
 if TYPE_CHECKING:
@@ -51,7 +51,7 @@ class DaskCrew:
     def __init__(self, job: Job, address: str) -> None:
         if not ADDRESS.fullmatch(address):
             raise InputError(f"scheduler must be an address such as tcp://127.0.0.1:8786; got {address!r:.80}")
-        self._distributed = library("distributed", "a sweep on a cluster")
+        self._distributed = library("distributed", feature="a sweep on a cluster", extra="cluster")
         self._job, self._address = job, address
         self._run = uuid4().hex  # results of an earlier client must not answer for this one
         self._number = count()

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tsis.instrument import shown
+from tsis.model.durable import UNFINISHED
 from tsis.model.errors import FileInputError
-from tsis.sweep.durable import UNFINISHED
 from tsis.sweep.manifest import LIBRARIES, MANIFEST, data_set_key, read_manifest, write_manifest
 from tsis.sweep.shards import NAME, data_set_of
 

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.instrument import read_bytes, shown
+from tsis.model.durable import write_durably
 from tsis.model.errors import FileInputError, InputError
-from tsis.sweep.durable import write_durably
-from tsis.sweep.extra import library
+from tsis.model.extra import library
 from tsis.sweep.plan_file import plan_document, plan_of
 from tsis.sweep.shards import FEATURE, NAME, Receipt, shard_name
 
@@ -30,7 +30,7 @@ LIBRARIES = ("numpy", "scipy", "pyarrow")
 
 def head(plan: Plan) -> dict[str, Any]:
     """What decides every byte of a data set; no time, machine or worker is part of it."""
-    library("pyarrow", FEATURE)
+    library("pyarrow", feature=FEATURE, extra="cluster")
     document = plan_document(plan)
     return {
         "format": FORMAT,

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 from tsis.mechanics import press as press_by_elements
 from tsis.model import Phantom, check
+from tsis.model.durable import remove_unfinished
 from tsis.model.errors import MechanicsError, SweepError
 from tsis.sweep.dask_crew import DaskCrew
-from tsis.sweep.durable import sweep_unfinished
 from tsis.sweep.folder import as_folder, begun
 from tsis.sweep.local_crew import LocalCrew
 from tsis.sweep.manifest import data_set_key, head, write_manifest
@@ -119,7 +119,7 @@ def run_sweep(
         with crew:
             done, lost = _finish_all(plan, crew, progress or (lambda *_: None))
         write_manifest(place, start, [receipt for receipt, _ in done.values()])
-        sweep_unfinished(place)
+        remove_unfinished(place)
     states = Counter(state for _, state in done.values())
     return Summary(
         folder=str(place),

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from tsis.model.errors import SweepError
-from tsis.sweep.extra import library
+from tsis.model.extra import library
 from tsis.sweep.plan import PROFILES
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def shard_name(shard: int) -> str:
 
 def encode(rows: Rows, *, shard: int, data_set: str) -> bytes:
     """The bytes of a file."""
-    pa, parquet = library("pyarrow", FEATURE), library("pyarrow.parquet", FEATURE)
+    pa, parquet = _arrow()
     columns = {"sample": pa.array(rows.sample, pa.int64())}
     for name, values in rows.numbers.items():
         flat = pa.array(values.ravel(), pa.float64())
@@ -122,7 +122,7 @@ def is_whole(content: bytes) -> bool:
 
 def decode(content: bytes) -> Any:
     """The Arrow table of a file whose bytes were checked."""
-    pa, parquet = library("pyarrow", FEATURE), library("pyarrow.parquet", FEATURE)
+    pa, parquet = _arrow()
     return parquet.read_table(pa.BufferReader(content), use_threads=False)
 
 
@@ -131,8 +131,13 @@ def sha256(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
+def _arrow() -> tuple[Any, Any]:
+    pa, parquet = (library(name, feature=FEATURE, extra="cluster") for name in ("pyarrow", "pyarrow.parquet"))
+    return pa, parquet
+
+
 def _footer(content: bytes) -> Any:
-    pa, parquet = library("pyarrow", FEATURE), library("pyarrow.parquet", FEATURE)
+    pa, parquet = _arrow()
     return parquet.read_metadata(pa.BufferReader(content))
 
 

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeAlias
 
+from tsis.model.durable import write_durably
 from tsis.model.errors import SweepError
-from tsis.sweep.durable import write_durably
 from tsis.sweep.manifest import MANIFEST
 from tsis.sweep.presses import press_all
 from tsis.sweep.shards import Receipt, encode, receipt_of, shard_name

@@ -35,7 +35,7 @@ def write_durably(path: Path, content: bytes) -> None:
     _sync_folder(path.parent)
 
 
-def sweep_unfinished(folder: Path) -> None:
+def remove_unfinished(folder: Path) -> None:
     """Remove what killed writers left."""
     for draft in folder.glob(f".*{UNFINISHED}"):
         with suppress(OSError):
