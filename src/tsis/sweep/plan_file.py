@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import tomllib
-from dataclasses import fields
+from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -18,20 +18,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
 LARGEST_PLAN_BYTES = 2**20
-KEYS = (
-    "probe",
-    "forces_n",
-    "strain",
-    "sample",
-    "count",
-    "seed",
-    "batch",
-    "unfit",
-    "logarithmic",
-    "ranges",
-    "grid",
-    "outputs",
-)
+_PLAIN = ("forces_n", "strain", "sample", "count", "seed", "batch", "unfit")
+KEYS = ("probe", *_PLAIN, "logarithmic", "ranges", "grid", "outputs")
 OUTPUTS = ("radii_mm", "columns")
 
 EXAMPLE = """\
@@ -126,14 +114,13 @@ def plan_of(document: Mapping[str, Any]) -> Plan:
 def plan_document(plan: Plan) -> dict[str, Any]:
     """A plan as plain values, the probe spelled out: equal plans give equal documents."""
     probe = plan.probe
-    layers = [{item.name: getattr(layer, item.name) for item in fields(Layer)} for layer in probe.layers]
     ranges = {name: value for name, value in plan.quantities.items() if not isinstance(value, tuple)}
     document: dict[str, Any] = {
         "probe": {
             "name": probe.name,
             "radius_mm": float(probe.radius_mm),
             "sides": probe.sides,
-            "layers": [{name: float(value) for name, value in layer.items()} for layer in layers],
+            "layers": [{name: float(value) for name, value in asdict(layer).items()} for layer in probe.layers],
         },
         "forces_n": list(plan.forces_n),
         "strain": plan.strain,
@@ -157,7 +144,6 @@ def plan_document(plan: Plan) -> dict[str, Any]:
     return document
 
 
-_PLAIN = ("forces_n", "strain", "sample", "count", "seed", "batch", "unfit")
 _PROBE_KEYS = ("name", "radius_mm", "layers", "face_curvature_mm", "sides")
 
 

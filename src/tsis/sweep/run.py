@@ -169,7 +169,7 @@ def seconds_per_press(plan: Plan, press: Press = press_by_elements) -> float:
     batch = next(batches(plan))
     started, done = time.perf_counter(), 0
     for k in range(min(TRIED, batch.samples)):
-        one = type(batch)(shard=0, first=k, values={name: values[k : k + 1] for name, values in batch.values.items()})
+        one = Batch(shard=0, first=k, values={name: values[k : k + 1] for name, values in batch.values.items()})
         press_all(plan, one, press)
         done += len(plan.forces_n)
         if k == 0 and batch.samples > 1:
