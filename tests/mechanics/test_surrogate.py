@@ -299,6 +299,9 @@ def test_finite_strain_has_a_surrogate_too() -> None:
     few = Degrees(diameter=3, depth=3, contrast=2, tissue=1, thickness=1, plain=2)
     surrogate = build_surrogate(PROBE, box, force_n=0.75, strain="finite", degrees=few, cached=False)
     assert 0 < surrogate.error < 5e-3
+    inside, area = ring_points(surrogate.radius_mm)
+    pressure = surrogate.pressure_kpa.at_tissue(5.0, 30.0).plain
+    assert pressure @ (area @ surrogate.interpolation(inside)) == pytest.approx(750.0, rel=2e-3)
     lump = Inclusion(diameter_mm=10.0, depth_mm=5.0, young_kpa=100.0)
     phantom = Phantom(young_kpa=5.0, thickness_mm=30.0, inclusion=lump)
     fresh = press(PROBE, phantom, force_n=0.75, strain="finite").face_displacement_mm[::2]

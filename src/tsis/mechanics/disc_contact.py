@@ -20,6 +20,7 @@ import numpy as np
 
 from tsis.mechanics.element import gauss_points
 from tsis.model.errors import MechanicsError
+from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -156,9 +157,12 @@ def under_force(
         excess = float(np.log(max(found.force.sum(), TINY)) - log_force)
         if abs(excess) < ROUNDING:
             return found
+        if excess == excess_before:
+            break
         before, here, excess_before = here, here - excess * (here - before) / (excess - excess_before), excess
     raise MechanicsError(
-        f"no contact carries {force_mn:g} mN: its radius was sought down to {radius:.2g} mm; choose another force"
+        f"force_n must be large enough for a contact that the mesh sees; {force_mn / MN_PER_N:g} N touch less than "
+        f"{radius:.2g} mm; choose a larger force"
     )
 
 

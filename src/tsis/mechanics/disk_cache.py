@@ -30,7 +30,7 @@ def folder() -> Path:
 
 def content_key(content: Mapping[str, Any]) -> str:
     """A name for ``content`` (JSON values): equal content gives an equal name on every machine."""
-    return hashlib.sha256(json.dumps(content, sort_keys=True).encode()).hexdigest()[:32]
+    return hashlib.sha256(json.dumps(content, sort_keys=True, default=float).encode()).hexdigest()[:32]
 
 
 def read(kind: str, key: str) -> bytes | None:

@@ -84,5 +84,10 @@ def means(
     The means are taken over all of the face, also where no integration point lies: the values are zero there.
     """
     weighted = area[:, None] * hats(radius_mm, inside)
-    whole, wide = ring_points(radius_mm, points=2)
-    return np.asarray(weighted.T @ values / (wide @ hats(radius_mm, whole))[:, None])
+    return np.asarray(weighted.T @ values / hat_areas(radius_mm)[:, None])
+
+
+def hat_areas(radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Integrals over the face of the functions of `hats`, mm^2, shape (n,)."""
+    inside, area = ring_points(radius_mm, points=2)
+    return np.asarray(area @ hats(radius_mm, inside))

@@ -11,9 +11,10 @@ from threadpoolctl import threadpool_limits
 
 from tsis.mechanics import disc_contact
 from tsis.mechanics.bodies import Resolution, face_of, probe_compliance
-from tsis.mechanics.small_strain import MN_PER_N, half_space_compliance
+from tsis.mechanics.small_strain import STRAIN_LIMIT, half_space_compliance
 from tsis.model import Probe, check
 from tsis.model.errors import InputError, MechanicsError
+from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -82,7 +83,8 @@ def indent(
     InputError
         When a value lies outside its range or the face is domed.
     MechanicsError
-        When the sphere would sink so far that the contact leaves the face or the sphere's foot.
+        When the sphere would sink so far that the contact leaves the face or the sphere's foot, or strains the probe
+        beyond what the model describes.
 
     Examples
     --------
@@ -121,6 +123,11 @@ def _indent(probe: Probe, sphere_radius_mm: float, force_n: float, resolution: R
             f"choose a force below {most:.2g} N or a larger sphere"
         )
     found = disc_contact.under_force(elastic, face, gap, force_n * MN_PER_N, largest=largest)
+    if found.approach_mm > STRAIN_LIMIT * probe.thickness_mm:
+        raise MechanicsError(
+            f"the sphere would sink {found.approach_mm:.2g} mm into {probe.thickness_mm:g} mm of probe, small strain "
+            f"holds to {STRAIN_LIMIT:g} of it; choose a smaller force or a larger sphere"
+        )
     radius = np.linspace(0.0, probe.radius_mm, POINTS)
     touched = radius <= found.radius_mm
     moved = face.interpolation(radius) @ elastic.smooth @ found.force

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from tsis.mechanics.bodies import Resolution
 from tsis.mechanics.finite_strain.bodies import FiniteResolution
 from tsis.mechanics.finite_strain.pressing import press_finite
-from tsis.mechanics.small_strain import small_strain_press
+from tsis.mechanics.small_strain import FACE_POINTS, small_strain_press
 from tsis.model import Phantom, PressField, Probe, check
 from tsis.model.errors import InputError
 
@@ -56,6 +58,8 @@ def press(
     check.kind("probe", probe, Probe)
     check.kind("phantom", phantom, Phantom)
     check.number("force_n", force_n, 0.0, 50.0, hint="newtons")
+    if force_n == 0 and strain in ("small", "finite"):
+        return _untouched(probe)
     if strain == "small" and isinstance(resolution, Resolution | None):
         return small_strain_press(probe, phantom, force_n, resolution)
     if strain == "finite" and isinstance(resolution, FiniteResolution | None):
@@ -63,3 +67,11 @@ def press(
     if strain in ("small", "finite"):
         raise InputError(f"resolution must be that of strain {strain!r}; got a {type(resolution).__name__}")
     raise InputError(f"strain must be 'small' or 'finite'; got {strain!r}")
+
+
+def _untouched(probe: Probe) -> PressField:
+    radius = np.linspace(0.0, probe.radius_mm, FACE_POINTS)
+    nothing = np.zeros(FACE_POINTS)
+    return PressField(
+        radius_mm=radius, face_displacement_mm=nothing, pressure_kpa=nothing, approach_mm=0.0, force_n=0.0
+    )

@@ -17,6 +17,7 @@ from tsis.mechanics.mesh import Spheroid
 from tsis.mechanics.slab import Slab, SlabWithInclusion
 from tsis.model import PressField
 from tsis.model.errors import InputError, MechanicsError
+from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from tsis.mechanics.face import Face
     from tsis.model import Inclusion, Phantom, Probe
 
-MN_PER_N = 1000.0
 FACE_POINTS = 241
 STRAIN_LIMIT = 0.3  # nominal; beyond it the linear model is only a guess
 ENDLESS = 1e5  # thickness, in radii of the face, of the slab that stands for a half-space
@@ -183,12 +183,11 @@ def small_strain_press(probe: Probe, phantom: Phantom, force_n: float, resolutio
     """The press of `tsis.mechanics.press` at small strain; arguments are checked there."""
     with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
         found = _face_press(probe, phantom, force_n * MN_PER_N, resolution or Resolution())
-        strain = nominal_strain(found.approach_mm, probe, phantom)
-        if strain > STRAIN_LIMIT:
+        problem = strain_problem(found.approach_mm, probe, phantom.thickness_mm)
+        if problem is not None:
             valid = _valid_force(probe, phantom, force_n, resolution or Resolution())
             raise MechanicsError(
-                f"the glass would travel {found.approach_mm:.1f} mm, a strain of {strain:.2f}; small strain holds to "
-                f"{STRAIN_LIMIT:g}: choose a force of at most {valid:.2g} N, stiffer tissue, or strain='finite'"
+                f"{problem}: choose a force of at most {valid:.2g} N, stiffer tissue, or strain='finite'"
             )
     return PressField(
         radius_mm=np.linspace(0.0, probe.radius_mm, FACE_POINTS),
@@ -200,9 +199,6 @@ def small_strain_press(probe: Probe, phantom: Phantom, force_n: float, resolutio
 
 
 def _face_press(probe: Probe, phantom: Phantom, force_mn: float, resolution: Resolution) -> FacePress:
-    if force_mn == 0:
-        nothing = np.zeros(FACE_POINTS)
-        return FacePress(pressure_kpa=nothing, face_displacement_mm=nothing, approach_mm=0.0)
     tissue = phantom.young_kpa
     plain = _kernel(probe, phantom, block_radius_mm(probe, phantom.thickness_mm), np.inf, resolution)
     if phantom.inclusion is None:
@@ -215,9 +211,19 @@ def _face_press(probe: Probe, phantom: Phantom, force_mn: float, resolution: Res
     return plain.press(tissue, force_mn) + (found - kernel.press(tissue, force_mn))
 
 
-def nominal_strain(approach_mm: float, probe: Probe, phantom: Phantom) -> float:
+def nominal_strain(approach_mm: float, probe: Probe, thickness_mm: float) -> float:
     """Travel over what it squeezes: probe and slab, the slab no deeper than the face is wide."""
-    return approach_mm / (probe.thickness_mm + min(phantom.thickness_mm, 2 * probe.radius_mm))
+    return approach_mm / (probe.thickness_mm + min(thickness_mm, 2 * probe.radius_mm))
+
+
+def strain_problem(approach_mm: float, probe: Probe, thickness_mm: float) -> str | None:
+    """Why small strain does not describe a travel of the glass, or None."""
+    strain = nominal_strain(approach_mm, probe, thickness_mm)
+    if strain <= STRAIN_LIMIT:
+        return None
+    return (
+        f"the glass would travel {approach_mm:.1f} mm, a strain of {strain:.2f}; small strain holds to {STRAIN_LIMIT:g}"
+    )
 
 
 def _valid_force(probe: Probe, phantom: Phantom, force_n: float, resolution: Resolution) -> float:
@@ -225,7 +231,7 @@ def _valid_force(probe: Probe, phantom: Phantom, force_n: float, resolution: Res
 
     def excess(force: float) -> float:
         found = _face_press(probe, phantom, force * MN_PER_N, resolution)
-        return nominal_strain(found.approach_mm, probe, phantom) - STRAIN_LIMIT
+        return nominal_strain(found.approach_mm, probe, phantom.thickness_mm) - STRAIN_LIMIT
 
     valid = float(brentq(excess, 1e-6 * force_n, force_n, rtol=1e-3))
     digit = 10 ** (np.floor(np.log10(valid)) - 1)
@@ -265,7 +271,7 @@ def shape_on_axis(phantom: Phantom) -> Spheroid:
         When it is none around the probe's axis, or there are several.
     """
     inclusion: Inclusion | None = phantom.inclusion
-    if inclusion is None or phantom.more_inclusions or not inclusion.is_axisymmetric:
+    if inclusion is None or not phantom.is_axisymmetric:
         raise InputError(
             "inclusion must be one sphere or spheroid on the probe's axis (offset_mm (0, 0), semi_axes_mm x = y, "
             f"no more_inclusions) for this model; got {phantom.inclusions!r:.200}; press_solid takes any"

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.mechanics.small_strain import MN_PER_N, STRAIN_LIMIT, nominal_strain, small_strain_press
+from tsis.mechanics.small_strain import small_strain_press, strain_problem
 from tsis.mechanics.solid_mesh import FEATURE, SolidResolution, outer_radius_mm
 from tsis.mechanics.solid_symmetry import symmetry_of
 from tsis.mechanics.solid_tie import TiedSolid
 from tsis.model import Phantom, PressField, PressMap, Probe, check
 from tsis.model.errors import InputError, MechanicsError
 from tsis.model.extra import library
+from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -29,6 +29,8 @@ THINNEST_GAP = 0.02  # between an inclusion and skin or wall, of its smallest di
 FARTHEST = 0.6  # of the slab's radius: what lies beyond feels where the slab is cut off
 PULLING = 0.05  # of the mean pressure: more tension than rounding and mesh can make
 EDGE_SHARE = 0.95  # of the face's radius; outside it the pressure is singular and its sign says nothing
+MOST_KEPT = 8  # answers
+_KEPT: dict[tuple[Probe, Phantom, tuple[bytes, bytes], SolidResolution], FaceChange] = {}
 
 
 def press_solid(
@@ -126,7 +128,6 @@ def _points(axis: NDArray[np.float64], edge: float) -> _Points:
     return _Points(radius_mm=radius, covered=covered, key=key)
 
 
-@lru_cache(maxsize=8)
 def _change(
     probe: Probe,
     phantom: Phantom,
@@ -136,14 +137,19 @@ def _change(
     progress: Callable[[str], None] | None,
 ) -> FaceChange:
     """What 1 mN changes, kept because the answer is linear: the next force costs nothing."""
-    ng = library("ngsolve", feature=FEATURE, extra="fem3d")
-    report = progress or (lambda _: None)
-    report("meshing")
-    ng.SetNumThreads(threads)
-    with ng.TaskManager():
-        solid = TiedSolid(probe, phantom, symmetry_of(phantom.inclusions), resolution)
-        x, y = (np.frombuffer(one) for one in points)
-        return solid.change(x, y, report)
+    key = (probe, phantom, points, resolution)
+    if key not in _KEPT:
+        while len(_KEPT) >= MOST_KEPT:
+            _KEPT.pop(next(iter(_KEPT)))
+        ng = library("ngsolve", feature=FEATURE, extra="fem3d")
+        report = progress or (lambda _: None)
+        report("meshing")
+        ng.SetNumThreads(threads)
+        with ng.TaskManager():
+            solid = TiedSolid(probe, phantom, symmetry_of(phantom.inclusions), resolution)
+            x, y = (np.frombuffer(one) for one in points)
+            _KEPT[key] = solid.change(x, y, report)
+    return _KEPT[key]
 
 
 def _added(plain: PressMap, points: _Points, change: FaceChange) -> PressMap:
@@ -181,12 +187,9 @@ def _check_places(probe: Probe, phantom: Phantom) -> None:
 
 
 def _check_model(probe: Probe, phantom: Phantom, found: PressMap, inner: NDArray[np.bool]) -> None:
-    strain = nominal_strain(found.approach_mm, probe, phantom)
-    if strain > STRAIN_LIMIT:
-        raise MechanicsError(
-            f"the glass would travel {found.approach_mm:.1f} mm, a strain of {strain:.2f}; small strain holds to "
-            f"{STRAIN_LIMIT:g}: choose a force of at most {found.force_n * STRAIN_LIMIT / strain:.2g} N"
-        )
+    problem = strain_problem(found.approach_mm, probe, phantom.thickness_mm)
+    if problem is not None:
+        raise MechanicsError(f"{problem}: choose a smaller force_n or stiffer tissue")
     mean = found.force_n * MN_PER_N / (np.pi * probe.radius_mm**2)
     least = float(found.pressure_kpa[inner].min())
     if least < -PULLING * mean:

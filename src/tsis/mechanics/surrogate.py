@@ -82,6 +82,10 @@ class Degrees:
     thickness: int = 3
     plain: int = 6
 
+    def __post_init__(self) -> None:
+        for name in ("diameter", "depth", "contrast", "tissue", "thickness", "plain"):
+            check.number(name, getattr(self, name), 1, 100, hint="Chebyshev points")
+
 
 def contrast_factor(contrast: Any) -> Any:
     """Saturation of the signal with the modulus: g(s) = (s - 1) / (s + 1.5) of s = Ei / Et."""
@@ -185,7 +189,8 @@ class PressSurrogate:
     pressure_kpa, face_displacement_mm, approach_mm
         Surrogates with n, n and 1 outputs.
     error
-        Largest error of the pressure met in fresh presses inside the box, as a share of its mean.
+        Largest error of the pressure met in fresh presses inside the box, as a share of its mean, over the inner 0.8 of
+        the face's radius.
     key
         Name of its content: probe, box, force, degrees and resolution.
     """

@@ -28,7 +28,7 @@ from tsis.mechanics.surrogate import (
     scale,
 )
 from tsis.mechanics.surrogate_presses import FACE_POINTS, slabs_of
-from tsis.model import check
+from tsis.model import Probe, check
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -38,7 +38,6 @@ if TYPE_CHECKING:
     from tsis.mechanics.bodies import Resolution
     from tsis.mechanics.finite_strain.bodies import FiniteResolution
     from tsis.mechanics.surrogate_presses import Slabs
-    from tsis.model import Probe
 
 FORMAT_VERSION = 5
 CHECKS = 8  # fresh presses that the surrogate's error is measured on
@@ -79,9 +78,10 @@ def build_surrogate(
     InputError
         When a range is empty or an inclusion of the box does not fit into the slab.
     MechanicsError
-        When a press of the box fails; small strain describes any, finite strain not every one.
+        When the force strains plain tissue of the box beyond what the model describes, or a press fails.
     """
-    check.number("force_n", force_n, 1e-3, 50.0, hint="newtons")
+    check.kind("probe", probe, Probe)
+    force_n = check.number("force_n", force_n, 1e-3, 50.0, hint="newtons")
     box, degrees = box or Box(), degrees or Degrees()
     slabs, resolution = slabs_of(probe, box, force_n, strain, resolution)
     key = disk_cache.content_key(

@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Protocol
 import numpy as np
 
 from tsis.mechanics.bodies import Resolution
+from tsis.mechanics.face import hat_areas, hats
 from tsis.mechanics.finite_strain.bodies import FiniteResolution
 from tsis.mechanics.finite_strain.pressing import press_finite, press_pairs
-from tsis.mechanics.small_strain import MN_PER_N, PressKernel, block_radius_mm, central_cell_mm
+from tsis.mechanics.small_strain import PressKernel, block_radius_mm, central_cell_mm, strain_problem
 from tsis.mechanics.surrogate import contrast_of, scale
 from tsis.model import Inclusion, Phantom
-from tsis.model.errors import InputError
+from tsis.model.errors import InputError, MechanicsError
+from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -73,7 +75,12 @@ class SmallStrainSlabs:
 
     def plain(self, tissues: list[float]) -> NDArray[np.float64]:
         """See `Slabs`."""
-        return np.array([_row(self._kernel.press(tissue, self._force_mn)) for tissue in tissues])
+        found = [self._kernel.press(tissue, self._force_mn) for tissue in tissues]
+        furthest = max(one.approach_mm for one in found)
+        problem = strain_problem(furthest, self._kernel.probe, self._kernel.thickness_mm)
+        if problem is not None:
+            raise MechanicsError(f"{problem}: choose a smaller force_n, stiffer tissue_young_kpa, or strain='finite'")
+        return np.array([_row(one) for one in found])
 
     def changes(
         self, sphere: tuple[float, float], factors: NDArray[np.float64], tissues: list[float]
@@ -139,6 +146,10 @@ def _row(found: FacePress) -> NDArray[np.float64]:
 
 
 def _row_of(field: PressField) -> NDArray[np.float64]:
-    every = (len(field.radius_mm) - 1) // (FACE_POINTS - 1)
-    profiles = (field.pressure_kpa[::every], field.face_displacement_mm[::every])
-    return np.concatenate([*profiles, [field.approach_mm]])
+    """A row at fewer radii; each pressure is a mean of means, so that they still sum up to the force."""
+    fine = field.radius_mm
+    coarse = np.linspace(0.0, fine[-1], FACE_POINTS)
+    share = hats(coarse, fine) * hat_areas(fine)[:, None]
+    pressure = field.pressure_kpa @ share / share.sum(axis=0)
+    displacement = np.interp(coarse, fine, field.face_displacement_mm)
+    return np.concatenate([pressure, displacement, [field.approach_mm]])

@@ -16,14 +16,18 @@ from scipy.optimize import brentq
 from threadpoolctl import threadpool_limits
 
 from tsis.mechanics.bodies import Resolution
-from tsis.mechanics.small_strain import MN_PER_N, compliances
+from tsis.mechanics.small_strain import compliances, strain_problem
 from tsis.model import Phantom, Probe, Relaxation, check
 from tsis.model.errors import InputError, MechanicsError
+from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.mechanics.small_strain import PressKernel
+
+
+MANY = 50.0  # time constants after which nothing is left of an exponential
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -87,21 +91,15 @@ def relaxing_press(
     InputError
         When a value lies outside its range.
     MechanicsError
-        When the contact does not cover the face.
+        When the contact does not cover the face, or the strain is too large.
     """
-    check.kind("probe", probe, Probe)
-    check.kind("phantom", phantom, Phantom)
-    check.kind("relaxation", relaxation, Relaxation)
-    check.number("approach_mm", approach_mm, 1e-4, 100.0, hint="millimetres")
-    check.number("ramp_s", ramp_s, 0.0, 1e6, hint="seconds")
+    _check(probe, phantom, relaxation, approach_mm, ramp_s)
     times = check.array("time_s", time_s, ndim=1)
     if times.min() < 0 or times.max() > 1e7:
         raise InputError(f"time_s must lie in [0, 1e+07] seconds; got {times.min():g} to {times.max():g}")
-    with threadpool_limits(limits=1, user_api="blas"):
-        kernel, tissue = compliances(probe, phantom, resolution or Resolution())
-        course = _Course(kernel.probe_compliance, tissue, relaxation, approach_mm - probe.sag_mm(kernel.face.radius_mm))
-        nodal = course.forces(times, ramp_s)
-        pressure, displacement = _told(kernel, nodal)
+    kernel, course = _course_of(probe, phantom, relaxation, approach_mm, resolution)
+    nodal = course.forces(times, ramp_s)
+    pressure, displacement = _on_face(kernel, nodal)
     _refuse_opening(kernel, pressure[times >= ramp_s], approach_mm)
     return RelaxingPress(
         time_s=times,
@@ -125,6 +123,24 @@ def settling_time_s(
 ) -> float:
     """Time since the travel began after which the force stays within ``tolerance`` (a share) of its last value.
 
+    Parameters
+    ----------
+    probe, phantom, relaxation, approach_mm, ramp_s, resolution
+        As in `relaxing_press`.
+    tolerance
+        Share of the settled force, in [1e-6, 1].
+
+    Returns
+    -------
+    The time in s; ``ramp_s`` where the force is settled when the glass stops.
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range.
+    MechanicsError
+        When the settled contact does not cover the face, or the strain is too large.
+
     Examples
     --------
     A probe far stiffer than the tissue leaves the tissue's own course, 2 s * ln(0.3 / 0.7 / 0.01):
@@ -138,23 +154,37 @@ def settling_time_s(
     '7.52 s'
     """
     check.number("tolerance", tolerance, 1e-6, 1.0, hint="a share of the settled force")
+    _check(probe, phantom, relaxation, approach_mm, ramp_s)
+    kernel, course = _course_of(probe, phantom, relaxation, approach_mm, resolution)
+    settled = course.forces(np.array([np.inf]), ramp_s)
+    _refuse_opening(kernel, _on_face(kernel, settled)[0], approach_mm)
 
-    def excess(log_time: float) -> float:
-        there = relaxing_press(
-            probe,
-            phantom,
-            relaxation,
-            approach_mm=approach_mm,
-            time_s=[float(np.exp(log_time)), 1e7],
-            ramp_s=ramp_s,
-            resolution=resolution,
-        )
-        return float(there.force_n[0] / there.force_n[1] - 1 - tolerance)
+    def excess(log_wait: float) -> float:
+        return float(course.forces(np.array([ramp_s + np.exp(log_wait)]), ramp_s).sum() / settled.sum()) - 1 - tolerance
 
-    first, last = max(ramp_s, 1e-6), ramp_s + 100 * max(relaxation.times_s)
-    if excess(float(np.log(first))) <= 0:
-        return ramp_s
-    return float(np.exp(brentq(excess, np.log(first), np.log(last), xtol=1e-10)))
+    first, last = float(np.log(1e-9 * min(relaxation.times_s))), float(np.log(MANY * course.slowest_s))
+    return ramp_s if excess(first) <= 0 else ramp_s + float(np.exp(brentq(excess, first, last, xtol=1e-10)))
+
+
+def _check(probe: Probe, phantom: Phantom, relaxation: Relaxation, approach_mm: float, ramp_s: float) -> None:
+    check.kind("probe", probe, Probe)
+    check.kind("phantom", phantom, Phantom)
+    check.kind("relaxation", relaxation, Relaxation)
+    check.number("approach_mm", approach_mm, 1e-4, 100.0, hint="millimetres")
+    if ramp_s != 0:
+        check.number("ramp_s", ramp_s, 1e-6, 1e6, hint="seconds; 0 is at once")
+    problem = strain_problem(approach_mm, probe, phantom.thickness_mm)
+    if problem is not None:
+        raise MechanicsError(f"{problem}: choose a smaller approach_mm")
+
+
+def _course_of(
+    probe: Probe, phantom: Phantom, relaxation: Relaxation, approach_mm: float, resolution: Resolution | None
+) -> tuple[PressKernel, _Course]:
+    with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
+        kernel, tissue = compliances(probe, phantom, resolution or Resolution())
+        travel = approach_mm - probe.sag_mm(kernel.face.radius_mm)
+        return kernel, _Course(kernel.probe_compliance, tissue, relaxation, travel)
 
 
 class _Course:
@@ -180,6 +210,11 @@ class _Course:
         self._drive = np.linalg.solve(self._modes, drive[..., None])[..., 0]
         self._ratio = ratio
 
+    @property
+    def slowest_s(self) -> float:
+        """Time constant of the slowest exponential, longer than the tissue's own under a soft probe."""
+        return float(-1 / self._rates.max())
+
     def forces(self, time_s: NDArray[np.float64], ramp_s: float) -> NDArray[np.float64]:
         """Forces on the nodes, mN, shape (t, n)."""
         memory = np.einsum("nij,tnj->tni", self._modes, self._drive * self._memory(time_s, ramp_s))
@@ -199,7 +234,7 @@ class _Course:
         return np.asarray(at_end * np.exp(rate * held) + np.expm1(rate * held) / rate)
 
 
-def _told(kernel: PressKernel, nodal: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _on_face(kernel: PressKernel, nodal: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     return kernel.contact.closed_pressure(nodal.T).T, kernel.face_displacement(nodal.T).T
 
 

@@ -1,4 +1,4 @@
-"""Values and errors that every room shares; no computation."""
+"""Values and errors that every room shares, and what touches files and optional libraries for them; no computation."""
 
 from tsis.model.calibration import Calibration
 from tsis.model.catalog import list_phantoms, list_probes, load_phantom, load_probe

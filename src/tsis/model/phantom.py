@@ -143,6 +143,11 @@ class Phantom:
         """All inclusions, none for plain tissue."""
         return () if self.inclusion is None else (self.inclusion, *self.more_inclusions)
 
+    @property
+    def is_axisymmetric(self) -> bool:
+        """True for plain tissue and for one sphere or spheroid around the probe's axis."""
+        return all(one.is_axisymmetric for one in self.inclusions) and not self.more_inclusions
+
     def without_inclusion(self) -> Phantom:
         """The same slab of plain tissue: the baseline of a press."""
         return replace(self, inclusion=None, more_inclusions=())

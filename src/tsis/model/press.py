@@ -13,6 +13,7 @@ from tsis.model.errors import InputError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+MN_PER_N = 1000.0  # mechanics count in mm, kPa and so in mN
 CELL_SAMPLES = 6  # points along each side of a grid cell over which a pressure is averaged
 
 

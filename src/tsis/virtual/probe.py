@@ -102,8 +102,7 @@ class VirtualProbe:
         def seen(field: PressField | PressMap) -> NDArray[np.float64]:
             return render(field, self.sensor, self.calibration)
 
-        inclusions = phantom.inclusions
-        if not inclusions or (len(inclusions) == 1 and inclusions[0].is_axisymmetric):
+        if phantom.is_axisymmetric:
             return seen(press(self.probe, phantom, force_n=force_n, resolution=self._resolution))
         found = press_solid(self.probe, phantom, force_n=force_n, plain_resolution=self._resolution)
         # The grid blurs the rim, of which the axisymmetric press of plain tissue knows all; so only a change is taken.

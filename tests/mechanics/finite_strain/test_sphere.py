@@ -110,7 +110,7 @@ def test_the_range_of_moduli_and_forces(young: float) -> None:
 def test_impossible_spheres_are_refused() -> None:
     with pytest.raises(InputError, match="sphere_radius_mm"):
         squeeze_sphere(PROBE, sphere_radius_mm=9.0, young_kpa=80.0, force_n=0.1)
-    with pytest.raises(InputError, match="ascending"):
+    with pytest.raises(InputError, match="must ascend"):
         squeeze_path(PROBE, sphere_radius_mm=3.0, young_kpa=80.0, forces_n=(0.2, 0.1))
     with pytest.raises(InputError, match="young_kpa"):
         squeeze_sphere(PROBE, sphere_radius_mm=3.0, young_kpa=-1.0, force_n=0.1)

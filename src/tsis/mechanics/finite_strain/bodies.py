@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from tsis.model import Phantom, Probe
 
 SLIDING_MM = 2.0  # width of the fine strip of skin inside the rim, which large loads drag around it
+SLIDING_SHARE = 0.3  # of the face's radius at most
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -174,7 +175,7 @@ def mesh_slab(phantom: Phantom, probe: Probe, resolution: FiniteResolution) -> M
     order, thickness = resolution.order, phantom.thickness_mm
     edge = probe.radius_mm
     largest = resolution.largest * probe.radius_mm
-    cells = int(np.ceil(SLIDING_MM / resolution.rim_mm))
+    cells = int(np.ceil(min(SLIDING_MM, SLIDING_SHARE * probe.radius_mm) / resolution.rim_mm))
     fine = edge - resolution.rim_mm * np.arange(cells + 1)[::-1]
     coarse = mesh.face_lines(
         float(fine[0]), finest=resolution.rim_mm * resolution.growth, growth=resolution.growth, largest=largest

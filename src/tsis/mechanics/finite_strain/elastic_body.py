@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.mechanics.element import reference
+from tsis.mechanics.element import lame_constants, reference
 from tsis.mechanics.finite_strain import neo_hookean
 from tsis.mechanics.finite_strain.neo_hookean import HOOP, RR, RZ, ZR, ZZ
 
@@ -122,7 +122,7 @@ class ElasticBody:
     def __init__(self, solid: Solid, numbering: Numbering) -> None:
         self.solid, self.numbering = solid, numbering
         self._operator, self.volume = _operators(solid)
-        mu, lam = neo_hookean.lame(solid.young_kpa, solid.poisson)
+        mu, lam = lame_constants(solid.young_kpa, solid.poisson)
         self._mu, self._lam = mu[:, None], lam[:, None]
         self._inner, self._outer = _inner(solid.order), _outer(solid.order)
         self.element_unknowns = numbering.of_node[solid.cells[:, self._outer]].reshape(len(solid.cells), -1)

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.polynomial import legendre
 
-from tsis.mechanics.element import lagrange
+from tsis.mechanics.element import gauss_points, lagrange
+from tsis.mechanics.face import hat_areas
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -64,14 +65,14 @@ def face_pressure_kpa(
     reached = up_to[cell] + primitive(cell, inside) + (radius_mm - inside) * total
     means = np.diff(reached) / np.diff(radius_mm)
     ring = np.concatenate([means, [total]]) - np.concatenate([[0.0], means])
-    return np.asarray(ring / _hat_areas(radius_mm))
+    return np.asarray(ring / hat_areas(radius_mm))
 
 
 def _force_within(
     shape: RoundedProbe, contact: SlidingContact, face: SoftFace, positions: NDArray[np.float64]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Material radii, ascending from 0, and the axial force in mN that the face takes inside each."""
-    gauss, weight = legendre.leggauss(4)
+    gauss, weight = gauss_points(4)
     radii, forces = [np.zeros(1)], [np.zeros(1)]
     for part in contact.pressed(positions):
         ends = np.linspace(part.low, part.high, PARTS + 1)
@@ -90,12 +91,3 @@ def _force_within(
         forces.append(forces[-1][-1] + np.cumsum(pieces))
     radius, force = np.concatenate(radii), np.concatenate(forces)
     return np.maximum.accumulate(np.clip(radius, 0.0, shape.radius_mm)), force
-
-
-def _hat_areas(radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Integrals of the hat functions on ``radius_mm`` over the face, mm^2."""
-    low, high = radius_mm[:-1], radius_mm[1:]
-    step = high - low
-    rising = 2 * np.pi * step * (low / 2 + step / 3)  # of the hat at the upper end
-    falling = 2 * np.pi * step * (low / 2 + step / 6)
-    return np.asarray(np.append(falling, 0.0) + np.concatenate([[0.0], rising]))

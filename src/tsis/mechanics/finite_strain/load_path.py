@@ -13,6 +13,7 @@ import numpy as np
 
 from tsis.mechanics.finite_strain.potential import Load, Potential, Quadratic
 from tsis.model.errors import MechanicsError
+from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
@@ -33,7 +34,6 @@ FIRST_STEP = 0.35  # of the largest force
 FIRST_GROWTH = 5.0  # of the force at the first touch
 GROWTH = 2.0
 EASY_ROUNDS = 9  # a step that took no more is followed by a larger one
-MN_PER_N = 1000.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

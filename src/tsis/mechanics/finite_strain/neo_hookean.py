@@ -20,14 +20,6 @@ ROW = (0, 0, 1, 1)  # of the in-plane components
 COLUMN = (0, 1, 0, 1)
 
 
-def lame(
-    young_kpa: NDArray[np.float64], poisson: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Shear modulus mu and Lame's first constant lambda in kPa from Young's modulus and Poisson's ratio."""
-    mu = np.asarray(young_kpa / (2 * (1 + poisson)))
-    return mu, np.asarray(2 * mu * poisson / (1 - 2 * poisson))
-
-
 def volume_ratio(gradient: NDArray[np.float64]) -> NDArray[np.float64]:
     """J, the volume now over the reference volume."""
     plane = gradient[RR] * gradient[ZZ] - gradient[RZ] * gradient[ZR]

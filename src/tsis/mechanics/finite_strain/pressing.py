@@ -10,13 +10,16 @@ from threadpoolctl import threadpool_limits
 
 from tsis.mechanics.finite_strain.bodies import FiniteResolution
 from tsis.mechanics.finite_strain.probe_on_slab import FinitePress, ProbeOnSlab
+from tsis.mechanics.small_strain import shape_on_axis
 from tsis.model import Phantom, PressField, Probe, check
-from tsis.model.errors import InputError
+from tsis.model.errors import InputError, MechanicsError
+from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
 LARGEST_FORCE_N = 50.0
+LIGHTEST = 2.5e-3  # of modulus times radius squared
 
 
 def press_finite(
@@ -35,7 +38,7 @@ def press_finite(
     probe, phantom
         What presses and what is pressed; an inclusion is a sphere or spheroid on the probe's axis.
     force_n
-        Force in newtons, in (0, 50].
+        Force in newtons, in [1e-6, 50].
     resolution
         Mesh density.
 
@@ -109,22 +112,30 @@ def _steps(
 ) -> tuple[FinitePress, ...]:
     check.kind("probe", probe, Probe)
     check.kind("phantom", phantom, Phantom)
+    check_forces(forces_n)
+    refuse_light(forces_n[0], min(phantom.young_kpa, probe.layers[0].young_kpa), probe.radius_mm)
+    if phantom.inclusion is not None:
+        shape_on_axis(phantom)  # refuses what does not turn around the axis
+    return _walked(probe, phantom, forces_n, resolution or FiniteResolution(), contrast)
+
+
+def check_forces(forces_n: Sequence[float]) -> None:
+    """Refuse forces in newtons that no path goes through in turn."""
     if not forces_n:
         raise InputError("forces_n must hold at least one force; got none")
     for force in forces_n:
         check.number("force_n", force, 1e-6, LARGEST_FORCE_N, hint="newtons")
     if any(later <= earlier for earlier, later in pairwise(forces_n)):
-        raise InputError(f"forces_n must ascend; got {forces_n}")
-    _refuse_shapes(phantom)
-    return _walked(probe, phantom, forces_n, resolution or FiniteResolution(), contrast)
+        raise InputError(f"forces_n must ascend; got {tuple(forces_n)}")
 
 
-def _refuse_shapes(phantom: Phantom) -> None:
-    inclusion = phantom.inclusion
-    if phantom.more_inclusions or (inclusion is not None and not inclusion.is_axisymmetric):
-        raise InputError(
-            "inclusion must be one sphere or spheroid on the probe's axis for this model; got "
-            f"{len(phantom.inclusions)} with offset_mm {phantom.inclusions[0].offset_mm}"
+def refuse_light(force_n: float, young_kpa: float, radius_mm: float) -> None:
+    """Refuse forces at which so little touches that the mesh does not see it, and small strain is exact."""
+    least = LIGHTEST * young_kpa * radius_mm**2 / MN_PER_N
+    if force_n < least:
+        raise MechanicsError(
+            f"force_n must be at least {least:.2g} here for strain='finite', or the contact is smaller than its mesh; "
+            f"got {force_n:g}: strain='small' describes it"
         )
 
 

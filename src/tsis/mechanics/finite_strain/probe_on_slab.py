@@ -17,6 +17,8 @@ from tsis.mechanics.finite_strain.sliding_contact import SlidingContact, SoftFac
 from tsis.mechanics.finite_strain.smooth_face import SmoothFace
 from tsis.mechanics.mesh import face_lines
 from tsis.model import PressField
+from tsis.model.errors import MechanicsError
+from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,6 +34,9 @@ STIFFNESS = 400.0  # of the contact's springs, kPa/mm for each kPa of the softer
 STEERING = 20.0  # the same for what steers Newton's method
 TOUCH = 0.02  # travel of the first touch as a share of the slab's or the probe's thickness, the smaller
 LARGEST_STRETCH = 3.0
+RIM_CELL = 0.8  # largest cell on the rim as a share of its radius
+PULLING = 0.05  # of the mean pressure: more tension says that the mesh does not resolve the contact
+INNER = 0.9  # of the face's radius; outside it the rounded rim makes the pressure steep
 RIM_FILLETS = 3.0  # distance from the rim in its radii within which strains are those of its rounding
 
 
@@ -71,6 +76,8 @@ class ProbeOnSlab:
         if probe.face_curvature_mm is not None:  # the edge of the contact travels over the whole face
             resolution = replace(resolution, largest=resolution.largest / 2)
         self.shape = rounded(probe, resolution.fillet_mm)
+        # The cells of a small rim are small too.
+        resolution = replace(resolution, rim_mm=min(resolution.rim_mm, RIM_CELL * self.shape.fillet_mm))
         largest, finest = resolution.largest, resolution.rim_mm / probe.radius_mm
         lines = face_lines(1.0, finest=finest, growth=resolution.growth, largest=largest)
         meshed, slab = mesh_probe(self.shape, lines, resolution), mesh_slab(phantom, probe, resolution)
@@ -107,7 +114,7 @@ class ProbeOnSlab:
 
     def path(self, forces_n: Sequence[float]) -> tuple[FinitePress, ...]:
         """States at ascending ``forces_n`` in newtons."""
-        forces = [force * load_path.MN_PER_N for force in forces_n]
+        forces = [force * MN_PER_N for force in forces_n]
         first = load_path.touch(self.potential, self._moved, self._touch_mm, SPRING, below_mn=forces[0] / 2)
         states = load_path.walk(self.potential, first, forces, refuse=self._refuse)
         return tuple(self.read(state, force) for state, force in zip(states, forces_n, strict=True))
@@ -136,6 +143,7 @@ class ProbeOnSlab:
             approach_mm=travel,
             force_n=force_n,
         )
+        _refuse_pulling(field)
         return FinitePress(
             field=field,
             stored_mn_mm=self.potential.stored(state.unknowns),
@@ -144,6 +152,17 @@ class ProbeOnSlab:
 
     def _refuse(self, state: State) -> str | None:
         return refuse_beyond(largest_stretch(self.potential, state, self._inner), LARGEST_STRETCH)
+
+
+def _refuse_pulling(field: PressField) -> None:
+    inside = field.radius_mm < INNER * field.radius_mm[-1]
+    mean = field.force_n * MN_PER_N / (np.pi * field.radius_mm[-1] ** 2)
+    least = float(field.pressure_kpa[inside].min())
+    if least < -PULLING * mean:
+        raise MechanicsError(
+            f"the contact's pressure is not resolved: it falls to {least:.2g} kPa at a mean of {mean:.2g} kPa; "
+            "choose a finer FiniteResolution, a smaller force, or a deeper or less flat inclusion"
+        )
 
 
 def largest_stretch(potential: Potential, state: State, elements: NDArray[np.bool_]) -> float:

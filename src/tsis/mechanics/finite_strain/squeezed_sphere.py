@@ -15,12 +15,13 @@ from tsis.mechanics.finite_strain.bodies import FiniteResolution, mesh_probe
 from tsis.mechanics.finite_strain.elastic_body import FIXED, OWN, ElasticBody, number
 from tsis.mechanics.finite_strain.meshed_solid import beside
 from tsis.mechanics.finite_strain.potential import Potential
+from tsis.mechanics.finite_strain.pressing import check_forces, refuse_light
 from tsis.mechanics.finite_strain.probe_on_slab import largest_stretch, refuse_beyond
 from tsis.mechanics.finite_strain.rounded_probe import rounded
 from tsis.mechanics.finite_strain.sliding_contact import Plate, SlidingContact, SoftFace
 from tsis.mechanics.finite_strain.smooth_face import SmoothFace
 from tsis.model import PressField, Probe, check
-from tsis.model.errors import InputError
+from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -108,7 +109,7 @@ def squeeze_sphere(
     sphere_radius_mm, young_kpa, poisson
         The sphere, neo-Hookean; its radius is at most 0.6 of the face's.
     force_n
-        Force in newtons, in (0, 50].
+        Force in newtons, in [1e-6, 50].
     resolution
         Mesh density.
 
@@ -145,12 +146,11 @@ def squeeze_path(
     check.number("sphere_radius_mm", sphere_radius_mm, 0.1, WIDEST * probe.radius_mm, hint="0.6 of the face's radius")
     check.number("young_kpa", young_kpa, 0.1, 1e6, hint="kilopascals")
     check.number("poisson", poisson, 0.0, 0.495)
-    forces = tuple(check.number("force_n", force, 1e-6, 50.0, hint="newtons") for force in forces_n)
-    if not forces or list(forces) != sorted(set(forces)):
-        raise InputError(f"forces_n must hold ascending forces; got {forces}")
+    check_forces(forces_n)
+    refuse_light(forces_n[0], min(young_kpa, probe.layers[0].young_kpa), sphere_radius_mm)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
         press = SphereOnProbe(probe, sphere_radius_mm, young_kpa, poisson, resolution or SphereResolution())
-        return press.path(forces)
+        return press.path(forces_n)
 
 
 class SphereOnProbe:
@@ -197,7 +197,7 @@ class SphereOnProbe:
 
     def path(self, forces_n: Sequence[float]) -> tuple[SpherePress, ...]:
         """States at ascending ``forces_n`` in newtons."""
-        forces = [force * load_path.MN_PER_N for force in forces_n]
+        forces = [force * MN_PER_N for force in forces_n]
         first = load_path.touch(self.potential, self._moved, TOUCH * self._radius, SPRING, below_mn=forces[0] / 2)
         states = load_path.walk(self.potential, first, forces, refuse=self._refuse)
         return tuple(self.read(state, force) for state, force in zip(states, forces_n, strict=True))
