@@ -51,7 +51,7 @@ def test_no_force_moves_nothing_at_either_strain() -> None:
     [
         (
             lambda: press(FLAT, SOFT, force_n=1e-6, strain="finite"),
-            "force_n must be at least .*strain='small' describes",
+            "force_n must be at least .*: small strain describes",
         ),
         (lambda: press(DOMED, SOFT, force_n=1e-9), "force_n must be large enough for a contact that the mesh sees"),
         (lambda: indent(HARD, sphere_radius_mm=1000.0, force_n=0.1), "choose a larger force"),

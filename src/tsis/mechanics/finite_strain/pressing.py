@@ -113,7 +113,8 @@ def _steps(
     check.kind("probe", probe, Probe)
     check.kind("phantom", phantom, Phantom)
     check_forces(forces_n)
-    refuse_light(forces_n[0], min(phantom.young_kpa, probe.layers[0].young_kpa), probe.radius_mm)
+    softer = min(phantom.young_kpa, probe.layers[0].young_kpa)
+    refuse_light(forces_n[0], softer, probe.radius_mm, lightest=LIGHTEST)
     if phantom.inclusion is not None:
         shape_on_axis(phantom)  # refuses what does not turn around the axis
     return _walked(probe, phantom, forces_n, resolution or FiniteResolution(), contrast)
@@ -129,13 +130,13 @@ def check_forces(forces_n: Sequence[float]) -> None:
         raise InputError(f"forces_n must ascend; got {tuple(forces_n)}")
 
 
-def refuse_light(force_n: float, young_kpa: float, radius_mm: float) -> None:
-    """Refuse forces at which so little touches that the mesh does not see it, and small strain is exact."""
-    least = LIGHTEST * young_kpa * radius_mm**2 / MN_PER_N
+def refuse_light(force_n: float, young_kpa: float, radius_mm: float, *, lightest: float) -> None:
+    """Refuse forces at which less touches than the mesh sees, ``lightest`` of modulus times radius squared."""
+    least = lightest * young_kpa * radius_mm**2 / MN_PER_N
     if force_n < least:
         raise MechanicsError(
             f"force_n must be at least {least:.2g} here for strain='finite', or the contact is smaller than its mesh; "
-            f"got {force_n:g}: strain='small' describes it"
+            f"got {force_n:g}: small strain describes it"
         )
 
 

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
     from tsis.mechanics.finite_strain.load_path import State
 
+LIGHTEST = 3e-4  # force over modulus times radius squared, below which the contact is smaller than its mesh
 FACE_POINTS = 241
 SPRING = 1e7  # mN/mm, pulls the bodies together for the first touch
 STIFFNESS = 400.0  # of the contact's springs, kPa/mm for each kPa of the softer one of sphere and skin of the probe
@@ -147,7 +148,8 @@ def squeeze_path(
     check.number("young_kpa", young_kpa, 0.1, 1e6, hint="kilopascals")
     check.number("poisson", poisson, 0.0, 0.495)
     check_forces(forces_n)
-    refuse_light(forces_n[0], min(young_kpa, probe.layers[0].young_kpa), sphere_radius_mm)
+    softer = min(young_kpa, probe.layers[0].young_kpa)
+    refuse_light(forces_n[0], softer, sphere_radius_mm, lightest=LIGHTEST)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
         press = SphereOnProbe(probe, sphere_radius_mm, young_kpa, poisson, resolution or SphereResolution())
         return press.path(forces_n)
