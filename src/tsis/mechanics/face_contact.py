@@ -76,7 +76,7 @@ class FaceContact:
         self._closed_pressure = face.averages(radius_mm) @ np.linalg.inv(face.mass())
 
     def touch(
-        self, compliance: NDArray[np.float64], force_mn: float, half_space: disc_contact.Elastic | None = None
+        self, compliance: NDArray[np.float64], force_mn: float, split: disc_contact.Elastic | None = None
     ) -> Touch:
         """The contact under ``force_mn``.
 
@@ -86,12 +86,10 @@ class FaceContact:
             Of both bodies together on the face's nodes, mm/mN, shape (n, n).
         force_mn
             Total force, mN, > 0.
-        half_space
+        split
             The same, with the tissue's half-space split off; a domed face needs it.
         """
-        touch = (
-            self._closed(compliance, force_mn) if half_space is None else self._domed(compliance, half_space, force_mn)
-        )
+        touch = self._closed(compliance, force_mn) if split is None else self._domed(compliance, split, force_mn)
         pull = -PULL * force_mn / (np.pi * self.probe.radius_mm**2)
         return touch if touch.pressure_kpa[self.inner].min() >= pull else self._opening(compliance, force_mn)
 
@@ -111,16 +109,14 @@ class FaceContact:
             radius_mm=self.probe.radius_mm,
         )
 
-    def _domed(self, compliance: NDArray[np.float64], half_space: disc_contact.Elastic, force_mn: float) -> Touch:
+    def _domed(self, compliance: NDArray[np.float64], split: disc_contact.Elastic, force_mn: float) -> Touch:
         edge = self.probe.radius_mm
-        whole = disc_contact.on_disc(half_space, self._whole_disc, edge)
+        whole = disc_contact.on_disc(split, self._whole_disc, edge)
         rest = force_mn - float(whole.force.sum())
         if rest >= 0:  # once the rim touches, more force presses a closed face
             touch = self._of_disc(whole)
             return touch + self._closed(compliance, rest) if rest else touch
-        return self._of_disc(
-            disc_contact.under_force(half_space, self.face, self.probe.sag_mm, force_mn, largest=whole)
-        )
+        return self._of_disc(disc_contact.under_force(split, self.face, self.probe.sag_mm, force_mn, largest=whole))
 
     @cached_property
     def _whole_disc(self) -> disc_contact.Loads:

@@ -233,7 +233,10 @@ def _valid_force(probe: Probe, phantom: Phantom, force_n: float, resolution: Res
         found = _face_press(probe, phantom, force * MN_PER_N, resolution)
         return nominal_strain(found.approach_mm, probe, phantom.thickness_mm) - STRAIN_LIMIT
 
-    valid = float(brentq(excess, 1e-6 * force_n, force_n, rtol=1e-3))
+    low = 0.1 * force_n
+    while excess(low) > 0:
+        low *= 0.1
+    valid = float(brentq(excess, low, force_n, rtol=1e-3))
     digit = 10 ** (np.floor(np.log10(valid)) - 1)
     return float(digit * np.floor(0.999 * valid / digit))
 
