@@ -15,8 +15,10 @@ from tsis.__about__ import __version__
 from tsis.model import (
     Calibration,
     Estimate,
+    Glass,
     Inclusion,
     Layer,
+    Led,
     Phantom,
     PressField,
     PressMap,
@@ -32,8 +34,10 @@ if TYPE_CHECKING:
 __all__ = [
     "Calibration",
     "Estimate",
+    "Glass",
     "Inclusion",
     "Layer",
+    "Led",
     "Phantom",
     "PressField",
     "PressMap",
@@ -44,7 +48,7 @@ __all__ = [
     "load_probe",
 ]
 
-_ROOMS = frozenset({"imaging", "inclusion", "instrument", "mechanics", "plots", "report", "virtual"})
+_ROOMS = frozenset({"imaging", "inclusion", "instrument", "mechanics", "optics", "plots", "report", "virtual"})
 
 
 def __getattr__(name: str) -> ModuleType:

@@ -9,7 +9,8 @@ from threadpoolctl import threadpool_limits
 
 import tsis
 from tsis.inclusion import InclusionPrior
-from tsis.mechanics import build_surrogate, disk_cache
+from tsis.mechanics import build_surrogate
+from tsis.model import disk_cache
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -11,6 +11,7 @@ import typer
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.cli.demo import demo
 from tsis.cli.examine import examine
+from tsis.cli.optics import app as optics
 from tsis.cli.simulate import simulate
 from tsis.cli.sweep import app as sweep
 from tsis.model.errors import TsisError
@@ -27,6 +28,7 @@ app = typer.Typer(
 app.command(epilog="Example: tsis demo --phantom size-8 --seed 3 --out first-press")(demo)
 app.command(epilog="Example: tsis examine press.png --reference untouched.png --scale-mm 0.051 --invert")(examine)
 app.command(epilog="Example: tsis simulate --phantom depth-8 --force-n 0.7 --json")(simulate)
+app.add_typer(optics)
 app.add_typer(sweep)
 
 

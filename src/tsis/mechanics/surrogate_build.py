@@ -16,7 +16,7 @@ import numpy as np
 from scipy.stats import qmc
 from threadpoolctl import threadpool_limits
 
-from tsis.mechanics import chebyshev, disk_cache
+from tsis.mechanics import chebyshev
 from tsis.mechanics.surrogate import (
     Box,
     Degrees,
@@ -28,7 +28,8 @@ from tsis.mechanics.surrogate import (
     scale,
 )
 from tsis.mechanics.surrogate_presses import FACE_POINTS, slabs_of
-from tsis.model import Probe, check
+from tsis.model import Probe, check, disk_cache
+from tsis.model.light import CROWN_GLASS, FOUR_LEDS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -87,7 +88,9 @@ def build_surrogate(
     key = disk_cache.content_key(
         {
             "format": FORMAT_VERSION,
-            "probe": asdict(replace(probe, name="", assumed=())),
+            "probe": asdict(
+                replace(probe, name="", assumed=(), glass=CROWN_GLASS, leds=FOUR_LEDS)
+            ),  # light changes no press
             "force_n": force_n,
             "strain": strain,
             "box": asdict(box),

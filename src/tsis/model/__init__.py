@@ -4,6 +4,7 @@ from tsis.model.calibration import Calibration
 from tsis.model.catalog import list_phantoms, list_probes, load_phantom, load_probe
 from tsis.model.estimate import Estimate
 from tsis.model.image import TactileImage
+from tsis.model.light import Glass, Led
 from tsis.model.phantom import Inclusion, Phantom
 from tsis.model.press import PressField, PressMap
 from tsis.model.probe import Layer, Probe
@@ -12,8 +13,10 @@ from tsis.model.relaxation import Relaxation
 __all__ = [
     "Calibration",
     "Estimate",
+    "Glass",
     "Inclusion",
     "Layer",
+    "Led",
     "Phantom",
     "PressField",
     "PressMap",

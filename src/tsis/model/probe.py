@@ -9,6 +9,7 @@ import numpy as np
 
 from tsis.model import check
 from tsis.model.errors import InputError
+from tsis.model.light import CROWN_GLASS, FOUR_LEDS, Glass, Led
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -64,6 +65,10 @@ class Probe:
         layers bulge together, each keeping its share of the thickness at every radius.
     sides
         ``"free"``, or ``"bonded"`` to a rigid housing.
+    glass
+        The plate above the layers.
+    leds
+        The lamps around the side wall, at least one of them lit; four at equal angles when not given.
     name
         What reports call it.
     assumed
@@ -72,7 +77,8 @@ class Probe:
     Raises
     ------
     InputError
-        When a value lies outside its range, there is no layer, or the dome leaves almost nothing of them at the rim.
+        When a value lies outside its range, there is no layer or no lit lamp, a lamp stands beside
+        neither layers nor glass, or a dome leaves almost nothing of the layers at the rim.
 
     Examples
     --------
@@ -85,6 +91,8 @@ class Probe:
     layers: tuple[Layer, ...]
     face_curvature_mm: float | None = None
     sides: Literal["free", "bonded"] = "free"
+    glass: Glass = CROWN_GLASS
+    leds: tuple[Led, ...] = FOUR_LEDS
     name: str = ""
     assumed: tuple[str, ...] = ()
 
@@ -97,6 +105,7 @@ class Probe:
         object.__setattr__(self, "assumed", tuple(self.assumed))
         if self.sides not in ("free", "bonded"):
             raise InputError(f"sides must be 'free' or 'bonded'; got {self.sides!r}")
+        self._check_light()
         if self.face_curvature_mm is None:
             return
         check.number("face_curvature_mm", self.face_curvature_mm, self.radius_mm, 1e6, hint="millimetres, None is flat")
@@ -106,6 +115,20 @@ class Probe:
                 f"face_curvature_mm must leave {THINNEST_RIM:.0%} of the layers' {self.thickness_mm:g} mm at the rim; "
                 f"got {self.face_curvature_mm:g}, which takes {sag:.2f} mm away"
             )
+
+    def _check_light(self) -> None:
+        check.kind("glass", self.glass, Glass)
+        leds = tuple(self.leds) if isinstance(self.leds, (tuple, list)) else ()
+        if not all(isinstance(led, Led) for led in leds) or not any(led.power > 0 for led in leds):
+            raise InputError(f"leds must be a tuple of Led, at least one with power above 0; got {self.leds!r:.80}")
+        object.__setattr__(self, "leds", leds)
+        top = self.thickness_mm + self.glass.thickness_mm
+        for led in leds:
+            check.number("height_mm of a lamp", self.led_height_mm(led), 0.0, top, hint="layers and glass end there")
+
+    def led_height_mm(self, led: Led) -> float:
+        """Height of a lamp's centre above the face, mm."""
+        return self.thickness_mm / 2 if led.height_mm is None else led.height_mm
 
     @property
     def thickness_mm(self) -> float:

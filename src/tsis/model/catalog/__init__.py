@@ -8,6 +8,7 @@ from importlib.resources import files
 from typing import Any
 
 from tsis.model import check
+from tsis.model.light import FOUR_LEDS, Glass, Led
 from tsis.model.phantom import Inclusion, Phantom
 from tsis.model.probe import Layer, Probe
 
@@ -46,6 +47,8 @@ def load_probe(name: str = "tsis-2011") -> Probe:
         radius_mm=entry["radius_mm"],
         layers=tuple(Layer(**layer) for layer in entry["layers"]),
         face_curvature_mm=entry.get("face_curvature_mm"),
+        glass=Glass(**entry.get("glass", {})),
+        leds=tuple(Led(**led) for led in entry["leds"]) if "leds" in entry else FOUR_LEDS,
         assumed=tuple(entry.get("assumed", ())),
     )
 

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tsis.mechanics import disk_cache
+from tsis.model import disk_cache
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -1,0 +1,1 @@
+"""Light in the probe: angles and guided modes of its layers, waves in a dented guide, rays in the whole probe."""
