@@ -1,1 +1,5 @@
 """Light in the probe: angles and guided modes of its layers, waves in a dented guide, rays in the whole probe."""
+
+from tsis.optics.irradiance_field import Irradiance
+
+__all__ = ["Irradiance"]

@@ -1,0 +1,117 @@
+"""How much light reaches the probe's face from inside: a smooth map, and how a dent changes it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Self
+
+import numpy as np
+
+from tsis.model import check
+from tsis.model.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+FIELDS = ("relative", "flux_x", "flux_y")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Irradiance:
+    """Light that arrives at the face from inside, over a coarse grid, and what displacing and tilting the face does.
+
+    Attributes
+    ----------
+    x_mm, y_mm
+        Coordinates from the probe's axis, shapes (n,) and (m,), ascending. Between them the light is linear, beyond
+        them that of the edge.
+    relative
+        Power arriving per area of the undented face over its mean on the face, shape (m, n).
+    flux_x, flux_y
+        Power travelling along x and y over the power travelling into the face, shape (m, n): a face that rises towards
+        the glass by ``slope`` in a direction catches ``1 + flux * slope`` times the light.
+    gamma_per_mm
+        The light changes by ``exp(gamma_per_mm * displacement)`` when the face is displaced towards the glass.
+    error
+        Standard error of ``relative`` by the number of rays, its root mean square over the face.
+
+    Raises
+    ------
+    InputError
+        When a coordinate does not ascend, a value is not finite, a shape is not that of the grid or light is negative.
+
+    Examples
+    --------
+    >>> light = Irradiance.uniform()
+    >>> light.at([-1.0, 1.0], [0.0], displacement_mm=0.3, slope_x=0.1, slope_y=0.0).tolist()
+    [[1.0, 1.0]]
+    """
+
+    x_mm: NDArray[np.float64]
+    y_mm: NDArray[np.float64]
+    relative: NDArray[np.float64]
+    flux_x: NDArray[np.float64]
+    flux_y: NDArray[np.float64]
+    gamma_per_mm: float
+    error: float
+
+    def __post_init__(self) -> None:
+        for name in ("x_mm", "y_mm"):
+            values = check.array(name, getattr(self, name), ndim=1)
+            if len(values) < 2 or (np.diff(values) <= 0).any():
+                raise InputError(f"{name} must hold at least two ascending numbers; got {values!r:.80}")
+            object.__setattr__(self, name, values)
+        shape = (len(self.y_mm), len(self.x_mm))
+        for name in FIELDS:
+            values = check.array(name, getattr(self, name), ndim=2)
+            if values.shape != shape:
+                raise InputError(f"{name} must have the shape {shape} of y_mm and x_mm; got {values.shape}")
+            object.__setattr__(self, name, values)
+        check.number("relative", float(self.relative.min()), 0.0, np.inf)
+        check.number("gamma_per_mm", self.gamma_per_mm, -100.0, 100.0)
+        check.number("error", self.error, 0.0, np.inf)
+
+    @classmethod
+    def uniform(cls) -> Self:
+        """The same light everywhere, whatever the face does."""
+        even, none = np.ones((2, 2)), np.zeros((2, 2))
+        ends = np.array([-1.0, 1.0])
+        return cls(x_mm=ends, y_mm=ends, relative=even, flux_x=none, flux_y=none, gamma_per_mm=0.0, error=0.0)
+
+    def at(
+        self,
+        x_mm: ArrayLike,
+        y_mm: ArrayLike,
+        *,
+        displacement_mm: ArrayLike = 0.0,
+        slope_x: ArrayLike = 0.0,
+        slope_y: ArrayLike = 0.0,
+    ) -> NDArray[np.floating[Any]]:
+        """Light on a dented face over a grid, relative to the mean on the undented one; never negative.
+
+        Parameters
+        ----------
+        x_mm, y_mm
+            Coordinates of the grid's columns (k,) and rows (l,), mm.
+        displacement_mm
+            Displacement of the face towards the glass, mm, shape (l, k) or one number.
+        slope_x, slope_y
+            Its derivatives by x and y, of the same shapes.
+
+        Returns
+        -------
+        Light, shape (l, k), of single precision where the displacement is, else of double.
+        """
+        moved = np.asarray(displacement_mm)
+        kind = np.float32 if moved.dtype == np.float32 else np.float64
+        rows = _between(self.y_mm, np.asarray(y_mm, dtype=float)).astype(kind)
+        columns = _between(self.x_mm, np.asarray(x_mm, dtype=float)).astype(kind).T
+        relative, flux_x, flux_y = (rows @ getattr(self, name).astype(kind) @ columns for name in FIELDS)
+        tilt = 1 + flux_x * np.asarray(slope_x, dtype=kind) + flux_y * np.asarray(slope_y, dtype=kind)
+        light = relative * np.exp(kind(self.gamma_per_mm) * moved) * np.maximum(tilt, kind(0))
+        return np.asarray(light)
+
+
+def _between(knots: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Matrix from values at ``knots`` to values at ``at``, shape (len(at), len(knots)): linear, constant beyond."""
+    return np.column_stack([np.interp(at, knots, unit) for unit in np.eye(len(knots))])
