@@ -7,7 +7,7 @@ from dataclasses import asdict, fields
 from typing import TYPE_CHECKING, Any
 
 from tsis.instrument import read_bytes, shown
-from tsis.model import Calibration
+from tsis.model import Calibration, LightMap
 from tsis.model.errors import FileInputError, InputError
 
 if TYPE_CHECKING:
@@ -36,11 +36,13 @@ def read_calibration(path: Path) -> Calibration:
     if unknown := sorted(set(content) - known):
         raise FileInputError(f"{shown(path)} must hold only known values; got {unknown!r:.200}")
     try:
+        if isinstance(content.get("light"), dict):
+            content["light"] = LightMap(**content["light"])
         return Calibration(**content)
     except InputError as error:
         raise FileInputError(f"{shown(path)}: {error}") from error
     except TypeError as error:
-        missing = sorted({"gain_grey_per_kpa", "saturation_kpa"} - set(content))
+        missing = sorted({"gain_grey_per_kpa", "saturation_kpa"} - set(content)) or ["x_mm, y_mm and relative of light"]
         raise FileInputError(f"{shown(path)} must hold {' and '.join(missing)}; got {sorted(content)}") from error
 
 

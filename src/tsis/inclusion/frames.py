@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -76,10 +77,27 @@ def check_frames(frames: list[TactileImage]) -> None:
         seen.add(content)
 
 
+def relative_light(frame: TactileImage, calibration: Calibration) -> NDArray[np.float64]:
+    """How brightly each pixel's place on the face is lit, shape of the frame; ones where the calibration names none."""
+    if calibration.light is None:
+        return np.ones(frame.grey.shape)
+    (rows, columns), axis, (sx, sy) = frame.grey.shape, frame.axis(), frame.scale()
+    return calibration.light.at((np.arange(columns) - axis[0]) * sx, (np.arange(rows) - axis[1]) * sy)
+
+
+def at_even_light(frame: TactileImage, calibration: Calibration) -> TactileImage:
+    """The frame above its background as even light would show it; clipped pixels can no longer be told in it."""
+    if calibration.light is None:
+        return frame
+    return replace(frame, grey=(frame.grey - calibration.background_grey) / relative_light(frame, calibration))
+
+
 def ring_profiles(
     frames: list[TactileImage], calibration: Calibration, edges_mm: NDArray[np.float64], *, model_error: float
 ) -> Profiles:
-    """Mean grey above background in each ring of each frame, and which rings may be used.
+    """Mean grey above background in each ring of each frame at even light, and which rings may be used.
+
+    A ring's sum of grey over its sum of light is, with photon noise, the best mean of a round press.
 
     The error of the fast press model, a share of the pressure, counts as noise of each ring: a model that is coarse
     widens the intervals and does not shift them unseen.
@@ -93,7 +111,10 @@ def ring_profiles(
             "the inner half of the probe's face must lie in every picture without clipping; got one with no "
             "usable ring there (check mm_per_pixel, axis_px and the exposure)"
         )
-    grey = np.nan_to_num(np.array([ring.mean_grey for ring in rings])) - calibration.background_grey
-    pixel = calibration.read_noise_grey**2 + calibration.shot_noise_grey * np.maximum(grey, 0.0) + 1 / 12
-    variance = pixel / np.maximum(count, 1) + (model_error * grey) ** 2
+    seen = np.nan_to_num(np.array([ring.mean_grey for ring in rings])) - calibration.background_grey
+    pixel = calibration.read_noise_grey**2 + calibration.shot_noise_grey * np.maximum(seen, 0.0) + 1 / 12
+    even = replace(frames[0], grey=relative_light(frames[0], calibration))
+    light = np.nan_to_num(radial_profile(even, edges_mm=edges_mm).mean_grey, nan=1.0)
+    grey = seen / light
+    variance = pixel / (np.maximum(count, 1) * light**2) + (model_error * grey) ** 2
     return Profiles(grey=grey, variance=variance, usable=usable)

@@ -12,7 +12,7 @@ from threadpoolctl import threadpool_limits
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.inclusion.chart import SignalChart
 from tsis.inclusion.forward import ForwardModel
-from tsis.inclusion.frames import as_frames, check_frames, ring_edges, ring_means, ring_profiles
+from tsis.inclusion.frames import as_frames, at_even_light, check_frames, ring_edges, ring_means, ring_profiles
 from tsis.inclusion.grid import Grid, refine
 from tsis.inclusion.likelihood import Fit, Likelihood, Profiles
 from tsis.inclusion.prior import PARAMETERS, InclusionPrior
@@ -98,7 +98,10 @@ def estimate(
             targets, references, surrogate, probe=probe, calibration=calibration, prior=prior
         )
         samples, best = _posterior(likelihood, prior)
-    flags, notes = verdict(samples, prior=prior, targets=targets, references=references, data=data, best=best)
+    even_targets, even_references = (
+        [at_even_light(frame, calibration) for frame in frames] for frames in (targets, references)
+    )
+    flags, notes = verdict(samples, prior=prior, targets=even_targets, references=even_references, data=data, best=best)
     return Estimate(
         samples=dict(zip(PARAMETERS, samples.T, strict=True)),
         prior_sd=prior.sd,

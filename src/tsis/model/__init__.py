@@ -5,6 +5,7 @@ from tsis.model.catalog import list_phantoms, list_probes, load_phantom, load_pr
 from tsis.model.estimate import Estimate
 from tsis.model.image import TactileImage
 from tsis.model.light import Glass, Led
+from tsis.model.light_map import LightMap
 from tsis.model.phantom import Inclusion, Phantom
 from tsis.model.press import PressField, PressMap
 from tsis.model.probe import Layer, Probe
@@ -17,6 +18,7 @@ __all__ = [
     "Inclusion",
     "Layer",
     "Led",
+    "LightMap",
     "Phantom",
     "PressField",
     "PressMap",

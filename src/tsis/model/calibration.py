@@ -5,14 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from tsis.model import check
+from tsis.model.errors import InputError
+from tsis.model.light_map import LightMap
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
-    """Rough-contact response of one probe and camera: ``grey = gain * saturation * erf(0.886 p / saturation)``.
+    """Rough-contact response of a probe and camera: ``grey = light * gain * saturation * erf(0.886 p / saturation)``.
 
-    The slope at zero pressure, after dark, flat and background corrections, is ``gain_grey_per_kpa``. The relative
-    standard deviations say how well each quantity is known.
+    The slope at zero pressure, where the light is 1 and the background was taken away, is ``gain_grey_per_kpa``. The
+    relative standard deviations say how well each quantity is known.
 
     Parameters
     ----------
@@ -22,6 +24,8 @@ class Calibration:
         Pressure scale at which the real contact area saturates.
     background_grey
         Grey level without contact, subtracted before anything else.
+    light
+        How the light that reaches the camera varies over the face, lens and all; None when it is even or was corrected.
     gain_sd
         Relative standard deviation of the gain (LED drift included).
     force_sd
@@ -45,6 +49,7 @@ class Calibration:
     gain_grey_per_kpa: float
     saturation_kpa: float
     background_grey: float = 0.0
+    light: LightMap | None = None
     gain_sd: float = 0.01
     force_sd: float = 0.01
     offset_sd: float = 0.01
@@ -60,6 +65,8 @@ class Calibration:
         check.number("gain_grey_per_kpa", self.gain_grey_per_kpa, 1e-6, 1e6)
         check.number("saturation_kpa", self.saturation_kpa, 1e-3, 1e6)
         check.number("background_grey", self.background_grey, 0.0, 65535.0)
+        if self.light is not None and not isinstance(self.light, LightMap):
+            raise InputError(f"light must be a LightMap or None; got {self.light!r:.80}")
         for name in ("gain_sd", "force_sd", "offset_sd", "pattern_sd", "repeatability_sd", "site_sd"):
             check.number(name, getattr(self, name), 0.0, 1.0, hint="a share of one")
         check.number("read_noise_grey", self.read_noise_grey, 0.0, 1e4)

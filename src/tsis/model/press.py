@@ -48,7 +48,7 @@ class PressField:
 
     def on_grid(self, x_mm: ArrayLike, y_mm: ArrayLike) -> PressMap:
         """The same press over a rectangular grid, each coordinate ascending."""
-        x, y = _ascending("x_mm", x_mm), _ascending("y_mm", y_mm)
+        x, y = ascending("x_mm", x_mm), ascending("y_mm", y_mm)
         edge = self.radius_mm[-1]
 
         def at(values: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -111,7 +111,7 @@ class PressMap:
 
     def __post_init__(self) -> None:
         for name in ("x_mm", "y_mm"):
-            object.__setattr__(self, name, _ascending(name, getattr(self, name)))
+            object.__setattr__(self, name, ascending(name, getattr(self, name)))
         shape = (len(self.y_mm), len(self.x_mm))
         for name in ("face_displacement_mm", "pressure_kpa"):
             values = check.array(name, getattr(self, name), ndim=2)
@@ -120,7 +120,8 @@ class PressMap:
             object.__setattr__(self, name, values)
 
 
-def _ascending(name: str, values: ArrayLike) -> NDArray[np.float64]:
+def ascending(name: str, values: ArrayLike) -> NDArray[np.float64]:
+    """Check a coordinate of a grid: at least two numbers, each above the one before."""
     result: NDArray[np.float64] = check.array(name, values, ndim=1)
     if len(result) < 2 or (np.diff(result) <= 0).any():
         raise InputError(f"{name} must hold at least two ascending numbers; got {values!r:.80}")
