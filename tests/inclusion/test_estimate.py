@@ -265,7 +265,8 @@ def test_frames_of_different_axes_are_refused(lump: tuple[TactileImage, TactileI
 
 
 def test_the_error_of_the_press_model_counts_as_noise(lump: tuple[TactileImage, TactileImage]) -> None:
-    exact, coarse = (ring_profiles(list(lump), ANSWER, ring_edges(PROBE), model_error=error) for error in (0.0, 0.01))
+    frames, edges, even = list(lump), ring_edges(PROBE), np.ones(20)
+    exact, coarse = (ring_profiles(frames, ANSWER, edges, light=even, model_error=error) for error in (0.0, 0.01))
     np.testing.assert_allclose(coarse.variance - exact.variance, (0.01 * exact.grey) ** 2, rtol=1e-9)
 
 

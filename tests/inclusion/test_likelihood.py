@@ -13,9 +13,11 @@ import tsis
 from tsis import Calibration
 from tsis.imaging.render import rough_contact
 from tsis.inclusion.forward import ForwardModel
-from tsis.inclusion.frames import ring_edges, ring_means
+from tsis.inclusion.frames import ring_answers, ring_edges, ring_means
 from tsis.inclusion.likelihood import Likelihood, Profiles, noise_covariance
 from tsis.inclusion.prior import InclusionPrior
+from tsis.inclusion.shading import RingShading
+from tsis.mechanics import press
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -25,13 +27,16 @@ if TYPE_CHECKING:
 PROBE = tsis.load_probe("tsis-2011")
 ANSWER = Calibration(gain_grey_per_kpa=60.0, saturation_kpa=20.0)
 PRIOR = InclusionPrior()
+PHANTOM = tsis.load_phantom("hardness-100")
+SHADING = RingShading(gamma_per_mm=-0.3, flux=np.linspace(0.0, 2.0, 20))
 INCLUSIONS = np.array([[10.0, 5.0, 100.0], [3.0, 8.0, 60.0], [14.0, 4.5, 45.0], [1.5, 11.0, 119.0]])
 
 
 @pytest.fixture
 def model(surrogate: PressSurrogate) -> ForwardModel:
     return ForwardModel(
-        rings=surrogate.pressure_kpa.mapped(ring_means(surrogate, ring_edges(PROBE))),
+        rings=ring_answers(surrogate, ring_edges(PROBE)),
+        shading=SHADING,
         calibration=ANSWER,
         prior=PRIOR,
         force_n=np.array([1.0, 0.8, 1.1]),
@@ -139,13 +144,27 @@ def test_slopes_are_derivatives(model: ForwardModel, place: int) -> None:
     assert np.abs(expected).max() > 0.1
 
 
-def test_profiles_without_nuisances_are_the_response_to_the_surrogates_pressure(model: ForwardModel) -> None:
+def test_profiles_without_nuisances_are_the_response_to_the_surrogates_press(model: ForwardModel) -> None:
     grey, _ = model.profiles(INCLUSIONS, np.zeros(10))
     at = model.rings.at_tissue(PRIOR.tissue_young_kpa, PRIOR.thickness_mm)
-    np.testing.assert_allclose(grey[:, 0], rough_contact(at(*INCLUSIONS.T), ANSWER), rtol=1e-12)
-    np.testing.assert_allclose(grey[:, 1], rough_contact(0.8 * at(*INCLUSIONS.T), ANSWER), rtol=1e-12)
-    plain = np.broadcast_to(rough_contact(1.1 * at.plain, ANSWER), grey[:, 2].shape)
+
+    def expected(answers: NDArray[np.float64]) -> NDArray[np.float64]:
+        pressure, displacement, slope = answers[..., :20], answers[..., 20:40], answers[..., 40:]
+        return rough_contact(pressure, ANSWER) * np.exp(-0.3 * displacement) * (1 + np.linspace(0.0, 2.0, 20) * slope)
+
+    np.testing.assert_allclose(grey[:, 0], expected(at(*INCLUSIONS.T)), rtol=1e-12)
+    np.testing.assert_allclose(grey[:, 1], expected(0.8 * at(*INCLUSIONS.T)), rtol=1e-12)
+    plain = np.broadcast_to(expected(1.1 * at.plain), grey[:, 2].shape)
     np.testing.assert_allclose(grey[:, 2], plain, rtol=1e-12)
+
+
+def test_slopes_of_the_rings_are_those_of_a_press(surrogate: PressSurrogate) -> None:
+    field = press(PROBE, PHANTOM, force_n=1.0)
+    at = ring_answers(surrogate, ring_edges(PROBE)).at_tissue(PHANTOM.young_kpa, PHANTOM.thickness_mm)
+    found = at(np.array([10.0]), np.array([5.0]), np.array([100.0]))[0, 40:]
+    edges = ring_edges(PROBE)
+    rise = np.diff(np.interp(edges, field.radius_mm, field.face_displacement_mm)) / np.diff(edges)
+    np.testing.assert_allclose(found[2:], rise[2:], atol=0.02 * np.abs(rise).max())
 
 
 def test_ring_means_are_means_over_the_rings_area(surrogate: PressSurrogate) -> None:

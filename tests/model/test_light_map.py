@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -16,10 +16,11 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-def some(seed: int = 1) -> LightMap:
+def some(seed: int = 1, **changes: Any) -> LightMap:
     rng = np.random.default_rng(seed)
-    x, y = np.array([-3.0, 0.5, 2.0]), np.array([-1.0, 4.0])
-    return LightMap(x_mm=x, y_mm=y, relative=rng.uniform(0.5, 1.5, (2, 3)))
+    values: dict[str, Any] = {name: rng.uniform(0.5, 1.5, (2, 3)) for name in ("relative", "flux_x", "flux_y")}
+    grid = {"x_mm": [-3.0, 0.5, 2.0], "y_mm": [-1.0, 4.0]}
+    return LightMap(**{**grid, **values, "gamma_per_mm": 0.1, "error": 0.01, **changes})
 
 
 def test_between_the_points_it_is_scipys_linear_interpolation() -> None:
@@ -39,15 +40,15 @@ def test_outside_its_grid_it_is_the_nearest_value() -> None:
     ("values", "sentence"),
     [
         ({"relative": [[1.0, 1.0, 1.0]]}, r"shape \(2, 3\)"),
-        ({"relative": [[1.0, 0.0, 1.0], [1.0, 1.0, 1.0]]}, "above 0.001 of its largest"),
-        ({"relative": -np.ones((2, 3))}, "above 0.001 of its largest"),
+        ({"flux_x": np.zeros((3, 2))}, r"shape \(2, 3\)"),
+        ({"relative": -np.ones((2, 3))}, r"relative must lie in \[0, inf\]"),
         ({"x_mm": [0.0, 0.0, 1.0]}, "x_mm must hold at least two ascending"),
+        ({"gamma_per_mm": float("nan")}, "gamma_per_mm must lie in"),
     ],
 )
-def test_a_map_that_is_none_is_refused(values: dict[str, object], sentence: str) -> None:
-    good: dict[str, object] = {"x_mm": [0.0, 1.0, 2.0], "y_mm": [0.0, 1.0], "relative": np.ones((2, 3))}
+def test_a_map_that_is_none_is_refused(values: dict[str, Any], sentence: str) -> None:
     with pytest.raises(InputError, match=sentence):
-        LightMap(**{**good, **values})  # type: ignore[arg-type]
+        some(**values)
 
 
 def test_a_calibration_file_keeps_it(tmp_path: Path) -> None:
@@ -59,5 +60,5 @@ def test_a_calibration_file_keeps_it(tmp_path: Path) -> None:
     document = json.loads(path.read_text())
     del document["light"]["y_mm"]
     path.write_text(json.dumps(document))
-    with pytest.raises(FileInputError, match="x_mm, y_mm and relative of light"):
+    with pytest.raises(FileInputError, match="must hold every value of light"):
         read_calibration(path)

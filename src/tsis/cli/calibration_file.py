@@ -42,7 +42,7 @@ def read_calibration(path: Path) -> Calibration:
     except InputError as error:
         raise FileInputError(f"{shown(path)}: {error}") from error
     except TypeError as error:
-        missing = sorted({"gain_grey_per_kpa", "saturation_kpa"} - set(content)) or ["x_mm, y_mm and relative of light"]
+        missing = sorted({"gain_grey_per_kpa", "saturation_kpa"} - set(content)) or ["every value of light"]
         raise FileInputError(f"{shown(path)} must hold {' and '.join(missing)}; got {sorted(content)}") from error
 
 

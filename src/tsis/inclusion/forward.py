@@ -17,10 +17,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.inclusion.prior import InclusionPrior
+    from tsis.inclusion.shading import RingShading
     from tsis.mechanics import Surrogate
     from tsis.model import Calibration
 
 GAIN, TISSUE, THICKNESS, SITE, SHARED = 0, 1, 2, 3, 4
+ANSWERS = 3  # of a press, a ring: pressure, displacement, slope
 STEP = 0.02  # of log modulus and log thickness, for derivatives
 
 
@@ -31,7 +33,10 @@ class ForwardModel:
     Attributes
     ----------
     rings
-        Surrogate of the mean pressure in kPa of each ring at 1 N.
+        Surrogate of a press at 1 N: mean pressure in kPa of each ring, then mean displacement of the face in mm, then
+        its mean slope along the radius.
+    shading
+        What displacement and slope do to the light that each ring sees.
     calibration, prior
         Answer of grey level to pressure; tissue around the inclusion.
     force_n
@@ -41,6 +46,7 @@ class ForwardModel:
     """
 
     rings: Surrogate
+    shading: RingShading
     calibration: Calibration
     prior: InclusionPrior
     force_n: NDArray[np.float64]
@@ -71,38 +77,51 @@ class ForwardModel:
         """
         frames, count = len(self.force_n), len(inclusions)
         force, offset = nuisance[SHARED : SHARED + frames], nuisance[SHARED + frames :]
-        grey = np.empty((count, frames, self.rings.plain.shape[-1]))
+        grey = np.empty((count, frames, self.rings.plain.shape[-1] // ANSWERS))
         slopes = np.zeros((*grey.shape, len(nuisance)))
         shown = set(self.is_reference.tolist())
-        pressures = {plain: self._unit_pressure(inclusions, nuisance, reference=plain) for plain in shown}
+        presses = {plain: self._unit_press(inclusions, nuisance, reference=plain) for plain in shown}
         for frame in range(frames):
-            unit, by_tissue, by_thickness = pressures[bool(self.is_reference[frame])]
+            unit, by_tissue, by_thickness = presses[bool(self.is_reference[frame])]
             push = self.force_n[frame] * np.exp(force[frame])
-            light = np.exp(nuisance[GAIN]) * rough_contact(push * unit, self.calibration)
-            slope = np.exp(nuisance[GAIN]) * push * rough_contact_slope(push * unit, self.calibration)
-            grey[:, frame] = light + offset[frame]
-            slopes[:, frame, :, GAIN] = light
-            slopes[:, frame, :, TISSUE] = slope * by_tissue
-            slopes[:, frame, :, THICKNESS] = slope * by_thickness
-            slopes[:, frame, :, SITE] = slope * by_tissue if self.is_reference[frame] else 0.0
-            slopes[:, frame, :, SHARED + frame] = slope * unit
+            light, by_answer = self._light(push * unit)
+            gain, by_answer = np.exp(nuisance[GAIN]), np.exp(nuisance[GAIN]) * push * by_answer
+            grey[:, frame] = gain * light + offset[frame]
+            slopes[:, frame, :, GAIN] = gain * light
+            slopes[:, frame, :, TISSUE] = _along(by_answer, by_tissue)
+            slopes[:, frame, :, THICKNESS] = _along(by_answer, by_thickness)
+            slopes[:, frame, :, SITE] = slopes[:, frame, :, TISSUE] if self.is_reference[frame] else 0.0
+            slopes[:, frame, :, SHARED + frame] = _along(by_answer, unit)
             slopes[:, frame, :, SHARED + frames + frame] = 1.0
         return grey, slopes
 
-    def _unit_pressure(
+    def _light(self, press: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Grey levels of presses (n, 3 rings) at nominal gain, and derivatives by each answer, (n, 3 rings)."""
+        pressure, displacement, slope = np.split(press, ANSWERS, axis=-1)
+        contact = rough_contact(pressure, self.calibration)
+        shade, by_displacement, by_slope = self.shading(displacement, slope)
+        by_pressure = rough_contact_slope(pressure, self.calibration) * shade
+        return contact * shade, np.concatenate([by_pressure, contact * by_displacement, contact * by_slope], axis=-1)
+
+    def _unit_press(
         self, inclusions: NDArray[np.float64], nuisance: NDArray[np.float64], *, reference: bool
     ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Ring pressures at 1 N, (n or 1, rings), and their derivatives by log modulus and log thickness."""
+        """Answers of a press at 1 N, (n or 1, 3 rings), and their derivatives by log modulus and log thickness."""
         log_tissue = nuisance[TISSUE] + (nuisance[SITE] if reference else 0.0)
 
-        def pressure(tissue: float, thickness: float) -> NDArray[np.float64]:
+        def answer(tissue: float, thickness: float) -> NDArray[np.float64]:
             at = self.rings.at_tissue(
                 self.prior.tissue_young_kpa * float(np.exp(tissue)), self.prior.thickness_mm * float(np.exp(thickness))
             )
             return at.plain[None] if reference else at(*inclusions.T)
 
         log_thickness = float(nuisance[THICKNESS])
-        here = pressure(log_tissue, log_thickness)
-        by_tissue = (pressure(log_tissue + STEP, log_thickness) - here) / STEP
-        by_thickness = (pressure(log_tissue, log_thickness + STEP) - here) / STEP
+        here = answer(log_tissue, log_thickness)
+        by_tissue = (answer(log_tissue + STEP, log_thickness) - here) / STEP
+        by_thickness = (answer(log_tissue, log_thickness + STEP) - here) / STEP
         return here, by_tissue, by_thickness
+
+
+def _along(by_answer: NDArray[np.float64], direction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Derivative of the rings' light along a change of the press: the sum over the three answers."""
+    return np.asarray(sum(np.split(by_answer * direction, ANSWERS, axis=-1)))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from tsis.imaging import radial_profile
 from tsis.inclusion.likelihood import Profiles
+from tsis.inclusion.shading import RingShading
 from tsis.model import TactileImage
 from tsis.model.errors import ImageMismatchError, InputError
 
@@ -18,10 +19,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.mechanics import PressSurrogate
+    from tsis.mechanics import PressSurrogate, Surrogate
     from tsis.model import Calibration, Probe
 
 RINGS = 20
+DARKEST = 1e-3  # of the brightest place; what is darker cannot be divided by
 OUTER_SHARE = 0.8  # of the face's radius; outside it the singular edge tells more about the rim than about the tissue
 
 
@@ -39,6 +41,14 @@ def ring_means(surrogate: PressSurrogate, edges_mm: NDArray[np.float64]) -> NDAr
     weight = weight / weight.sum(axis=1, keepdims=True)
     values = surrogate.interpolation(radius.ravel()).reshape(*radius.shape, -1)
     return np.asarray(np.einsum("rq,rqn->rn", weight, values))
+
+
+def ring_answers(surrogate: PressSurrogate, edges_mm: NDArray[np.float64]) -> Surrogate:
+    """Mean pressure, displacement and slope of the face in each ring, in this order."""
+    means = ring_means(surrogate, edges_mm)
+    slopes = means @ np.gradient(np.eye(len(surrogate.radius_mm)), surrogate.radius_mm, axis=0)
+    face = surrogate.face_displacement_mm
+    return surrogate.pressure_kpa.mapped(means).joined(face.mapped(means), face.mapped(slopes))
 
 
 def as_frames(name: str, given: TactileImage | Sequence[TactileImage] | None) -> list[TactileImage]:
@@ -77,27 +87,60 @@ def check_frames(frames: list[TactileImage]) -> None:
         seen.add(content)
 
 
-def relative_light(frame: TactileImage, calibration: Calibration) -> NDArray[np.float64]:
-    """How brightly each pixel's place on the face is lit, shape of the frame; ones where the calibration names none."""
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RingLight:
+    """How brightly each ring is lit, shape (rings,), and what a dent does to that."""
+
+    level: NDArray[np.float64]
+    shading: RingShading
+
+
+def ring_light(frame: TactileImage, calibration: Calibration, edges_mm: NDArray[np.float64]) -> RingLight:
+    """Means over the pixels of the frame in each ring; ones and no shading where the calibration names no light."""
+    none = np.zeros(len(edges_mm) - 1)
     if calibration.light is None:
-        return np.ones(frame.grey.shape)
+        return RingLight(level=none + 1, shading=RingShading(gamma_per_mm=0.0, flux=none))
+    x, y = _pixels_mm(frame)
+    relative, flux_x, flux_y = calibration.light.undented(x, y)
+    outwards = relative * (flux_x * x + flux_y * y[:, None]) / np.maximum(np.hypot(x, y[:, None]), 1e-9)
+
+    def mean(values: NDArray[np.floating[Any]], empty: float) -> NDArray[np.float64]:
+        found = radial_profile(replace(frame, grey=values), edges_mm=edges_mm).mean_grey
+        return np.asarray(np.nan_to_num(found, nan=empty))
+
+    level = mean(relative, 1.0)
+    if level.min() <= DARKEST * level.max():
+        raise InputError("light of the calibration must reach every ring of the face; got one that is dark")
+    gamma = calibration.light.gamma_per_mm
+    return RingLight(level=level, shading=RingShading(gamma_per_mm=gamma, flux=mean(outwards, 0.0) / level))
+
+
+def _pixels_mm(frame: TactileImage) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Coordinates of the columns and of the rows from the probe's axis, mm."""
     (rows, columns), axis, (sx, sy) = frame.grey.shape, frame.axis(), frame.scale()
-    return calibration.light.at((np.arange(columns) - axis[0]) * sx, (np.arange(rows) - axis[1]) * sy)
+    return (np.arange(columns) - axis[0]) * sx, (np.arange(rows) - axis[1]) * sy
 
 
 def at_even_light(frame: TactileImage, calibration: Calibration) -> TactileImage:
     """The frame above its background as even light would show it; clipped pixels can no longer be told in it."""
     if calibration.light is None:
         return frame
-    return replace(frame, grey=(frame.grey - calibration.background_grey) / relative_light(frame, calibration))
+    light = calibration.light.at(*_pixels_mm(frame))
+    floor = DARKEST * float(light.max())
+    return replace(frame, grey=(frame.grey - calibration.background_grey) / np.maximum(light, floor))
 
 
 def ring_profiles(
-    frames: list[TactileImage], calibration: Calibration, edges_mm: NDArray[np.float64], *, model_error: float
+    frames: list[TactileImage],
+    calibration: Calibration,
+    edges_mm: NDArray[np.float64],
+    *,
+    light: NDArray[np.float64],
+    model_error: float,
 ) -> Profiles:
     """Mean grey above background in each ring of each frame at even light, and which rings may be used.
 
-    A ring's sum of grey over its sum of light is, with photon noise, the best mean of a round press.
+    A ring's sum of grey over its sum of ``light`` is, with photon noise, the best mean of a round press.
 
     The error of the fast press model, a share of the pressure, counts as noise of each ring: a model that is coarse
     widens the intervals and does not shift them unseen.
@@ -113,8 +156,6 @@ def ring_profiles(
         )
     seen = np.nan_to_num(np.array([ring.mean_grey for ring in rings])) - calibration.background_grey
     pixel = calibration.read_noise_grey**2 + calibration.shot_noise_grey * np.maximum(seen, 0.0) + 1 / 12
-    even = replace(frames[0], grey=relative_light(frames[0], calibration))
-    light = np.nan_to_num(radial_profile(even, edges_mm=edges_mm).mean_grey, nan=1.0)
     grey = seen / light
     variance = pixel / (np.maximum(count, 1) * light**2) + (model_error * grey) ** 2
     return Profiles(grey=grey, variance=variance, usable=usable)

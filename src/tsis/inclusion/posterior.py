@@ -12,7 +12,15 @@ from threadpoolctl import threadpool_limits
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.inclusion.chart import SignalChart
 from tsis.inclusion.forward import ForwardModel
-from tsis.inclusion.frames import as_frames, at_even_light, check_frames, ring_edges, ring_means, ring_profiles
+from tsis.inclusion.frames import (
+    as_frames,
+    at_even_light,
+    check_frames,
+    ring_answers,
+    ring_edges,
+    ring_light,
+    ring_profiles,
+)
 from tsis.inclusion.grid import Grid, refine
 from tsis.inclusion.likelihood import Fit, Likelihood, Profiles
 from tsis.inclusion.prior import PARAMETERS, InclusionPrior
@@ -122,9 +130,11 @@ def likelihood_of(
 ) -> tuple[Likelihood, Profiles]:
     """Likelihood of inclusions given these frames, and the ring profiles that it rests on."""
     frames, edges = targets + references, ring_edges(probe)
-    data = ring_profiles(frames, calibration, edges, model_error=surrogate.error)
+    light = ring_light(frames[0], calibration, edges)
+    data = ring_profiles(frames, calibration, edges, light=light.level, model_error=surrogate.error)
     model = ForwardModel(
-        rings=surrogate.pressure_kpa.mapped(ring_means(surrogate, edges)),
+        rings=ring_answers(surrogate, edges),
+        shading=light.shading,
         calibration=calibration,
         prior=prior,
         force_n=np.array([frame.force_n for frame in frames]),

@@ -131,6 +131,15 @@ class Surrogate:
         """The same surrogate after a linear map of its outputs; ``matrix`` has shape (new, old)."""
         return replace(self, plain=self.plain @ matrix.T, change=self.change @ matrix.T)
 
+    def joined(self, *others: Surrogate) -> Surrogate:
+        """One surrogate with the outputs of this one and then those of ``others``, all over one box."""
+        every = (self, *others)
+        return replace(
+            self,
+            plain=np.concatenate([one.plain for one in every], axis=-1),
+            change=np.concatenate([one.change for one in every], axis=-1),
+        )
+
     def at_tissue(self, tissue_young_kpa: float, thickness_mm: float) -> TissueSurrogate:
         """Fix the tissue; outside the box the polynomial is extrapolated, and its error grows fast."""
 

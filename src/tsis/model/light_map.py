@@ -1,9 +1,9 @@
-"""How unevenly the face is lit, over a coarse grid."""
+"""How much light reaches the probe's face from inside: a smooth map, and what a dent does to it."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -14,48 +14,60 @@ from tsis.model.press import ascending
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-DARKEST = 1e-3  # of the brightest place; what is darker cannot be divided by
+FIELDS = ("relative", "flux_x", "flux_y")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class LightMap:
-    """Light that a camera would see of an evenly pressed face, relative to the level that its gain is stated at.
+    """Light that arrives at the face from inside, over a coarse grid, and what displacing and tilting the face does.
 
-    Parameters
+    Attributes
     ----------
     x_mm, y_mm
-        Coordinates from the probe's axis, shapes (n,) and (m,), ascending; y grows with the rows of an image.
+        Coordinates from the probe's axis, shapes (n,) and (m,), ascending. Between them the light is linear, beyond
+        them that of the edge.
     relative
-        Relative light, shape (m, n), positive. Smooth: between the grid's points it is read off straight lines.
+        Power arriving per area of the undented face over its mean on the face, shape (m, n).
+    flux_x, flux_y
+        Power travelling along x and y over the power travelling into the face, shape (m, n): a face that rises towards
+        the glass by ``slope`` in a direction catches ``1 + flux * slope`` times the light.
+    gamma_per_mm
+        The light changes by ``exp(gamma_per_mm * displacement)`` when the face is displaced towards the glass.
+    error
+        Standard error of ``relative`` by the number of rays, its root mean square over the face.
 
     Raises
     ------
     InputError
-        When a coordinate does not ascend, the shape is not that of the grid, or a place is dark.
+        When a coordinate does not ascend, a value is not finite, a shape is not that of the grid or light is negative.
 
     Examples
     --------
-    >>> light = LightMap(x_mm=[-1.0, 1.0], y_mm=[-1.0, 1.0], relative=[[0.5, 1.5], [0.5, 1.5]])
-    >>> light.at([0.0, 9.0], [0.0]).tolist()
-    [[1.0, 1.5]]
+    >>> light = LightMap.uniform()
+    >>> light.at([-1.0, 1.0], [0.0], displacement_mm=0.3, slope_x=0.1, slope_y=0.0).tolist()
+    [[1.0, 1.0]]
     """
 
     x_mm: NDArray[np.float64]
     y_mm: NDArray[np.float64]
     relative: NDArray[np.float64]
+    flux_x: NDArray[np.float64]
+    flux_y: NDArray[np.float64]
+    gamma_per_mm: float
+    error: float
 
     def __post_init__(self) -> None:
         for name in ("x_mm", "y_mm"):
             object.__setattr__(self, name, ascending(name, getattr(self, name)))
-        relative = check.array("relative", self.relative, ndim=2)
         shape = (len(self.y_mm), len(self.x_mm))
-        if relative.shape != shape:
-            raise InputError(f"relative must have the shape {shape} of y_mm and x_mm; got {relative.shape}")
-        if relative.min() <= DARKEST * max(relative.max(), 0.0):
-            raise InputError(
-                f"relative must be above {DARKEST:g} of its largest value everywhere; got {relative.min():.3g}"
-            )
-        object.__setattr__(self, "relative", relative)
+        for name in FIELDS:
+            values = check.array(name, getattr(self, name), ndim=2)
+            if values.shape != shape:
+                raise InputError(f"{name} must have the shape {shape} of y_mm and x_mm; got {values.shape}")
+            object.__setattr__(self, name, values)
+        check.number("relative", float(self.relative.min()), 0.0, np.inf)
+        check.number("gamma_per_mm", self.gamma_per_mm, -100.0, 100.0)
+        check.number("error", self.error, 0.0, np.inf)
 
     def __eq__(self, other: object) -> bool:
         """Equal by content, like every value without arrays."""
@@ -64,11 +76,57 @@ class LightMap:
     def __hash__(self) -> int:
         return hash(self._content())
 
-    def _content(self) -> tuple[bytes, bytes, bytes]:
-        return self.x_mm.tobytes(), self.y_mm.tobytes(), self.relative.tobytes()
+    def _content(self) -> tuple[bytes | float, ...]:
+        arrays = (getattr(self, name).tobytes() for name in ("x_mm", "y_mm", *FIELDS))
+        return (*arrays, self.gamma_per_mm, self.error)
 
-    def at(self, x_mm: ArrayLike, y_mm: ArrayLike) -> NDArray[np.float64]:
-        """Relative light over a rectangular grid, shape (len(y_mm), len(x_mm)); outside its own the nearest value."""
-        along_x = np.array([np.interp(np.asarray(x_mm, dtype=float), self.x_mm, row) for row in self.relative])
-        columns = [np.interp(np.asarray(y_mm, dtype=float), self.y_mm, column) for column in along_x.T]
-        return np.column_stack(columns)
+    @classmethod
+    def uniform(cls) -> Self:
+        """The same light everywhere, whatever the face does."""
+        even, none = np.ones((2, 2)), np.zeros((2, 2))
+        ends = np.array([-1.0, 1.0])
+        return cls(x_mm=ends, y_mm=ends, relative=even, flux_x=none, flux_y=none, gamma_per_mm=0.0, error=0.0)
+
+    def at(
+        self,
+        x_mm: ArrayLike,
+        y_mm: ArrayLike,
+        *,
+        displacement_mm: ArrayLike = 0.0,
+        slope_x: ArrayLike = 0.0,
+        slope_y: ArrayLike = 0.0,
+    ) -> NDArray[np.floating[Any]]:
+        """Light on a dented face over a grid, relative to the mean on the undented one; never negative.
+
+        Parameters
+        ----------
+        x_mm, y_mm
+            Coordinates of the grid's columns (k,) and rows (l,), mm.
+        displacement_mm
+            Displacement of the face towards the glass, mm, shape (l, k) or one number.
+        slope_x, slope_y
+            Its derivatives by x and y, of the same shapes.
+
+        Returns
+        -------
+        Light, shape (l, k), of single precision where the displacement is, else of double.
+        """
+        moved = np.asarray(displacement_mm)
+        kind = np.float32 if moved.dtype == np.float32 else np.float64
+        relative, flux_x, flux_y = self.undented(x_mm, y_mm, kind)
+        tilt = 1 + flux_x * np.asarray(slope_x, dtype=kind) + flux_y * np.asarray(slope_y, dtype=kind)
+        light = relative * np.exp(kind(self.gamma_per_mm) * moved) * np.maximum(tilt, kind(0))
+        return np.asarray(light)
+
+    def undented(
+        self, x_mm: ArrayLike, y_mm: ArrayLike, kind: type[np.floating[Any]] = np.float64
+    ) -> tuple[NDArray[np.floating[Any]], ...]:
+        """``relative``, ``flux_x`` and ``flux_y`` over a grid, each of shape (len(y_mm), len(x_mm)) and of ``kind``."""
+        rows = _between(self.y_mm, np.asarray(y_mm, dtype=float)).astype(kind)
+        columns = _between(self.x_mm, np.asarray(x_mm, dtype=float)).astype(kind).T
+        return tuple(rows @ getattr(self, name).astype(kind) @ columns for name in FIELDS)
+
+
+def _between(knots: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Matrix from values at ``knots`` to values at ``at``, shape (len(at), len(knots)): linear, constant beyond."""
+    return np.column_stack([np.interp(at, knots, unit) for unit in np.eye(len(knots))])
