@@ -105,7 +105,7 @@ def ring_light(frame: TactileImage, calibration: Calibration, edges_mm: NDArray[
     outwards = relative * (flux_x * x + flux_y * y[:, None]) / np.maximum(np.hypot(x, y[:, None]), 1e-9)
 
     def mean(values: NDArray[np.floating[Any]], empty: float) -> NDArray[np.float64]:
-        found = radial_profile(replace(frame, grey=values), edges_mm=edges_mm).mean_grey
+        found = radial_profile(replace(frame, grey=np.asarray(values, dtype=float)), edges_mm=edges_mm).mean_grey
         return np.asarray(np.nan_to_num(found, nan=empty))
 
     level = mean(relative, 1.0)
@@ -118,7 +118,7 @@ def ring_light(frame: TactileImage, calibration: Calibration, edges_mm: NDArray[
 def _pixels_mm(frame: TactileImage) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Coordinates of the columns and of the rows from the probe's axis, mm."""
     (rows, columns), axis, (sx, sy) = frame.grey.shape, frame.axis(), frame.scale()
-    return (np.arange(columns) - axis[0]) * sx, (np.arange(rows) - axis[1]) * sy
+    return np.asarray((np.arange(columns) - axis[0]) * sx), np.asarray((np.arange(rows) - axis[1]) * sy)
 
 
 def at_even_light(frame: TactileImage, calibration: Calibration) -> TactileImage:
