@@ -1,7 +1,7 @@
-"""From contact pressure to light: the rough-contact model under uniform light.
+"""From a press to the light on the sensor.
 
-Light leaves the probe where asperities touch, and the share of real contact area grows with the pressure until it
-saturates: ``grey = gain * saturation * erf(0.886 p / saturation)``. Lens and gel blur it a little.
+``grey = vignetting * PSF (*) [gain * p_sat * E0(x, y) * exp(gamma u) * s(grad u) * share]``, where E0, gamma and s say
+how much light reaches the dented face, and ``share`` how much of it leaves where it is pressed.
 """
 
 from __future__ import annotations
@@ -10,42 +10,32 @@ from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
-from scipy.special import erf
 
-from tsis.model import PressMap, check
+from tsis.imaging.contact_edge import coverage
+from tsis.imaging.contact_light import ERF_SLOPE, Smooth, named_model, rough_contact, rough_contact_slope
+from tsis.imaging.pixel_loops import paint
+from tsis.model import LightMap, PressMap, check
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from tsis.imaging.contact_light import ContactModel
     from tsis.imaging.sensor import Sensor
     from tsis.model import Calibration, PressField
 
-ERF_SLOPE = np.sqrt(np.pi) / 2  # erf(0.886 x) has the slope 1 at zero
+__all__ = ["ERF_SLOPE", "render", "rough_contact", "rough_contact_slope"]
 
-
-def rough_contact(pressure_kpa: NDArray[np.float64], calibration: Calibration) -> NDArray[np.float64]:
-    """Grey level above background of a contact pressure in kPa (any shape); no light without pressure.
-
-    Examples
-    --------
-    >>> from tsis.model import Calibration
-    >>> answer = Calibration(gain_grey_per_kpa=50.0, saturation_kpa=20.0)
-    >>> [round(float(grey), 1) for grey in rough_contact(np.array([-1.0, 0.1, 1000.0]), answer)]
-    [0.0, 5.0, 1000.0]
-    """
-    level = calibration.gain_grey_per_kpa * calibration.saturation_kpa
-    share = erf(ERF_SLOPE * np.maximum(pressure_kpa, 0.0) / calibration.saturation_kpa)
-    return np.asarray(level * share, dtype=float)
-
-
-def rough_contact_slope(pressure_kpa: NDArray[np.float64], calibration: Calibration) -> NDArray[np.float64]:
-    """Derivative of `rough_contact` by the pressure, grey levels per kPa."""
-    exponent = -((ERF_SLOPE * pressure_kpa / calibration.saturation_kpa) ** 2)
-    return np.asarray(calibration.gain_grey_per_kpa * np.exp(exponent) * (pressure_kpa >= 0), dtype=float)
+WIDEST_BLUR_MM = 10.0
 
 
 def render(
-    field: PressField | PressMap, sensor: Sensor, calibration: Calibration, *, blur_mm: float = 0.05
+    field: PressField | PressMap,
+    sensor: Sensor,
+    calibration: Calibration,
+    *,
+    blur_mm: float = 0.05,
+    contact_model: ContactModel | str = "rough",
+    light: LightMap | None = None,
 ) -> NDArray[np.float64]:
     """Expected light of a press on the sensor, before noise.
 
@@ -56,25 +46,86 @@ def render(
     sensor
         The camera that sees it, its axis on the probe's axis.
     calibration
-        Answer of grey level to pressure.
+        Answer of grey level to pressure under light of 1; a full contact gives ``gain * saturation``.
     blur_mm
         Standard deviation of the point spread on the face, mm, in [0, 10].
+    contact_model
+        What makes light leave: ``"rough"``, ``"smooth"``, ``"curvature"``, or a value of `tsis.imaging.contact_light`.
+    light
+        Light that reaches the face from inside; even light when None.
 
     Returns
     -------
     Grey levels above the background, shape (rows, columns), not clipped.
+
+    Raises
+    ------
+    InputError
+        When the blur lies outside its range or the contact model is not known.
+
+    Examples
+    --------
+    >>> from tsis.imaging.sensor import Sensor
+    >>> from tsis.model import Calibration, PressField
+    >>> radius = np.linspace(0.0, 12.0, 25)
+    >>> flat, even = np.zeros(25), np.full(25, 2.0)
+    >>> press = PressField(
+    ...     radius_mm=radius, face_displacement_mm=flat, pressure_kpa=even, approach_mm=1.0, force_n=0.9
+    ... )
+    >>> answer = Calibration(gain_grey_per_kpa=50.0, saturation_kpa=20.0)
+    >>> [round(float(render(press, Sensor(), answer, contact_model=model)[246, 384])) for model in ("rough", "smooth")]
+    [100, 1000]
     """
-    check.number("blur_mm", blur_mm, 0.0, 10.0)
-    grey = rough_contact(field.pressure_kpa, calibration)
+    check.number("blur_mm", blur_mm, 0.0, WIDEST_BLUR_MM)
+    model, light = named_model(contact_model), light or LightMap.uniform()
     if isinstance(field, PressMap):
-        x, y = sensor.axes_mm()
-        light = _between(field.y_mm, y) @ grey @ _between(field.x_mm, x).T
+        seen = _of_map(field, sensor, calibration, model, light)
     else:
-        light = np.interp(sensor.radius_mm(), field.radius_mm, grey, right=0.0)
+        seen = _of_profile(field, sensor, calibration, model, light)
+    picture = _blurred(seen, sensor, blur_mm)
+    return picture if sensor.field_angle_deg == 0 else picture * sensor.vignetting()
+
+
+def _of_profile(
+    field: PressField, sensor: Sensor, calibration: Calibration, model: ContactModel, light: LightMap
+) -> NDArray[np.float64]:
+    """A round press: profiles of what shines and of the slope, turned around the axis."""
+    radius, slope = field.radius_mm, np.gradient(field.face_displacement_mm, field.radius_mm)
+    slope[0] = 0.0  # on the axis, where the difference above would be one-sided
+    share = model.share(field.pressure_kpa, slope=slope, saturation_kpa=calibration.saturation_kpa)
+    covered: NDArray[np.float64] | float = 1.0
+    if isinstance(model, Smooth):  # its edge is sharper than the profile's radii
+        share, covered = np.ones_like(share), coverage(field, sensor)
+    glow = _full_contact(calibration) * share * np.exp(light.gamma_per_mm * field.face_displacement_mm)
+    x, y = sensor.axes_mm()
+    grid = (light.x_mm, light.y_mm, light.relative, light.flux_x, light.flux_y)
+    return covered * paint(x, y, radius, glow, slope, *grid)
+
+
+def _of_map(
+    field: PressMap, sensor: Sensor, calibration: Calibration, model: ContactModel, light: LightMap
+) -> NDArray[np.float64]:
+    """A press over a grid, each quantity linear between its nodes; edges of a smooth contact are those of the grid."""
+    slope_y, slope_x = np.gradient(field.face_displacement_mm, field.y_mm, field.x_mm)
+    steepness = np.hypot(slope_x, slope_y)
+    share = model.share(field.pressure_kpa, slope=steepness, saturation_kpa=calibration.saturation_kpa)
+    glow = _full_contact(calibration) * share * np.exp(light.gamma_per_mm * field.face_displacement_mm)
+    x, y = sensor.axes_mm()
+    rows, columns = _between(field.y_mm, y), _between(field.x_mm, x).T
+    shines, slope_x, slope_y = (rows @ values @ columns for values in (glow, slope_x, slope_y))
+    return np.asarray(shines * light.at(x, y, slope_x=slope_x, slope_y=slope_y))
+
+
+def _full_contact(calibration: Calibration) -> float:
+    """Grey level where all light leaves."""
+    return calibration.gain_grey_per_kpa * calibration.saturation_kpa
+
+
+def _blurred(picture: NDArray[np.float64], sensor: Sensor, blur_mm: float) -> NDArray[np.float64]:
     if blur_mm == 0:
-        return light
+        return picture
     sigma_x, sigma_y = (blur_mm / size for size in sensor.mm_per_pixel)
-    blurred = cv2.GaussianBlur(light, (0, 0), sigmaX=sigma_x, sigmaY=sigma_y, borderType=cv2.BORDER_REFLECT)
+    blurred = cv2.GaussianBlur(picture, (0, 0), sigmaX=sigma_x, sigmaY=sigma_y, borderType=cv2.BORDER_REFLECT)
     return np.asarray(blurred, dtype=float)
 
 

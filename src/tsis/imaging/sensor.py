@@ -1,4 +1,4 @@
-"""The camera's sensor: a field of view, and what noise, clipping and quantisation make of light."""
+"""The camera's sensor: a field of view, and what lens, noise, clipping and quantisation make of light."""
 
 from __future__ import annotations
 
@@ -7,11 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tsis.imaging.pixel_loops import develop
 from tsis.model import check
+from tsis.model.errors import InputError
 from tsis.model.image import pixel_scale
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+COARSEST_ELECTRON = 0.1  # largest skewness of a pixel's noise that is taken as normal
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,13 +32,16 @@ class Sensor:
     mm_per_pixel
         Size (x, y) of a pixel on the face, mm.
     full_scale
-        Grey level at which the camera clips.
+        Grey level at which the camera clips: 255 for 8 bits, 4095 for 12.
     read_noise_grey
         Standard deviation of a pixel's noise without light, grey levels.
     shot_noise_grey
         Variance of the photon noise per grey level: full scale over the full well in electrons.
     background_grey
         Grey level without contact.
+    field_angle_deg
+        Angle from the lens's axis to the frame's corner, in [0, 80]; the light falls with the fourth power of its
+        cosine. 0 is a lens that sees every pixel straight on.
     """
 
     columns: int = 768
@@ -44,6 +51,7 @@ class Sensor:
     read_noise_grey: float = 0.5
     shot_noise_grey: float = 0.017
     background_grey: float = 8.0
+    field_angle_deg: float = 0.0
 
     def __post_init__(self) -> None:
         check.number("columns", self.columns, 8, 8192)
@@ -53,6 +61,7 @@ class Sensor:
         check.number("read_noise_grey", self.read_noise_grey, 0.0, self.full_scale)
         check.number("shot_noise_grey", self.shot_noise_grey, 0.0, self.full_scale)
         check.number("background_grey", self.background_grey, 0.0, self.full_scale)
+        check.number("field_angle_deg", self.field_angle_deg, 0.0, 80.0, hint="degrees")
 
     def axes_mm(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Coordinates (x, y) from the optical axis of the columns' and the rows' centres, mm."""
@@ -65,6 +74,29 @@ class Sensor:
         x, y = self.axes_mm()
         return np.asarray(np.hypot(x[None, :], y[:, None]))
 
+    def vignetting(self) -> NDArray[np.float64]:
+        """Share of the light that the lens brings to each pixel, 1 on the axis, shape (rows, columns).
+
+        Examples
+        --------
+        >>> corner = Sensor(field_angle_deg=20.0).vignetting()[0, 0]
+        >>> round(float(corner), 3) == round(float(np.cos(np.radians(20.0)) ** 4), 3)
+        True
+        """
+        x, y = self.axes_mm()
+        reach = np.tan(np.radians(self.field_angle_deg)) / np.hypot(x[-1], y[-1])
+        return np.asarray((1 + reach**2 * (x[None, :] ** 2 + y[:, None] ** 2)) ** -2)
+
+    @property
+    def counts_electrons(self) -> bool:
+        """Whether one electron is so many grey levels that the noise of few is not hidden by the read noise.
+
+        Photon noise of N electrons of g grey levels has the variance ``g**2 N`` and the third moment ``g**3 N``; with
+        read noise and rounding of variance s**2 the skewness is at most ``0.385 g / s``, at ``g**2 N = 2 s**2``.
+        """
+        quiet = np.sqrt(self.read_noise_grey**2 + 1 / 12)
+        return bool(2 * self.shot_noise_grey / (np.sqrt(27.0) * quiet) > COARSEST_ELECTRON)
+
 
 def expose(light: NDArray[np.float64], sensor: Sensor, rng: np.random.Generator) -> NDArray[np.float64]:
     """One frame: ``light`` in grey levels, plus background, photon and read noise, rounded and clipped.
@@ -74,11 +106,28 @@ def expose(light: NDArray[np.float64], sensor: Sensor, rng: np.random.Generator)
     light
         Expected grey levels above the background, shape (rows, columns), >= 0.
     sensor
-        The camera.
+        The camera. Its photon noise is normal where no electron stands out of the read noise, else it is drawn as whole
+        electrons (`Sensor.counts_electrons`), which takes longer.
     rng
-        Source of the noise; photon noise is taken as normal, which holds from some ten electrons on.
+        Source of the noise.
     """
-    expected = light + sensor.background_grey
-    deviation = np.sqrt(sensor.read_noise_grey**2 + sensor.shot_noise_grey * np.maximum(light, 0.0))
-    noisy = expected + deviation * rng.standard_normal(light.shape)
-    return np.clip(np.rint(noisy), 0.0, sensor.full_scale)
+    grey, shot = light, sensor.shot_noise_grey
+    if sensor.counts_electrons:
+        grey, shot = np.asarray(shot * rng.poisson(np.maximum(light, 0.0) / shot), dtype=float), 0.0
+    normal = rng.standard_normal(light.shape)
+    return develop(grey, normal, sensor.background_grey, sensor.read_noise_grey, shot, sensor.full_scale)
+
+
+def interlace(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Light on an interlaced sensor: even lines (0, 2, ...) from the ``first`` field's time, odd lines from the second.
+
+    Examples
+    --------
+    >>> interlace(np.zeros((3, 1)), np.ones((3, 1))).ravel().tolist()
+    [0.0, 1.0, 0.0]
+    """
+    if first.shape != second.shape:
+        raise InputError(f"both fields must be of one shape; got {first.shape} and {second.shape}")
+    woven = first.copy()
+    woven[1::2] = second[1::2]
+    return woven
