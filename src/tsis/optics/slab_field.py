@@ -1,0 +1,159 @@
+"""Field of one guided mode, without loss of digits through layers where it fades away.
+
+Solutions that decay below and above the stack are carried to a layer where the mode is large, and joined there. Modes
+of wells so weakly coupled that rounding mixes them are joined in different wells and made orthogonal.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import chain
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.optics.slab_phase import EPSILON, across
+from tsis.optics.slab_waves import Waves, overlap_um
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from tsis.optics.slab_layers import SlabLayers
+
+INSEPARABLE = 1e-7  # of the largest q: modes nearer than this mix by more than about 1e-9 as N**2 is rounded
+NUDGES = (
+    0,
+    8,
+    -8,
+    64,
+    -64,
+)  # of N**2, by rounding errors: hit exactly, one well's mode drowns its twin's wherever driven
+NEW = 0.5  # share of a field's power that the modes already found must leave
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SlabField:
+    """A sum of solutions, one where the mode stands alone."""
+
+    waves: tuple[Waves, ...]
+    amplitudes: NDArray[np.float64]
+
+    def wave(self, x_um: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The continuous transverse field u at heights above the lowest face."""
+        return np.asarray(sum(part * one.wave(x_um) for part, one in zip(self.amplitudes, self.waves, strict=True)))
+
+    def slope(self, x_um: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Its slope v = u' / p by k0 x, continuous too."""
+        return np.asarray(sum(part * one.slope(x_um) for part, one in zip(self.amplitudes, self.waves, strict=True)))
+
+
+def field(layers: SlabLayers, n_eff: NDArray[np.float64], q: NDArray[np.float64], number: int) -> SlabField:
+    """Field of one of a few modes that rounding may mix, with unit power.
+
+    Parameters
+    ----------
+    layers
+        The stack.
+    n_eff
+        Effective indices of these modes, (modes,).
+    q
+        ``n**2 - N**2`` of each mode in each region, (modes, layers + 2).
+    number
+        Which of them.
+    """
+    waves: list[Waves] = []
+    parts = np.zeros((0, len(q)))  # amplitudes of the waves in each mode found so far, of unit norm
+    for one in q[: number + 1]:
+        tries = chain.from_iterable(_joined(layers, one + nudge * EPSILON * one.max()) for nudge in NUDGES)
+        joined = (_with_parts(wave, waves, parts, len(q)) for wave in tries)
+        wave, row, _ = next(found for found in joined if found[2] > NEW)
+        waves.append(wave)
+        parts = np.vstack([parts, row])
+    row = parts[-1, : len(waves)] / np.sqrt(n_eff[number])
+    foot = sum(part * float(wave.from_upper[0].real) for part, wave in zip(row, waves, strict=True))
+    return SlabField(waves=tuple(waves), amplitudes=row if foot >= 0 else -row)
+
+
+def mixed(anchor: NDArray[np.float64], offset: NDArray[np.float64], largest_q: float, mode: int) -> slice:
+    """The modes around ``mode`` that rounding may mix with each other."""
+    first, last = mode, mode + 1
+    while first > 0 and _distance(anchor, offset, first - 1) < INSEPARABLE * largest_q:
+        first -= 1
+    while last < len(anchor) and _distance(anchor, offset, last - 1) < INSEPARABLE * largest_q:
+        last += 1
+    return slice(first, last)
+
+
+def _distance(anchor: NDArray[np.float64], offset: NDArray[np.float64], mode: int) -> float:
+    """By how much the squared effective index of a mode exceeds that of the next."""
+    a, b = anchor[mode], anchor[mode + 1]
+    return float((a - b) * (a + b) + (offset[mode] - offset[mode + 1]))
+
+
+def _with_parts(
+    wave: Waves, waves: list[Waves], parts: NDArray[np.float64], modes: int
+) -> tuple[Waves, NDArray[np.float64], float]:
+    """A wave, what of it and of earlier ones makes a mode orthogonal to earlier ones, and the share left of it."""
+    norm = np.sqrt(overlap_um(wave, wave))
+    shared = np.zeros(modes)
+    shared[: len(waves)] = [overlap_um(wave, other) / norm for other in waves]
+    common = parts @ shared  # with each earlier mode
+    left = 1.0 - float(common @ common)
+    row = -common @ parts
+    row[len(waves)] = 1 / norm
+    return wave, row / np.sqrt(max(left, np.finfo(float).tiny)), left
+
+
+def _joined(layers: SlabLayers, q: NDArray[np.float64]) -> Iterator[Waves]:
+    """Solutions joined in one layer each, first where the mode is largest."""
+    (lower_below, upper_below), (upper_above, lower_above) = (_carried(layers, q, side) for side in (1, -1))
+    # A solution driven from x is as large there as the product of the two that decay on its sides.
+    size = {
+        region: _log_size(layers, q, region, upper_below[region]) + _log_size(layers, q, region, upper_above[region])
+        for region in np.flatnonzero(q > 0).tolist()
+    }
+    for region in sorted(size, key=lambda one: -size[one]):
+        below, above = upper_below[region], upper_above[region]
+        metric = np.array([1.0, _reach(layers, q, region) ** 2])
+        ratio = (below[:2] * metric) @ above[:2] / ((above[:2] * metric) @ above[:2])
+        lower = np.concatenate([lower_below[: region + 1], lower_above[region + 1 :]])
+        upper = np.concatenate([upper_below[: region + 1], upper_above[region + 1 :]])
+        log = np.where(np.arange(len(q)) <= region, -below[2], np.log(abs(ratio)) - above[2])
+        scale = np.where(np.arange(len(q)) <= region, 1.0, np.sign(ratio))
+        top = max((lower[:, 2] + log).max(), (upper[:, 2] + log).max())
+        lower, upper = (
+            ends[:, :2] * (scale * np.exp(ends[:, 2] + log - top))[:, np.newaxis] for ends in (lower, upper)
+        )
+        yield Waves.between(layers, q, lower, upper)
+
+
+def _carried(layers: SlabLayers, q: NDArray[np.float64], side: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(u, v, log of a factor) of the solution that decays outside, where it enters and where it leaves each region."""
+    outside, end = (0, len(q) - 1) if side > 0 else (len(q) - 1, 0)
+    length, weight = layers.thickness_um * layers.per_um, layers.weight
+    enters, leaves = np.zeros((2, len(q), 3))
+    u, v, log = 1.0, float(np.sqrt(-q[outside]) / weight[outside]), 0.0
+    leaves[outside] = u, v, log
+    for region in range(outside + side, end, side):
+        enters[region] = u, v, log
+        u, v, half_turns, depth = across(u, v, weight[region], q[region], length[region])
+        size = float(np.hypot(u, v)) * (-1) ** half_turns
+        u, v, log = u / size, v / size, log + depth + float(np.log(abs(size)))
+        leaves[region] = u, v, log
+    enters[end] = u, v, log
+    for ends in (enters, leaves):
+        ends[:, 1] *= side  # an axis pointing inwards points down on the upper side
+    return enters, leaves
+
+
+def _reach(layers: SlabLayers, q: NDArray[np.float64], region: int) -> float:
+    """By how much a slope u' can raise u within an oscillating region, in terms of v = u' / p."""
+    length = layers.thickness_um[region] * layers.per_um
+    return float(layers.weight[region] * min(1 / np.sqrt(q[region]), length))
+
+
+def _log_size(layers: SlabLayers, q: NDArray[np.float64], region: int, end: NDArray[np.float64]) -> float:
+    u, v, log = end
+    return float(log + np.log(np.hypot(u, v * _reach(layers, q, region))))
