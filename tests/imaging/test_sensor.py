@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tsis.imaging.sensor import Sensor, expose
+from tsis.imaging.sensor import Sensor, expose, interlace
 from tsis.model.errors import InputError
 
 SENSOR = Sensor(columns=400, rows=300)
@@ -69,6 +69,65 @@ def test_the_seed_decides() -> None:
     assert (first != other).any()
 
 
+@pytest.mark.parametrize("electrons", [0.0, 0.3, 2.0, 40.0])
+def test_few_electrons_are_counted(electrons: float) -> None:
+    """Twelve bits, ten grey levels an electron: mean, variance and third moment are those of Poisson's law."""
+    sensor = replace(SENSOR, full_scale=4095.0, shot_noise_grey=10.0, read_noise_grey=1.0, background_grey=50.0)
+    assert sensor.counts_electrons
+    grey = expose(np.full((300, 400), 10.0 * electrons), sensor, np.random.default_rng(6)) - 50.0
+    spread = np.sqrt(100.0 * electrons + 1 + 1 / 12)
+    assert grey.mean() == pytest.approx(10.0 * electrons, abs=5 * spread / np.sqrt(grey.size))
+    kurtosis = 3 + 100.0**2 * electrons / spread**4
+    assert grey.var() == pytest.approx(spread**2, rel=5 * np.sqrt((kurtosis - 1) / grey.size))
+    third = np.mean((grey - grey.mean()) ** 3)
+    assert third == pytest.approx(1000.0 * electrons, rel=0.1, abs=5 * np.sqrt(15 / grey.size) * spread**3)
+    if electrons == 0.3:
+        dark = np.abs(grey) < 5.0
+        assert dark.mean() == pytest.approx(np.exp(-0.3), abs=5e-3), "frames without an electron are seen as such"
+
+
+def test_many_electrons_a_grey_level_are_not_counted() -> None:
+    """The skewness that the normal law misses is below the bound at every light, by Poisson's own moments."""
+    assert not SENSOR.counts_electrons
+    shot, quiet = SENSOR.shot_noise_grey, SENSOR.read_noise_grey**2 + 1 / 12
+    electrons = np.geomspace(1e-2, 1e6, 500)
+    skewness = shot**3 * electrons / (quiet + shot**2 * electrons) ** 1.5
+    assert 0.009 < skewness.max() < 0.1
+    just = replace(SENSOR, shot_noise_grey=0.1 / skewness.max() * shot)
+    assert not replace(just, shot_noise_grey=0.99 * just.shot_noise_grey).counts_electrons
+    assert replace(just, shot_noise_grey=1.01 * just.shot_noise_grey).counts_electrons
+
+
+def test_twelve_bits_resolve_what_eight_do_not() -> None:
+    light = np.linspace(0.0, 1.0, 300 * 400).reshape(300, 400)
+    quiet = replace(SENSOR, read_noise_grey=0.0, shot_noise_grey=0.0, background_grey=0.0)
+    scale = 4095 / 255
+    fine = expose(scale * light, replace(quiet, full_scale=4095.0), np.random.default_rng(1)) / scale
+    assert np.abs(fine - light).max() == pytest.approx(0.5 / scale, rel=1e-3)
+    assert len(np.unique(fine)) == 17
+
+
+def test_the_lens_falls_off_as_the_fourth_power_of_the_cosine() -> None:
+    sensor = replace(SENSOR, field_angle_deg=25.0)
+    share = sensor.vignetting()
+    x, y = sensor.axes_mm()
+    focus = np.hypot(x[-1], y[-1]) / np.tan(np.radians(25.0))
+    for i, j in ((0, 0), (299, 399), (10, 200), (150, 3)):
+        assert share[i, j] == pytest.approx(np.cos(np.arctan(np.hypot(x[j], y[i]) / focus)) ** 4, rel=1e-12)
+    assert (SENSOR.vignetting() == 1.0).all()
+
+
+def test_an_interlaced_frame_of_a_moving_edge_is_a_comb() -> None:
+    first, second = (np.where(np.arange(400) < edge, 100.0, 0.0) * np.ones((300, 1)) for edge in (200, 210))
+    woven = interlace(first, second)
+    np.testing.assert_array_equal(woven[::2], first[::2])
+    np.testing.assert_array_equal(woven[1::2], second[1::2])
+    assert (np.diff(woven[:, 205]) != 0).all()
+    np.testing.assert_array_equal(interlace(first, first), first)
+    with pytest.raises(InputError, match=r"both fields must be of one shape; got \(300, 400\) and \(2, 400\)"):
+        interlace(first, second[:2])
+
+
 @pytest.mark.parametrize(
     ("changes", "phrase"),
     [
@@ -78,6 +137,7 @@ def test_the_seed_decides() -> None:
         ({"full_scale": 0.0}, "full_scale must lie in"),
         ({"read_noise_grey": -1.0}, "read_noise_grey must lie in"),
         ({"shot_noise_grey": float("nan")}, "shot_noise_grey must lie in"),
+        ({"field_angle_deg": 90.0}, r"field_angle_deg must lie in \[0, 80\]; got 90"),
         ({"background_grey": 300.0}, r"background_grey must lie in \[0, 255\]; got 300"),
     ],
 )

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
+from scipy.ndimage import binary_erosion
 
 from tsis.imaging.contact_edge import coverage
 from tsis.imaging.contact_light import ERF_SLOPE, Smooth, named_model, rough_contact, rough_contact_slope
@@ -106,7 +107,9 @@ def _of_map(
     field: PressMap, sensor: Sensor, calibration: Calibration, model: ContactModel, light: LightMap
 ) -> NDArray[np.float64]:
     """A press over a grid, each quantity linear between its nodes; edges of a smooth contact are those of the grid."""
-    slope_y, slope_x = np.gradient(field.face_displacement_mm, field.y_mm, field.x_mm)
+    # Outside the face the displacement is given as zero; that step at the rim is no slope of the face.
+    inside = binary_erosion(field.face_displacement_mm != 0, border_value=1)
+    slope_y, slope_x = inside * np.gradient(field.face_displacement_mm, field.y_mm, field.x_mm)
     steepness = np.hypot(slope_x, slope_y)
     share = model.share(field.pressure_kpa, slope=steepness, saturation_kpa=calibration.saturation_kpa)
     glow = _full_contact(calibration) * share * np.exp(light.gamma_per_mm * field.face_displacement_mm)
