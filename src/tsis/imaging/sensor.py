@@ -85,7 +85,8 @@ class Sensor:
         """
         x, y = self.axes_mm()
         reach = np.tan(np.radians(self.field_angle_deg)) / np.hypot(x[-1], y[-1])
-        return np.asarray((1 + reach**2 * (x[None, :] ** 2 + y[:, None] ** 2)) ** -2)
+        secant_squared = 1 + (reach * x[None, :]) ** 2 + (reach * y[:, None]) ** 2
+        return np.asarray(1 / secant_squared**2)
 
     @property
     def counts_electrons(self) -> bool:

@@ -1,0 +1,153 @@
+"""How long a frame of the virtual camera takes, stage by stage, beside other programs, in one run.
+
+    python -m benchmarks.camera [--markdown]
+
+One thread. A full frame is 768 x 492 pixels under an uneven map of light that also answers to the dent's depth and
+slope. Every time is the least of several repetitions; a peer that is not installed is named and left out
+(`pip install galsim` brings the one that simulates detectors of telescopes).
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+from importlib import import_module, metadata, util
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+from benchmarks.mechanics import Row, duration, least
+from rich.console import Console
+from rich.table import Table
+from scipy.ndimage import gaussian_filter
+
+import tsis
+from tsis.imaging.plain_render import render_plainly
+from tsis.imaging.render import render
+from tsis.imaging.sensor import Sensor, expose
+from tsis.model import LightMap
+from tsis.virtual import nominal_calibration
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from numpy.typing import NDArray
+
+REPEATS = 15
+BLUR_MM = 0.05
+SENSOR = Sensor(field_angle_deg=15.0)
+ANSWER = nominal_calibration(SENSOR)
+
+
+def uneven_light() -> LightMap:
+    """A map of 97 x 97 nodes without symmetry, as tracing gives."""
+    knots = np.linspace(-12.0, 12.0, 97)
+    x, y = knots[None, :], knots[:, None]
+    return LightMap(
+        x_mm=knots,
+        y_mm=knots,
+        relative=1 + 0.2 * np.cos(0.3 * x + 0.1) * np.sin(0.25 * y),
+        flux_x=0.3 * np.sin(0.2 * x) + 0 * y,
+        flux_y=0.3 * np.sin(0.2 * y) + 0 * x,
+        gamma_per_mm=0.1,
+        error=0.0,
+    )
+
+
+def timed(task: str, *programs: tuple[str, Callable[[], object]]) -> Iterator[Row]:
+    """A row a program; the outcome is its time over that of the first."""
+    base = 0.0
+    for program, call in programs:
+        call()  # compiles and fills what is remembered
+        seconds = least(call, REPEATS)
+        base = base or seconds
+        yield Row(task=task, program=program, seconds=seconds, outcome=f"{seconds / base:.2f}")
+
+
+def rows() -> Iterator[Row]:
+    """Every stage, then the whole frame."""
+    field = tsis.mechanics.press(tsis.load_probe("tsis-2011"), tsis.load_phantom("size-8"), force_n=1.0)
+    light, rng = uneven_light(), np.random.default_rng(1)
+    picture = render(field, SENSOR, ANSWER, light=light)
+    sigma = [BLUR_MM / size for size in SENSOR.mm_per_pixel]
+
+    def frame() -> NDArray[np.float64]:
+        return expose(render(field, SENSOR, ANSWER, light=light), SENSOR, rng)
+
+    def plain_frame() -> NDArray[np.float64]:
+        return expose_plainly(render_plainly(field, SENSOR, ANSWER, light=light), rng)
+
+    yield from timed(
+        "light, shading and contact of every pixel",
+        ("tsis", lambda: render(field, Sensor(), ANSWER, light=light, blur_mm=0.0)),
+        ("NumPy, the formula as written", lambda: render_plainly(field, Sensor(), ANSWER, light=light, blur_mm=0.0)),
+    )
+    yield from timed(
+        "point spread",
+        (
+            f"OpenCV {cv2.__version__} (used)",
+            lambda: cv2.GaussianBlur(picture, (0, 0), sigmaX=sigma[0], sigmaY=sigma[1]),
+        ),
+        (f"SciPy {metadata.version('scipy')}", lambda: gaussian_filter(picture, sigma[::-1])),
+    )
+    yield from timed("vignetting", ("tsis", SENSOR.vignetting))
+    yield from timed(
+        "normal numbers",
+        ("NumPy, double precision (used)", lambda: rng.standard_normal(picture.shape)),
+        ("NumPy, single precision", lambda: rng.standard_normal(picture.shape, dtype=np.float32)),
+    )
+    yield from timed(
+        "noise, rounding, clipping",
+        ("tsis", lambda: expose(picture, SENSOR, rng)),
+        ("NumPy", lambda: expose_plainly(picture, rng)),
+        ("NumPy, every electron counted", lambda: rng.poisson(picture / SENSOR.shot_noise_grey)),
+        *galsim_noise(picture),
+    )
+    yield from timed("whole frame", ("tsis", frame), ("NumPy and SciPy", plain_frame))
+
+
+def expose_plainly(light: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:
+    """`expose` in NumPy's own passes."""
+    deviation = np.sqrt(SENSOR.read_noise_grey**2 + SENSOR.shot_noise_grey * np.maximum(light, 0.0))
+    noisy = light + SENSOR.background_grey + deviation * rng.standard_normal(light.shape)
+    return np.clip(np.rint(noisy), 0.0, SENSOR.full_scale)
+
+
+def galsim_noise(picture: NDArray[np.float64]) -> Iterator[tuple[str, Callable[[], object]]]:
+    """GalSim's noise of a CCD, without rounding and clipping."""
+    if util.find_spec("galsim") is None:
+        Console(stderr=True).print("galsim is not installed and left out")
+        return
+    galsim = import_module("galsim")
+    image = galsim.Image(np.ascontiguousarray(picture, dtype=np.float32))
+    read = SENSOR.read_noise_grey / SENSOR.shot_noise_grey
+    noise = galsim.CCDNoise(galsim.BaseDeviate(1), gain=1 / SENSOR.shot_noise_grey, read_noise=read)
+    yield f"GalSim {metadata.version('galsim')}", lambda: image.copy().addNoise(noise)
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
+    arguments = parser.parse_args()
+    cv2.setNumThreads(1)
+    found = list(rows())
+    machine = (
+        f"{os.cpu_count()} cores, {platform.machine()}, Python {platform.python_version()}, NumPy {np.__version__}"
+    )
+    heads = ("stage", "program", "time", "over the first")
+    if arguments.markdown:
+        print(f"Machine: {machine}; tsis {tsis.__version__}.\n")
+        print(f"| {' | '.join(heads)} |\n| --- | --- | --- | --- |")
+        for row in found:
+            print(f"| {row.task} | {row.program} | {duration(row.seconds)} | {row.outcome} |")
+        return
+    table = Table(*heads, title=machine)
+    for row in found:
+        table.add_row(row.task, row.program, duration(row.seconds), row.outcome)
+    Console().print(table)
+
+
+if __name__ == "__main__":
+    main()
