@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from tsis import Estimate, TactileImage
 from tsis.imaging import features, radial_profile, surface
-from tsis.plots import marginal, relief, ring_profile, tactile_image, trade_off
+from tsis.plots import grey_sums, marginal, relief, ring_profile, tactile_image, trade_off
 
 
 @pytest.fixture
@@ -77,3 +77,16 @@ def test_a_trade_off_counts_every_sample(estimate: Estimate) -> None:
     counts = mesh.get_array()
     assert counts is not None
     assert counts.sum() == 2000
+
+
+def test_sums_are_drawn_in_millions_with_their_line() -> None:
+    force, sums = np.array([0.5, 1.0, 2.0]), np.array([1e6, 2e6, 4e6]) + 3e5
+    ax = grey_sums(force, sums, Figure().subplots(), label="10 mm tip")
+    points, line = ax.lines
+    np.testing.assert_allclose(np.asarray(points.get_ydata()), sums / 1e6)
+    np.testing.assert_allclose(np.asarray(line.get_xdata()), [0.0, 2.0])
+    np.testing.assert_allclose(np.asarray(line.get_ydata()), [0.3, 4.3])
+    assert points.get_label() == "10 mm tip"
+    grey_sums(force, 3 * sums, ax)
+    assert ax.get_xlim() == pytest.approx((0.0, 2.1))
+    assert ax.get_ylim() == pytest.approx((0.0, 1.05 * 12.9)), "room for all that was drawn"
