@@ -201,6 +201,11 @@ def test_nothing_is_lost_without_contact() -> None:
     assert (lost.force_outside, lost.light_outside, lost.pixels_clipped, lost.light_clipped) == (0.0, 0.0, 0.0, 0.0)
 
 
+def test_light_that_is_none_is_refused() -> None:
+    with pytest.raises(InputError, match="light must be a LightMap; got 3.0"):
+        render(dented(), SENSOR, ANSWER, light=3.0)  # type: ignore[arg-type]
+
+
 def test_a_model_that_nobody_knows_is_refused() -> None:
     with pytest.raises(InputError, match="no contact_model is called 'shiny'"):
         render(dented(), SENSOR, ANSWER, contact_model="shiny")

@@ -53,7 +53,8 @@ def render(
     contact_model
         What makes light leave: ``"rough"``, ``"smooth"``, ``"curvature"``, or a value of `tsis.imaging.contact_light`.
     light
-        Light that reaches the face from inside; even light when None.
+        Light that reaches the face from inside; even light when None. A map for one press, in which displacement and
+        slope are done already, has neither flux nor gamma.
 
     Returns
     -------
@@ -62,7 +63,7 @@ def render(
     Raises
     ------
     InputError
-        When the blur lies outside its range or the contact model is not known.
+        When the blur lies outside its range, the contact model is not known or the light is no `LightMap`.
 
     Examples
     --------
@@ -79,6 +80,7 @@ def render(
     """
     check.number("blur_mm", blur_mm, 0.0, WIDEST_BLUR_MM)
     model, light = named_model(contact_model), light or LightMap.uniform()
+    check.kind("light", light, LightMap)
     if isinstance(field, PressMap):
         seen = _of_map(field, sensor, calibration, model, light)
     else:
