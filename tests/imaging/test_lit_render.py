@@ -202,7 +202,7 @@ def test_nothing_is_lost_without_contact() -> None:
 
 
 def test_light_that_is_none_is_refused() -> None:
-    with pytest.raises(InputError, match="light must be a LightMap; got 3.0"):
+    with pytest.raises(InputError, match=r"light must be a LightMap; got 3\.0"):
         render(dented(), SENSOR, ANSWER, light=3.0)  # type: ignore[arg-type]
 
 
