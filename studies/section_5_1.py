@@ -143,6 +143,11 @@ def plane_strain(young_kpa: float, poisson: float) -> float:
     return young_kpa / (1 - poisson**2)
 
 
+def half_space_kpa() -> float:
+    """``E*`` of the half-space that stands for the probe."""
+    return plane_strain(closed_form.effective_modulus_kpa(PROBE.layers), PROBE.layers[0].poisson)
+
+
 def saturation_kpa(rms_slope: float) -> float:
     """Pressure at which asperities of that slope touch all over: they touch a share ``2 p / (E* slope)`` at first."""
     skin = PROBE.layers[0]
@@ -162,8 +167,7 @@ def full_contact() -> float:
 
 def pressed(tip_mm: float, force_n: float) -> PressField:
     """Hertz's pressure and displacement on a half-space with the probe's effective modulus."""
-    young, poisson = closed_form.effective_modulus_kpa(PROBE.layers), PROBE.layers[0].poisson
-    edge = (3 * force_n * MN * tip_mm / (4 * plane_strain(young, poisson))) ** (1 / 3)
+    edge = (3 * force_n * MN * tip_mm / (4 * half_space_kpa())) ** (1 / 3)
     # Hertz's formulas go on where his assumptions end, which `hertz` refuses: the pressure is that of a wider sphere.
     peak = 1.5 * force_n * MN / (np.pi * edge**2)
     contact = closed_form.HertzContact(force_mn=force_n * MN, contact_radius_mm=edge, peak_pressure_kpa=peak)
@@ -271,6 +275,11 @@ def draw(result: Result, path: Path) -> None:
 def report(result: Result) -> None:
     """Print every number of the text above."""
     print(f"saturation {bench().saturation_kpa:.1f} kPa, full contact {full_contact():.0f} grey levels")
+    peak, engulfed = (
+        pressed(TIPS_MM[0], FORCES_N[-1]).pressure_kpa.max(),
+        4 / 3 * half_space_kpa() * TIPS_MM[0] ** 2 / MN,
+    )
+    print(f"2 mm tip: {peak:.0f} kPa at {FORCES_N[-1]:g} N, sinks in to its equator at {engulfed:.2f} N")
     print(f"{'model':>10} {'tip mm':>7} {'exponent':>9} {'R2':>9} {'slope / N':>11} {'intercept':>10}")
     lines = [(model, tip, result.line(model, tip)) for model in result.sums for tip in TIPS_MM]
     lines += [("noisy", tip, result.noisy_line(tip)) for tip in TIPS_MM]
