@@ -22,15 +22,11 @@ if TYPE_CHECKING:
 
     from tsis.optics.slab_layers import SlabLayers
 
-INSEPARABLE = 1e-7  # of the largest q: modes nearer than this mix by more than about 1e-9 as N**2 is rounded
-NUDGES = (
-    0,
-    8,
-    -8,
-    64,
-    -64,
-)  # of N**2, by rounding errors: hit exactly, one well's mode drowns its twin's wherever driven
-NEW = 0.5  # share of a field's power that the modes already found must leave
+INSEPARABLE = 1e-6  # of the largest q: modes nearer than this mix by more than about 1e-9 as N**2 is rounded
+CROWDED = 0.01  # of the mean distance: modes of a thick guide lie near each other and do not mix
+# In roundings of q: where N**2 hits one well's mode exactly, that mode drowns its twin's, wherever driven.
+NUDGES = (0, 8, -8, 64, -64)
+GOOD = 10.0  # roundings of q by which a wave may fail to solve the equations without a search for a better one
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -67,21 +63,54 @@ def field(layers: SlabLayers, n_eff: NDArray[np.float64], q: NDArray[np.float64]
     parts = np.zeros((0, len(q)))  # amplitudes of the waves in each mode found so far, of unit norm
     for one in q[: number + 1]:
         tries = chain.from_iterable(_joined(layers, one + nudge * EPSILON * one.max()) for nudge in NUDGES)
-        joined = (_with_parts(wave, waves, parts, len(q)) for wave in tries)
-        wave, row, _ = next(found for found in joined if found[2] > NEW)
-        waves.append(wave)
-        parts = np.vstack([parts, row])
+        best = _best(_beside(waves, parts, wave, jump, EPSILON * one.max()) for wave, jump in tries)
+        waves.append(best.wave)
+        parts = np.vstack([parts, best.row])
     row = parts[-1, : len(waves)] / np.sqrt(n_eff[number])
     foot = sum(part * float(wave.from_upper[0].real) for part, wave in zip(row, waves, strict=True))
     return SlabField(waves=tuple(waves), amplitudes=row if foot >= 0 else -row)
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Try:
+    """A wave; what of it and of earlier ones makes a mode orthogonal to the earlier; the error of that mode."""
+
+    wave: Waves
+    row: NDArray[np.float64]
+    error: float
+
+
+def _beside(waves: list[Waves], parts: NDArray[np.float64], wave: Waves, jump: float, rounding: float) -> _Try:
+    """Make a wave orthogonal to the modes found so far; its error is in roundings of q."""
+    power = overlap_um(wave, wave)
+    shared = np.zeros(parts.shape[1])
+    shared[: len(waves)] = [overlap_um(wave, other) / np.sqrt(power) for other in waves]
+    common = parts @ shared  # with each earlier mode
+    left = float(np.sqrt(max(1.0 - float(common @ common), EPSILON)))
+    row = -common @ parts
+    row[len(waves)] = 1 / np.sqrt(power)
+    # What is left grows to full size, and with it what the wave holds of other modes.
+    error = (1 + jump / (power * wave.layers.per_um * rounding)) / left
+    return _Try(wave=wave, row=row / left, error=error)
+
+
+def _best(tries: Iterator[_Try]) -> _Try:
+    """The first good one, else the one of least error."""
+    best = next(tries)
+    for found in tries:
+        if best.error < GOOD:
+            break
+        best = min(best, found, key=lambda one: one.error)
+    return best
+
+
 def mixed(anchor: NDArray[np.float64], offset: NDArray[np.float64], largest_q: float, mode: int) -> slice:
     """The modes around ``mode`` that rounding may mix with each other."""
+    near = min(INSEPARABLE, CROWDED / len(anchor)) * largest_q
     first, last = mode, mode + 1
-    while first > 0 and _distance(anchor, offset, first - 1) < INSEPARABLE * largest_q:
+    while first > 0 and _distance(anchor, offset, first - 1) < near:
         first -= 1
-    while last < len(anchor) and _distance(anchor, offset, last - 1) < INSEPARABLE * largest_q:
+    while last < len(anchor) and _distance(anchor, offset, last - 1) < near:
         last += 1
     return slice(first, last)
 
@@ -92,22 +121,8 @@ def _distance(anchor: NDArray[np.float64], offset: NDArray[np.float64], mode: in
     return float((a - b) * (a + b) + (offset[mode] - offset[mode + 1]))
 
 
-def _with_parts(
-    wave: Waves, waves: list[Waves], parts: NDArray[np.float64], modes: int
-) -> tuple[Waves, NDArray[np.float64], float]:
-    """A wave, what of it and of earlier ones makes a mode orthogonal to earlier ones, and the share left of it."""
-    norm = np.sqrt(overlap_um(wave, wave))
-    shared = np.zeros(modes)
-    shared[: len(waves)] = [overlap_um(wave, other) / norm for other in waves]
-    common = parts @ shared  # with each earlier mode
-    left = 1.0 - float(common @ common)
-    row = -common @ parts
-    row[len(waves)] = 1 / norm
-    return wave, row / np.sqrt(max(left, np.finfo(float).tiny)), left
-
-
-def _joined(layers: SlabLayers, q: NDArray[np.float64]) -> Iterator[Waves]:
-    """Solutions joined in one layer each, first where the mode is largest."""
+def _joined(layers: SlabLayers, q: NDArray[np.float64]) -> Iterator[tuple[Waves, float]]:
+    """Solutions joined in one layer each, first where the mode is largest; and how badly they join."""
     (lower_below, upper_below), (upper_above, lower_above) = (_carried(layers, q, side) for side in (1, -1))
     # A solution driven from x is as large there as the product of the two that decay on its sides.
     size = {
@@ -126,7 +141,8 @@ def _joined(layers: SlabLayers, q: NDArray[np.float64]) -> Iterator[Waves]:
         lower, upper = (
             ends[:, :2] * (scale * np.exp(ends[:, 2] + log - top))[:, np.newaxis] for ends in (lower, upper)
         )
-        yield Waves.between(layers, q, lower, upper)
+        jump = abs(ratio * (below[0] * above[1] - below[1] * above[0])) * np.exp(-top)
+        yield Waves.between(layers, q, lower, upper), float(jump)
 
 
 def _carried(layers: SlabLayers, q: NDArray[np.float64], side: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
