@@ -1,7 +1,24 @@
 """Light in the probe: angles and guided modes of its layers, waves in a dented guide, rays in the whole probe."""
 
+from tsis.optics.end_face import Acceptance, accepted
 from tsis.optics.irradiance_field import Irradiance
 from tsis.optics.propagation import Dent, Propagation, ThinGuide, propagate, thin_guide
 from tsis.optics.slab import GuidedModes, guided_modes
+from tsis.optics.snell import Fresnel, critical_angle_deg, fresnel, refraction_deg
 
-__all__ = ["Dent", "GuidedModes", "Irradiance", "Propagation", "ThinGuide", "guided_modes", "propagate", "thin_guide"]
+__all__ = [
+    "Acceptance",
+    "Dent",
+    "Fresnel",
+    "GuidedModes",
+    "Irradiance",
+    "Propagation",
+    "ThinGuide",
+    "accepted",
+    "critical_angle_deg",
+    "fresnel",
+    "guided_modes",
+    "propagate",
+    "refraction_deg",
+    "thin_guide",
+]

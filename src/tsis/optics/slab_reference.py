@@ -1,6 +1,6 @@
 """Guided modes once more, slowly and as plainly as the source writes them; the fast way is tested against this one.
 
-One running angle theta, ``tan(theta) = u / v``, is carried from below to above, and each mode is bisected by its number.
+One running angle theta, ``tan(theta) = u / v``, is carried from below to above, and each mode is bisected for.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def effective_indices(
     Examples
     --------
     >>> [round(n, 6) for n in effective_indices([1.5], [0.5], wavelength_um=0.55)]
-    [1.430846, 1.208904]
+    [1.441051, 1.259717, 1.001429]
     """
     regions = [index_below, *index, index_above]
     lengths = [2 * math.pi / wavelength_um * part for part in thickness_um]
