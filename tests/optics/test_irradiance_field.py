@@ -1,4 +1,4 @@
-"""The light on a dented face: interpolation, tilt and displacement, and refusals."""
+"""The light on a dented face: what its terms mean, how it becomes a map for the camera, and refusals."""
 
 from __future__ import annotations
 
@@ -11,58 +11,76 @@ from hypothesis import strategies as st
 
 from tsis.model.errors import InputError
 from tsis.optics import Irradiance
+from tsis.optics.irradiance_fit import POWERS
+from tsis.optics.rays_face import hertz_dent
 
-SLOPE = st.floats(-0.3, 0.3)
+NODES = np.linspace(-10.0, 10.0, 21)
+SLOPE = st.floats(-0.1, 0.1)
+PLACE = st.floats(-9.0, 9.0)
 
 
 def light(**changes: Any) -> Irradiance:
-    x, y = np.linspace(-2.0, 2.0, 5), np.linspace(-1.0, 1.0, 3)
-    given: dict[str, Any] = {
-        "x_mm": x,
-        "y_mm": y,
-        "relative": 1 + 0.1 * x + 0.2 * y[:, None],
-        "flux_x": 0.5 * x + 0 * y[:, None],
-        "flux_y": -0.5 * y[:, None] + 0 * x,
-        "gamma_per_mm": 0.4,
-        "error": 0.001,
+    """Light that grows along x and with the square of the displacement, with a flux and even terms."""
+    terms = np.zeros((3, len(POWERS), 21, 21))
+    known = np.array([0.0, 1.0, 2.0])
+    terms[:, 0] = (1 + 0.02 * NODES) * (1 + 0.3 * known**2)[:, None, None]
+    terms[:, 1], terms[:, 2] = 0.5, -0.25
+    terms[:, POWERS.index((2, 0))] = 2.0
+    terms[:, POWERS.index((2, 2))] = 3.0
+    fields: dict[str, Any] = {
+        "radius_mm": 10.0,
+        "nodes_mm": NODES,
+        "displacement_mm": known,
+        "terms": terms,
+        "lift_per_mm": 0.1,
+        "mean_per_mm2": 1e-3,
+        "error": 0.01,
     }
-    return Irradiance(**(given | changes))
+    return Irradiance(**(fields | changes))
 
 
-@given(x=st.floats(-2.0, 2.0), y=st.floats(-1.0, 1.0), along=SLOPE, across=SLOPE, moved=st.floats(0.0, 2.0))
-def test_planes_are_followed_exactly(x: float, y: float, along: float, across: float, moved: float) -> None:
-    found = light().at([x], [y], displacement_mm=moved, slope_x=along, slope_y=across).item()
-    expected = (1 + 0.1 * x + 0.2 * y) * np.exp(0.4 * moved) * (1 + 0.5 * x * along - 0.5 * y * across)
+@given(x=PLACE, y=PLACE, u=st.floats(0.0, 2.5), sx=SLOPE, sy=SLOPE)
+def test_terms_are_followed_exactly(x: float, y: float, u: float, sx: float, sy: float) -> None:
+    found = light().at([x], [y], displacement_mm=u, slope_x=sx, slope_y=sy).item()
+    level = (1 + 0.02 * x) * (1 + 0.3 * u**2)
+    expected = (level + 0.5 * sx - 0.25 * sy + 2 * sx**2 + 3 * sx**2 * sy**2) * np.exp(0.1 * u)
     assert found == pytest.approx(expected, rel=1e-12)
 
 
-def test_a_face_turned_away_is_dark_and_the_edge_goes_on() -> None:
-    assert light().at([2.0], [0.0], slope_x=-1.5).item() == 0.0
-    assert light().at([9.0], [0.0]).item() == pytest.approx(1.2)
+def test_it_is_never_negative_and_goes_on_beyond_its_ends() -> None:
+    assert light().at([0.0], [0.0], slope_y=30.0).item() == 0.0
+    assert light().at([99.0], [0.0]).item() == pytest.approx(1.2)
+    deepest = light(lift_per_mm=0.0).at([0.0], [0.0], displacement_mm=[[7.0]]).item()
+    assert deepest == pytest.approx(1 + 0.3 * 2.5**2), "a quarter beyond the last known displacement"
 
 
-def test_uniform_light_ignores_the_face() -> None:
-    rng = np.random.default_rng(3)
-    moved, tilt = rng.normal(size=(2, 4, 6))
-    found = Irradiance.uniform().at(np.arange(6.0), np.arange(4.0), displacement_mm=moved, slope_x=tilt, slope_y=tilt)
-    np.testing.assert_array_equal(found, np.ones((4, 6)))
+def test_a_press_becomes_a_map_that_holds_its_dent() -> None:
+    dent = hertz_dent(10.0, tip_radius_mm=8.0, depth_mm=0.5, peak_pressure_kpa=10.0, offset_mm=(1.0, -2.0))
+    shown = light().on(dent)
+    # Inside the contact the dent is a paraboloid.
+    x, y = 1.5, -2.5
+    moved, slope_x, slope_y = 0.5 - (0.5**2 + 0.5**2) / 16, -0.5 / 8, 0.5 / 8
+    expected = light().at([x], [y], displacement_mm=moved, slope_x=slope_x, slope_y=slope_y).item()
+    assert shown.at([x], [y]).item() == pytest.approx(expected, rel=2e-3)
+    assert shown.gamma_per_mm == 0.0
+    assert not shown.flux_x.any()
 
 
-def test_single_precision_stays_single() -> None:
-    moved = np.full((3, 5), 0.5, dtype=np.float32)
-    found = light().at(np.linspace(-2, 2, 5), np.linspace(-1, 1, 3), displacement_mm=moved)
-    assert found.dtype == np.float32
-    np.testing.assert_allclose(found, light().relative * np.exp(0.2), rtol=1e-6)
+def test_small_dents_are_followed_by_the_map_of_the_undented_face() -> None:
+    linear, whole = light().near_undented(), light()
+    at: dict[str, Any] = {"displacement_mm": 0.0, "slope_x": 1e-4, "slope_y": -2e-4}
+    np.testing.assert_allclose(linear.at([1.0, 3.0], [2.0], **at), whole.at([1.0, 3.0], [2.0], **at), rtol=1e-6)
+    assert linear.gamma_per_mm == pytest.approx(np.log(1.3) + 0.1), "the mean rate over the first known displacement"
 
 
 @pytest.mark.parametrize(
     ("changes", "phrase"),
     [
-        ({"x_mm": [0.0, 0.0, 1.0, 2.0, 3.0]}, "x_mm must hold at least two ascending"),
-        ({"relative": np.ones((5, 3))}, "relative must have the shape (3, 5)"),
-        ({"relative": np.full((3, 5), -1.0)}, "relative must lie in"),
-        ({"flux_y": np.full((3, 5), np.nan)}, "flux_y must be finite"),
-        ({"gamma_per_mm": np.inf}, "gamma_per_mm must lie in"),
+        ({"nodes_mm": np.zeros(21)}, "nodes_mm must hold at least two ascending"),
+        ({"terms": np.ones((3, 2, 21, 21))}, "terms must have the shape (3, 11, 21, 21)"),
+        ({"terms": np.full((3, 11, 21, 21), np.nan)}, "terms must be finite"),
+        ({"lift_per_mm": np.inf}, "lift_per_mm must lie in"),
+        ({"radius_mm": -1.0}, "radius_mm must lie in"),
     ],
 )
 def test_bad_input_is_refused_in_one_sentence(changes: dict[str, Any], phrase: str) -> None:

@@ -2,7 +2,9 @@
 
 from tsis.optics.end_face import Acceptance, accepted
 from tsis.optics.irradiance_field import Irradiance
+from tsis.optics.irradiance_trace import irradiance
 from tsis.optics.propagation import Dent, Propagation, ThinGuide, propagate, thin_guide
+from tsis.optics.rays_trace import Tally, TracedLight, trace_rays
 from tsis.optics.slab import GuidedModes, guided_modes
 from tsis.optics.snell import Fresnel, critical_angle_deg, fresnel, refraction_deg
 
@@ -13,12 +15,16 @@ __all__ = [
     "GuidedModes",
     "Irradiance",
     "Propagation",
+    "Tally",
+    "TracedLight",
     "ThinGuide",
     "accepted",
     "critical_angle_deg",
     "fresnel",
     "guided_modes",
+    "irradiance",
     "propagate",
     "refraction_deg",
     "thin_guide",
+    "trace_rays",
 ]

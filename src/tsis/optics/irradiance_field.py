@@ -1,5 +1,146 @@
-"""The map of light that tracing finds; it lives among the values, because calibrations hold one."""
+"""How much light reaches the probe's face from inside, wherever a press displaces and tilts it."""
 
-from tsis.model.light_map import LightMap as Irradiance
+from __future__ import annotations
 
-__all__ = ["Irradiance"]
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.model import LightMap, PressField, PressMap, check
+from tsis.model.errors import InputError
+from tsis.model.press import ascending
+from tsis.optics.irradiance_fit import POWERS, powers
+from tsis.optics.rays_face import face_grid, on_face, slopes
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+DARKEST = 0.02  # of the mean, below which a place's flux is no longer divided by its light
+STRIDE = 2  # points of the tracer's grid to one of a map
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Irradiance:
+    """Light that arrives at the face from inside, as a function of place, displacement and slope of the face.
+
+    ``light = exp(lift u) * sum over k of terms[k](x, y, u) * slope_x^i slope_y^j`` with the exponents ``(i, j)`` of
+    ``tsis.optics.irradiance_fit.POWERS``: the light on a level face, the flux of light along the face, and the even
+    terms by which faces steeper than the light turn dark or catch light from below. Quadratic in the displacement.
+
+    Attributes
+    ----------
+    radius_mm
+        Radius of the face.
+    nodes_mm
+        Coordinates of the terms along x and y, shape (n,), ascending; linear between, those of the edge beyond.
+    displacement_mm
+        Displacements of the face towards the glass at which the terms are known, three of them from 0; light on faces
+        displaced further than a quarter more than the last is that of there.
+    terms
+        Over the mean light on the undented face, shape (3, 11, n, n), rows along y.
+    lift_per_mm
+        What a dent's own flanks throw onto it, fitted on traced dents.
+    mean_per_mm2
+        Mean light on the undented face per mm², as a share of what the lamps send out.
+    error
+        Standard error of the light on the undented face by the number of rays, its root mean square over the face.
+
+    Raises
+    ------
+    InputError
+        When coordinates do not ascend, a value is not finite or a shape is not that of the grid.
+    """
+
+    radius_mm: float
+    nodes_mm: NDArray[np.float64]
+    displacement_mm: NDArray[np.float64]
+    terms: NDArray[np.float64]
+    lift_per_mm: float
+    mean_per_mm2: float
+    error: float
+
+    def __post_init__(self) -> None:
+        check.number("radius_mm", self.radius_mm, 1.0, 100.0, hint="millimetres")
+        for name in ("nodes_mm", "displacement_mm"):
+            object.__setattr__(self, name, ascending(name, getattr(self, name)))
+        terms = check.array("terms", self.terms, ndim=4)
+        count = len(self.nodes_mm)
+        if terms.shape != (3, len(POWERS), count, count) or len(self.displacement_mm) != 3:
+            raise InputError(f"terms must have the shape {(3, len(POWERS), count, count)}; got {terms.shape}")
+        object.__setattr__(self, "terms", terms)
+        check.number("lift_per_mm", self.lift_per_mm, -10.0, 10.0)
+        check.number("mean_per_mm2", self.mean_per_mm2, 0.0, np.inf)
+        check.number("error", self.error, 0.0, np.inf)
+
+    def at(
+        self,
+        x_mm: ArrayLike,
+        y_mm: ArrayLike,
+        *,
+        displacement_mm: ArrayLike = 0.0,
+        slope_x: ArrayLike = 0.0,
+        slope_y: ArrayLike = 0.0,
+    ) -> NDArray[np.float64]:
+        """Light on a dented face over a grid, over the mean on the undented one; never negative.
+
+        Parameters
+        ----------
+        x_mm, y_mm
+            Coordinates of the grid's columns (k,) and rows (l,), mm.
+        displacement_mm
+            Displacement of the face towards the glass, mm, shape (l, k) or one number.
+        slope_x, slope_y
+            Its derivatives by x and y, of the same shapes.
+        """
+        columns, rows = (_between(self.nodes_mm, np.asarray(part, dtype=float)) for part in (x_mm, y_mm))
+        shape = (len(rows), len(columns))
+        moved, along, across = (
+            np.broadcast_to(np.asarray(part, dtype=float), shape) for part in (displacement_mm, slope_x, slope_y)
+        )
+        known = rows @ self.terms @ columns.T
+        tilted = np.einsum("hkij,kij->hij", known, powers(along, across))
+        light = (tilted * _through(self.displacement_mm, moved)).sum(axis=0)
+        return np.asarray(np.maximum(light, 0.0) * np.exp(self.lift_per_mm * moved))
+
+    def on(self, pressed: PressField | PressMap) -> LightMap:
+        """Light on the face of one press as a map for the camera, in which displacement and tilt are done already."""
+        side, from_axis = face_grid(self.radius_mm)
+        x, moved = side[::STRIDE], on_face(pressed, side, from_axis)[0]
+        slope_x, slope_y = slopes(moved, side)
+        moved, slope_x, slope_y = (part[::STRIDE, ::STRIDE] for part in (moved, slope_x, slope_y))
+        light = self.at(x, x, displacement_mm=moved, slope_x=slope_x, slope_y=slope_y)
+        none = np.zeros_like(light)
+        return LightMap(x_mm=x, y_mm=x, relative=light, flux_x=none, flux_y=none, gamma_per_mm=0.0, error=self.error)
+
+    def near_undented(self) -> LightMap:
+        """The same light to first order in the slope, with one rate for the displacement, for small dents anywhere.
+
+        The rate is that of the light within half of the face's radius, up to the second known displacement.
+        """
+        level = np.maximum(self.terms[0, 0], 0.0)
+        flux_x, flux_y = self.terms[0, 1:3] / np.maximum(level, DARKEST)
+        inner = np.hypot(self.nodes_mm, self.nodes_mm[:, None]) <= self.radius_mm / 2
+        growth = np.log(self.terms[1, 0][inner].mean() / self.terms[0, 0][inner].mean())
+        return LightMap(
+            x_mm=self.nodes_mm,
+            y_mm=self.nodes_mm,
+            relative=level,
+            flux_x=flux_x,
+            flux_y=flux_y,
+            gamma_per_mm=float(growth / self.displacement_mm[1]) + self.lift_per_mm,
+            error=self.error,
+        )
+
+
+def _between(knots: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Matrix from values at ``knots`` to values at ``at``, shape (len(at), len(knots)): linear, constant beyond."""
+    return np.column_stack([np.interp(at, knots, unit) for unit in np.eye(len(knots))])
+
+
+def _through(known: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Weights of values at three displacements in the parabola through them, shape (3, *at.shape)."""
+    inside = np.clip(at, 0.0, 1.25 * known[-1])
+    others = [[known[j] for j in range(3) if j != i] for i in range(3)]
+    pairs = zip(known, others, strict=True)
+    return np.stack([(inside - a) * (inside - b) / ((here - a) * (here - b)) for here, (a, b) in pairs])

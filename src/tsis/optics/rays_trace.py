@@ -1,0 +1,263 @@
+"""Tracing the light of a probe's lamps: where it goes, and what reaches the face."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.model import PressField, PressMap, Probe, check
+from tsis.model.errors import InputError
+from tsis.optics import inputs, rays_kernel
+from tsis.optics.rays_emission import lamps
+from tsis.optics.rays_scene import scene
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from tsis.optics.rays_scene import Scene
+
+BATCHES = 32  # of independent starts: their spread is the error, and they are what threads share
+FEWEST_RAYS, MOST_RAYS = 1e3, 1e12
+MOST_BINS = 256
+MOST_NUMBERS = 2**27  # of all batches' maps together, a gigabyte
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tally:
+    """Where the light went, as shares of what the lamps send out; `missed` to `cut_off` add up to one.
+
+    Attributes
+    ----------
+    missed
+        Passed the probe by.
+    reflected
+        Turned back where it met the side wall from outside.
+    side, glass
+        Left through the side wall, and through the glass towards the camera.
+    face
+        Left through the face into air; without a dent none does at the indices of silicone.
+    contact
+        Left through real contact.
+    absorbed
+        Taken up by layers and glass.
+    cut_off
+        Was left in rays that ended by chance because they were weak, less what was added to those that went on; near
+        zero, of either sign.
+    """
+
+    missed: float
+    reflected: float
+    side: float
+    glass: float
+    face: float
+    contact: float
+    absorbed: float
+    cut_off: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TracedLight:
+    """What rays through a probe found.
+
+    Attributes
+    ----------
+    tally, standard_error
+        Where the light went, and the standard errors of those shares.
+    into_camera
+        Share of what the lamps send out that leaves the glass within the camera's numerical aperture.
+    out_of_reach
+        Share that enters above a layer whose index is below ``n sin(angle from the axis)``: without a dent it never
+        reaches the face.
+    meetings
+        Mean number of meetings with walls, interfaces and face of a ray.
+    rays
+        Rays traced.
+    x_mm, y_mm
+        Middles of the maps' bins, shape (n,) each.
+    arriving, lost, coupled
+        Light that arrives at the face from inside, leaves it into air and leaves it through contact, in each bin, as
+        shares of what the lamps send out, shape (n, n), rows along y.
+    flux_x, flux_y
+        Horizontal flux along the face in the bins, per flux into it, times ``arriving``; shape (n, n).
+    batches
+        The same maps of every batch, shape (batches, 5, n, n), for errors of anything made from them.
+    """
+
+    tally: Tally
+    standard_error: Tally
+    into_camera: float
+    out_of_reach: float
+    meetings: float
+    rays: int
+    x_mm: NDArray[np.float64]
+    y_mm: NDArray[np.float64]
+    arriving: NDArray[np.float64]
+    lost: NDArray[np.float64]
+    coupled: NDArray[np.float64]
+    flux_x: NDArray[np.float64]
+    flux_y: NDArray[np.float64]
+    batches: NDArray[np.float64]
+
+
+def trace_rays(
+    probe: Probe,
+    pressed: PressField | PressMap | None = None,
+    *,
+    rays: float = 1_000_000,
+    seed: int = 1,
+    bins: int = 24,
+    saturation_kpa: float = 20.0,
+    index_outside: float = 1.0,
+    absorption_per_mm: float = 0.0,
+    numerical_aperture: float = 0.1,
+    threads: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> TracedLight:
+    """Trace the light of the lamps through layers and glass to the face and out again.
+
+    Light is unpolarised at every meeting (Fresnel's mean of both polarisations, with total reflection). Layers under a
+    dent keep their shares of the thickness. Of the light that arrives at the face, the share of real contact
+    ``erf(0.886 p / saturation)`` leaves through it; the rest meets air behind a smooth face tilted as the dent is. The
+    same seed gives the same light on any number of threads.
+
+    Parameters
+    ----------
+    probe
+        What is lit, with its lamps.
+    pressed
+        Displacement of the face and contact pressure; None is an untouched probe.
+    rays
+        How many, in [1e3, 1e12]; rounded up to a multiple of lamps and batches.
+    seed
+        Seed of the starts, a whole number from 0.
+    bins
+        Number of the maps' bins along each side of the square around the face, in [1, 256].
+    saturation_kpa
+        Pressure at which the contact would be complete if it went on growing as it starts, in [1e-6, 1e6].
+    index_outside
+        Refractive index around the probe and behind the face where nothing touches, in [1, 5].
+    absorption_per_mm
+        Absorption of layers and glass, in [0, 10].
+    numerical_aperture
+        That of the camera, which looks along the axis, in [0, 1].
+    threads
+        Threads that trace, in [1, 256]; one a core when None.
+    progress
+        Called with (batches done, batches in all).
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range, the dent is deeper than the layers or nothing of the light enters.
+
+    Examples
+    --------
+    >>> import tsis
+    >>> found = trace_rays(tsis.load_probe("tsis-2011"), rays=4000)
+    >>> round(sum(getattr(found.tally, name) for name in found.tally.__slots__), 12), found.tally.contact
+    (1.0, 0.0)
+    """
+    check.kind("probe", probe, Probe)
+    if pressed is not None and not isinstance(pressed, PressField | PressMap):
+        raise InputError(f"pressed must be a PressField, a PressMap or None; got {pressed!r:.80}")
+    view = scene(
+        probe,
+        pressed,
+        saturation_kpa=check.number("saturation_kpa", saturation_kpa, 1e-6, 1e6, hint="kilopascals"),
+        index_outside=inputs.refractive_index("index_outside", index_outside),
+        absorption_per_mm=check.number("absorption_per_mm", absorption_per_mm, 0.0, 10.0),
+        aperture=check.number("numerical_aperture", numerical_aperture, 0.0, 1.0),
+    )
+    check.number("bins", bins, 1, MOST_BINS)
+    record = trace_batches(view, probe, rays=rays, seed=seed, bins=int(bins), threads=threads, progress=progress)
+    return _light(probe, view, record)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Batches:
+    """Records of all batches: totals (b, tallies), maps (b, 5, n, n) and tilted faces (b, k, n, n)."""
+
+    totals: NDArray[np.float64]
+    maps: NDArray[np.float64]
+    tilted: NDArray[np.float64]
+    rays: int
+
+
+def trace_batches(
+    view: Scene,
+    probe: Probe,
+    *,
+    rays: float,
+    seed: int,
+    bins: int,
+    slopes: ArrayLike = (),
+    threads: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Batches:
+    """Trace batches of rays beside each other; ``slopes`` (k, 2) are those of faces whose light is recorded too."""
+    count = check.number("rays", rays, FEWEST_RAYS, MOST_RAYS)
+    start = int(check.number("seed", seed, 0, 2**63 - 1))
+    workers = int(check.number("threads", os.cpu_count() or 1 if threads is None else threads, 1, 256))
+    tilts = np.asarray(slopes, dtype=float).reshape(-1, 2)
+    shining = lamps(probe)
+    each = int(np.ceil(count / (BATCHES * len(shining.share))))
+    maps = np.zeros((BATCHES, rays_kernel.MAPS, bins, bins))
+    tilted = np.zeros((BATCHES, len(tilts), bins, bins))
+    totals = np.zeros((BATCHES, rays_kernel.TALLIES))
+
+    def trace(batch: int) -> None:
+        # Counted apart and copied: threads that write to one cache line would wait for each other.
+        counted = np.zeros(rays_kernel.TALLIES)
+        record = rays_kernel.Record(
+            totals=counted, maps=maps[batch], slopes=tilts, tilted=tilted[batch], path=np.empty((0, 4))
+        )
+        rays_kernel.trace_batch(view, shining, start, batch, each, record)
+        totals[batch] = counted
+
+    with ThreadPoolExecutor(workers) as pool:
+        for done, _ in enumerate(pool.map(trace, range(BATCHES)), start=1):
+            if progress is not None:
+                progress(done, BATCHES)
+    return Batches(totals=totals, maps=maps, tilted=tilted, rays=each * BATCHES * len(shining.share))
+
+
+def _light(probe: Probe, view: Scene, found: Batches) -> TracedLight:
+    totals, maps = found.totals.mean(axis=0), found.maps.mean(axis=0)
+    error = found.totals.std(axis=0, ddof=1) / np.sqrt(BATCHES)
+    bins = maps.shape[1]
+    middles = (np.arange(bins) + 0.5) * (2 * probe.radius_mm / bins) - probe.radius_mm
+    return TracedLight(
+        tally=_tally(totals),
+        standard_error=_tally(error),
+        into_camera=float(totals[rays_kernel.CAMERA]),
+        out_of_reach=float(totals[rays_kernel.BEYOND]),
+        meetings=float(found.totals[:, rays_kernel.MEETINGS].sum() / found.rays),
+        rays=found.rays,
+        x_mm=middles,
+        y_mm=middles,
+        arriving=maps[rays_kernel.ARRIVING],
+        lost=maps[rays_kernel.LOST],
+        coupled=maps[rays_kernel.COUPLED],
+        flux_x=maps[rays_kernel.FLUX_X],
+        flux_y=maps[rays_kernel.FLUX_Y],
+        batches=found.maps,
+    )
+
+
+def _tally(totals: NDArray[np.float64]) -> Tally:
+    return Tally(
+        missed=float(totals[rays_kernel.MISSED]),
+        reflected=float(totals[rays_kernel.REFLECTED]),
+        side=float(totals[rays_kernel.SIDE]),
+        glass=float(totals[rays_kernel.GLASS]),
+        face=float(totals[rays_kernel.FACE]),
+        contact=float(totals[rays_kernel.CONTACT]),
+        absorbed=float(totals[rays_kernel.ABSORBED]),
+        cut_off=float(totals[rays_kernel.CUT]),
+    )
