@@ -13,7 +13,7 @@ from studies.section_5_1 import PROBE, bench, draw, pressed, run
 from tsis import TactileImage
 from tsis.imaging.render import render
 from tsis.imaging.sensor import Sensor, expose
-from tsis.optics.irradiance_trace import irradiance
+from tsis.optics import irradiance
 from tsis.plots import tactile_image
 
 if TYPE_CHECKING:

@@ -23,9 +23,11 @@ from studies.section_5_1 import (
     report,
     run,
     saturation_kpa,
+    traced_lines,
 )
 
 from tsis.mechanics import closed_form
+from tsis.optics import irradiance
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -150,3 +152,16 @@ def test_the_picture_and_the_table_are_written(
     printed = capsys.readouterr().out
     assert f"rough: 14 mm over 10 mm at 0.8 N {result.difference('rough'):+.2%}" in printed
     assert len(FORCES_N) == 20
+
+
+def test_traced_light_bends_the_lines_both_ways() -> None:
+    """Light that gathers in the middle makes wide contacts dimmer; a deeper dent catches more of it."""
+    light = irradiance(PROBE, rays=400_000, cached=False)
+    lines = traced_lines(light)
+    first = light.near_undented()
+    middle = first.relative[len(first.y_mm) // 2, len(first.x_mm) // 2]
+    for tip in (10.0, 14.0):
+        assert lines["even", tip].exponent == pytest.approx(1.0, abs=0.002)
+        assert lines["face", tip].exponent < 0.95
+        assert lines["dent", tip].exponent > 1.05
+        assert PRINTED_SLOPE < lines["face", tip].slope_per_n < middle * PRINTED_SLOPE
