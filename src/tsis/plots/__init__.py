@@ -5,5 +5,14 @@ from tsis.plots.posterior import marginal, trade_off
 from tsis.plots.profile import ring_profile
 from tsis.plots.surface import relief
 from tsis.plots.tactile import tactile_image
+from tsis.plots.trials import trial_errors
 
-__all__ = ["grey_sums", "marginal", "relief", "ring_profile", "tactile_image", "trade_off"]
+__all__ = [
+    "grey_sums",
+    "marginal",
+    "relief",
+    "ring_profile",
+    "tactile_image",
+    "trade_off",
+    "trial_errors",
+]

@@ -1,0 +1,113 @@
+"""The three outputs of section 6.3.2, read off frames of the camera: as printed, and as they carry something."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.inclusion.frames import as_frames, check_frames, ring_light, ring_profiles
+from tsis.inclusion.network_outputs import Reading
+from tsis.model import Calibration, check
+from tsis.model.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.model import TactileImage
+
+
+def printed_frame_outputs(
+    images: TactileImage | Sequence[TactileImage], *, threshold_grey: float
+) -> NDArray[np.float64]:
+    """The outputs as section 6.3.2 prints them, of raw frames.
+
+    Parameters
+    ----------
+    images
+        Frames of the pressed probe.
+    threshold_grey
+        Grey level above which a pixel counts as deformed, in [0, 65535]; the source's k, which it does not give.
+
+    Returns
+    -------
+    Grey level at the centroid, sum of grey levels, and number of pixels above the threshold; shape (n, 3).
+
+    Raises
+    ------
+    InputError
+        When there is no frame, or one is dark all over and so has no centroid.
+
+    Examples
+    --------
+    >>> from tsis.model import TactileImage
+    >>> printed_frame_outputs(TactileImage(grey=[[0.0, 2.0, 0.0], [2.0, 9.0, 2.0]]), threshold_grey=5.0).tolist()
+    [[9.0, 15.0, 1.0]]
+    """
+    threshold = check.number("threshold_grey", threshold_grey, 0.0, 65535.0, hint="grey levels")
+    frames = as_frames("images", images)
+    if not frames:
+        raise InputError("images must hold a frame at least; got none")
+    return np.array([_printed(frame, threshold) for frame in frames])
+
+
+def _printed(frame: TactileImage, threshold: float) -> tuple[float, float, float]:
+    grey, total = frame.grey, float(frame.grey.sum())
+    if not total > 0:
+        raise InputError(f"every frame must hold light; {frame.name or 'an image'!r} sums to {total:g} grey levels")
+    rows, columns = np.indices(grey.shape)
+    row, column = round(float((rows * grey).sum()) / total), round(float((columns * grey).sum()) / total)
+    row, column = min(max(row, 0), grey.shape[0] - 1), min(max(column, 0), grey.shape[1] - 1)  # negative noise
+    return float(grey[row, column]), total, float(np.count_nonzero(grey > threshold))
+
+
+def frame_outputs(
+    images: TactileImage | Sequence[TactileImage],
+    reference: TactileImage,
+    reading: Reading,
+    *,
+    calibration: Calibration,
+) -> NDArray[np.float64]:
+    """The three outputs of frames, in grey levels at even light; section 6.3.2.
+
+    Parameters
+    ----------
+    images
+        Frames of the pressed probe over inclusions, of known force and scale.
+    reference
+        The same press on plain tissue, with the same force.
+    reading
+        How the outputs are read.
+    calibration
+        Background, and how unevenly the face is lit.
+
+    Returns
+    -------
+    Outputs of shape (n, 3): grey levels, grey levels times mm², and mm².
+
+    Raises
+    ------
+    InputError
+        When a force or scale is unknown, forces differ, or a ring lies outside the picture or is clipped.
+    ImageMismatchError
+        When the frames do not belong together.
+    """
+    check.kind("calibration", calibration, Calibration)
+    check.kind("reading", reading, Reading)
+    frames = [*as_frames("images", images), *as_frames("reference", reference)]
+    if len(frames) < 2:
+        raise InputError(f"images must hold a frame at least, beside the reference; got {len(frames) - 1}")
+    check_frames(frames)
+    forces = {frame.force_n for frame in frames}
+    if len(forces) > 1:
+        raise InputError(f"force_n must be the same for all frames; got {sorted(str(force) for force in forces)}")
+    light = ring_light(frames[0], calibration, reading.edges_mm).level
+    rings = ring_profiles(frames, calibration, reading.edges_mm, light=light, model_error=0.0)
+    if not rings.usable.all():
+        raise InputError(
+            f"every ring to {reading.edges_mm[-1]:g} mm must lie in the picture without clipping; "
+            f"got {np.count_nonzero(~rings.usable)} that do not (lower the exposure or the reach)"
+        )
+    return reading(rings.grey[:-1], rings.grey[-1])

@@ -1,0 +1,78 @@
+"""From what the camera reads to what the simulation calls it: a straight line for each output (section 6.3.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.model import check
+from tsis.model.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LinearMapping:
+    """Straight lines from measured to simulated outputs, one a column.
+
+    Attributes
+    ----------
+    slope, intercept
+        Of each output, shape (outputs,).
+    r_squared
+        Share of the simulated outputs' variance that the lines explain, shape (outputs,).
+    """
+
+    slope: NDArray[np.float64]
+    intercept: NDArray[np.float64]
+    r_squared: NDArray[np.float64]
+
+    def __call__(self, measured: ArrayLike) -> NDArray[np.float64]:
+        """Simulated outputs that belong to measured ones, shape (n, outputs)."""
+        return np.asarray(self.intercept + self.slope * check.array("measured", measured, ndim=2))
+
+
+def fit_mapping(measured: ArrayLike, simulated: ArrayLike) -> LinearMapping:
+    """Fit lines through known inclusions by least squares.
+
+    Parameters
+    ----------
+    measured, simulated
+        Outputs of the same inclusions from frames and from the simulation, shapes (n, outputs), n at least 2.
+
+    Raises
+    ------
+    InputError
+        When the tables do not fit together, or an output is the same for all inclusions.
+
+    Examples
+    --------
+    >>> mapping = fit_mapping([[1.0], [2.0], [4.0]], [[5.0], [7.0], [11.0]])
+    >>> mapping([[3.0]]).round(6).tolist(), mapping.r_squared.round(6).tolist()
+    ([[9.0]], [1.0])
+    """
+    x, y = check.array("measured", measured, ndim=2), check.array("simulated", simulated, ndim=2)
+    if x.shape != y.shape or len(x) < 2:
+        raise InputError(f"measured and simulated must have one shape, two rows or more; got {x.shape} and {y.shape}")
+    from_mean, wanted = x - x.mean(axis=0), y - y.mean(axis=0)
+    if not ((from_mean != 0).any(axis=0) & (wanted != 0).any(axis=0)).all():
+        raise InputError(f"measured and simulated must vary in every column; got one that is the same in {len(x)} rows")
+    slope = (from_mean * wanted).sum(axis=0) / (from_mean**2).sum(axis=0)
+    left = ((wanted - slope * from_mean) ** 2).sum(axis=0)
+    return LinearMapping(
+        slope=slope,
+        intercept=y.mean(axis=0) - slope * x.mean(axis=0),
+        r_squared=1.0 - left / (wanted**2).sum(axis=0),
+    )
+
+
+def mapped_without_itself(measured: ArrayLike, simulated: ArrayLike) -> NDArray[np.float64]:
+    """Each inclusion's measured outputs through lines that were fitted to the others; shape (n, outputs)."""
+    x, y = check.array("measured", measured, ndim=2), check.array("simulated", simulated, ndim=2)
+    if x.shape != y.shape or len(x) < 3:
+        raise InputError(f"measured and simulated must have one shape, three rows or more; got {x.shape}, {y.shape}")
+    others = ~np.eye(len(x), dtype=bool)
+    return np.concatenate([fit_mapping(x[keep], y[keep])(x[~keep]) for keep in others])

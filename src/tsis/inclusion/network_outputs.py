@@ -1,0 +1,149 @@
+"""The three numbers that section 6.3 reads off a press, greatest, total and area, and those of simulated presses.
+
+As printed they are read over the whole face. A flat face pressed with a fixed force then says nearly the same of every
+inclusion: its total is the force, its area is the face, its greatest value sits at the rim. So by default the press of
+plain tissue is subtracted and the rim left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from tsis.inclusion.frames import ring_means
+from tsis.inclusion.prior import PARAMETERS
+from tsis.model import Probe, check
+from tsis.model.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from tsis.mechanics import PressSurrogate
+
+OUTPUTS = ("greatest", "total", "area")
+FIELDS = ("face_displacement_mm", "pressure_kpa")
+REACH_MM = 8.0  # of radius; further out the rim of a 12 mm face outshines the inclusion
+RINGS = 20
+FINE = 40  # radii in each ring on which the area's outline is found: to 0.3 % of its radius
+CHANGED_SHARE = 0.05  # of plain tissue's mean: a change that counts as deformed; errors of force stay below
+PRESSED_SHARE = 0.5  # of plain tissue's mean: what counts as deformed when nothing is subtracted
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Reading:
+    """How the three outputs are read off ring profiles; make one with `change_reading` or `printed_reading`.
+
+    Attributes
+    ----------
+    edges_mm
+        Ring boundaries on the face, shape (rings + 1,).
+    subtract
+        Whether the press of plain tissue is subtracted.
+    threshold_share
+        Level above which the face counts as deformed, over the mean level of plain tissue, in [1e-6, 10].
+    """
+
+    edges_mm: NDArray[np.float64]
+    subtract: bool
+    threshold_share: float
+
+    def __post_init__(self) -> None:
+        edges = check.array("edges_mm", self.edges_mm, ndim=1)
+        if len(edges) < 3 or edges[0] < 0 or (np.diff(edges) <= 0).any():
+            raise InputError(f"edges_mm must be three or more ascending radii, the first >= 0; got {edges.tolist()}")
+        object.__setattr__(self, "edges_mm", edges)
+        check.number("threshold_share", self.threshold_share, 1e-6, 10.0)
+
+    def __call__(self, profiles: ArrayLike, plain: ArrayLike) -> NDArray[np.float64]:
+        """Greatest, total and area (mm²), shape (n, 3), of profiles (n, rings) beside that of plain tissue (rings,)."""
+        values, base = check.array("profiles", profiles, ndim=2), check.array("plain", plain, ndim=1)
+        rings = len(self.edges_mm) - 1
+        if values.shape[1] != rings or base.shape != (rings,):
+            raise InputError(f"profiles and plain must have {rings} rings; got {values.shape} and {base.shape}")
+        area = np.pi * np.diff(self.edges_mm**2)
+        level = self.threshold_share * float(base @ area) / float(area.sum())
+        if self.subtract:
+            values = values - base
+        return np.column_stack([values.max(axis=1), values @ area, self._area_above(values, level)])
+
+    def _area_above(self, values: NDArray[np.float64], level: float) -> NDArray[np.float64]:
+        """Area where profiles exceed a level, smooth between the radii at which a parabola has its ring means."""
+        middles = np.sqrt((self.edges_mm[1:] ** 2 + self.edges_mm[:-1] ** 2) / 2)
+        ends = np.linspace(self.edges_mm[0], self.edges_mm[-1], FINE * len(middles) + 1)
+        inside = np.clip((ends[1:] + ends[:-1]) / 2, middles[0], middles[-1])
+        fine = PchipInterpolator(middles, values, axis=1)(inside)
+        return np.asarray((fine > level) @ (np.pi * np.diff(ends**2)))
+
+
+def change_reading(*, reach_mm: float = REACH_MM, threshold_share: float = CHANGED_SHARE) -> Reading:
+    """Read the change against plain tissue, away from the rim.
+
+    Parameters
+    ----------
+    reach_mm
+        Radius on the face, mm, in [0.1, 200].
+    threshold_share
+        Change that counts as deformed, over plain tissue's mean.
+    """
+    reach = check.number("reach_mm", reach_mm, 0.1, 200.0, hint="millimetres")
+    return Reading(edges_mm=np.linspace(0.0, reach, RINGS + 1), subtract=True, threshold_share=threshold_share)
+
+
+def printed_reading(probe: Probe, *, threshold_share: float = PRESSED_SHARE) -> Reading:
+    """Read the whole face and subtract nothing, as section 6.3 says."""
+    check.kind("probe", probe, Probe)
+    edges = np.linspace(0.0, probe.radius_mm, RINGS + 1)
+    return Reading(edges_mm=edges, subtract=False, threshold_share=threshold_share)
+
+
+def simulated_outputs(
+    surrogate: PressSurrogate,
+    inclusions: ArrayLike,
+    reading: Reading,
+    *,
+    field: str = "face_displacement_mm",
+    tissue_young_kpa: float = 5.0,
+    thickness_mm: float = 30.0,
+) -> NDArray[np.float64]:
+    """The three outputs of simulated presses; section 6.3.1.
+
+    Parameters
+    ----------
+    surrogate
+        Presses of the probe at one force.
+    inclusions
+        Diameter (mm), depth (mm) and modulus (kPa) of each, shape (n, 3), inside the surrogate's box.
+    reading
+        How the outputs are read.
+    field
+        ``"face_displacement_mm"`` as in the source, or ``"pressure_kpa"``, which is what a camera sees.
+    tissue_young_kpa, thickness_mm
+        The slab around the inclusion, inside the surrogate's box.
+
+    Returns
+    -------
+    Outputs of shape (n, 3): mm, mm³ and mm², or kPa, mN and mm².
+
+    Raises
+    ------
+    InputError
+        When a value lies outside the surrogate's box or the reading reaches over the face.
+    UnknownNameError
+        When no field has that name.
+    """
+    check.known("field", field, FIELDS)
+    table, box = check.array("inclusions", inclusions, ndim=2), surrogate.pressure_kpa.box
+    if table.shape[1] != len(PARAMETERS):
+        raise InputError(f"inclusions must have the columns {', '.join(PARAMETERS)}; got shape {table.shape}")
+    for name, column in zip(PARAMETERS, table.T, strict=True):
+        for end in (column.min(), column.max()):
+            check.number(name, float(end), *getattr(box, name), hint="the surrogate's box")
+    check.number("tissue_young_kpa", tissue_young_kpa, *box.tissue_young_kpa, hint="the surrogate's box")
+    check.number("thickness_mm", thickness_mm, *box.thickness_mm, hint="the surrogate's box")
+    check.number("the reading's reach", reading.edges_mm[-1], 0.0, float(surrogate.radius_mm[-1]), hint="the face, mm")
+    rings = getattr(surrogate, field).mapped(ring_means(surrogate, reading.edges_mm))
+    at = rings.at_tissue(tissue_young_kpa, thickness_mm)
+    return reading(at(*table.T), at.plain)

@@ -1,0 +1,148 @@
+"""The three outputs: closed forms, conservation of force, and what remains of them as printed."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+import tsis
+from tsis import Calibration, Inclusion, Phantom, TactileImage
+from tsis.inclusion import (
+    change_reading,
+    frame_outputs,
+    printed_frame_outputs,
+    printed_reading,
+    simulated_outputs,
+)
+from tsis.mechanics import PressSurrogate, press
+from tsis.model.errors import ImageMismatchError, InputError, UnknownNameError
+
+PROBE = tsis.load_probe("tsis-2011")
+FLAT = Calibration(name="flat light", gain_grey_per_kpa=60.0, saturation_kpa=20.0, background_grey=8.0)
+
+
+@given(height=st.floats(0.5, 5.0), width=st.floats(1.5, 3.0), level=st.floats(0.1, 0.4))
+def test_a_bell_has_the_outputs_of_its_closed_form(height: float, width: float, level: float) -> None:
+    reading = change_reading(reach_mm=10.0, threshold_share=level)
+    inner, outer = reading.edges_mm[:-1], reading.edges_mm[1:]
+    ends = np.exp(-(np.array([inner, outer]) ** 2) / width**2)
+    bell = height * width**2 * (ends[0] - ends[1]) / (outer**2 - inner**2)  # exact ring means
+    greatest, total, area = reading((1.0 + bell)[None], np.ones(len(bell)))[0]
+    assert greatest == pytest.approx(bell[0])
+    assert total == pytest.approx(np.pi * height * width**2 * (1 - ends[1][-1]))
+    assert area == pytest.approx(np.pi * width**2 * np.log(height / level), rel=0.03)
+
+
+def test_the_total_as_printed_is_the_force_whatever_is_pressed(surrogate: PressSurrogate) -> None:
+    inclusions = np.random.default_rng(0).uniform([1, 4, 40], [15, 12, 120], (30, 3))
+    _, total, area = simulated_outputs(surrogate, inclusions, printed_reading(PROBE), field="pressure_kpa").T
+    assert_allclose(total, 1000.0 * surrogate.force_n, rtol=0.01)  # mN
+    assert np.ptp(total) < 2e-3 * total.mean()
+    assert_allclose(area, np.pi * PROBE.radius_mm**2)
+
+
+def test_of_displacement_too_only_the_change_tells_inclusions_apart(surrogate: PressSurrogate) -> None:
+    inclusions = np.random.default_rng(0).uniform([1, 4, 40], [15, 12, 120], (100, 3))
+
+    def variation(outputs: np.ndarray) -> np.ndarray:
+        return np.asarray(outputs.std(axis=0) / outputs.mean(axis=0))
+
+    printed = variation(simulated_outputs(surrogate, inclusions, printed_reading(PROBE)))
+    change = variation(simulated_outputs(surrogate, inclusions, change_reading()))
+    assert (change > 0.5).all()
+    assert (printed < [0.1, 0.002, 1e-9]).all()
+
+
+def test_outputs_rise_with_size_and_stiffness_and_fall_with_depth(surrogate: PressSurrogate) -> None:
+    base = np.array([8.0, 6.0, 70.0])
+    for column, sign in enumerate((1, -1, 1)):
+        line = np.tile(base, (5, 1))
+        line[:, column] *= np.linspace(0.8, 1.25, 5)
+        steps = np.diff(simulated_outputs(surrogate, line, change_reading()), axis=0)
+        assert (sign * steps > 0).all(), "as the source says of figure 6.18"
+
+
+def test_simulated_outputs_are_those_of_the_press_itself(surrogate: PressSurrogate) -> None:
+    slab = Phantom(young_kpa=5.0, thickness_mm=30.0, inclusion=Inclusion(diameter_mm=9.0, depth_mm=5.0, young_kpa=80.0))
+    with_it, without = (press(PROBE, one, force_n=1.0) for one in (slab, slab.without_inclusion()))
+    radius = np.linspace(0.0, 8.0, 4001)
+    change = np.interp(radius, with_it.radius_mm, with_it.face_displacement_mm) - np.interp(
+        radius, without.radius_mm, without.face_displacement_mm
+    )
+    greatest, total, _ = simulated_outputs(surrogate, [[9.0, 5.0, 80.0]], change_reading())[0]
+    assert greatest == pytest.approx(change.max(), rel=0.01)
+    assert total == pytest.approx(np.trapezoid(2 * np.pi * radius * change, radius), rel=0.01)
+
+
+def _frame(level: float, bump: float = 0.0, *, force_n: float | None = 1.0) -> TactileImage:
+    """A round bump of 3 mm on even light, on the default field of view at a coarser scale."""
+    y, x = np.mgrid[:480, :640]
+    radius = np.hypot(x - 319.5, y - 239.5) * 0.04
+    grey = 8.0 + level + bump * np.exp(-(radius**2) / 9.0)
+    return TactileImage(grey=grey, mm_per_pixel=(0.04, 0.04), force_n=force_n)
+
+
+def test_frames_have_the_outputs_of_the_bump_in_them() -> None:
+    reading = change_reading(threshold_share=0.2)
+    greatest, total, area = frame_outputs([_frame(100.0, 50.0)], _frame(100.0), reading, calibration=FLAT)[0]
+    assert greatest == pytest.approx(50.0, rel=0.02)
+    assert total == pytest.approx(50.0 * np.pi * 9.0 * (1 - np.exp(-64 / 9)), rel=0.005)
+    assert area == pytest.approx(np.pi * 9.0 * np.log(50.0 / 20.0), rel=0.03)
+
+
+def test_a_brighter_press_scales_greatest_and_total_and_leaves_the_area() -> None:
+    once, twice = (
+        frame_outputs([_frame(k * 60.0, k * 30.0)], _frame(k * 60.0), change_reading(), calibration=FLAT)[0]
+        for k in (1, 2)
+    )
+    assert_allclose(twice, once * [2, 2, 1], rtol=1e-6)
+
+
+def test_printed_outputs_of_a_frame_are_centroid_sum_and_count() -> None:
+    frame = _frame(0.0, 50.0)
+    shifted = replace(frame, grey=np.roll(frame.grey, (20, -30), axis=(0, 1)) - 8.0)
+    greatest, total, count = printed_frame_outputs(shifted, threshold_grey=25.0)[0]
+    assert greatest == pytest.approx(50.0, rel=1e-3)
+    assert total * 0.04**2 == pytest.approx(50.0 * np.pi * 9.0, rel=1e-3)
+    assert count * 0.04**2 == pytest.approx(np.pi * 9.0 * np.log(2.0), rel=0.01)
+
+
+def test_frames_that_cannot_be_read_are_refused() -> None:
+    reading, plain = change_reading(), _frame(100.0)
+    with pytest.raises(InputError, match="clipping"):
+        frame_outputs(
+            [_frame(100.0, 200.0)], plain, replace(reading, edges_mm=np.linspace(0, 14, 15)), calibration=FLAT
+        )
+    with pytest.raises(InputError, match="force_n must be known"):
+        frame_outputs([_frame(90.0, force_n=None)], plain, reading, calibration=FLAT)
+    with pytest.raises(InputError, match="same for all"):
+        frame_outputs([_frame(90.0, force_n=2.0)], plain, reading, calibration=FLAT)
+    with pytest.raises(InputError, match="a frame at least"):
+        frame_outputs([], plain, reading, calibration=FLAT)
+    with pytest.raises(ImageMismatchError, match="mm_per_pixel"):
+        frame_outputs([replace(plain, mm_per_pixel=(0.05, 0.05))], plain, reading, calibration=FLAT)
+    with pytest.raises(InputError, match="hold light"):
+        printed_frame_outputs(replace(plain, grey=np.zeros((4, 4))), threshold_grey=3.0)
+
+
+def test_simulations_outside_the_box_are_refused(surrogate: PressSurrogate) -> None:
+    reading = change_reading()
+    with pytest.raises(InputError, match="diameter_mm"):
+        simulated_outputs(surrogate, [[16.0, 5.0, 80.0]], reading)
+    with pytest.raises(InputError, match="columns diameter_mm"):
+        simulated_outputs(surrogate, [[9.0, 5.0]], reading)
+    with pytest.raises(InputError, match="thickness_mm"):
+        simulated_outputs(surrogate, [[9.0, 5.0, 80.0]], reading, thickness_mm=50.0)
+    with pytest.raises(InputError, match="reach"):
+        simulated_outputs(surrogate, [[9.0, 5.0, 80.0]], change_reading(reach_mm=13.0))
+    with pytest.raises(UnknownNameError, match="pressure_kpa"):
+        simulated_outputs(surrogate, [[9.0, 5.0, 80.0]], reading, field="pressure")
+    with pytest.raises(InputError, match="ascending"):
+        replace(reading, edges_mm=np.array([0.0, 2.0, 1.0]))
+    with pytest.raises(InputError, match="20 rings"):
+        reading(np.ones((2, 5)), np.ones(5))
