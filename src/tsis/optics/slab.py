@@ -5,7 +5,7 @@ from __future__ import annotations
 import operator
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, SupportsIndex
 
 import numpy as np
 
@@ -55,7 +55,7 @@ class GuidedModes:
     def __len__(self) -> int:
         return len(self.n_eff)
 
-    def profile(self, mode: int, x_um: ArrayLike) -> NDArray[np.float64]:
+    def profile(self, mode: SupportsIndex, x_um: ArrayLike) -> NDArray[np.float64]:
         """Electric field e across the direction of travel: E_y of TE; E_x of TM, which jumps between layers.
 
         Parameters
@@ -75,13 +75,13 @@ class GuidedModes:
         wave = field.wave(x)
         return wave if self.layers.polarization == "TE" else wave * n_eff / self.layers.weight_at(x)
 
-    def magnetic(self, mode: int, x_um: ArrayLike) -> NDArray[np.float64]:
+    def magnetic(self, mode: SupportsIndex, x_um: ArrayLike) -> NDArray[np.float64]:
         """Magnetic field h across the direction of travel: -H_x of TE, H_y of TM; parameters as of `profile`."""
         field, n_eff = self._field(mode), self.n_eff[mode]
         wave = field.wave(self._heights(x_um))
         return wave * n_eff if self.layers.polarization == "TE" else wave
 
-    def longitudinal(self, mode: int, x_um: ArrayLike) -> NDArray[np.float64]:
+    def longitudinal(self, mode: SupportsIndex, x_um: ArrayLike) -> NDArray[np.float64]:
         """Field along the direction of travel, H_z of TE and E_z of TM, a quarter of a period behind the others.
 
         It is what the source calls h(x) in (3.29)-(3.34), and continuous between layers. Parameters as of `profile`.
@@ -92,7 +92,7 @@ class GuidedModes:
         """How many modes have an effective index above ``index``: they fade away in every layer of that index."""
         return int(np.count_nonzero(self.n_eff > index))
 
-    def _field(self, mode: int) -> slab_field.SlabField:
+    def _field(self, mode: SupportsIndex) -> slab_field.SlabField:
         try:
             number = operator.index(mode)
         except TypeError as error:
