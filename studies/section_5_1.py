@@ -17,9 +17,9 @@ proportional to the force for every tip; what speaks against it is the cross-sec
 middle, where a dent has no slope. Asperities gentler than a slope of 1 saturate under the tip of 2 mm, and its exponent
 falls below 0.97; the printed intercept over the printed slope, 0.038 N, is that of a slope between 0.8 and 1.
 
-All that is for even light. Under the traced light of the catalog's lamps the wide tips' exponents are 0.85 to 0.87 if only
-the light of the untouched face counts, and 1.14 to 1.21 with what the dents make of it: the printed straight line was
-measured under light more even than that, or both effects cancelled.
+All that is for even light. Under the traced light of the catalog's lamps the wide tips' exponents are 0.85 to 0.87 if
+only the light of the untouched face counts, and 1.14 to 1.21 with what the dents make of it: the printed straight line
+was measured under light more even than that, or both effects cancelled.
 """
 
 from __future__ import annotations
@@ -31,15 +31,24 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from studies.section_5_1_bench import (
+    MN,
+    PRINTED_SLOPE,
+    PROBE,
+    SENSOR,
+    bench,
+    full_contact,
+    half_space_kpa,
+    pressed,
+    saturation_kpa,
+)
 
-import tsis
-from tsis import Calibration, PressField
 from tsis.imaging.contact_light import CONTACT_MODELS
 from tsis.imaging.led_drift import LedDrift
 from tsis.imaging.lost_light import find_losses
 from tsis.imaging.render import render
-from tsis.imaging.sensor import Sensor, expose
-from tsis.mechanics import closed_form, indent
+from tsis.imaging.sensor import expose
+from tsis.mechanics import indent
 from tsis.optics import irradiance
 from tsis.virtual import nominal_calibration
 
@@ -48,6 +57,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from tsis import Calibration, PressField
     from tsis.imaging.lost_light import LostLight
     from tsis.model import LightMap
     from tsis.optics import Irradiance
@@ -55,16 +65,12 @@ if TYPE_CHECKING:
 TIPS_MM = (2.0, 10.0, 14.0)
 FORCES_N = np.arange(1, 21) / 10
 COMPARED_N = 0.8
-PRINTED_SLOPE, PRINTED_INTERCEPT, PRINTED_DIFFERENCE = 1.4778e6, 0.056e6, 0.0245
+PRINTED_INTERCEPT, PRINTED_DIFFERENCE = 0.056e6, 0.0245
 PRINTED_PIXEL_MM = 6.79e-3
-RMS_SLOPE = 1.25
 OTHER_SLOPES = (0.25, 0.5, 0.8, 1.0, 1.25, 2.0)
 GENTLE_N = np.arange(2, 11) / 20  # the tip of 10 mm then presses no slope above 0.4 and no depth above 1.5 mm
 LAYERED_N = np.array([0.2, 0.4, 0.8, 1.6])
-MN = 1000.0
 WARM_S, STEP_S = 1800.0, 10.0  # from switching on to the first frame, and between two
-PROBE = tsis.load_probe("tsis-2011")
-SENSOR = Sensor()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,60 +149,6 @@ def fitted(force_n: NDArray[np.float64], sums: NDArray[np.float64]) -> Line:
         r_squared=float(1 - left.var() / sums.var()),
         exponent=float(np.polyfit(np.log(force_n), np.log(sums), 1)[0]),
     )
-
-
-def plane_strain(young_kpa: float, poisson: float) -> float:
-    """``E* = E / (1 - nu**2)``."""
-    return young_kpa / (1 - poisson**2)
-
-
-def half_space_kpa() -> float:
-    """``E*`` of the half-space that stands for the probe."""
-    return plane_strain(closed_form.effective_modulus_kpa(PROBE.layers), PROBE.layers[0].poisson)
-
-
-def saturation_kpa(rms_slope: float) -> float:
-    """Pressure at which asperities of that slope touch all over: they touch a share ``2 p / (E* slope)`` at first."""
-    skin = PROBE.layers[0]
-    return plane_strain(skin.young_kpa, skin.poisson) * rms_slope / 2
-
-
-def bench(rms_slope: float = RMS_SLOPE) -> Calibration:
-    """A gain that gives the printed slope while no asperity saturates."""
-    pixel = SENSOR.mm_per_pixel[0] * SENSOR.mm_per_pixel[1]
-    return Calibration(gain_grey_per_kpa=PRINTED_SLOPE * pixel / MN, saturation_kpa=saturation_kpa(rms_slope))
-
-
-def full_contact() -> float:
-    """Grey levels where all asperities touch."""
-    return bench().gain_grey_per_kpa * bench().saturation_kpa
-
-
-def pressed(tip_mm: float, force_n: float) -> PressField:
-    """Hertz's pressure and displacement on a half-space with the probe's effective modulus."""
-    edge = (3 * force_n * MN * tip_mm / (4 * half_space_kpa())) ** (1 / 3)
-    # Hertz's formulas go on where his assumptions end, which `hertz` refuses: the pressure is that of a wider sphere.
-    peak = 1.5 * force_n * MN / (np.pi * edge**2)
-    contact = closed_form.HertzContact(force_mn=force_n * MN, contact_radius_mm=edge, peak_pressure_kpa=peak)
-    inner = edge * np.sin(np.linspace(0.0, np.pi / 2, 400))  # dense where the pressure ends
-    radius = np.concatenate([inner, np.geomspace(edge, max(PROBE.radius_mm, 1.01 * edge), 400)[1:]])
-    return PressField(
-        radius_mm=radius,
-        pressure_kpa=np.where(radius < edge, contact.pressure_kpa(radius), 0.0),
-        face_displacement_mm=displaced(radius, edge, tip_mm),
-        approach_mm=edge**2 / tip_mm,
-        force_n=force_n,
-    )
-
-
-def displaced(radius: NDArray[np.float64], edge: float, tip_mm: float) -> NDArray[np.float64]:
-    """Displacement of a half-space under Hertz's pressure: the sphere's paraboloid inside, what it drags along outside.
-
-    ``u = ((2 a**2 - r**2) asin(a / r) + a sqrt(r**2 - a**2)) / (pi R)`` for r > a.
-    """
-    beyond = np.maximum(radius, edge)
-    dragged = (2 * edge**2 - radius**2) * np.arcsin(edge / beyond) + edge * np.sqrt(beyond**2 - edge**2)
-    return np.where(radius <= edge, (2 * edge**2 - radius**2) / (2 * tip_mm), dragged / (np.pi * tip_mm))
 
 
 def run(rng: np.random.Generator | None = None) -> Result:

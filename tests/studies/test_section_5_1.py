@@ -12,19 +12,14 @@ from studies.section_5_1 import (
     FORCES_N,
     PRINTED_DIFFERENCE,
     PRINTED_INTERCEPT,
-    PRINTED_SLOPE,
-    PROBE,
     TIPS_MM,
     Result,
-    bench,
     draw,
-    full_contact,
-    pressed,
     report,
     run,
-    saturation_kpa,
     traced_lines,
 )
+from studies.section_5_1_bench import PRINTED_SLOPE, PROBE, bench, full_contact, pressed, saturation_kpa
 
 from tsis.mechanics import closed_form
 from tsis.optics import irradiance

@@ -82,12 +82,13 @@ def _places(at: NDArray[np.float64], knots: NDArray[np.float64]) -> tuple[NDArra
 
 @compiled
 def develop(
-    light: NDArray[np.float64], normal: NDArray[np.float64], background: float, read: float, shot: float, top: float
-) -> NDArray[np.float64]:
-    """Read out a frame: background, noise from the standard ``normal`` numbers, rounding, clipping at 0 and ``top``."""
-    frame = np.empty_like(light)
+    frame: NDArray[np.float64], light: NDArray[np.float64], background: float, read: float, shot: float, top: float
+) -> None:
+    """Turn standard normal numbers into the frame of ``light``: background, noise, rounding, clipping at 0 and ``top``.
+
+    They are overwritten, because a second array as large takes as long to get as to fill.
+    """
     for i in range(light.shape[0]):
         for j in range(light.shape[1]):
             deviation = np.sqrt(read * read + shot * max(light[i, j], 0.0))
-            frame[i, j] = min(max(np.rint(light[i, j] + background + deviation * normal[i, j]), 0.0), top)
-    return frame
+            frame[i, j] = min(max(np.rint(light[i, j] + background + deviation * frame[i, j]), 0.0), top)

@@ -86,7 +86,9 @@ def render(
     else:
         seen = _of_profile(field, sensor, calibration, model, light)
     picture = _blurred(seen, sensor, blur_mm)
-    return picture if sensor.field_angle_deg == 0 else picture * sensor.vignetting()
+    if sensor.field_angle_deg > 0:
+        picture *= sensor.vignetting()
+    return picture
 
 
 def _of_profile(
@@ -96,13 +98,15 @@ def _of_profile(
     radius, slope = field.radius_mm, np.gradient(field.face_displacement_mm, field.radius_mm)
     slope[0] = 0.0  # on the axis, where the difference above would be one-sided
     share = model.share(field.pressure_kpa, slope=slope, saturation_kpa=calibration.saturation_kpa)
-    covered: NDArray[np.float64] | float = 1.0
-    if isinstance(model, Smooth):  # its edge is sharper than the profile's radii
-        share, covered = np.ones_like(share), coverage(field, sensor)
+    if isinstance(model, Smooth):  # whose edge is sharper than the profile's radii: the pixels know it
+        share = np.ones_like(share)
     glow = _full_contact(calibration) * share * np.exp(light.gamma_per_mm * field.face_displacement_mm)
     x, y = sensor.axes_mm()
     grid = (light.x_mm, light.y_mm, light.relative, light.flux_x, light.flux_y)
-    return covered * paint(x, y, radius, glow, slope, *grid)
+    picture = paint(x, y, radius, glow, slope, *grid)
+    if isinstance(model, Smooth):
+        picture *= coverage(field, sensor)
+    return picture
 
 
 def _of_map(

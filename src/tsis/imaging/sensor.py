@@ -85,7 +85,7 @@ class Sensor:
         """
         x, y = self.axes_mm()
         reach = np.tan(np.radians(self.field_angle_deg)) / np.hypot(x[-1], y[-1])
-        secant_squared = 1 + (reach * x[None, :]) ** 2 + (reach * y[:, None]) ** 2
+        secant_squared = (1 + (reach * x[None, :]) ** 2) + (reach * y[:, None]) ** 2
         return np.asarray(1 / secant_squared**2)
 
     @property
@@ -115,8 +115,9 @@ def expose(light: NDArray[np.float64], sensor: Sensor, rng: np.random.Generator)
     grey, shot = light, sensor.shot_noise_grey
     if sensor.counts_electrons:
         grey, shot = np.asarray(shot * rng.poisson(np.maximum(light, 0.0) / shot), dtype=float), 0.0
-    normal = rng.standard_normal(light.shape)
-    return develop(grey, normal, sensor.background_grey, sensor.read_noise_grey, shot, sensor.full_scale)
+    frame = rng.standard_normal(light.shape)
+    develop(frame, grey, sensor.background_grey, sensor.read_noise_grey, shot, sensor.full_scale)
+    return frame
 
 
 def interlace(first: NDArray[np.float64], second: NDArray[np.float64]) -> NDArray[np.float64]:
