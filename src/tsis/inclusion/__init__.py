@@ -1,6 +1,7 @@
 """Size, depth and stiffness of an inclusion under the surface."""
 
 from tsis.inclusion.frames import ring_edges
+from tsis.inclusion.mobility_track import Mobility, mobility
 from tsis.inclusion.network import Layers, Network
 from tsis.inclusion.network_frames import frame_outputs, printed_frame_outputs
 from tsis.inclusion.network_mapping import LinearMapping, fit_mapping, mapped_without_itself
@@ -9,24 +10,45 @@ from tsis.inclusion.network_training import Training, train_network
 from tsis.inclusion.network_trials import estimate_by_networks
 from tsis.inclusion.posterior import estimate
 from tsis.inclusion.prior import PARAMETERS, InclusionPrior
+from tsis.inclusion.relative_brightness import relative_depth
+from tsis.inclusion.relative_diameter import relative_size
+from tsis.inclusion.relative_reading import RelativeReading
+from tsis.inclusion.relative_repeats import Repeats, ratios
+from tsis.inclusion.relative_stiffness import relative_hardness
+from tsis.inclusion.shape_binary import binary_image
+from tsis.inclusion.shape_outline import ObjectShape, object_shape
+from tsis.inclusion.shape_threshold import TwoMeans, two_means
 
 __all__ = [
     "PARAMETERS",
     "InclusionPrior",
     "Layers",
     "LinearMapping",
+    "Mobility",
     "Network",
+    "ObjectShape",
     "Reading",
+    "RelativeReading",
+    "Repeats",
     "Training",
+    "TwoMeans",
+    "binary_image",
     "change_reading",
     "estimate",
     "estimate_by_networks",
     "fit_mapping",
     "frame_outputs",
     "mapped_without_itself",
+    "mobility",
+    "object_shape",
     "printed_frame_outputs",
     "printed_reading",
+    "ratios",
+    "relative_depth",
+    "relative_hardness",
+    "relative_size",
     "ring_edges",
     "simulated_outputs",
     "train_network",
+    "two_means",
 ]

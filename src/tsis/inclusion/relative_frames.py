@@ -1,0 +1,114 @@
+"""What a press changed, against the untouched probe or against plain tissue; and whether the frames may be compared."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.imaging import subtract_background
+from tsis.imaging.correct import check_image, check_same_frame
+from tsis.imaging.patch import NOISE_FACTOR, SMOOTH_PX, pixel_noise, smoothed
+from tsis.inclusion.frames import as_frames
+from tsis.model import check
+from tsis.model.errors import ImageMismatchError, InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.model import TactileImage
+
+UNTOUCHED, PLAIN = "untouched probe", "plain tissue"
+SAME_FORCE = 0.05  # relative; the light follows the force, so a greater difference would pass for an inclusion
+MOST_CLIPPED = 0.5  # share of a frame from which nothing is left to compare
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Change:
+    """What a press changed.
+
+    Attributes
+    ----------
+    image
+        Change of grey level behind a blur of one pixel.
+    clipped
+        True where the camera clipped in the press or in a reference, shape (rows, columns).
+    noise_grey
+        Standard deviation of the blurred change's pixel noise.
+    against
+        What the reference shows: ``"untouched probe"`` or ``"plain tissue"``.
+    """
+
+    image: TactileImage
+    clipped: NDArray[np.bool]
+    noise_grey: float
+    against: str
+
+    def is_drowned(self, threshold_grey: float) -> bool:
+        """Whether noise alone reaches a threshold somewhere in the frame."""
+        return NOISE_FACTOR * self.noise_grey > threshold_grey
+
+
+def change_of_light(image: TactileImage, reference: TactileImage | Sequence[TactileImage], *, against: str) -> Change:
+    """Subtract a reference, or the mean of several, and blur by one pixel: the source takes its frames as noiseless.
+
+    Raises
+    ------
+    InputError
+        When a scale is unknown, the frame is mostly clipped, or a reference's force contradicts ``against``.
+    ImageMismatchError
+        When a reference's size, scale, full scale or axis differ from the image's.
+    UnknownNameError
+        When ``against`` is neither of its two values.
+    """
+    check.known("kind of reference", against, (UNTOUCHED, PLAIN))
+    check_image("image", image)
+    image.scale()
+    references = as_frames("reference", reference)
+    if not references:
+        raise InputError("reference must hold at least one frame of the untouched probe or of plain tissue; got none")
+    for frame in references:
+        check_same_frame(image, frame, "reference")
+        _check_axis(image, frame)
+        _check_force(image, frame, against)
+    clipped = np.any([frame.grey >= frame.full_scale for frame in (image, *references)], axis=0)
+    if clipped.mean() > MOST_CLIPPED:
+        raise InputError(
+            f"at most half of a frame's pixels may be clipped; got {100 * clipped.mean():.0f} % (shorten the exposure)"
+        )
+    mean = replace(references[0], grey=np.mean([frame.grey for frame in references], axis=0))
+    change = subtract_background(image, mean)
+    # White noise behind a Gaussian of standard deviation s keeps the share 1 / (2 s sqrt(pi)).
+    noise = pixel_noise(change.grey) / (2.0 * SMOOTH_PX * np.sqrt(np.pi))
+    return Change(image=replace(change, grey=smoothed(change.grey)), clipped=clipped, noise_grey=noise, against=against)
+
+
+def _check_axis(image: TactileImage, reference: TactileImage) -> None:
+    """Refuse a reference whose axis lies elsewhere in the picture."""
+    if image.axis() != reference.axis():
+        raise ImageMismatchError(
+            f"reference must have the image's axis_px {image.axis()}; got {reference.axis()} "
+            "(leave the camera where it is)"
+        )
+
+
+def _check_force(image: TactileImage, reference: TactileImage, against: str) -> None:
+    """Refuse a reference whose force, where it is known, says that it shows something else."""
+    force = reference.force_n
+    if force is None:
+        return
+    if against == UNTOUCHED and force > 0:
+        raise InputError(
+            f"reference must be untouched, force_n 0, against the {UNTOUCHED}; got one pressed with {force:g} N "
+            f'(a press on tissue beside the target is against="{PLAIN}")'
+        )
+    if against == PLAIN and force == 0:
+        raise InputError(f'reference must be a press on {PLAIN}; got force_n 0 (say against="{UNTOUCHED}")')
+    if against == PLAIN and image.force_n is not None and abs(force - image.force_n) > SAME_FORCE * image.force_n:
+        raise InputError(
+            f"reference must be pressed as hard as the image, {image.force_n:g} N within {100 * SAME_FORCE:g} %; "
+            f"got {force:g} N"
+        )

@@ -1,0 +1,91 @@
+"""A relative estimate: one number, what it rests on, and what is wrong with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.inclusion.relative_frames import PLAIN, UNTOUCHED
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+NOTES = {
+    "no_contact": "Nothing exceeds the threshold: there is nothing to read.",
+    "cropped": "The lit part touches the border of the picture: it may go on outside, so it is not measured whole.",
+    "saturated": "The camera clipped inside the lit part: grey levels there are too low.",
+    "noisy": "Noise alone reaches the threshold somewhere: single lit pixels mean nothing.",
+    "no_growth": "The lit part does not grow from the first press to the second: there is no strain to divide by.",
+    "corners_lit": "The picture's corners are lit: the threshold's first guess takes them for background.",
+    "repeated_frames": "A frame is the same as the one before it, as of a camera that hangs: it adds no movement.",
+    "contact_lost": "Some frames show nothing: steps to and from them are missing, and the path is too short.",
+    "no_movement": "The positions differ by no more than noise: no movement was seen.",
+}
+COMPARED_WITH = {
+    UNTOUCHED: "Plain tissue lights nothing above the threshold; a face that touches all over is itself measured.",
+    PLAIN: "The reference was pressed as hard, on tissue of the same stiffness and thickness.",
+}
+ONE_SPHERE = "There is one inclusion, and it is a sphere."
+EVEN_LIGHT = "The face is lit evenly, and what is compared was lit and pressed alike."
+
+
+def notes_of(flags: tuple[str, ...]) -> tuple[str, ...]:
+    """The sentence of each flag."""
+    return tuple(NOTES[flag] for flag in flags)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RelativeReading:
+    """A number that is only good for comparing presses with each other; ``print`` shows it with all that it rests on.
+
+    Attributes
+    ----------
+    quantity
+        What was read, e.g. ``"relative size"``.
+    value
+        The number; None when there is nothing to read.
+    unit
+        Its unit.
+    against
+        What the reference showed: ``"untouched probe"`` or ``"plain tissue"``.
+    assumptions
+        What must hold for two such numbers to be compared, one sentence each.
+    parts
+        What the number was made of, by name with unit.
+    flags
+        Short names of what is wrong with this press.
+
+    Examples
+    --------
+    >>> print(RelativeReading(quantity="relative size", value=6.25, unit="mm", against="plain tissue",
+    ...                       assumptions=("There is one inclusion.",), flags=("cropped",)))
+    relative size: 6.25 mm (against plain tissue)
+      assumed: There is one inclusion.
+      cropped: The lit part touches the border of the picture: it may go on outside, so it is not measured whole.
+    Research use only. Not reviewed or approved by any regulator. Not for patient care.
+    """
+
+    quantity: str
+    value: float | None
+    unit: str
+    against: str
+    assumptions: tuple[str, ...]
+    parts: Mapping[str, float] = field(default_factory=dict)
+    flags: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parts", MappingProxyType(dict(self.parts)))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The sentence of each flag."""
+        return notes_of(self.flags)
+
+    def __str__(self) -> str:
+        value = "nothing to read" if self.value is None else f"{self.value:.4g} {self.unit}"
+        lines = [f"{self.quantity}: {value} (against {self.against})"]
+        lines += [f"  assumed: {sentence}" for sentence in self.assumptions]
+        lines += [f"  {flag}: {note}" for flag, note in zip(self.flags, self.notes, strict=True)]
+        return "\n".join([*lines, RESEARCH_USE_ONLY])
