@@ -1,6 +1,7 @@
 """Figures: every function takes a value and an ``ax`` and returns the ``ax``."""
 
 from tsis.plots.force_curve import grey_sums
+from tsis.plots.modes import mode_profiles
 from tsis.plots.posterior import marginal, trade_off
 from tsis.plots.profile import ring_profile
 from tsis.plots.surface import relief
@@ -10,6 +11,7 @@ from tsis.plots.trials import trial_errors
 __all__ = [
     "grey_sums",
     "marginal",
+    "mode_profiles",
     "relief",
     "ring_profile",
     "tactile_image",

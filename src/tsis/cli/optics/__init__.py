@@ -5,5 +5,11 @@ from __future__ import annotations
 import typer
 
 from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.cli.optics.angles import angles
+from tsis.cli.optics.modes import modes
 
 app = typer.Typer(name="optics", help=f"Light in the probe. {RESEARCH_USE_ONLY}", no_args_is_help=True)
+app.command("angles", epilog="Example: tsis optics angles --probe tsis-2011-printed-indices --half-angle-deg 30")(
+    angles
+)
+app.command("modes", epilog="Example: tsis optics modes --index 1.41,1.515 --thickness-um 9,1 --out modes")(modes)
