@@ -87,6 +87,8 @@ def test_what_does_not_fit_is_refused() -> None:
         Layers(inputs=3, hidden=(0,), outputs=3)
     with pytest.raises(InputError, match="whole number"):
         Layers(inputs=3, hidden=(2.5,), outputs=3)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="fewer layers"):
+        Layers(inputs=3, hidden=(1000,) * 12, outputs=3)
     with pytest.raises(InputError, match="must vary"):
         Span.of("inputs", np.ones((4, 2)))
     layers, span = Layers(inputs=1, hidden=(), outputs=1), Span(low=np.zeros(1), high=np.ones(1))

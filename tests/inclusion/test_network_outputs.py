@@ -18,8 +18,10 @@ from tsis.inclusion import (
     printed_frame_outputs,
     printed_reading,
     simulated_outputs,
+    train_network,
 )
 from tsis.mechanics import PressSurrogate, press
+from tsis.model import LightMap
 from tsis.model.errors import ImageMismatchError, InputError, UnknownNameError
 
 PROBE = tsis.load_probe("tsis-2011")
@@ -56,6 +58,13 @@ def test_of_displacement_too_only_the_change_tells_inclusions_apart(surrogate: P
     change = variation(simulated_outputs(surrogate, inclusions, change_reading()))
     assert (change > 0.5).all()
     assert (printed < [0.1, 0.002, 1e-9]).all()
+
+
+def test_as_printed_no_network_can_be_trained(surrogate: PressSurrogate) -> None:
+    inclusions = np.random.default_rng(0).uniform([1, 4, 40], [15, 12, 120], (30, 3))
+    outputs = simulated_outputs(surrogate, inclusions, printed_reading(PROBE))
+    with pytest.raises(InputError, match="inputs must vary in every column"):
+        train_network(outputs, inclusions, rng=np.random.default_rng(0))
 
 
 def test_outputs_rise_with_size_and_stiffness_and_fall_with_depth(surrogate: PressSurrogate) -> None:
@@ -103,6 +112,24 @@ def test_a_brighter_press_scales_greatest_and_total_and_leaves_the_area() -> Non
     assert_allclose(twice, once * [2, 2, 1], rtol=1e-6)
 
 
+def test_uneven_light_that_the_calibration_knows_changes_no_output() -> None:
+    ends = np.linspace(-13.0, 13.0, 27)
+    relative = 1.0 + 0.03 * ends[None, :] + 0.002 * (ends[:, None] ** 2 - 60.0)
+    none = np.zeros_like(relative)
+    light = LightMap(x_mm=ends, y_mm=ends, relative=relative, flux_x=none, flux_y=none, gamma_per_mm=0.0, error=0.0)
+    x, y = (np.arange(640) - 319.5) * 0.04, (np.arange(480) - 239.5) * 0.04
+
+    def lit(frame: TactileImage) -> TactileImage:
+        return replace(frame, grey=8.0 + (frame.grey - 8.0) * light.at(x, y))
+
+    plain, pressed = _frame(60.0), _frame(60.0, 30.0)
+    even = frame_outputs([pressed], plain, change_reading(), calibration=FLAT)
+    known = frame_outputs([lit(pressed)], lit(plain), change_reading(), calibration=replace(FLAT, light=light))
+    assert_allclose(known, even, rtol=0.01)
+    unknown = frame_outputs([lit(pressed)], lit(plain), change_reading(), calibration=FLAT)
+    assert unknown[0, 0] < 0.9 * even[0, 0]
+
+
 def test_printed_outputs_of_a_frame_are_centroid_sum_and_count() -> None:
     frame = _frame(0.0, 50.0)
     shifted = replace(frame, grey=np.roll(frame.grey, (20, -30), axis=(0, 1)) - 8.0)
@@ -142,6 +169,8 @@ def test_simulations_outside_the_box_are_refused(surrogate: PressSurrogate) -> N
         simulated_outputs(surrogate, [[9.0, 5.0, 80.0]], change_reading(reach_mm=13.0))
     with pytest.raises(UnknownNameError, match="pressure_kpa"):
         simulated_outputs(surrogate, [[9.0, 5.0, 80.0]], reading, field="pressure")
+    with pytest.raises(InputError, match="surrogate must be a PressSurrogate"):
+        simulated_outputs(surrogate.pressure_kpa, [[9.0, 5.0, 80.0]], reading)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="ascending"):
         replace(reading, edges_mm=np.array([0.0, 2.0, 1.0]))
     with pytest.raises(InputError, match="20 rings"):

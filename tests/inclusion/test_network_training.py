@@ -129,6 +129,12 @@ def test_samples_that_cannot_train_are_refused(samples: tuple[np.ndarray, np.nda
         train_network(x, y, rng=rng, method="sgc")
     with pytest.raises(InputError, match="Jacobian"):
         train_network(np.tile(x, (40, 1)), np.tile(y, (40, 1)), rng=rng, method="lm", hidden=(1000,))
+    with pytest.raises(InputError, match=r"like \(10,\)"):
+        train_network(x, y, rng=rng, hidden=10)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="pair"):
+        train_network(x, y, rng=rng, validation=x)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="at most 5e"):
+        estimate_by_networks(x, y, np.ones((1000, 3)), rng=rng, trials=100_000)
     with pytest.raises(InputError, match="two samples must be left"):
         estimate_by_networks(x, y, x, rng=rng, validated=len(x))
 

@@ -6,22 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from studies.section_6_3 import (
-    PRINTED,
-    PRINTED_ERROR,
-    PRINTED_RMSE,
-    ROUNDING,
-    Result,
-    correlations,
-    draw,
-    relative_error,
-    report,
-    rmse,
-    run,
-    spread,
-    table_6_1,
-    without_itself,
-)
+from studies.printed_6_3 import PRINTED, PRINTED_ERROR, PRINTED_RMSE, ROUNDING, relative_error, rmse, without_itself
+from studies.section_6_3 import Result, correlations, draw, report, run, spread, table_6_1
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-MOST_UNITS = 1000  # of a layer; a Jacobian grows with the units, and nothing here needs more
+MOST_UNITS = 1000  # of a layer
+ROUNDING = 1e-12  # relative variation that sums may have by their order alone
+MOST_WEIGHTS = 10_000_000  # 80 MB, of which training holds some copies
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,6 +43,8 @@ class Layers:
         for name, size in (("inputs", self.inputs), ("outputs", self.outputs), *(("hidden", n) for n in self.hidden)):
             if size != int(check.number(name, size, 1, MOST_UNITS, hint="units of a layer")):
                 raise InputError(f"{name} must be a whole number of units; got {size!r}")
+        if self.weights > MOST_WEIGHTS:
+            raise InputError(f"a network must have at most {MOST_WEIGHTS} weights; got {self.weights} (fewer layers)")
 
     @property
     def sizes(self) -> tuple[int, ...]:
@@ -120,6 +124,12 @@ def _backwards(
         change = (change @ matrix[:, :-1]) * (below * (1.0 - below))[:, None, :]
 
 
+def check_varies(name: str, values: NDArray[np.float64]) -> None:
+    """Refuse a table of shape (n, columns) with a column that says the same in every row, but for rounding."""
+    if (np.ptp(values, axis=0) <= ROUNDING * np.abs(values).max(axis=0)).any():
+        raise InputError(f"{name} must vary in every column; got one that is the same in all {len(values)} rows")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Span:
     """Least and greatest value of each column, which become -1 and 1 inside a network; shapes (columns,)."""
@@ -130,10 +140,8 @@ class Span:
     @classmethod
     def of(cls, name: str, values: NDArray[np.float64]) -> Span:
         """The span of a table of shape (n, columns)."""
-        low, high = values.min(axis=0), values.max(axis=0)
-        if not (high > low).all():
-            raise InputError(f"{name} must vary in every column; got one that is the same in all {len(values)} rows")
-        return cls(low=low, high=high)
+        check_varies(name, values)
+        return cls(low=values.min(axis=0), high=values.max(axis=0))
 
     def inwards(self, values: NDArray[np.float64]) -> NDArray[np.float64]:
         """To the network's scale."""

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tsis.inclusion.network import check_varies
 from tsis.model import check
 from tsis.model.errors import InputError
 
@@ -57,9 +58,9 @@ def fit_mapping(measured: ArrayLike, simulated: ArrayLike) -> LinearMapping:
     x, y = check.array("measured", measured, ndim=2), check.array("simulated", simulated, ndim=2)
     if x.shape != y.shape or len(x) < 2:
         raise InputError(f"measured and simulated must have one shape, two rows or more; got {x.shape} and {y.shape}")
+    check_varies("measured", x)
+    check_varies("simulated", y)
     from_mean, wanted = x - x.mean(axis=0), y - y.mean(axis=0)
-    if not ((from_mean != 0).any(axis=0) & (wanted != 0).any(axis=0)).all():
-        raise InputError(f"measured and simulated must vary in every column; got one that is the same in {len(x)} rows")
     slope = (from_mean * wanted).sum(axis=0) / (from_mean**2).sum(axis=0)
     left = ((wanted - slope * from_mean) ** 2).sum(axis=0)
     return LinearMapping(

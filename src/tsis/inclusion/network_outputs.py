@@ -15,18 +15,19 @@ from scipy.interpolate import PchipInterpolator
 
 from tsis.inclusion.frames import ring_means
 from tsis.inclusion.prior import PARAMETERS
+from tsis.mechanics import PressSurrogate
 from tsis.model import Probe, check
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from tsis.mechanics import PressSurrogate
-
 OUTPUTS = ("greatest", "total", "area")
 FIELDS = ("face_displacement_mm", "pressure_kpa")
 REACH_MM = 8.0  # of radius; further out the rim of a 12 mm face outshines the inclusion
 RINGS = 20
+MOST_RINGS = 1000
+CHUNK = 4096  # profiles refined at a time: 26 MB with the usual rings
 FINE = 40  # radii in each ring on which the area's outline is found: to 0.3 % of its radius
 CHANGED_SHARE = 0.05  # of plain tissue's mean: a change that counts as deformed; errors of force stay below
 PRESSED_SHARE = 0.5  # of plain tissue's mean: what counts as deformed when nothing is subtracted
@@ -52,8 +53,11 @@ class Reading:
 
     def __post_init__(self) -> None:
         edges = check.array("edges_mm", self.edges_mm, ndim=1)
-        if len(edges) < 3 or edges[0] < 0 or (np.diff(edges) <= 0).any():
-            raise InputError(f"edges_mm must be three or more ascending radii, the first >= 0; got {edges.tolist()}")
+        if not 3 <= len(edges) <= MOST_RINGS + 1 or edges[0] < 0 or (np.diff(edges) <= 0).any():
+            raise InputError(
+                f"edges_mm must be 3 to {MOST_RINGS + 1} ascending radii, the first >= 0; "
+                f"got {len(edges)} from {edges[0]:g} to {edges[-1]:g}"
+            )
         object.__setattr__(self, "edges_mm", edges)
         check.number("threshold_share", self.threshold_share, 1e-6, 10.0)
 
@@ -74,8 +78,9 @@ class Reading:
         middles = np.sqrt((self.edges_mm[1:] ** 2 + self.edges_mm[:-1] ** 2) / 2)
         ends = np.linspace(self.edges_mm[0], self.edges_mm[-1], FINE * len(middles) + 1)
         inside = np.clip((ends[1:] + ends[:-1]) / 2, middles[0], middles[-1])
-        fine = PchipInterpolator(middles, values, axis=1)(inside)
-        return np.asarray((fine > level) @ (np.pi * np.diff(ends**2)))
+        area = np.pi * np.diff(ends**2)
+        parts = np.array_split(values, len(values) // CHUNK + 1)
+        return np.concatenate([(PchipInterpolator(middles, part, axis=1)(inside) > level) @ area for part in parts])
 
 
 def change_reading(*, reach_mm: float = REACH_MM, threshold_share: float = CHANGED_SHARE) -> Reading:
@@ -134,6 +139,8 @@ def simulated_outputs(
     UnknownNameError
         When no field has that name.
     """
+    check.kind("surrogate", surrogate, PressSurrogate)
+    check.kind("reading", reading, Reading)
     check.known("field", field, FIELDS)
     table, box = check.array("inclusions", inclusions, ndim=2), surrogate.pressure_kpa.box
     if table.shape[1] != len(PARAMETERS):

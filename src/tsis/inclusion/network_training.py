@@ -7,6 +7,7 @@ the error over the validation samples has not fallen for some steps; the weights
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
@@ -19,11 +20,11 @@ from tsis.model import check
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable
 
     from numpy.typing import ArrayLike, NDArray
 
-MOST_VALUES = 50_000_000  # of the Jacobian: 400 MB
+MOST_VALUES = 50_000_000  # of an array: 400 MB
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -135,6 +136,8 @@ def train_network(
     iterations = int(check.number("iterations", iterations, 1, 1_000_000))
     patience = int(check.number("patience", patience, 1, 1_000_000))
     given, wanted = _samples("inputs", inputs, "targets", targets)
+    if not isinstance(hidden, Sequence):
+        raise InputError(f"hidden must be a sequence of layer sizes, like (10,); got {hidden!r}")
     layers = Layers(inputs=given.shape[1], hidden=tuple(hidden), outputs=wanted.shape[1])
     _check_size(layers, wanted, method)
     input_span, output_span = Span.of("inputs", given), Span.of("targets", wanted)
@@ -183,6 +186,8 @@ def _validation_error(
     """Mean square error over the validation samples as a function of the weights; None without such samples."""
     if validation is None:
         return None
+    if not (isinstance(validation, tuple) and len(validation) == 2):
+        raise InputError(f"validation must be a pair (inputs, targets); got {validation!r:.80}")
     given, wanted = _samples("validation inputs", validation[0], "validation targets", validation[1])
     if (given.shape[1], wanted.shape[1]) != (layers.inputs, layers.outputs):
         raise InputError(

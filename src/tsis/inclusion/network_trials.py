@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.inclusion.network_training import train_network
+from tsis.inclusion.network_training import MOST_VALUES, train_network
 from tsis.model import check
 from tsis.model.errors import InputError
 
@@ -65,6 +65,12 @@ def estimate_by_networks(
         raise InputError(f"inputs and targets must have as many rows; got {len(given)} and {len(wanted)}")
     trials = int(check.number("trials", trials, 1, 100_000))
     validated = int(check.number("validated", validated, 1, max(1, len(given) - 2), hint="two samples must be left"))
+    rows = check.array("unknown", unknown, ndim=2)
+    if trials * len(rows) * wanted.shape[1] > MOST_VALUES:
+        raise InputError(
+            f"trials times rows of unknown times outputs must be at most {MOST_VALUES:g}; "
+            f"got {trials} x {len(rows)} x {wanted.shape[1]} (give fewer at a time)"
+        )
     found = []
     for trial in range(trials):
         order = rng.permutation(len(given))
@@ -78,7 +84,7 @@ def estimate_by_networks(
             method=method,
             patience=patience,
         )
-        found.append(network(unknown))
+        found.append(network(rows))
         if progress is not None:
             progress(trial + 1, trials)
     return np.array(found)
