@@ -134,6 +134,7 @@ def _traced(
         )
         left = traced(dent, rays / len(DENTS), np.empty((0, 2))).maps[:, rays_kernel.COUPLED].mean(axis=0)
         model, moved = leaving(light, dent, saturation_kpa=SATURATION_KPA, bins=1)
+        _check_lit(min(left.sum(), model.item()))
         logs.append(np.log(left.sum() / model.item()))
         depths.append(moved.item())
     return replace(light, lift_per_mm=float(np.dot(depths, logs) / np.dot(depths, depths)))
@@ -150,8 +151,7 @@ def _smoothed(probe: Probe, raised: NDArray[np.float64], watched: list[Batches])
         terms.append(smooth(slope_terms(*even), probe.radius_mm, nodes))
     inside = np.hypot(nodes, nodes[:, None]) <= probe.radius_mm
     mean = float(terms[0][:, 0].mean(axis=0)[inside].mean())
-    if mean <= 0:
-        raise InputError("leds must light the face of the probe; no ray reaches it from inside")
+    _check_lit(mean)
     spread = terms[0][:, 0].std(axis=0, ddof=1)[inside] / np.sqrt(GROUPS)
     return Irradiance(
         radius_mm=probe.radius_mm,
@@ -162,6 +162,11 @@ def _smoothed(probe: Probe, raised: NDArray[np.float64], watched: list[Batches])
         mean_per_mm2=mean / (2 * probe.radius_mm / BINS) ** 2,
         error=float(np.sqrt((spread**2).mean()) / mean),
     )
+
+
+def _check_lit(light: float) -> None:
+    if light <= 0:
+        raise InputError("leds must light the face of the probe; no ray reaches it from inside, or hardly one")
 
 
 def _grouped(batches: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,0 +1,150 @@
+"""The smooth light on the face against rays through dents that no fit has seen; symmetry, cache, refusals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from tsis import Led, load_probe
+from tsis.model import disk_cache
+from tsis.model.errors import InputError
+from tsis.optics import Irradiance, irradiance, trace_rays
+from tsis.optics import irradiance_trace as room
+from tsis.optics.irradiance_fit import powers, slope_terms, smooth, symmetries, watched_slopes
+from tsis.optics.irradiance_leaving import leaving
+from tsis.optics.rays_face import hertz_dent, raised_face
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+PROBE = load_probe("tsis-2011")
+
+
+@pytest.fixture(scope="module")
+def light() -> Irradiance:
+    return irradiance(PROBE, rays=2e6, cached=False)
+
+
+def test_it_predicts_what_leaves_a_dent_that_no_fit_has_seen(light: Irradiance) -> None:
+    # Twice as blunt as any dent of the fit, beside the axis, and in partial contact.
+    dent = hertz_dent(12.0, tip_radius_mm=18.0, depth_mm=0.5, peak_pressure_kpa=15.0, offset_mm=(-2.0, 1.0))
+    traced = trace_rays(PROBE, dent, rays=1.5e6, seed=99)
+    model, _ = leaving(light, dent, saturation_kpa=20.0, bins=24)
+    touched = traced.coupled > 0.3 * traced.coupled.max()
+    error = model[touched] / traced.coupled[touched] - 1
+    noise = traced.batches[:, 4].std(axis=0, ddof=1)[touched] / np.sqrt(32) / traced.coupled[touched]
+    assert abs(error.mean()) < 0.04
+    assert np.sqrt((error**2).mean() - (noise**2).mean()) < 0.05
+    # What it is good for: even light without tilt is wrong by much more.
+    assert np.ptp(light.at(light.nodes_mm, light.nodes_mm)) > 1.0
+
+
+def test_it_adds_up_to_the_light_that_arrives(light: Irradiance) -> None:
+    arriving = trace_rays(PROBE, rays=1e6, seed=5).arriving
+    side = np.linspace(-11.9, 11.9, 120)
+    inside = np.hypot(side, side[:, None]) < 12.0
+    total = light.mean_per_mm2 * light.at(side, side)[inside].sum() * (side[1] - side[0]) ** 2
+    assert total == pytest.approx(arriving.sum(), rel=0.02)
+    assert light.at(side, side)[inside].mean() == pytest.approx(1.0, abs=0.03)
+    assert 0.0 < light.error < 0.1
+
+
+def test_four_lamps_make_light_of_their_symmetry(light: Irradiance) -> None:
+    moved = {"displacement_mm": 0.5}
+    here = light.at([3.0], [1.0], slope_x=0.1, slope_y=0.05, **moved).item()
+    turned = light.at([-1.0], [3.0], slope_x=-0.05, slope_y=0.1, **moved).item()
+    mirrored = light.at([3.0], [-1.0], slope_x=0.1, slope_y=-0.05, **moved).item()
+    assert turned == pytest.approx(here, rel=1e-6)
+    assert mirrored == pytest.approx(here, rel=1e-6)
+    # Most of what reaches the face comes from the far lamp, so a slope that rises away from it catches more.
+    facing_far, facing_near = (light.at([3.0], [0.0], slope_x=slope).item() for slope in (0.1, -0.1))
+    assert facing_far > 1.05 * facing_near
+
+
+def test_a_raised_face_is_the_traced_one(light: Irradiance) -> None:
+    traced = trace_rays(PROBE, raised_face(12.0, 0.4), rays=1e6, seed=3, bins=6)
+    side = np.linspace(-12.0, 12.0, 241)[:-1] + 0.05
+    model = light.mean_per_mm2 * 0.01 * light.at(side, side, displacement_mm=0.4) / np.exp(light.lift_per_mm * 0.4)
+    middle = model.reshape(6, 40, 6, 40).sum(axis=(1, 3))[2:4, 2:4]
+    np.testing.assert_allclose(middle, traced.arriving[2:4, 2:4], rtol=0.03)
+
+
+@pytest.mark.parametrize(
+    ("azimuths", "count"),
+    [((0.0, 90.0, 180.0, 270.0), 8), ((0.0, 180.0), 4), ((0.0,), 2), ((0.0, 120.0, 240.0), 2), ((17.0,), 1)],
+)
+def test_symmetries_of_lamps(azimuths: tuple[float, ...], count: int) -> None:
+    assert len(symmetries(replace(PROBE, leds=tuple(Led(azimuth_deg=azimuth) for azimuth in azimuths)))) == count
+
+
+def test_lamps_of_different_power_break_the_symmetry() -> None:
+    leds = (Led(azimuth_deg=0.0), Led(azimuth_deg=180.0, power=2.0))
+    assert len(symmetries(replace(PROBE, leds=leds))) == 2
+
+
+def test_terms_of_slopes_are_found_again() -> None:
+    rng = np.random.default_rng(2)
+    known = rng.standard_normal((11, 2, 2))
+    tilted = np.einsum("tk,tij->kij", powers(*watched_slopes().T), known)
+    np.testing.assert_allclose(slope_terms(known[0], known[1:3], tilted), known, atol=1e-10)
+
+
+def test_smoothing_keeps_cubic_surfaces() -> None:
+    def surface(x: Any, y: Any) -> Any:
+        return 1 + 0.1 * x - 0.02 * x * y + 0.001 * (x**3 - y**2 * x)
+
+    fine = (np.arange(24 * 50) + 0.5) / 50 - 12.0
+    bins = surface(fine, fine[:, None]).reshape(24, 50, 24, 50).mean(axis=(1, 3))
+    nodes = np.linspace(-12.0, 12.0, 13)
+    inside = np.hypot(nodes, nodes[:, None]) < 10.0
+    found = smooth(bins, 12.0, nodes)
+    np.testing.assert_allclose(found[inside], surface(nodes, nodes[:, None])[inside], atol=1e-3)
+
+
+def test_light_is_kept_on_disk_and_damage_is_noticed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    monkeypatch.setenv("TSIS_CACHE_DIR", str(tmp_path))
+    few: dict[str, Any] = {"rays": 1e5, "seed": 3}
+    parts: list[tuple[int, int]] = []
+    first = irradiance(PROBE, **few, progress=lambda done, total: parts.append((done, total)))
+    assert parts == [(i, 7) for i in range(1, 8)]
+
+    def refuse(*_: object, **__: object) -> None:
+        raise AssertionError("traced again")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(room, "trace_batches", refuse)
+        np.testing.assert_array_equal(irradiance(PROBE, **few).terms, first.terms)
+        stiffer = tuple(replace(layer, young_kpa=1.0) for layer in PROBE.layers)
+        np.testing.assert_array_equal(irradiance(replace(PROBE, layers=stiffer), **few).terms, first.terms)
+        others: list[dict[str, Any]] = [few | {"seed": 4}, few | {"index_outside": 1.33}]
+        for other in others:
+            with pytest.raises(AssertionError, match="traced again"):
+                irradiance(PROBE, **other)
+    (file,) = (disk_cache.folder() / "irradiance").iterdir()
+    file.write_bytes(file.read_bytes()[:-7])
+    again = irradiance(PROBE, **few)
+    np.testing.assert_array_equal(again.terms, first.terms)
+    assert again.lift_per_mm == first.lift_per_mm
+
+
+def test_a_probe_in_the_dark_is_refused() -> None:
+    dark = replace(PROBE, leds=(Led(height_mm=12.9, diameter_mm=0.01, aim_deg=79.0, half_angle_deg=1.0),))
+    with pytest.raises(InputError, match="leds must light the face"):
+        irradiance(dark, rays=1e5, cached=False)
+
+
+@pytest.mark.parametrize(
+    ("given", "phrase"),
+    [
+        ({"probe": None}, "probe must be a Probe"),
+        ({"rays": 10}, "rays must lie in"),
+        ({"seed": -1}, "seed must lie in"),
+    ],
+)
+def test_bad_input_is_refused_in_one_sentence(given: dict[str, Any], phrase: str) -> None:
+    with pytest.raises(InputError) as refused:
+        irradiance(given.pop("probe", PROBE), cached=False, **given)
+    assert phrase in str(refused.value)
