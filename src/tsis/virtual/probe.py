@@ -9,11 +9,12 @@ import numpy as np
 from tsis.imaging.render import render
 from tsis.imaging.sensor import Sensor, expose
 from tsis.mechanics import Resolution, press, press_solid
-from tsis.model import Calibration, Probe, TactileImage, check
+from tsis.model import Calibration, LightMap, Probe, TactileImage, check
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from tsis.imaging.contact_light import ContactModel
     from tsis.model import Phantom, PressField, PressMap
 
 # Finer and of another order than the mesh inside the estimator, so that an estimate is never checked by itself.
@@ -37,8 +38,14 @@ class VirtualProbe:
         Source of every error; a seed gives the same probe and the same frames.
     sensor
         The camera.
+    light
+        Light that reaches the face from inside; even light when None.
     calibration
-        Answer of grey level to pressure as the laboratory believes it, with the sizes of the errors.
+        Answer of grey level to pressure as the laboratory believes it, with the sizes of the errors; by default it
+        knows the light.
+    contact_model
+        What makes light leave the probe: ``"rough"``, ``"smooth"``, ``"curvature"`` or a value of
+        `tsis.imaging.contact_light`. The estimates assume rough contact.
     resolution
         Mesh density of the presses.
 
@@ -57,14 +64,18 @@ class VirtualProbe:
         *,
         rng: np.random.Generator,
         sensor: Sensor | None = None,
+        light: LightMap | None = None,
         calibration: Calibration | None = None,
+        contact_model: ContactModel | str = "rough",
         resolution: Resolution = FINE,
     ) -> None:
         check.kind("probe", probe, Probe)
         check.kind("rng", rng, np.random.Generator)
         self.probe = probe
         self.sensor = sensor or Sensor()
-        self.calibration = calibration or nominal_calibration(self.sensor)
+        self.light_map = LightMap.uniform() if light is None else light
+        self.calibration = calibration or nominal_calibration(self.sensor, self.light_map)
+        self._contact_model = contact_model
         self._rng = rng
         self._resolution = resolution
         self._gain = 1 + self.calibration.gain_sd * rng.standard_normal()
@@ -100,7 +111,9 @@ class VirtualProbe:
         """Light of the press by the model that can describe it; three dimensions only where they are needed."""
 
         def seen(field: PressField | PressMap) -> NDArray[np.float64]:
-            return render(field, self.sensor, self.calibration)
+            return render(
+                field, self.sensor, self.calibration, contact_model=self._contact_model, light=self.light_map
+            )
 
         if phantom.is_axisymmetric:
             return seen(press(self.probe, phantom, force_n=force_n, resolution=self._resolution))
@@ -133,13 +146,17 @@ class VirtualProbe:
         )
 
 
-def nominal_calibration(sensor: Sensor) -> Calibration:
-    """The default answer of grey level to pressure: 1 N on soft tissue fills half of the scale."""
+def nominal_calibration(sensor: Sensor, light: LightMap | None = None) -> Calibration:
+    """The default answer of grey level to pressure, under light that the laboratory knows; even light when None.
+
+    Where the light is 1, 1 N on soft tissue fills half of the scale.
+    """
     return Calibration(
         name="virtual probe, nominal",
         gain_grey_per_kpa=60.0 * sensor.full_scale / 255.0,
         saturation_kpa=20.0,
         background_grey=sensor.background_grey,
+        light=light,
         read_noise_grey=sensor.read_noise_grey,
         shot_noise_grey=sensor.shot_noise_grey,
     )
