@@ -4,12 +4,16 @@ from tsis.plots.force_curve import grey_sums
 from tsis.plots.modes import mode_profiles
 from tsis.plots.posterior import marginal, trade_off
 from tsis.plots.profile import ring_profile
+from tsis.plots.propagation import guide_index, guide_light, light_out_of_the_top
 from tsis.plots.surface import relief
 from tsis.plots.tactile import tactile_image
 from tsis.plots.trials import trial_errors
 
 __all__ = [
     "grey_sums",
+    "guide_index",
+    "guide_light",
+    "light_out_of_the_top",
     "marginal",
     "mode_profiles",
     "relief",

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from tsis.optics.propagation.grid import Axis
     from tsis.optics.propagation.section_modes import SectionModes
 
+LAUNCH_NODES = 2  # nodes of z between the absorber and the launched wave
 BYTES_A_NODE = 140.0  # of the factors, for each doubling of the nodes; beside it 48 for a launched mode
 
 
@@ -45,7 +46,7 @@ def solve_launched(
         Shape (nodes of z, nodes of x, count), absorbers included.
     """
     matrix = helmholtz_matrix(across, along, wavenumber_squared)
-    rows, start = across.cells + 1, along.inner.start + 1
+    rows, start = across.cells + 1, along.inner.start + LAUNCH_NODES - 1
     profile, onward = modes.profile[:, :count], modes.onward(along.step_um)[:count]
     before, behind = slice(start * rows, (start + 1) * rows), slice((start + 1) * rows, (start + 2) * rows)
     link = matrix[before, behind]

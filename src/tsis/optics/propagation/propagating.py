@@ -7,15 +7,16 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from tsis.model import check
 from tsis.model.errors import InputError
 from tsis.optics import inputs
 from tsis.optics.propagation.beam_march import march
-from tsis.optics.propagation.frequency_domain import memory_bytes, solve_launched
+from tsis.optics.propagation.frequency_domain import LAUNCH_NODES, memory_bytes, solve_launched
 from tsis.optics.propagation.grid import Axis, axis, permittivity
 from tsis.optics.propagation.power import Count, Powers, outward
-from tsis.optics.propagation.pressed_guide import Dent, ThinGuide
+from tsis.optics.propagation.pressed_guide import Dent, ThinGuide, interfaces_um
 from tsis.optics.propagation.section_modes import SectionModes, section_modes
 
 if TYPE_CHECKING:
@@ -55,13 +56,13 @@ class Propagation:
     guided_count
         How many guided modes the flat guide has.
     field
-        Complex field of each launched mode, shape (z, x, modes). Where it is launched, the frequency domain shows at
-        first what is thrown back alone.
+        Complex field of each launched mode, shape (z, x, modes).
     powers
         Where the power of each mode went.
     top_per_um, bottom_per_um
         Share of the launched power that leaves through the lines x = ``x_um[0]`` and x = ``x_um[-1]``, a µm along z,
-        shape (z, modes). Their sums are less than the powers' ``top`` and ``bottom``, which take in what leaves later.
+        shape (z, modes); the two end nodes lack a neighbour. Their sums are less than the powers' ``top`` and
+        ``bottom``, which take in what leaves later.
     """
 
     guide: ThinGuide
@@ -78,6 +79,11 @@ class Propagation:
     powers: Powers
     top_per_um: NDArray[np.float64]
     bottom_per_um: NDArray[np.float64]
+
+    @property
+    def interfaces_um(self) -> NDArray[np.float64]:
+        """Depths of all interfaces, µm, at ``z_um``, the pressed face first, shape (z, layers + 1)."""
+        return interfaces_um(self.guide, self.dent, self.z_um)
 
     @property
     def intensity(self) -> NDArray[np.float64]:
@@ -141,16 +147,18 @@ def propagate(
     )
     across, along = _axes(guide, method, wavelength_um, length_um, step_um)
     _refuse_what_does_not_fit(across, along, method, modes, memory_gib)
-    flat = _modes_of_flat(guide, across, wavelength_um)
-    _refuse_missing_modes(guide, flat, modes)
-    squared = (2 * np.pi / wavelength_um) ** 2 * permittivity(guide, dent, across.nodes_um, along.nodes_um)
-    if method == "bpm":
-        reference = float(np.sqrt(flat.separation[:modes].real.mean()))
-        field = march(across, along, squared, flat.profile[:, :modes], reference)
-    else:
-        field = solve_launched(across, along, squared, flat, modes)
-    powers, top, bottom = _account(across, along, flat, field, float(squared[0, 0]))
-    shown_x, shown_z = across.inner, along.inner
+    with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
+        flat = _modes_of_flat(guide, across, wavelength_um)
+        _refuse_missing_modes(guide, flat, modes)
+        squared = (2 * np.pi / wavelength_um) ** 2 * permittivity(guide, dent, across.nodes_um, along.nodes_um)
+        if method == "bpm":
+            reference = float(np.sqrt(flat.separation[:modes].real.mean()))
+            field = march(across, along, squared, flat.profile[:, :modes], reference)
+        else:
+            field = solve_launched(across, along, squared, flat, modes)
+        powers, top, bottom = _account(across, along, flat, field, float(squared[0, 0]))
+    hidden = LAUNCH_NODES if method == "fdfd" else 0  # where only what is thrown back runs
+    shown_x, shown_z = across.inner, slice(along.inner.start + hidden, along.inner.stop)
     return Propagation(
         guide=guide,
         dent=dent,
@@ -166,8 +174,8 @@ def propagate(
         guided_count=flat.guided,
         field=field[shown_z, shown_x],
         powers=powers,
-        top_per_um=top,
-        bottom_per_um=bottom,
+        top_per_um=top[hidden:],
+        bottom_per_um=bottom[hidden:],
     )
 
 
