@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from tsis.optics import GuidedModes
 
 MARGIN = 0.08  # of the stack's thickness, shown on both sides
-POINTS = 2001
+POINTS, A_ZERO = 2001, 8  # in all, and at least so many from zero to zero of a field
 
 
 def mode_profiles(modes: GuidedModes, ax: Axes, *, shown: Sequence[int]) -> Axes:
@@ -33,7 +33,7 @@ def mode_profiles(modes: GuidedModes, ax: Axes, *, shown: Sequence[int]) -> Axes
     layers = modes.layers
     faces = layers.faces_um
     margin = MARGIN * faces[-1]
-    x = np.linspace(-margin, faces[-1] + margin, POINTS)
+    x = np.linspace(-margin, faces[-1] + margin, max(POINTS, A_ZERO * max(shown)))
     ends = np.concatenate([[-margin], faces, [faces[-1] + margin]])
     ax.stairs(layers.index, ends, baseline=None, color="black", linewidth=1.2)
     for (lower, upper), index in zip(pairwise(faces), layers.index[1:-1], strict=True):
