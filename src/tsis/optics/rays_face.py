@@ -89,3 +89,18 @@ def hertz_dent(
         approach_mm=depth_mm,
         force_n=2 / 3 * peak_pressure_kpa * np.pi * contact**2 / MN_PER_N,
     )
+
+
+def tip_press(
+    radius_mm: NDArray[np.float64], displacement_mm: NDArray[np.float64], *, contact_radius_mm: float, force_n: float
+) -> PressField:
+    """A sphere pressed on the middle of a face: a displacement that is known, under the pressure of Hertz."""
+    peak_kpa = 1.5 * force_n * MN_PER_N / (np.pi * contact_radius_mm**2)
+    inside = np.maximum(1 - (radius_mm / contact_radius_mm) ** 2, 0.0)
+    return PressField(
+        radius_mm=radius_mm,
+        face_displacement_mm=displacement_mm,
+        pressure_kpa=peak_kpa * np.sqrt(inside),
+        approach_mm=float(displacement_mm[0]),
+        force_n=force_n,
+    )

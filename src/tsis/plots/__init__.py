@@ -5,6 +5,7 @@ from tsis.plots.modes import mode_profiles
 from tsis.plots.posterior import marginal, trade_off
 from tsis.plots.profile import ring_profile
 from tsis.plots.propagation import guide_index, guide_light, light_out_of_the_top
+from tsis.plots.rays import light_on_face, ray_picture
 from tsis.plots.surface import relief
 from tsis.plots.tactile import tactile_image
 from tsis.plots.trials import trial_errors
@@ -13,9 +14,11 @@ __all__ = [
     "grey_sums",
     "guide_index",
     "guide_light",
+    "light_on_face",
     "light_out_of_the_top",
     "marginal",
     "mode_profiles",
+    "ray_picture",
     "relief",
     "ring_profile",
     "tactile_image",
