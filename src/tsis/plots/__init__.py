@@ -6,6 +6,7 @@ from tsis.plots.posterior import marginal, trade_off
 from tsis.plots.profile import ring_profile
 from tsis.plots.propagation import guide_index, guide_light, light_out_of_the_top
 from tsis.plots.rays import light_on_face, ray_picture
+from tsis.plots.relative import repeated_readings
 from tsis.plots.surface import relief
 from tsis.plots.tactile import tactile_image
 from tsis.plots.trials import trial_errors
@@ -20,6 +21,7 @@ __all__ = [
     "mode_profiles",
     "ray_picture",
     "relief",
+    "repeated_readings",
     "ring_profile",
     "tactile_image",
     "trade_off",
