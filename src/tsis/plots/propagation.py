@@ -46,7 +46,8 @@ def light_out_of_the_top(results: Iterable[Propagation], ax: Axes) -> Axes:
             label=f"{result.dent.depth_um:g} µm deep: {total} % in all",
         )
     ax.set(xlabel="distance from the dent's middle / µm", ylabel="light out of the top / (% / µm)")
-    ax.legend(title="dent")
+    ax.set_ylim(top=1.6 * ax.get_ylim()[1])  # room for the legend
+    ax.legend(title="dent", loc="upper left")
     ax.grid(visible=True, alpha=0.3)
     return ax
 
