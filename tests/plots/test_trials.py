@@ -30,3 +30,13 @@ def test_more_methods_and_levels_than_colours_and_dashes_are_all_drawn() -> None
     )
     assert len(ax.lines) == 12
     assert len({to_hex(line.get_color()) for line in ax.lines[:4]}) == 4
+
+
+def test_errors_beyond_the_top_stay_in_sight_as_triangles() -> None:
+    ax = trial_errors({"one": [1.0, 50.0, 2.0]}, Figure().subplots(), levels={}, error_label="RMSE", top=5.0)
+    dots, triangles = ax.lines
+    np.testing.assert_allclose(np.asarray(dots.get_xdata()), [1, 3])
+    np.testing.assert_allclose(np.asarray(triangles.get_xdata()), [2])
+    np.testing.assert_allclose(np.asarray(triangles.get_ydata()), [5.0])
+    assert triangles.get_marker() == "^"
+    assert ax.get_ylim() == (0.0, 5.0)

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.inclusion.frames import as_frames, check_frames, ring_light, ring_profiles
+from tsis.imaging import radial_profile
+from tsis.inclusion.frames import as_frames, check_frames
 from tsis.inclusion.network_outputs import Reading
 from tsis.model import Calibration, check
 from tsis.model.errors import InputError
@@ -90,7 +92,7 @@ def frame_outputs(
     Raises
     ------
     InputError
-        When a force or scale is unknown, forces differ, or a ring lies outside the picture or is clipped.
+        When a force or scale is unknown, forces differ, or a ring lies outside the picture or is clipped all around.
     ImageMismatchError
         When the frames do not belong together.
     """
@@ -103,11 +105,27 @@ def frame_outputs(
     forces = {frame.force_n for frame in frames}
     if len(forces) > 1:
         raise InputError(f"force_n must be the same for all frames; got {sorted(str(force) for force in forces)}")
-    light = ring_light(frames[0], calibration, reading.edges_mm).level
-    rings = ring_profiles(frames, calibration, reading.edges_mm, light=light, model_error=0.0)
-    if not rings.usable.all():
+    rings = np.array([_ring_means(frame, reading.edges_mm, calibration) for frame in frames])
+    unseen = int(np.isnan(rings).any(axis=0).sum())
+    if unseen:
         raise InputError(
-            f"every ring to {reading.edges_mm[-1]:g} mm must lie in the picture without clipping; "
-            f"got {np.count_nonzero(~rings.usable)} that do not (lower the exposure or the reach)"
+            f"every ring to {reading.edges_mm[-1]:g} mm must have lit pixels in the picture that are not clipped; "
+            f"got {unseen} of {rings.shape[1]} rings without (lower the exposure or the reach)"
         )
-    return reading(rings.grey[:-1], rings.grey[-1])
+    return reading(rings[:-1], rings[-1])
+
+
+def _ring_means(frame: TactileImage, edges_mm: NDArray[np.float64], calibration: Calibration) -> NDArray[np.float64]:
+    """Mean grey above the background in rings, at even light; NaN in rings that show nothing.
+
+    Where a lamp makes pixels clip, the others of the ring stand for them: the press is round. Their sum over the sum of
+    their light is, with photon noise, their best mean.
+    """
+    light: NDArray[np.floating[Any]] = np.ones(frame.grey.shape)
+    if calibration.light is not None:
+        (rows, columns), (x, y), (wide, high) = frame.grey.shape, frame.axis(), frame.scale()
+        light = calibration.light.at((np.arange(columns) - x) * wide, (np.arange(rows) - y) * high)
+    clipped = frame.grey >= frame.full_scale
+    lit = replace(frame, grey=np.where(clipped, frame.full_scale, light))  # leaves the same pixels out
+    seen, light_there = (radial_profile(one, edges_mm=edges_mm).mean_grey for one in (frame, lit))
+    return np.asarray((seen - calibration.background_grey) / np.where(light_there > 0, light_there, np.nan))

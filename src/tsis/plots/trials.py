@@ -17,7 +17,14 @@ TRIAL_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")  # told apart witho
 LEVEL_STYLES = ("-", "--", ":", "-.")
 
 
-def trial_errors(errors: Mapping[str, ArrayLike], ax: Axes, *, levels: Mapping[str, float], error_label: str) -> Axes:
+def trial_errors(
+    errors: Mapping[str, ArrayLike],
+    ax: Axes,
+    *,
+    levels: Mapping[str, float],
+    error_label: str,
+    top: float | None = None,
+) -> Axes:
     """Draw one error a trial, a colour for each method, with horizontal lines at what others reached.
 
     Parameters
@@ -30,12 +37,18 @@ def trial_errors(errors: Mapping[str, ArrayLike], ax: Axes, *, levels: Mapping[s
         Values to draw lines at, with their names.
     error_label
         Name and unit of the error, e.g. ``"RMSE of diameter / mm"``.
+    top
+        Where the axis ends; errors beyond it are drawn there as triangles. None lets the axis hold them all.
     """
     for colour, (name, values) in zip(itertools.cycle(TRIAL_COLOURS), errors.items(), strict=False):
         shown = np.asarray(values, dtype=float)
-        ax.plot(np.arange(1, len(shown) + 1), shown, ".", color=colour, markersize=4, label=name)
+        trial = np.arange(1, len(shown) + 1)
+        beyond = np.zeros(shown.shape, dtype=bool) if top is None else shown > top
+        ax.plot(trial[~beyond], shown[~beyond], ".", color=colour, markersize=4, label=name)
+        if beyond.any():
+            ax.plot(trial[beyond], np.full(beyond.sum(), top), "^", color=colour, markersize=5, clip_on=False)
     for style, (name, level) in zip(itertools.cycle(LEVEL_STYLES), levels.items(), strict=False):
         ax.axhline(level, color="0.25", linestyle=style, linewidth=1.2, label=name)
     ax.set(xlabel="trial", ylabel=error_label)
-    ax.set_ylim(bottom=0.0)
+    ax.set_ylim(bottom=0.0, top=top)
     return ax
