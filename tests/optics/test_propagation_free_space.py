@@ -6,11 +6,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
+from scipy.sparse.linalg import splu
 from scipy.special import hankel1
 
 from tsis.optics.propagation.beam_march import march
 from tsis.optics.propagation.elements import MASS, helmholtz_matrix, links
-from tsis.optics.propagation.frequency_domain import solve
+from tsis.optics.propagation.frequency_domain import memory_bytes, solve
 from tsis.optics.propagation.grid import Axis, axis
 
 if TYPE_CHECKING:
@@ -99,3 +100,12 @@ def test_a_marched_beam_goes_where_it_is_sent(angle_deg: float, bound: float) ->
     error = np.linalg.norm(found[seen] - exact) / size
     assert error < bound
     assert 10 * error < np.linalg.norm(paraxial - exact) / size or angle_deg < 10.0
+
+
+@pytest.mark.parametrize("step", [0.08, 0.05])
+def test_the_memory_is_estimated_above_the_factors_and_not_far(step: float) -> None:
+    across, along = (axis(-1.0, end, step_um=step, absorber_um=1.0) for end in (2.0, 9.0))
+    matrix = helmholtz_matrix(across, along, np.full((along.cells, across.cells), K**2))
+    factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    held = 20.0 * (factors.L.nnz + factors.U.nnz)  # a complex number and the number of its row
+    assert 0.5 < held / memory_bytes(matrix.shape[0], 0) < 1.0
