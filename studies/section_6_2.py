@@ -125,7 +125,15 @@ class Site:
                 for weak, strong in zip(self.weak, self.strong, strict=True)
             ]
         read = {"size": relative_size, "depth": relative_depth}[name]
-        return [read(image, self.strong_reference, against=against) for image in self.strong]
+        return [read(image, self.strong_reference, against=against, calibration=calibration) for image in self.strong]
+
+
+def exposed(virtual: VirtualProbe, rng: np.random.Generator) -> VirtualProbe:
+    """The same probe with the exposure set for the best lit place of its face, which else clips in uneven light."""
+    light = virtual.calibration.light
+    peak = 1.0 if light is None else float(light.relative.max())
+    calibration = replace(virtual.calibration, gain_grey_per_kpa=virtual.calibration.gain_grey_per_kpa / peak)
+    return VirtualProbe(virtual.probe, rng=rng, sensor=virtual.sensor, calibration=calibration)
 
 
 def without_errors(virtual: VirtualProbe, rng: np.random.Generator) -> VirtualProbe:
@@ -142,7 +150,7 @@ def run(rng: np.random.Generator, *, presses: int = PRESSES, probe: str = "tsis-
 
     ``ideal`` leaves all of that out, so that one press is as good as many.
     """
-    virtual = VirtualProbe(tsis.load_probe(probe), rng=rng)
+    virtual = exposed(VirtualProbe(tsis.load_probe(probe), rng=rng), rng)
     virtual = without_errors(virtual, rng) if ideal else virtual
 
     def pressed(phantom: str, force_n: float) -> list[TactileImage]:

@@ -11,8 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tsis import TactileImage
+from tsis import Calibration, TactileImage
 from tsis.inclusion import mobility
+from tsis.model import LightMap
 from tsis.model.errors import ImageMismatchError, InputError
 
 SHAPE = (100, 120)
@@ -71,6 +72,25 @@ def test_an_object_at_rest_walks_as_far_as_noise_drives_it(seed: int) -> None:
     assert rest.path_mm is not None
     assert rest.excursion_mm < 0.2 * rest.path_mm
     assert mobility([*frames, hill(0.2)], FLAT, against=UNTOUCHED).flags == ()
+
+
+def test_known_light_is_divided_out() -> None:
+    """Under light that falls to a half across the face the centroid leans to the bright side, unless it is known."""
+    x_mm = np.linspace(-6.0, 6.0, 3)
+    relative = np.tile(1.0 + x_mm / 18.0, (3, 1))
+    none = np.zeros_like(relative)
+    light = LightMap(x_mm=x_mm, y_mm=x_mm, relative=relative, flux_x=none, flux_y=none, gamma_per_mm=0.0, error=0.0)
+    known = Calibration(gain_grey_per_kpa=60.0, saturation_kpa=20.0, background_grey=8.0, light=light)
+    columns = (np.arange(SHAPE[1]) - (SHAPE[1] - 1) / 2) * SCALE[0]
+    rng = np.random.default_rng(3)
+    frames = [
+        replace(hill(1.0), grey=8.0 + (hill(1.0).grey - 8.0) * (1.0 + columns / 18.0) + rng.normal(0.0, 1.0, SHAPE))
+        for _ in range(40)
+    ]
+    blind, seeing = (mobility(frames, FLAT, against=UNTOUCHED, calibration=each) for each in (None, known))
+    assert seeing.position_mm.mean(axis=0) == pytest.approx((1.0, 0.0), abs=0.005)
+    assert blind.position_mm.mean(axis=0)[0] > 1.03
+    assert seeing.noise_mm == pytest.approx(seeing.position_mm.std(axis=0).mean(), rel=0.3)
 
 
 def test_lost_contact_leaves_a_gap() -> None:

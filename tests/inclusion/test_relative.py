@@ -12,7 +12,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tsis import Calibration, TactileImage
-from tsis.inclusion import RelativeReading, Repeats, ratios, relative_depth, relative_hardness, relative_size
+from tsis.inclusion import (
+    RelativeReading,
+    Repeats,
+    object_shape,
+    ratios,
+    relative_depth,
+    relative_hardness,
+    relative_size,
+)
+from tsis.model import LightMap
 from tsis.model.errors import ImageMismatchError, InputError, NotCalibratedError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -121,6 +130,45 @@ def test_several_references_are_averaged() -> None:
     assert relative_size(hill(60.0), frames, against=UNTOUCHED).value == pytest.approx(
         relative_size(hill(60.0), FLAT, against=UNTOUCHED).value
     )
+
+
+def uneven(frame: TactileImage) -> tuple[TactileImage, Calibration]:
+    """The same frame under light that doubles from left to right, and a calibration that knows it."""
+    x = np.linspace(-6.0, 6.0, 3)
+    relative = np.tile(1.0 + x / 18.0, (3, 1))
+    none = np.zeros_like(relative)
+    light = LightMap(x_mm=x, y_mm=x, relative=relative, flux_x=none, flux_y=none, gamma_per_mm=0.0, error=0.0)
+    columns = (np.arange(SHAPE[1]) - (SHAPE[1] - 1) / 2) * SCALE[0]
+    lit = replace(frame, grey=8.0 + (frame.grey - 8.0) * (1.0 + columns / 18.0) / relative.max())
+    return lit, replace(CALIBRATION, background_grey=8.0, light=light)
+
+
+@pytest.mark.parametrize("x", [-2.0, 0.0, 2.0])
+def test_known_light_is_divided_out(x: float) -> None:
+    """Frames are those of even light as bright as the best lit place, so readings are too."""
+    frame = hill(60.0, 0.8, (x, 0.3))
+    lit, calibration = uneven(frame)
+    for read in (relative_size, relative_depth):
+        even, known = read(frame, FLAT, against=PLAIN), read(lit, FLAT, against=PLAIN, calibration=calibration)
+        assert known.value == pytest.approx(even.value, rel=1e-3)
+        assert "The face is lit as the calibration says" in str(known)
+        assert "The face is lit evenly" in str(even)
+    shape = object_shape(lit, FLAT, against=PLAIN, calibration=calibration)
+    assert shape.area_mm2 == pytest.approx(object_shape(frame, FLAT, against=PLAIN).area_mm2, rel=1e-3)
+    weak, _ = uneven(hill(25.0, 0.8, (x, 0.3)))
+    kinds: dict[str, Any] = {"reference": FLAT, "against": PLAIN}
+    stress = relative_hardness(weak, lit, calibration=calibration, **kinds).parts["stress_kpa"]
+    gain = CALIBRATION.gain_grey_per_kpa * 4 / 3
+    alike = relative_hardness(
+        hill(25.0, 0.8, (x, 0.3)), frame, calibration=replace(CALIBRATION, gain_grey_per_kpa=gain), **kinds
+    )
+    assert stress == pytest.approx(alike.parts["stress_kpa"], rel=1e-3)
+
+
+def test_a_clipped_centroid_has_no_level() -> None:
+    clipped = hill(400.0)
+    seen = relative_depth(replace(clipped, grey=np.minimum(clipped.grey, 255.0)), FLAT, against=UNTOUCHED)
+    assert (seen.value, seen.flags) == (None, ("saturated",))
 
 
 def test_what_is_wrong_is_flagged() -> None:

@@ -37,5 +37,5 @@ def centroid_noise_mm(part: LitPart, change: Change, frame: TactileImage) -> flo
     x = (np.arange(grey.shape[1])[None, :] - part.centroid_px[0]) * sx
     y = (np.arange(grey.shape[0])[:, None] - part.centroid_px[1]) * sy
     # The blur that the change went through is its own transpose, so it may act on the answer instead of the noise.
-    pull = sum(float(np.square(smoothed(answer * along)).sum()) for along in (x, y))
+    pull = sum(float(np.square(change.raised * smoothed(answer * along)).sum()) for along in (x, y))
     return float(pixel_noise(frame.grey) * np.sqrt(pull / 2.0) / part.total_grey)

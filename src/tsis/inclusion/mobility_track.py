@@ -14,7 +14,7 @@ from tsis.inclusion.frames import as_frames
 from tsis.inclusion.mobility_noise import centroid_noise_mm
 from tsis.inclusion.relative_frames import change_of_light
 from tsis.inclusion.relative_light import lit_part
-from tsis.inclusion.relative_reading import COMPARED_WITH, EVEN_LIGHT, ONE_SPHERE, notes_of
+from tsis.inclusion.relative_reading import COMPARED_WITH, ONE_SPHERE, lit_alike, notes_of
 from tsis.model.errors import ImageMismatchError, InputError
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.inclusion.relative_light import LitPart
-    from tsis.model import TactileImage
+    from tsis.model import Calibration, TactileImage
 
 CLEAR_MOVEMENT = 6.0  # standard deviations of one position; the range of many that stand still hardly gets there
 
@@ -81,6 +81,7 @@ def mobility(
     reference: TactileImage | Sequence[TactileImage],
     *,
     against: str,
+    calibration: Calibration | None = None,
     threshold_grey: float | None = None,
 ) -> Mobility:
     """Follow the centroid of the light through a sequence of frames.
@@ -89,7 +90,7 @@ def mobility(
     ----------
     images
         At least two frames of one camera and one force, in the order of time.
-    reference, against, threshold_grey
+    reference, against, calibration, threshold_grey
         As for `relative_size`.
 
     Returns
@@ -117,7 +118,7 @@ def mobility(
     """
     frames = as_frames("images", images)
     _check_sequence(frames)
-    changes = [change_of_light(frame, reference, against=against) for frame in frames]
+    changes = [change_of_light(frame, reference, against=against, calibration=calibration) for frame in frames]
     lit = [lit_part(change, threshold_grey) for change in changes]
     position = np.array([_position_mm(part, frame) for part, frame in zip(lit, frames, strict=True)])
     step = np.hypot(*np.diff(position, axis=0).T)
@@ -144,7 +145,7 @@ def mobility(
         assumptions=(
             ONE_SPHERE,
             COMPARED_WITH[against],
-            EVEN_LIGHT,
+            lit_alike(calibration),
             "Probe and force stay the same: a probe that slides moves the light as an object does.",
         ),
         flags=tuple(dict.fromkeys([*flags, *(flag for flag, is_so in wrong.items() if is_so)])),

@@ -9,12 +9,12 @@ from scipy import ndimage
 
 from tsis.inclusion.relative_frames import change_of_light
 from tsis.inclusion.relative_light import lit_part
-from tsis.inclusion.relative_reading import COMPARED_WITH, EVEN_LIGHT, ONE_SPHERE, RelativeReading
+from tsis.inclusion.relative_reading import COMPARED_WITH, ONE_SPHERE, RelativeReading, lit_alike
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tsis.model import TactileImage
+    from tsis.model import Calibration, TactileImage
 
 
 def relative_depth(
@@ -22,6 +22,7 @@ def relative_depth(
     reference: TactileImage | Sequence[TactileImage],
     *,
     against: str,
+    calibration: Calibration | None = None,
     threshold_grey: float | None = None,
 ) -> RelativeReading:
     """Grey level at the centroid of the light, ``I(Xc, Yc)`` (6.9): it FALLS with depth and is no length.
@@ -31,13 +32,14 @@ def relative_depth(
 
     Parameters
     ----------
-    image, reference, against, threshold_grey
+    image, reference, against, calibration, threshold_grey
         As for `relative_size`; the threshold bounds the part whose centroid is taken.
 
     Returns
     -------
     RelativeReading
-        In grey levels; None with the flag ``no_contact`` when nothing is lit.
+        In grey levels; None with the flag ``no_contact`` when nothing is lit, or with ``saturated`` when the camera
+        clipped at the centroid.
 
     Raises
     ------
@@ -54,12 +56,13 @@ def relative_depth(
     >>> round(reading.value), reading.unit
     (60, 'grey levels')
     """
-    change = change_of_light(image, reference, against=against)
+    change = change_of_light(image, reference, against=against, calibration=calibration)
     lit = lit_part(change, threshold_grey)
     level, parts = None, {}
     if lit.centroid_px is not None:
         x, y = lit.centroid_px
-        level = float(ndimage.map_coordinates(change.image.grey, np.array([[y], [x]]), order=1)[0])
+        if not change.clipped[round(y), round(x)]:
+            level = float(ndimage.map_coordinates(change.image.grey, np.array([[y], [x]]), order=1)[0])
         parts = {"centroid_x_px": x, "centroid_y_px": y}
     return RelativeReading(
         quantity="relative depth",
@@ -69,7 +72,7 @@ def relative_depth(
         assumptions=(
             ONE_SPHERE,
             COMPARED_WITH[against],
-            EVEN_LIGHT,
+            lit_alike(calibration),
             "What is compared is equally large and equally stiff: a grey level that falls with depth is no depth.",
         ),
         parts=parts,

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING
 
 from tsis.inclusion.relative_frames import change_of_light
 from tsis.inclusion.relative_light import lit_part
-from tsis.inclusion.relative_reading import COMPARED_WITH, EVEN_LIGHT, ONE_SPHERE, RelativeReading
+from tsis.inclusion.relative_reading import COMPARED_WITH, ONE_SPHERE, RelativeReading, lit_alike
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tsis.model import TactileImage
+    from tsis.model import Calibration, TactileImage
 
 
 def relative_size(
@@ -19,6 +19,7 @@ def relative_size(
     reference: TactileImage | Sequence[TactileImage],
     *,
     against: str,
+    calibration: Calibration | None = None,
     threshold_grey: float | None = None,
 ) -> RelativeReading:
     """Diameter in mm of the disc with the area of the lit part, ``2 sqrt(A / pi)`` (6.2).
@@ -35,6 +36,9 @@ def relative_size(
     against
         What the reference shows: ``"untouched probe"``, the source's way, where all light of the press counts, or
         ``"plain tissue"`` pressed as hard, where only the inclusion's share of it counts.
+    calibration
+        Where it knows how unevenly the face is lit, that is divided out, and grey levels are those of the best lit
+        place.
     threshold_grey
         Level k above which a pixel counts as lit, above 0; the source's 5 of 255 levels when None.
 
@@ -63,7 +67,7 @@ def relative_size(
     >>> round(reading.value, 1), reading.unit
     (6.0, 'mm')
     """
-    lit = lit_part(change_of_light(image, reference, against=against), threshold_grey)
+    lit = lit_part(change_of_light(image, reference, against=against, calibration=calibration), threshold_grey)
     return RelativeReading(
         quantity="relative size",
         value=lit.diameter_mm,
@@ -72,7 +76,7 @@ def relative_size(
         assumptions=(
             ONE_SPHERE,
             COMPARED_WITH[against],
-            EVEN_LIGHT,
+            lit_alike(calibration),
             "What is compared lies equally deep and is equally stiff: the lit part is no outline of the inclusion.",
         ),
         parts={"area_mm2": lit.area_mm2},

@@ -10,8 +10,8 @@ import numpy as np
 from tsis.imaging import subtract_background
 from tsis.imaging.correct import check_image, check_same_frame
 from tsis.imaging.patch import NOISE_FACTOR, SMOOTH_PX, pixel_noise, smoothed
-from tsis.inclusion.frames import as_frames
-from tsis.model import check
+from tsis.inclusion.frames import as_frames, at_even_light
+from tsis.model import Calibration, check
 from tsis.model.errors import ImageMismatchError, InputError
 
 if TYPE_CHECKING:
@@ -34,6 +34,8 @@ class Change:
     ----------
     image
         Change of grey level behind a blur of one pixel.
+    raised
+        What each pixel was multiplied with to show it as the best lit place would, shape (rows, columns).
     clipped
         True where the camera clipped in the press or in a reference, shape (rows, columns).
     noise_grey
@@ -43,6 +45,7 @@ class Change:
     """
 
     image: TactileImage
+    raised: NDArray[np.float64]
     clipped: NDArray[np.bool]
     noise_grey: float
     against: str
@@ -52,8 +55,21 @@ class Change:
         return NOISE_FACTOR * self.noise_grey > threshold_grey
 
 
-def change_of_light(image: TactileImage, reference: TactileImage | Sequence[TactileImage], *, against: str) -> Change:
+def brightest(calibration: Calibration | None) -> float:
+    """Light of the best lit place of the face, over that for which the calibration's gain holds."""
+    return 1.0 if calibration is None or calibration.light is None else float(calibration.light.relative.max())
+
+
+def change_of_light(
+    image: TactileImage,
+    reference: TactileImage | Sequence[TactileImage],
+    *,
+    against: str,
+    calibration: Calibration | None = None,
+) -> Change:
     """Subtract a reference, or the mean of several, and blur by one pixel: the source takes its frames as noiseless.
+
+    Where a calibration knows how unevenly the face is lit, grey levels become those that the best lit place shows.
 
     Raises
     ------
@@ -67,6 +83,8 @@ def change_of_light(image: TactileImage, reference: TactileImage | Sequence[Tact
     check.known("kind of reference", against, (UNTOUCHED, PLAIN))
     check_image("image", image)
     image.scale()
+    if calibration is not None:
+        check.kind("calibration", calibration, Calibration)
     references = as_frames("reference", reference)
     if not references:
         raise InputError("reference must hold at least one frame of the untouched probe or of plain tissue; got none")
@@ -80,10 +98,26 @@ def change_of_light(image: TactileImage, reference: TactileImage | Sequence[Tact
             f"at most half of a frame's pixels may be clipped; got {100 * clipped.mean():.0f} % (shorten the exposure)"
         )
     mean = replace(references[0], grey=np.mean([frame.grey for frame in references], axis=0))
+    raised = _raised(image, calibration)
     change = subtract_background(image, mean)
+    change = replace(change, grey=change.grey * raised)
     # White noise behind a Gaussian of standard deviation s keeps the share 1 / (2 s sqrt(pi)).
     noise = pixel_noise(change.grey) / (2.0 * SMOOTH_PX * np.sqrt(np.pi))
-    return Change(image=replace(change, grey=smoothed(change.grey)), clipped=clipped, noise_grey=noise, against=against)
+    return Change(
+        image=replace(change, grey=smoothed(change.grey)),
+        raised=raised,
+        clipped=clipped,
+        noise_grey=noise,
+        against=against,
+    )
+
+
+def _raised(image: TactileImage, calibration: Calibration | None) -> NDArray[np.float64]:
+    """What brings each pixel to the light of the best lit place; ones where no light is known."""
+    if calibration is None or calibration.light is None:
+        return np.ones(image.grey.shape)
+    lit = replace(image, grey=np.full(image.grey.shape, calibration.background_grey + 1.0))
+    return at_even_light(lit, calibration).grey * brightest(calibration)
 
 
 def _check_axis(image: TactileImage, reference: TactileImage) -> None:

@@ -12,6 +12,8 @@ from tsis.inclusion.relative_frames import PLAIN, UNTOUCHED
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from tsis.model import Calibration
+
 NOTES = {
     "no_contact": "Nothing exceeds the threshold: there is nothing to read.",
     "cropped": "The lit part touches the border of the picture: it may go on outside, so it is not measured whole.",
@@ -29,6 +31,12 @@ COMPARED_WITH = {
 }
 ONE_SPHERE = "There is one inclusion, and it is a sphere."
 EVEN_LIGHT = "The face is lit evenly, and what is compared was lit and pressed alike."
+KNOWN_LIGHT = "The face is lit as the calibration says, and what is compared was pressed alike."
+
+
+def lit_alike(calibration: Calibration | None) -> str:
+    """What must hold for the light."""
+    return EVEN_LIGHT if calibration is None or calibration.light is None else KNOWN_LIGHT
 
 
 def notes_of(flags: tuple[str, ...]) -> tuple[str, ...]:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.imaging.correct import check_same_frame
-from tsis.inclusion.relative_frames import change_of_light
+from tsis.inclusion.relative_frames import brightest, change_of_light
 from tsis.inclusion.relative_light import lit_part
-from tsis.inclusion.relative_reading import COMPARED_WITH, EVEN_LIGHT, ONE_SPHERE, RelativeReading
+from tsis.inclusion.relative_reading import COMPARED_WITH, ONE_SPHERE, RelativeReading, lit_alike
 from tsis.model import Calibration, TactileImage
 from tsis.model.errors import InputError, NotCalibratedError
 
@@ -46,7 +46,7 @@ def relative_hardness(
     against
         What the references show: ``"untouched probe"`` or ``"plain tissue"``.
     calibration
-        Its gain turns grey levels into pressure.
+        Its gain turns grey levels into pressure; its light, where it is known, is divided out.
     threshold_grey
         As for `relative_size`.
 
@@ -80,14 +80,16 @@ def relative_hardness(
         )
     _check_rising(first, second)
     second_reference = reference if second_reference is None else second_reference
-    weak = lit_part(change_of_light(first, reference, against=against), threshold_grey)
-    strong = lit_part(change_of_light(second, second_reference, against=against), threshold_grey)
+    weak = lit_part(change_of_light(first, reference, against=against, calibration=calibration), threshold_grey)
+    harder = change_of_light(second, second_reference, against=against, calibration=calibration)
+    strong = lit_part(harder, threshold_grey)
     flags = tuple(dict.fromkeys(weak.flags + strong.flags))
     value, parts = None, {"first_size_mm": weak.diameter_mm, "second_size_mm": strong.diameter_mm}
     if "no_contact" not in flags:
         growth = (strong.diameter_mm - weak.diameter_mm) / weak.diameter_mm
         pixel_mm2 = float(np.prod(second.scale()))
-        stress = strong.total_grey * pixel_mm2 / calibration.gain_grey_per_kpa / strong.area_mm2
+        gain = calibration.gain_grey_per_kpa * brightest(calibration)
+        stress = strong.total_grey * pixel_mm2 / gain / strong.area_mm2
         parts |= {"growth": growth, "stress_kpa": stress}
         value = stress / growth if growth > 0 else None
         flags += () if growth > 0 else ("no_growth",)
@@ -99,7 +101,7 @@ def relative_hardness(
         assumptions=(
             ONE_SPHERE,
             COMPARED_WITH[against],
-            EVEN_LIGHT,
+            lit_alike(calibration),
             "What is compared is equally large and lies equally deep, and was pressed with the same two forces.",
             "Grey level is in proportion to pressure.",
             "The growth of the lit part stands for a strain, which it is not.",

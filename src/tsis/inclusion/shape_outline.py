@@ -9,7 +9,7 @@ import numpy as np
 
 from tsis.imaging.patch import NOISE_FACTOR
 from tsis.inclusion.relative_frames import change_of_light
-from tsis.inclusion.relative_reading import COMPARED_WITH, notes_of
+from tsis.inclusion.relative_reading import COMPARED_WITH, lit_alike, notes_of
 from tsis.inclusion.shape_binary import binary_features
 from tsis.inclusion.shape_threshold import TwoMeans, two_means
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from tsis.imaging import Features
     from tsis.inclusion.relative_frames import Change
-    from tsis.model import TactileImage
+    from tsis.model import Calibration, TactileImage
 
 ASSUMPTIONS = (
     "There is one object, brighter than its surroundings, and the picture's corners show none of it.",
@@ -81,14 +81,20 @@ class ObjectShape:
         return notes_of(self.flags)
 
 
-def object_shape(image: TactileImage, reference: TactileImage | Sequence[TactileImage], *, against: str) -> ObjectShape:
+def object_shape(
+    image: TactileImage,
+    reference: TactileImage | Sequence[TactileImage],
+    *,
+    against: str,
+    calibration: Calibration | None = None,
+) -> ObjectShape:
     """Area, ellipse, circularity and outline of what a press lights.
 
     The change of light is parted by `two_means` into a binary image (6.11), whose largest part is measured.
 
     Parameters
     ----------
-    image, reference, against
+    image, reference, against, calibration
         As for `relative_size`.
 
     Returns
@@ -111,9 +117,9 @@ def object_shape(image: TactileImage, reference: TactileImage | Sequence[Tactile
     >>> [round(axis, 1) for axis in shape.semi_axes_mm], round(shape.eccentricity, 2)
     ([4.0, 2.0], 0.87)
     """
-    change = change_of_light(image, reference, against=against)
+    change = change_of_light(image, reference, against=against, calibration=calibration)
     levels = two_means(change.image.grey)
-    assumptions = (*ASSUMPTIONS, COMPARED_WITH[against])
+    assumptions = (*ASSUMPTIONS, COMPARED_WITH[against], lit_alike(calibration))
     if levels.object_grey - levels.background_grey <= NOISE_FACTOR * change.noise_grey:
         return _nothing(levels, against, assumptions)
     found = binary_features(change.image, levels.threshold_grey)
