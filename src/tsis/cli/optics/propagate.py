@@ -133,7 +133,9 @@ def _notes(guide: ThinGuide, results: list[Propagation]) -> list[str]:
         "layers under the dent are squeezed in one proportion, the plate stays, air fills the dent",
     ]
     if first.method == "bpm":
-        notes.append("bpm counts what stays guided; of what leaves the sides it misses a part, which fdfd finds")
+        notes.append(
+            "bpm keeps the squared field and not quite the power: what is missing says how far it errs; see fdfd"
+        )
     near = [str(number) for number, clear in enumerate(first.clear) if not clear]
     if near:
         notes.append(f"near cut-off, so less exact: mode {', '.join(near)}")

@@ -31,6 +31,7 @@ LONGEST_UM = 1e4
 MOST_SECTION_NODES = 2000  # all modes of a section are found at once, in time as the cube of its nodes
 GIB = 2.0**30
 FINE_STEP_UM = 1e-3
+LEAST_SHARE = 1e-6  # below it nothing leaves but rounding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -251,10 +252,24 @@ def _account(
         back = np.zeros_like(ahead)
     top, bottom = (side / launched for side in replace(ends, step_um=along.step_um).through_sides(field[along.inner]))
     later = [sum(sides) / launched for sides in zip(ends.beyond_end(ahead), ends.beyond_end(back), strict=True)]
+    sides = [here.sum(axis=0) + after for here, after in zip((top, bottom), later, strict=True)]
+    if not both_ways:
+        scale = _as_marched(ahead[: flat.guided], sides[0] + sides[1])
+        top, bottom, *sides = (scale * one for one in (top, bottom, *sides))
     powers = Powers(
         guided=ends.guided(ahead) / launched,
         reflected=ends.guided(back) / launched,
-        top=top.sum(axis=0) + later[0],
-        bottom=bottom.sum(axis=0) + later[1],
+        top=sides[0],
+        bottom=sides[1],
     )
     return powers, top / along.step_um, bottom / along.step_um
+
+
+def _as_marched(guided: NDArray[np.complex128], leaving: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Factor on the flow out of the sides that makes up for what the march loses of it, shape (columns,).
+
+    The march keeps the sum of the squared field and not the power, so light that it turns to steep angles carries too
+    little. Of that sum what is not guided has left: the flow then tells through which side.
+    """
+    left = 1 - np.sum(np.abs(guided) ** 2, axis=0)
+    return np.where(leaving > LEAST_SHARE, left / np.maximum(leaving, LEAST_SHARE), 1.0)
