@@ -8,10 +8,11 @@ and its area is the face. And the nine samples that stop a training are left ove
 nine inclusions that it tests on.
 
 Found here: size and depth come out much as the source's own list has them, and so does the modulus: no method, printed
-or ours, does clearly better than the mean of the other eight, and no press is needed for that. Levenberg-Marquardt fits
-the simulations better, as section 7.2 expects; but on the source's mapping, from what the camera sees to displacement,
-its estimates are worse, since it trusts numbers that the mapping gets wrong. Simulating the pressure, which is what the
-camera sees, helps size and depth more than the training does.
+or ours, does clearly better than the mean of the other eight, for which no press is needed. Scaled conjugate gradients
+err as much when they are given the simulation's own outputs, so their training is the limit, as section 7.2 suspects.
+Levenberg-Marquardt then errs far less; but through the source's lines, from what the camera sees to displacement, its
+estimates are the worst, since it trusts numbers that the lines get wrong. Simulating the pressure, which is what the
+camera sees, mends part of that.
 """
 
 from __future__ import annotations
