@@ -175,3 +175,26 @@ def test_shape_and_refusals() -> None:
             modes.profile(mode, 0.0)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="finite"):
         modes.profile(0, [0.0, np.nan])
+
+
+@BOTH
+@pytest.mark.parametrize(
+    ("index", "thickness", "surroundings"),
+    [
+        ([1.000000000001], [0.003], (1.0, 1.0)),  # a mode at cut-off to within 1e-29
+        ([1.5, 1.33], [10.9, 5665.7], (1.33, 1.33)),  # where it fades through a layer deep enough to underflow
+        ([2.5, 1.0, 2.5], [0.65, 8447.0, 0.43], (1.0, 1.4)),
+    ],
+)
+def test_extreme_stacks_have_finite_fields(
+    index: list[float], thickness: list[float], surroundings: tuple[float, float], polarization: Polarization
+) -> None:
+    below, above = surroundings
+    modes = guided_modes(
+        index, thickness, wavelength_um=1.26, index_below=below, index_above=above, polarization=polarization
+    )
+    x = np.concatenate([[-1e6], modes.layers.faces_um, [1e7]])
+    for mode in range(len(modes)):
+        fields = np.array([modes.profile(mode, x), modes.magnetic(mode, x), modes.longitudinal(mode, x)])
+        assert np.isfinite(fields).all()
+        assert np.abs(fields).max() > 0

@@ -62,7 +62,9 @@ def field(layers: SlabLayers, n_eff: NDArray[np.float64], q: NDArray[np.float64]
     waves: list[Waves] = []
     parts = np.zeros((0, len(q)))  # amplitudes of the waves in each mode found so far, of unit norm
     for one in q[: number + 1]:
-        tries = chain.from_iterable(_joined(layers, one + nudge * EPSILON * one.max()) for nudge in NUDGES)
+        nudged = (one + nudge * EPSILON * one.max() for nudge in NUDGES)
+        # Nudged past cut-off a mode is none; the first, as it was found, fades on both sides.
+        tries = chain.from_iterable(_joined(layers, near) for near in nudged if max(near[0], near[-1]) < 0)
         best = _best(_beside(waves, parts, wave, jump, EPSILON * one.max()) for wave, jump in tries)
         waves.append(best.wave)
         parts = np.vstack([parts, best.row])

@@ -43,7 +43,10 @@ def across(u: float, v: float, p: float, q: float, length: float) -> tuple[float
         sine = math.sinh(depth)
         over_gamma = length if depth == 0.0 else sine / gamma
         return u * cosine + p * v * over_gamma, v * cosine + u * gamma * sine / p, 0, 0.0
-    growing, decaying = (u + p * v / gamma) / 2, (u - p * v / gamma) / 2 * math.exp(-2 * depth)
+    growing, decaying = (u + p * v / gamma) / 2, (u - p * v / gamma) / 2
+    if growing == 0.0:  # exactly: nothing else would be left behind a deep layer
+        return decaying, -decaying * gamma / p, 0, -depth
+    decaying *= math.exp(-2 * depth)
     return growing + decaying, (growing - decaying) * gamma / p, 0, depth
 
 
