@@ -11,6 +11,7 @@ import pytest
 from tsis import Led, load_probe
 from tsis.model import disk_cache
 from tsis.model.errors import InputError
+from tsis.model.light import FOUR_LEDS
 from tsis.optics import Irradiance, irradiance, trace_rays
 from tsis.optics import irradiance_trace as room
 from tsis.optics.irradiance_fit import powers, slope_terms, smooth, symmetries, watched_slopes
@@ -20,7 +21,7 @@ from tsis.optics.rays_face import hertz_dent, raised_face
 if TYPE_CHECKING:
     from pathlib import Path
 
-PROBE = load_probe("tsis-2011")
+PROBE = replace(load_probe("tsis-2011"), leds=FOUR_LEDS)  # level lamps at half height
 
 
 @pytest.fixture(scope="module")

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from tsis import Glass, Led, PressField, Probe, load_probe
+from tsis.model.light import FOUR_LEDS
 from tsis.optics import trace_rays
 from tsis.optics.rays_face import hertz_dent
 from tsis.optics.rays_path import follow_path
@@ -18,7 +19,7 @@ from tsis.optics.rays_scene import scene
 if TYPE_CHECKING:
     from tsis.model import PressMap
 
-PROBE = load_probe("tsis-2011")
+PROBE = replace(load_probe("tsis-2011"), leds=FOUR_LEDS)  # level lamps at half height
 CLEAR = replace(PROBE, glass=Glass(refractive_index=1.41))  # one medium, in which chance decides nothing
 DENT = hertz_dent(12.0, tip_radius_mm=8.0, depth_mm=1.2, peak_pressure_kpa=25.0, offset_mm=(1.0, 2.0))
 UNEVEN = replace(

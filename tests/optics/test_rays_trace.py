@@ -12,10 +12,11 @@ from hypothesis import strategies as st
 
 from tsis import Glass, Layer, Led, PressField, Probe, load_probe
 from tsis.model.errors import InputError
+from tsis.model.light import FOUR_LEDS
 from tsis.optics import trace_rays
 from tsis.optics.rays_face import hertz_dent, raised_face
 
-PROBE = load_probe("tsis-2011")
+PROBE = replace(load_probe("tsis-2011"), leds=FOUR_LEDS)  # level lamps at half height
 DENT = hertz_dent(12.0, tip_radius_mm=8.0, depth_mm=1.2, peak_pressure_kpa=25.0)
 
 leds = st.builds(

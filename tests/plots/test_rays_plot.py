@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -7,10 +8,11 @@ import pytest
 from matplotlib.figure import Figure
 
 from tsis import PressField, load_probe
+from tsis.model.light import FOUR_LEDS
 from tsis.optics import trace_paths, trace_rays
 from tsis.plots import light_on_face, ray_picture
 
-PROBE = load_probe("tsis-2011")
+PROBE = replace(load_probe("tsis-2011"), leds=FOUR_LEDS)  # level lamps at half height
 
 
 def test_rays_are_drawn_from_the_first_lamp_with_layers_glass_and_lamps() -> None:

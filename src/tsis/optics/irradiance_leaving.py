@@ -12,18 +12,19 @@ from tsis.optics.rays_scene import real_contact
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.model import PressField, PressMap
+    from tsis.model import LightMap, PressField, PressMap
     from tsis.optics.irradiance_field import Irradiance
 
 FINE_POINTS = 480  # along each side of the square around the face
 
 
 def leaving(
-    light: Irradiance, pressed: PressField | PressMap, *, saturation_kpa: float, bins: int
+    light: Irradiance, pressed: PressField | PressMap, *, saturation_kpa: float, bins: int, by: LightMap | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Light that leaves through contact in each bin, and the mean displacement where it leaves, shape (bins, bins).
 
     The light is a share of what the lamps send out, as the tracer's map of it; the displacement is weighted by it.
+    With ``by`` the light on the face is read off that map.
     """
     points = bins * max(1, FINE_POINTS // bins)
     spacing = 2 * light.radius_mm / points
@@ -31,7 +32,7 @@ def leaving(
     from_axis = np.hypot(side, side[:, None])
     moved, pressure = on_face(pressed, side, np.minimum(from_axis, light.radius_mm))
     slope_x, slope_y = slopes(moved, side)
-    there = light.at(side, side, displacement_mm=moved, slope_x=slope_x, slope_y=slope_y)
+    there = (light if by is None else by).at(side, side, displacement_mm=moved, slope_x=slope_x, slope_y=slope_y)
     share = np.where(from_axis < light.radius_mm, real_contact(pressure, saturation_kpa), 0.0)
     out = light.mean_per_mm2 * spacing**2 * there * share
     fine = (bins, points // bins, bins, points // bins)

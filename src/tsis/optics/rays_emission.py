@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from tsis.optics.rays_compiled import compiled
+from tsis.optics.rays_compiled import inlined
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -44,7 +44,7 @@ def lamps(probe: Probe) -> Lamps:
     )
 
 
-@compiled
+@inlined
 def scrambled(number: np.uint64) -> np.uint64:
     """A number that looks like chance: splitmix64 of Steele, Lea and Flood (2014)."""
     number = np.uint64(number + np.uint64(0x9E3779B97F4A7C15))
@@ -53,13 +53,13 @@ def scrambled(number: np.uint64) -> np.uint64:
     return np.uint64(number ^ (number >> np.uint64(31)))
 
 
-@compiled
+@inlined
 def unit(number: np.uint64) -> float:
     """A number in [0, 1) from the upper 53 bits."""
     return float(np.float64(number >> np.uint64(11)) * 2.0**-53)
 
 
-@compiled
+@inlined
 def emitted(
     lamps: Lamps, lamp: int, u: float, v: float, s: float, t: float
 ) -> tuple[tuple[float, float, float], tuple[float, float, float]]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from tsis.optics.rays_compiled import compiled
+from tsis.optics.rays_compiled import compiled, inlined
 from tsis.optics.rays_emission import STRIDES, emitted, scrambled, unit
 from tsis.optics.rays_meeting import WALL, index_behind, mirrored, next_meeting, reflectance, refracted, stand_at
 from tsis.optics.rays_surface import contact_share, height_and_slopes
@@ -61,7 +61,7 @@ def trace_batch(scene: Scene, lamps: Lamps, seed: int, batch: int, rays: int, re
             )
 
 
-@compiled
+@inlined
 def follow(scene: Scene, position: Vector, direction: Vector, weight: float, chance: np.uint64, record: Record) -> int:
     """Follow one ray from a lamp to its end; returns how many points of ``record.path`` are filled."""
     totals, path = record.totals, record.path
@@ -114,7 +114,7 @@ def follow(scene: Scene, position: Vector, direction: Vector, weight: float, cha
     return _note(path, points, position, weight)
 
 
-@compiled
+@inlined
 def _enter(
     scene: Scene, position: Vector, direction: Vector, weight: float, totals: NDArray[np.float64]
 ) -> tuple[int, Vector, Vector, float]:
@@ -129,7 +129,9 @@ def _enter(
         return -1, position, direction, weight
     way = (-inward - np.sqrt(root)) / flat2
     x, y, z = x + dx * way, y + dy * way, z + dz * way
-    low, _, _ = height_and_slopes(scene.face, x, y)
+    low = scene.face.lowest
+    if scene.face.highest > low:
+        low, _, _ = height_and_slopes(scene.face, x, y)
     if z <= low or z >= scene.level[-1]:
         totals[MISSED] += weight
         return -1, position, direction, weight
@@ -144,12 +146,12 @@ def _enter(
     weight -= weight * back
     direction = refracted(direction, normal, cosine, through, scene.outside / index)
     # In a flat stack n sin(angle from the axis) stays; a layer on the way down whose index is smaller turns it back.
-    if index * np.sqrt(max(0.0, 1.0 - direction[2] * direction[2])) > scene.indices[: medium + 1].min():
+    if index * index * (1.0 - direction[2] * direction[2]) > scene.thinnest[medium] ** 2:
         totals[BEYOND] += weight
     return medium, (x, y, z), direction, weight
 
 
-@compiled
+@inlined
 def _arrive(
     scene: Scene,
     record: Record,
@@ -171,7 +173,7 @@ def _arrive(
         caught = into + dx * record.slopes[k, 0] + dy * record.slopes[k, 1]
         if caught > 0.0:
             record.tilted[k, row, column] += weight * caught / into
-    coupled = weight * contact_share(scene.face, position[0], position[1])
+    coupled = weight * contact_share(scene.face, position[0], position[1]) if scene.face.touched else 0.0
     lost = (weight - coupled) * (1.0 - back)
     record.totals[CONTACT] += coupled
     record.totals[FACE] += lost
@@ -180,7 +182,7 @@ def _arrive(
     return float(coupled + lost)
 
 
-@compiled
+@inlined
 def _turn_up(
     scene: Scene,
     record: Record,
@@ -201,7 +203,7 @@ def _turn_up(
             record.tilted[k, row, column] += weight * caught / into
 
 
-@compiled
+@inlined
 def _bin(scene: Scene, record: Record, position: Vector) -> tuple[int, int]:
     bins = record.maps.shape[1]
     scale = 0.5 * bins / scene.radius
@@ -209,7 +211,7 @@ def _bin(scene: Scene, record: Record, position: Vector) -> tuple[int, int]:
     return min(max(row, 0), bins - 1), min(max(column, 0), bins - 1)
 
 
-@compiled
+@inlined
 def _note(path: NDArray[np.float64], points: int, position: Vector, weight: float) -> int:
     if points >= len(path):
         return points

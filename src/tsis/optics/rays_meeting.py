@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.optics.rays_compiled import compiled
+from tsis.optics.rays_compiled import inlined
 from tsis.optics.rays_surface import height_and_slopes, way_to_surface
 
 if TYPE_CHECKING:
@@ -16,26 +16,29 @@ Vector = tuple[float, float, float]
 WALL = -1  # what is met, when it is no interface
 
 
-@compiled
+@inlined
 def reflectance(cosine: float, here: float, there: float) -> tuple[float, float]:
     """Share of unpolarised light that an interface reflects (Fresnel), and the cosine of what goes through."""
-    sine = here / there * np.sqrt(max(0.0, 1.0 - cosine * cosine))
-    if sine >= 1.0:
+    ratio = here / there
+    flat2 = ratio * ratio * (1.0 - cosine * cosine)
+    if flat2 >= 1.0:
         return 1.0, 0.0
-    through = np.sqrt(1.0 - sine * sine)
-    across = (here * cosine - there * through) / (here * cosine + there * through)
-    along = (there * cosine - here * through) / (there * cosine + here * through)
-    return 0.5 * (across * across + along * along), through
+    through = np.sqrt(1.0 - flat2)
+    # Amplitudes of both polarizations, (a - b) / (a + b) each, over one denominator: divisions take most of the time.
+    s_less, s_more = ratio * cosine - through, ratio * cosine + through
+    p_less, p_more = cosine - ratio * through, cosine + ratio * through
+    both = s_more * p_more
+    return 0.5 * ((s_less * p_more) ** 2 + (p_less * s_more) ** 2) / (both * both), through
 
 
-@compiled
+@inlined
 def mirrored(direction: Vector, normal: Vector, cosine: float) -> Vector:
     """A direction after reflection; the normal points to where the ray came from."""
     turn = 2.0 * cosine
     return direction[0] + turn * normal[0], direction[1] + turn * normal[1], direction[2] + turn * normal[2]
 
 
-@compiled
+@inlined
 def refracted(direction: Vector, normal: Vector, cosine: float, through: float, ratio: float) -> Vector:
     """A direction after refraction (Snell), ``ratio`` being the index before over that behind."""
     bend = ratio * cosine - through
@@ -46,7 +49,7 @@ def refracted(direction: Vector, normal: Vector, cosine: float, through: float, 
     )
 
 
-@compiled
+@inlined
 def next_meeting(scene: Scene, medium: int, last: int, position: Vector, direction: Vector) -> tuple[int, float]:
     """What a ray in a medium meets first, the wall or an interface, and the way there."""
     x, y, _ = position
@@ -66,13 +69,13 @@ def next_meeting(scene: Scene, medium: int, last: int, position: Vector, directi
     return met, way
 
 
-@compiled
+@inlined
 def stand_at(scene: Scene, medium: int, met: int, position: Vector) -> tuple[Vector, Vector, float, float]:
     """The point that was met, freed of rounding, the normal towards the ray there, and the face's slopes."""
     x, y, _ = position
     if met == WALL:
-        size = np.sqrt(x * x + y * y)
-        nx, ny = -x / size, -y / size
+        inverse = 1.0 / np.sqrt(x * x + y * y)
+        nx, ny = -x * inverse, -y * inverse
         return (-nx * scene.radius, -ny * scene.radius, position[2]), (nx, ny, 0.0), 0.0, 0.0
     side = 1.0 if met == medium else -1.0
     pull = scene.pull[met]
@@ -84,7 +87,7 @@ def stand_at(scene: Scene, medium: int, met: int, position: Vector) -> tuple[Vec
     return (x, y, scene.level[met] + pull * height), (-tilt_x * size, -tilt_y * size, size), slope_x, slope_y
 
 
-@compiled
+@inlined
 def index_behind(scene: Scene, medium: int, met: int) -> float:
     """Refractive index behind what a ray in a medium meets."""
     if met <= 0 or met == len(scene.indices):

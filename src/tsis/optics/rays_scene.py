@@ -33,6 +33,7 @@ class Scene(NamedTuple):
     level: NDArray[np.float64]
     pull: NDArray[np.float64]
     indices: NDArray[np.float64]
+    thinnest: NDArray[np.float64]  # of the indices from the face up to here
     outside: float
     absorption: float
     face: Heights
@@ -68,6 +69,7 @@ def scene(
         level=levels,
         pull=np.maximum(1.0 - levels / thickness, 0.0),
         indices=indices,
+        thinnest=np.minimum.accumulate(indices),
         outside=index_outside,
         absorption=absorption_per_mm,
         face=rays_surface.heights(side, height, share),

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from tsis.optics.rays_compiled import compiled
+from tsis.optics.rays_compiled import compiled, inlined
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,6 +28,7 @@ class Heights(NamedTuple):
     lowest: float
     highest: float
     steepest: float
+    touched: bool
 
 
 def heights(side_mm: NDArray[np.float64], height_mm: NDArray[np.float64], share: NDArray[np.float64]) -> Heights:
@@ -44,10 +45,11 @@ def heights(side_mm: NDArray[np.float64], height_mm: NDArray[np.float64], share:
         lowest=float(coefficients.min()),
         highest=float(coefficients.max()),
         steepest=float(np.hypot(along, across)),
+        touched=bool((share > 0).any()),
     )
 
 
-@compiled
+@inlined
 def height_and_slopes(face: Heights, x: float, y: float) -> tuple[float, float, float]:
     """Height of the face and its derivatives by x and y."""
     u, v = (x - face.start) / face.spacing, (y - face.start) / face.spacing
@@ -68,7 +70,7 @@ def height_and_slopes(face: Heights, x: float, y: float) -> tuple[float, float, 
     return value, along / face.spacing, across / face.spacing
 
 
-@compiled
+@inlined
 def _spline(part: int, s: float) -> tuple[float, float]:
     """One of the three pieces of the quadratic B-spline that cover a point, and its derivative."""
     if part < 0:
@@ -78,7 +80,7 @@ def _spline(part: int, s: float) -> tuple[float, float]:
     return 0.75 - s * s, -2.0 * s
 
 
-@compiled
+@inlined
 def contact_share(face: Heights, x: float, y: float) -> float:
     """Share of real contact, linear between grid points."""
     u, v = (x - face.start) / face.spacing, (y - face.start) / face.spacing
@@ -89,7 +91,7 @@ def contact_share(face: Heights, x: float, y: float) -> float:
     return float((1 - t) * lower + t * upper)
 
 
-@compiled
+@inlined
 def way_to_surface(
     face: Heights,
     level: float,
@@ -103,17 +105,31 @@ def way_to_surface(
     """Way along a ray to the surface ``level + pull * height``, infinite when it is longer than ``limit``.
 
     ``side`` is 1 for a ray above the surface and -1 for one below it; ``leaving`` says that it starts on it.
-    The way goes in steps that no surface of this steepness can be crossed by twice, then bracketed.
     """
+    if pull != 0.0 and face.highest > face.lowest:
+        return _way_to_curved(face, level, pull, side, position, direction, limit, leaving)
+    closing = -side * direction[2]
+    if closing <= 0.0 or leaving:
+        return np.inf
+    way = max(side * (position[2] - level - pull * face.lowest), 0.0) / closing
+    return way if way < limit else np.inf
+
+
+@compiled
+def _way_to_curved(
+    face: Heights,
+    level: float,
+    pull: float,
+    side: float,
+    position: tuple[float, float, float],
+    direction: tuple[float, float, float],
+    limit: float,
+    leaving: bool,
+) -> float:
+    """The same for a surface that is no plane: steps in which none so steep is crossed twice, then a bracket."""
     x, y, z = position
     dx, dy, dz = direction
     closing = -side * dz
-    if pull == 0.0 or face.highest == face.lowest:
-        gap = side * (z - level - pull * face.lowest)
-        if closing <= 0.0 or leaving:
-            return np.inf
-        way = max(gap, 0.0) / closing
-        return way if way < limit else np.inf
     nearest = level + pull * (face.highest if side > 0 else face.lowest)
     way = AFTER_BOUNCE_MM if leaving else 0.0
     free = side * (z - nearest)
