@@ -8,6 +8,7 @@ import pytest
 import tsis
 from tsis import Glass, Led
 from tsis.model.errors import InputError
+from tsis.model.light import FOUR_LEDS
 
 
 def test_the_intensity_is_one_half_at_the_half_angle() -> None:
@@ -16,7 +17,7 @@ def test_the_intensity_is_one_half_at_the_half_angle() -> None:
 
 
 def test_lamps_stand_at_the_middle_of_the_layers_when_no_height_is_given() -> None:
-    probe = tsis.load_probe("tsis-2011")
+    probe = replace(tsis.load_probe("tsis-2011"), leds=FOUR_LEDS)
     assert [probe.led_height_mm(led) for led in probe.leds] == [5.0] * 4
     assert probe.led_height_mm(Led(height_mm=2.0)) == 2.0
 

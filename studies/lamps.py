@@ -1,0 +1,167 @@
+"""Where to put four lamps of 30 degrees, so that grey levels follow the pressure and not the shape of the dent.
+
+The dissertation prints the lamps' viewing angle and that "the direction and incident angle of light is calibrated"; it
+prints neither height nor aim. Lamps that shine straight in at half height, which one would try first, cross over the
+axis: their light is bright in the middle, dark between the lamps, and grazes the face, so that flanks of a dent catch
+several times what the level face does. The catalog's lamps were chosen from this table. Unevenness can be measured and
+divided out; light that runs along the face (``flux``) or changes with its height (``growth``) cannot, since it depends
+on the press. So the places are ranked by what a press on tissue, 0.2 mm deep and with a slope of 0.05, would change.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.console import Console
+from rich.progress import track
+from rich.table import Table
+
+import tsis
+from tsis import PressField
+from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.optics import trace_rays
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+    from tsis import Probe
+
+HEIGHTS_MM = (1.5, 2.5, 3.5, 5.0, 7.0)
+AIMS_DEG = (-30.0, -15.0, 0.0, 15.0, 25.0, 35.0, 40.0, 45.0, 50.0, 55.0, 65.0)
+INNER, RINGS = 0.8, 5  # of the radius, which is what an estimate reads, and rings inside it
+RAISED_MM = 0.4  # the whole face, to see how the light grows
+PRESS_MM, PRESS_SLOPE = 0.2, 0.05
+HEADINGS = (
+    "height mm",
+    "aim deg",
+    "change by a press",
+    "flux",
+    "growth 1/mm",
+    "spread",
+    "darkest / brightest",
+    "reaches the face",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Lighting:
+    """What lamps at one height and aim do inside 0.8 of the face's radius.
+
+    Attributes
+    ----------
+    height_mm, aim_deg
+        Of all four lamps.
+    spread
+        Standard deviation of the light over its mean.
+    darkest
+        Least light over the greatest.
+    flux
+        Light that runs outwards over the light that falls on the face, root mean square over the rings.
+    growth_per_mm
+        Relative growth of the light where the face is raised, root mean square over the rings.
+    reaching
+        Light that meets the face, each time it does, as a share of what the lamps send out.
+    """
+
+    height_mm: float
+    aim_deg: float
+    spread: float
+    darkest: float
+    flux: float
+    growth_per_mm: float
+    reaching: float
+
+    @property
+    def press_error(self) -> float:
+        """Relative change of the light by a press on tissue."""
+        return float(np.hypot(PRESS_SLOPE * self.flux, PRESS_MM * self.growth_per_mm))
+
+
+def lighting(probe: Probe, *, rays: float, seed: int) -> Lighting:
+    """Measure the light of a probe whose four lamps stand alike."""
+    found, raised = (trace_rays(probe, pressed, rays=rays, seed=seed) for pressed in (None, _raised(probe)))
+    radius = np.hypot(found.x_mm, found.y_mm[:, None])
+    inner = radius < INNER * probe.radius_mm
+    ring = np.floor(radius[inner] / (INNER * probe.radius_mm) * RINGS).astype(int)
+
+    def rings(light: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(np.bincount(ring, light[inner]), dtype=float)
+
+    arriving = _four_fold(found.arriving)
+    flux = rings((found.flux_x * found.x_mm + found.flux_y * found.y_mm[:, None]) / radius) / rings(arriving)
+    growth = np.log(rings(raised.arriving) / rings(arriving)) / RAISED_MM
+    lit = arriving[inner]
+    return Lighting(
+        height_mm=probe.led_height_mm(probe.leds[0]),
+        aim_deg=probe.leds[0].aim_deg,
+        spread=float(lit.std() / lit.mean()),
+        darkest=float(lit.min() / lit.max()),
+        flux=float(np.sqrt((flux**2).mean())),
+        growth_per_mm=float(np.sqrt((growth**2).mean())),
+        reaching=float(found.arriving.sum()),
+    )
+
+
+def _raised(probe: Probe) -> PressField:
+    """The whole face displaced evenly, and not touched."""
+    radius = np.linspace(0.0, probe.radius_mm, 9)
+    even = np.full_like(radius, RAISED_MM)
+    return PressField(
+        radius_mm=radius, face_displacement_mm=even, pressure_kpa=0 * even, approach_mm=RAISED_MM, force_n=0.0
+    )
+
+
+def _four_fold(light: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean over the turns and mirrors that leave four lamps as they are: the same light with fewer rays' noise."""
+    turned: NDArray[np.float64] = np.mean([np.rot90(light, turns) for turns in range(4)], axis=0)
+    return (turned + turned.T) / 2
+
+
+def run(
+    probe: Probe, places: Iterable[tuple[float, float]], *, rays: float = 400_000, seed: int = 1
+) -> tuple[Lighting, ...]:
+    """Light of four lamps at each (height in mm, aim in degrees), the steadiest first."""
+    found = []
+    for height, aim in places:
+        leds = tuple(replace(led, height_mm=height, aim_deg=aim) for led in probe.leds)
+        found.append(lighting(replace(probe, leds=leds), rays=rays, seed=seed))
+    return tuple(sorted(found, key=lambda one: one.press_error))
+
+
+def main() -> None:
+    """Print the best places, and that of the catalog's lamps."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--probe", default="tsis-2011")
+    parser.add_argument("--rays", type=float, default=400_000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--rows", type=int, default=15)
+    options = parser.parse_args()
+    probe, console = tsis.load_probe(options.probe), Console()
+    own = lighting(probe, rays=options.rays, seed=options.seed)
+    tried = list(itertools.product(HEIGHTS_MM, AIMS_DEG))
+    places = track(tried, description="tracing", console=Console(stderr=True))
+    table = Table(title=f"four lamps of 30 degrees around {probe.name}, inside {INNER} of its radius")
+    for heading in HEADINGS:
+        table.add_column(heading, justify="right")
+    for one in run(probe, places, rays=options.rays, seed=options.seed)[: options.rows]:
+        table.add_row(*_cells(one))
+    table.add_section()
+    table.add_row(*_cells(own), style="bold")
+    console.print(table)
+    console.print("Last row: the catalog's lamps.")
+    console.print(RESEARCH_USE_ONLY, style="bold")
+
+
+def _cells(one: Lighting) -> tuple[str, ...]:
+    numbers = (f"{value:.2f}" for value in (one.flux, one.growth_per_mm, one.spread, one.darkest))
+    return f"{one.height_mm:g}", f"{one.aim_deg:g}", f"{one.press_error:.1%}", *numbers, f"{one.reaching:.1%}"
+
+
+if __name__ == "__main__":
+    main()
