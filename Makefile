@@ -29,6 +29,10 @@ benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, o
 	$(BIN)/python benchmarks/coverage.py
 	$(BIN)/python -m benchmarks.mechanics
 	$(BIN)/python -m benchmarks.domed_second_code
+	$(BIN)/python -m benchmarks.slab_modes
+	$(BIN)/python -m benchmarks.propagation
+	$(BIN)/python -m benchmarks.rays
+	$(BIN)/python -m benchmarks.camera
 	$(BIN)/python -m benchmarks.sweep_overhead
 	$(BIN)/python benchmarks/real_frames.py || test $$? = 2  # 2: the real frames are not on this machine
 

@@ -50,7 +50,7 @@ def uneven_light() -> LightMap:
         relative=1 + 0.2 * np.cos(0.3 * x + 0.1) * np.sin(0.25 * y),
         flux_x=0.3 * np.sin(0.2 * x) + 0 * y,
         flux_y=0.3 * np.sin(0.2 * y) + 0 * x,
-        gamma_per_mm=0.1,
+        growth_per_mm=0.1 + 0.01 * np.cos(0.2 * x + 0 * y),
         error=0.0,
     )
 

@@ -216,7 +216,7 @@ def traced_lines(light: Irradiance) -> dict[tuple[str, float], Line]:
     """
     first = light.near_undented()
     none = np.zeros_like(first.relative)
-    untouched = replace(first, flux_x=none, flux_y=none, gamma_per_mm=0.0)
+    untouched = replace(first, flux_x=none, flux_y=none, growth_per_mm=none)
 
     def line(tip: float, falling: Callable[[PressField], LightMap | None]) -> Line:
         fields = [pressed(tip, float(force)) for force in GENTLE_N]

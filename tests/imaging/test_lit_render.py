@@ -44,7 +44,7 @@ def light_map(**changes: Any) -> LightMap:
         "relative": even,
         "flux_x": 0 * even,
         "flux_y": 0 * even,
-        "gamma_per_mm": 0.0,
+        "growth_per_mm": 0 * even,
         "error": 0.0,
     }
     return LightMap(x_mm=KNOTS, y_mm=KNOTS, **given | changes)
@@ -56,7 +56,7 @@ def uneven_light(seed: int = 3) -> LightMap:
     shape = (len(KNOTS), len(KNOTS))
     flux_x, flux_y = 0.5 * rng.standard_normal((2, *shape))
     relative = 0.5 + rng.random(shape)
-    return light_map(relative=relative, flux_x=flux_x, flux_y=flux_y, gamma_per_mm=0.7)
+    return light_map(relative=relative, flux_x=flux_x, flux_y=flux_y, growth_per_mm=rng.standard_normal(shape))
 
 
 @pytest.mark.parametrize("model", MODELS)
@@ -99,7 +99,9 @@ def test_light_that_grows_sideways_multiplies_the_picture() -> None:
 
 
 def test_a_deeper_face_gets_exponentially_more_light() -> None:
-    deep = render(dented(), SENSOR, ANSWER, blur_mm=0.0, light=light_map(gamma_per_mm=0.8))
+    deep = render(
+        dented(), SENSOR, ANSWER, blur_mm=0.0, light=light_map(growth_per_mm=np.full((len(KNOTS), len(KNOTS)), 0.8))
+    )
     even = render(dented(), SENSOR, ANSWER, blur_mm=0.0)
     lit = SENSOR.radius_mm() < 1.9  # at the edge itself the profile's radii are too coarse for ratios
     depth = 0.5 * np.exp(-((SENSOR.radius_mm() / 2.0) ** 2))

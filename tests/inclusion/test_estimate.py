@@ -16,6 +16,7 @@ from tsis.inclusion import InclusionPrior, estimate, posterior
 from tsis.inclusion.frames import ring_edges, ring_profiles
 from tsis.inclusion.posterior import _posterior, likelihood_of
 from tsis.mechanics import Degrees, build_surrogate
+from tsis.model import LightMap
 from tsis.model.errors import ImageMismatchError, InputError, NotCalibratedError
 from tsis.virtual import VirtualProbe, nominal_calibration
 
@@ -30,6 +31,7 @@ pytestmark = pytest.mark.usefixtures("surrogate")
 PROBE = tsis.load_probe("tsis-2011")
 PLAIN = tsis.load_phantom("plain")
 ANSWER = nominal_calibration(Sensor())
+EVEN = LightMap.uniform()
 PRIOR = InclusionPrior()
 PARAMETERS = ("diameter_mm", "depth_mm", "young_kpa")
 
@@ -38,7 +40,7 @@ def presses(
     phantom: Phantom, *, seed: int = 2, force_n: float = 1.0, probe: Probe = PROBE
 ) -> tuple[TactileImage, TactileImage]:
     """A press on the phantom and one on plain tissue, of the same virtual probe."""
-    virtual = VirtualProbe(probe, rng=np.random.default_rng(seed))
+    virtual = VirtualProbe(probe, rng=np.random.default_rng(seed), light=EVEN)
     return virtual.press(phantom, force_n=force_n), virtual.press(PLAIN, force_n=force_n)
 
 
@@ -65,6 +67,23 @@ def test_phantoms_of_the_catalog_are_recovered(name: str) -> None:
         assert PRIOR.high[PARAMETERS.index(parameter)] >= result.samples[parameter].max()
     assert result.narrowing["diameter_mm"] < 0.2
     assert "model_does_not_fit" not in result.flags
+
+
+@pytest.mark.parametrize("name", ["size-8", "hardness-40"])
+def test_so_they_are_under_the_uneven_light_of_lamps(name: str) -> None:
+    """The camera sees what rays make of the dent; the estimate knows the light to first order in the slope."""
+    phantom = tsis.load_phantom(name)
+    virtual = VirtualProbe(PROBE, rng=np.random.default_rng(3))
+    image, reference = virtual.press(phantom, force_n=1.0), virtual.press(PLAIN, force_n=1.0)
+    result = estimate(image, probe=PROBE, calibration=virtual.calibration, reference=reference)
+    for parameter in ("diameter_mm", "depth_mm"):
+        assert abs(result.mean[parameter] - getattr(phantom.inclusion, parameter)) < 3 * result.sd[parameter]
+        assert result.narrowing[parameter] < 0.2
+    assert "model_does_not_fit" not in result.flags
+    assert virtual.calibration.light is not None
+    assert result.provenance["calibration"]["light"] == virtual.calibration.light.sha256
+    blind = estimate(image, probe=PROBE, calibration=replace(virtual.calibration, light=None), reference=reference)
+    assert "model_does_not_fit" in blind.flags, "who does not know the light must not be believed"
 
 
 @pytest.mark.parametrize("name", ["size-2", "hardness-100", "depth-12", "plain"])
@@ -121,7 +140,7 @@ def test_a_reference_narrows_and_its_absence_is_said(lump: tuple[TactileImage, T
 
 def test_more_presses_narrow() -> None:
     """Further presses of the same probe repeat its pattern, but not the errors of force and of repeatability."""
-    virtual = VirtualProbe(PROBE, rng=np.random.default_rng(2))
+    virtual = VirtualProbe(PROBE, rng=np.random.default_rng(2), light=EVEN)
     images = [virtual.press(tsis.load_phantom("hardness-100"), force_n=1.0) for _ in range(3)]
     references = [virtual.press(PLAIN, force_n=1.0) for _ in range(3)]
     one, three = (
@@ -159,7 +178,7 @@ def test_an_inclusion_off_the_axis_is_said(lump: tuple[TactileImage, TactileImag
 
 def test_clipped_rings_are_left_out_and_said(found: Estimate) -> None:
     bright = replace(nominal_calibration(Sensor()), gain_grey_per_kpa=125.0)
-    virtual = VirtualProbe(PROBE, rng=np.random.default_rng(2), calibration=bright)
+    virtual = VirtualProbe(PROBE, rng=np.random.default_rng(2), light=EVEN, calibration=bright)
     phantom = tsis.load_phantom("hardness-100")
     image, reference = virtual.press(phantom, force_n=1.0), virtual.press(PLAIN, force_n=1.0)
     assert (image.grey >= 255).any()
@@ -271,7 +290,7 @@ def test_the_error_of_the_press_model_counts_as_noise(lump: tuple[TactileImage, 
 
 
 def test_a_domed_probe_is_refused() -> None:
-    virtual = VirtualProbe(tsis.load_probe("tsis-domed"), rng=np.random.default_rng(1))
+    virtual = VirtualProbe(tsis.load_probe("tsis-domed"), rng=np.random.default_rng(1), light=EVEN)
     frame = virtual.press(PLAIN, force_n=1.0)
     with pytest.raises(InputError, match="probe must have a flat face for an estimate"):
         estimate(frame, probe=virtual.probe, calibration=virtual.calibration)

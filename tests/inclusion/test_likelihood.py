@@ -28,7 +28,7 @@ PROBE = tsis.load_probe("tsis-2011")
 ANSWER = Calibration(gain_grey_per_kpa=60.0, saturation_kpa=20.0)
 PRIOR = InclusionPrior()
 PHANTOM = tsis.load_phantom("hardness-100")
-SHADING = RingShading(gamma_per_mm=-0.3, flux=np.linspace(0.0, 2.0, 20))
+SHADING = RingShading(growth_per_mm=np.linspace(-0.3, 0.2, 20), flux=np.linspace(0.0, 2.0, 20))
 INCLUSIONS = np.array([[10.0, 5.0, 100.0], [3.0, 8.0, 60.0], [14.0, 4.5, 45.0], [1.5, 11.0, 119.0]])
 
 
@@ -150,7 +150,11 @@ def test_profiles_without_nuisances_are_the_response_to_the_surrogates_press(mod
 
     def expected(answers: NDArray[np.float64]) -> NDArray[np.float64]:
         pressure, displacement, slope = answers[..., :20], answers[..., 20:40], answers[..., 40:]
-        return rough_contact(pressure, ANSWER) * np.exp(-0.3 * displacement) * (1 + np.linspace(0.0, 2.0, 20) * slope)
+        return (
+            rough_contact(pressure, ANSWER)
+            * np.exp(SHADING.growth_per_mm * displacement)
+            * (1 + np.linspace(0.0, 2.0, 20) * slope)
+        )
 
     np.testing.assert_allclose(grey[:, 0], expected(at(*INCLUSIONS.T)), rtol=1e-12)
     np.testing.assert_allclose(grey[:, 1], expected(0.8 * at(*INCLUSIONS.T)), rtol=1e-12)

@@ -79,7 +79,7 @@ def test_known_light_is_divided_out() -> None:
     x_mm = np.linspace(-6.0, 6.0, 3)
     relative = np.tile(1.0 + x_mm / 18.0, (3, 1))
     none = np.zeros_like(relative)
-    light = LightMap(x_mm=x_mm, y_mm=x_mm, relative=relative, flux_x=none, flux_y=none, gamma_per_mm=0.0, error=0.0)
+    light = LightMap(x_mm=x_mm, y_mm=x_mm, relative=relative, flux_x=none, flux_y=none, growth_per_mm=none, error=0.0)
     known = Calibration(gain_grey_per_kpa=60.0, saturation_kpa=20.0, background_grey=8.0, light=light)
     columns = (np.arange(SHAPE[1]) - (SHAPE[1] - 1) / 2) * SCALE[0]
     rng = np.random.default_rng(3)

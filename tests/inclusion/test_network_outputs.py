@@ -118,7 +118,7 @@ def test_uneven_light_that_the_calibration_knows_changes_no_output() -> None:
     ends = np.linspace(-13.0, 13.0, 27)
     relative = 1.0 + 0.03 * ends[None, :] + 0.002 * (ends[:, None] ** 2 - 60.0)
     none = np.zeros_like(relative)
-    light = LightMap(x_mm=ends, y_mm=ends, relative=relative, flux_x=none, flux_y=none, gamma_per_mm=0.0, error=0.0)
+    light = LightMap(x_mm=ends, y_mm=ends, relative=relative, flux_x=none, flux_y=none, growth_per_mm=none, error=0.0)
     x, y = (np.arange(640) - 319.5) * 0.04, (np.arange(480) - 239.5) * 0.04
 
     def lit(frame: TactileImage) -> TactileImage:

@@ -137,7 +137,7 @@ def uneven(frame: TactileImage) -> tuple[TactileImage, Calibration]:
     x = np.linspace(-6.0, 6.0, 3)
     relative = np.tile(1.0 + x / 18.0, (3, 1))
     none = np.zeros_like(relative)
-    light = LightMap(x_mm=x, y_mm=x, relative=relative, flux_x=none, flux_y=none, gamma_per_mm=0.0, error=0.0)
+    light = LightMap(x_mm=x, y_mm=x, relative=relative, flux_x=none, flux_y=none, growth_per_mm=none, error=0.0)
     columns = (np.arange(SHAPE[1]) - (SHAPE[1] - 1) / 2) * SCALE[0]
     lit = replace(frame, grey=8.0 + (frame.grey - 8.0) * (1.0 + columns / 18.0) / relative.max())
     return lit, replace(CALIBRATION, background_grey=8.0, light=light)

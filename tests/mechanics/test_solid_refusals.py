@@ -13,6 +13,7 @@ import tsis
 from tsis import Inclusion, Phantom, PressMap
 from tsis.mechanics import press_solid
 from tsis.mechanics.solid import _check_model
+from tsis.model import LightMap
 from tsis.model.errors import InputError, MechanicsError, MissingExtraError
 
 PROBE = tsis.load_probe("tsis-2011")
@@ -71,7 +72,7 @@ def test_plain_tissue_needs_no_extra(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_the_missing_extra_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
     _hide_ngsolve(monkeypatch)
-    virtual = tsis.virtual.VirtualProbe(PROBE, rng=np.random.default_rng(1))
+    virtual = tsis.virtual.VirtualProbe(PROBE, rng=np.random.default_rng(1), light=LightMap.uniform())
     with pytest.raises(MissingExtraError, match=r'needs NGSolve, which is not installed; .* "tsis\[fem3d\]"'):
         virtual.press(lump(offset_mm=(2.0, 1.0)), force_n=1.0)
 

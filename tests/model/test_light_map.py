@@ -18,9 +18,11 @@ if TYPE_CHECKING:
 
 def some(seed: int = 1, **changes: Any) -> LightMap:
     rng = np.random.default_rng(seed)
-    values: dict[str, Any] = {name: rng.uniform(0.5, 1.5, (2, 3)) for name in ("relative", "flux_x", "flux_y")}
+    values: dict[str, Any] = {
+        name: rng.uniform(0.5, 1.5, (2, 3)) for name in ("relative", "flux_x", "flux_y", "growth_per_mm")
+    }
     grid = {"x_mm": [-3.0, 0.5, 2.0], "y_mm": [-1.0, 4.0]}
-    return LightMap(**{**grid, **values, "gamma_per_mm": 0.1, "error": 0.01, **changes})
+    return LightMap(**{**grid, **values, "error": 0.01, **changes})
 
 
 def test_between_the_points_it_is_scipys_linear_interpolation() -> None:
@@ -43,7 +45,8 @@ def test_outside_its_grid_it_is_the_nearest_value() -> None:
         ({"flux_x": np.zeros((3, 2))}, r"shape \(2, 3\)"),
         ({"relative": -np.ones((2, 3))}, r"relative must lie in \[0, inf\]"),
         ({"x_mm": [0.0, 0.0, 1.0]}, "x_mm must hold at least two ascending"),
-        ({"gamma_per_mm": float("nan")}, "gamma_per_mm must lie in"),
+        ({"growth_per_mm": np.full((2, 3), -101.0)}, "growth_per_mm must lie in"),
+        ({"growth_per_mm": np.full((2, 3), np.nan)}, "growth_per_mm must be finite"),
     ],
 )
 def test_a_map_that_is_none_is_refused(values: dict[str, Any], sentence: str) -> None:
@@ -56,7 +59,10 @@ def test_a_calibration_file_keeps_it(tmp_path: Path) -> None:
     path.write_bytes(
         json_bytes(calibration_document(Calibration(gain_grey_per_kpa=60, saturation_kpa=20, light=light)))
     )
-    assert read_calibration(path).light == light != some(seed=2)
+    again = read_calibration(path).light
+    assert again == light != some(seed=2)
+    assert again is not None
+    assert again.sha256 == light.sha256 != some(seed=2).sha256
     document = json.loads(path.read_text())
     del document["light"]["y_mm"]
     path.write_text(json.dumps(document))

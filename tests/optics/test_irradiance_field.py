@@ -33,6 +33,7 @@ def light(**changes: Any) -> Irradiance:
         "displacement_mm": known,
         "terms": terms,
         "lift_per_mm": 0.1,
+        "depletion": 0.4,
         "mean_per_mm2": 1e-3,
         "error": 0.01,
     }
@@ -48,7 +49,10 @@ def test_terms_are_followed_exactly(x: float, y: float, u: float, sx: float, sy:
 
 
 def test_it_is_never_negative_and_goes_on_beyond_its_ends() -> None:
-    assert light().at([0.0], [0.0], slope_y=30.0).item() == 0.0
+    steeply_lit = light(terms=light().terms * np.where(np.arange(11) == 2, 20.0, 1.0)[:, None, None])
+    assert steeply_lit.at([0.0], [0.0], slope_y=0.4).item() == 0.0
+    steepest, steeper = (light().at([0.0], [0.0], slope_x=slope).item() for slope in (0.5, 3.0))
+    assert steeper == pytest.approx(steepest, rel=1e-12), "as far as the even terms are known"
     assert light().at([99.0], [0.0]).item() == pytest.approx(1.2)
     deepest = light(lift_per_mm=0.0).at([0.0], [0.0], displacement_mm=[[7.0]]).item()
     assert deepest == pytest.approx(1 + 0.3 * 2.5**2), "a quarter beyond the last known displacement"
@@ -62,7 +66,14 @@ def test_a_press_becomes_a_map_that_holds_its_dent() -> None:
     moved, slope_x, slope_y = 0.5 - (0.5**2 + 0.5**2) / 16, -0.5 / 8, 0.5 / 8
     expected = light().at([x], [y], displacement_mm=moved, slope_x=slope_x, slope_y=slope_y).item()
     assert shown.at([x], [y]).item() == pytest.approx(expected, rel=2e-3)
-    assert shown.gamma_per_mm == 0.0
+    assert not shown.growth_per_mm.any()
+    share = np.pi * 4.0 / 2 / (np.pi * 100.0)  # of a face of 10 mm, in a contact of 2 mm; half of it really touches
+    bare = light(depletion=0.0).on(dent, saturation_kpa=10.0).relative
+    np.testing.assert_allclose(light().on(dent, saturation_kpa=1e6).relative, shown.relative, rtol=1e-4)
+    np.testing.assert_allclose(bare, shown.relative, rtol=1e-12)
+    left = light().on(dent, saturation_kpa=10.0).relative / bare
+    assert np.ptp(left) == pytest.approx(0.0, abs=1e-12), "contact darkens the whole face alike"
+    assert 1 / left[0, 0] - 1 == pytest.approx(0.4 * share, rel=0.35)
     assert not shown.flux_x.any()
 
 
@@ -70,7 +81,8 @@ def test_small_dents_are_followed_by_the_map_of_the_undented_face() -> None:
     linear, whole = light().near_undented(), light()
     at: dict[str, Any] = {"displacement_mm": 0.0, "slope_x": 1e-4, "slope_y": -2e-4}
     np.testing.assert_allclose(linear.at([1.0, 3.0], [2.0], **at), whole.at([1.0, 3.0], [2.0], **at), rtol=1e-6)
-    assert linear.gamma_per_mm == pytest.approx(np.log(1.3) + 0.1), "the mean rate over the first known displacement"
+    small = 0.35
+    np.testing.assert_allclose(linear.growth_per_mm, np.log(1 + 0.3 * small**2) / small + 0.1, rtol=1e-12)
 
 
 @pytest.mark.parametrize(

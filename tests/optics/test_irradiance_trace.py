@@ -110,7 +110,7 @@ def test_light_is_kept_on_disk_and_damage_is_noticed(monkeypatch: pytest.MonkeyP
     few: dict[str, Any] = {"rays": 1e5, "seed": 3}
     parts: list[tuple[int, int]] = []
     first = irradiance(PROBE, **few, progress=lambda done, total: parts.append((done, total)))
-    assert parts == [(i, 7) for i in range(1, 8)]
+    assert parts == [(i, 8) for i in range(1, 9)]
 
     def refuse(*_: object, **__: object) -> None:
         raise AssertionError("traced again")

@@ -13,7 +13,9 @@ from tsis import Calibration
 from tsis.imaging.render import render
 from tsis.imaging.sensor import Sensor
 from tsis.mechanics import Resolution, press
+from tsis.model import LightMap
 from tsis.model.errors import InputError
+from tsis.optics import irradiance
 from tsis.virtual import VirtualProbe, nominal_calibration
 
 if TYPE_CHECKING:
@@ -30,7 +32,12 @@ IDEAL = replace(
 
 def virtual(seed: int, calibration: Calibration | None = None, sensor: Sensor = SMALL) -> VirtualProbe:
     return VirtualProbe(
-        PROBE, rng=np.random.default_rng(seed), sensor=sensor, calibration=calibration, resolution=COARSE
+        PROBE,
+        rng=np.random.default_rng(seed),
+        sensor=sensor,
+        light=LightMap.uniform(),
+        calibration=calibration,
+        resolution=COARSE,
     )
 
 
@@ -58,6 +65,49 @@ def test_without_errors_it_is_the_rendered_press() -> None:
     field = press(PROBE, LUMP, force_n=1.0, resolution=COARSE)
     expected = np.clip(np.rint(render(field, quiet, IDEAL) + quiet.background_grey), 0.0, 255.0)
     np.testing.assert_array_equal(frame.grey, expected)
+
+
+def test_by_default_it_is_lit_by_its_own_lamps() -> None:
+    quiet = replace(SMALL, read_noise_grey=0.0, shot_noise_grey=0.0)
+    light = irradiance(PROBE)
+    answer = replace(IDEAL, light=light.near_undented())
+    probe = VirtualProbe(PROBE, rng=np.random.default_rng(1), sensor=quiet, calibration=answer, resolution=COARSE)
+    field = press(PROBE, LUMP, force_n=0.1, resolution=COARSE)
+    falling = light.on(field, saturation_kpa=answer.saturation_kpa)
+    expected = np.clip(np.rint(render(field, quiet, answer, light=falling) + quiet.background_grey), 0.0, 255.0)
+    found = probe.press(LUMP, force_n=0.1).grey
+    np.testing.assert_array_equal(found, expected)
+    assert (found != virtual(1, IDEAL, quiet).press(LUMP, force_n=0.1).grey).mean() > 0.5, "not even light"
+
+
+def test_the_nominal_gain_leaves_room_for_the_brightest_place() -> None:
+    probe = VirtualProbe(PROBE, rng=np.random.default_rng(1), resolution=COARSE)
+    frame = probe.press(tsis.load_phantom("plain"), force_n=1.0)
+    radius = probe.sensor.radius_mm()
+    inner = frame.grey[radius < 0.8 * PROBE.radius_mm]
+    assert 60.0 < inner.max() < 200.0
+    known = probe.calibration.light
+    assert known is not None
+    assert probe.calibration.gain_grey_per_kpa * known.relative.max() == pytest.approx(60.0)
+
+
+def test_the_contact_model_can_be_falsified() -> None:
+    seen = {}
+    for model in ("rough", "smooth", "curvature"):
+        probe = VirtualProbe(
+            PROBE,
+            rng=np.random.default_rng(1),
+            sensor=replace(SMALL, read_noise_grey=0.0, shot_noise_grey=0.0, full_scale=4095.0),
+            light=LightMap.uniform(),
+            calibration=IDEAL,
+            contact_model=model,
+            resolution=COARSE,
+        )
+        seen[model] = [probe.light(LUMP, force_n=force).sum() for force in (0.25, 0.5)]
+    ratio = {model: strong / weak for model, (weak, strong) in seen.items()}
+    assert ratio["smooth"] == pytest.approx(1.0, rel=1e-6), "the face touches all over at either force"
+    assert ratio["rough"] == pytest.approx(2.0, rel=0.05)
+    assert ratio["curvature"] == pytest.approx(2.0, rel=0.05)
 
 
 def with_error(name: str, sd: float) -> Calibration:

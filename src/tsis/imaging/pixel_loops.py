@@ -26,21 +26,26 @@ def paint(
     y: NDArray[np.float64],
     radius: NDArray[np.float64],
     glow: NDArray[np.float64],
+    moved: NDArray[np.float64],
     slope: NDArray[np.float64],
     map_x: NDArray[np.float64],
     map_y: NDArray[np.float64],
     relative: NDArray[np.float64],
     flux_x: NDArray[np.float64],
     flux_y: NDArray[np.float64],
+    growth: NDArray[np.float64],
 ) -> NDArray[np.float64]:
-    """Picture of a round press under a map of light, ``glow(r) E0 (1 + slope(r) (Fx x + Fy y) / r)``, dark outside.
+    """Picture of a round press under a map of light, dark outside.
+
+    ``glow(r) E0 exp(growth moved(r)) (1 + slope(r) (Fx x + Fy y) / r)``, with E0, growth, Fx and Fy of the place.
 
     Every profile is linear between its radii and every map between its nodes, beyond which it stays as at its edge.
     """
     picture = np.zeros((len(y), len(x)))
     column, right = _places(x, map_x)
     line, below = _places(y, map_y)
-    e, fx, fy = np.empty(len(map_x)), np.empty(len(map_x)), np.empty(len(map_x))
+    e, fx, fy, g = np.empty(len(map_x)), np.empty(len(map_x)), np.empty(len(map_x)), np.empty(len(map_x))
+    grows = np.any(growth != 0)
     last = len(radius) - 1
     near = last - 1  # the radii change little from pixel to pixel, so the place among them is found by a few steps
     for i in range(len(y)):
@@ -49,6 +54,7 @@ def paint(
             e[k] = relative[top, k] + below[i] * (relative[top + 1, k] - relative[top, k])
             fx[k] = flux_x[top, k] + below[i] * (flux_x[top + 1, k] - flux_x[top, k])
             fy[k] = flux_y[top, k] + below[i] * (flux_y[top + 1, k] - flux_y[top, k])
+            g[k] = growth[top, k] + below[i] * (growth[top + 1, k] - growth[top, k])
         for j in range(len(x)):
             r = np.sqrt(x[j] * x[j] + y[i] * y[i])
             if r > radius[last]:
@@ -60,6 +66,8 @@ def paint(
             part = (r - radius[near]) / (radius[near + 1] - radius[near])
             shine = glow[near] + part * (glow[near + 1] - glow[near])
             k, w = column[j], right[j]
+            if grows:
+                shine *= np.exp((moved[near] + part * (moved[near + 1] - moved[near])) * (g[k] + w * (g[k + 1] - g[k])))
             caught = 1.0
             if r > 0:
                 rise = (slope[near] + part * (slope[near + 1] - slope[near])) / r

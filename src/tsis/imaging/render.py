@@ -54,7 +54,7 @@ def render(
         What makes light leave: ``"rough"``, ``"smooth"``, ``"curvature"``, or a value of `tsis.imaging.contact_light`.
     light
         Light that reaches the face from inside; even light when None. A map for one press, in which displacement and
-        slope are done already, has neither flux nor gamma.
+        slope are done already, has neither flux nor growth.
 
     Returns
     -------
@@ -100,10 +100,10 @@ def _of_profile(
     share = model.share(field.pressure_kpa, slope=slope, saturation_kpa=calibration.saturation_kpa)
     if isinstance(model, Smooth):  # whose edge is sharper than the profile's radii: the pixels know it
         share = np.ones_like(share)
-    glow = _full_contact(calibration) * share * np.exp(light.gamma_per_mm * field.face_displacement_mm)
+    profiles = (_full_contact(calibration) * share, field.face_displacement_mm, slope)
     x, y = sensor.axes_mm()
-    grid = (light.x_mm, light.y_mm, light.relative, light.flux_x, light.flux_y)
-    picture = paint(x, y, radius, glow, slope, *grid)
+    maps = (light.relative, light.flux_x, light.flux_y, light.growth_per_mm)
+    picture = paint(x, y, radius, *profiles, light.x_mm, light.y_mm, *maps)
     if isinstance(model, Smooth):
         picture *= coverage(field, sensor)
     return picture
@@ -118,11 +118,11 @@ def _of_map(
     slope_y, slope_x = inside * np.gradient(field.face_displacement_mm, field.y_mm, field.x_mm)
     steepness = np.hypot(slope_x, slope_y)
     share = model.share(field.pressure_kpa, slope=steepness, saturation_kpa=calibration.saturation_kpa)
-    glow = _full_contact(calibration) * share * np.exp(light.gamma_per_mm * field.face_displacement_mm)
     x, y = sensor.axes_mm()
     rows, columns = _between(field.y_mm, y), _between(field.x_mm, x).T
-    shines, slope_x, slope_y = (rows @ values @ columns for values in (glow, slope_x, slope_y))
-    return np.asarray(shines * light.at(x, y, slope_x=slope_x, slope_y=slope_y))
+    fields = (_full_contact(calibration) * share, field.face_displacement_mm, slope_x, slope_y)
+    glow, moved, slope_x, slope_y = (rows @ values @ columns for values in fields)
+    return np.asarray(glow * light.at(x, y, displacement_mm=moved, slope_x=slope_x, slope_y=slope_y))
 
 
 def _full_contact(calibration: Calibration) -> float:

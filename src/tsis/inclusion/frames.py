@@ -99,9 +99,9 @@ def ring_light(frame: TactileImage, calibration: Calibration, edges_mm: NDArray[
     """Means over the pixels of the frame in each ring; ones and no shading where the calibration names no light."""
     none = np.zeros(len(edges_mm) - 1)
     if calibration.light is None:
-        return RingLight(level=none + 1, shading=RingShading(gamma_per_mm=0.0, flux=none))
+        return RingLight(level=none + 1, shading=RingShading(growth_per_mm=none, flux=none))
     x, y = _pixels_mm(frame)
-    relative, flux_x, flux_y = calibration.light.undented(x, y)
+    relative, flux_x, flux_y, growth = calibration.light.undented(x, y)
     outwards = relative * (flux_x * x + flux_y * y[:, None]) / np.maximum(np.hypot(x, y[:, None]), 1e-9)
 
     def mean(values: NDArray[np.floating[Any]], empty: float) -> NDArray[np.float64]:
@@ -111,8 +111,8 @@ def ring_light(frame: TactileImage, calibration: Calibration, edges_mm: NDArray[
     level = mean(relative, 1.0)
     if level.min() <= DARKEST * level.max():
         raise InputError("light of the calibration must reach every ring of the face; got one that is dark")
-    gamma = calibration.light.gamma_per_mm
-    return RingLight(level=level, shading=RingShading(gamma_per_mm=gamma, flux=mean(outwards, 0.0) / level))
+    growth_per_mm, flux = (mean(part, 0.0) / level for part in (relative * growth, outwards))
+    return RingLight(level=level, shading=RingShading(growth_per_mm=growth_per_mm, flux=flux))
 
 
 def _pixels_mm(frame: TactileImage) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -175,12 +175,18 @@ def _provenance(
         "tsis": __version__,
         "method": "posterior of the radial profile, small strain, sphere on the axis",
         "probe": asdict(probe),
-        "calibration": asdict(calibration),
+        "calibration": _describe_calibration(calibration),
         "prior": asdict(prior),
         "surrogate": surrogate.key,
         "images": [_describe(image) for image in targets],
         "reference": [_describe(image) for image in references],
     }
+
+
+def _describe_calibration(calibration: Calibration) -> dict[str, Any]:
+    """A calibration with the hash of its light instead of the map, which would be longer than all else."""
+    light = None if calibration.light is None else calibration.light.sha256
+    return asdict(replace(calibration, light=None)) | {"light": light}
 
 
 def _describe(image: TactileImage) -> dict[str, Any]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
@@ -14,7 +15,7 @@ from tsis.model.press import ascending
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-FIELDS = ("relative", "flux_x", "flux_y")
+FIELDS = ("relative", "flux_x", "flux_y", "growth_per_mm")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -31,8 +32,9 @@ class LightMap:
     flux_x, flux_y
         Power travelling along x and y over the power travelling into the face, shape (m, n): a face that rises towards
         the glass by ``slope`` in a direction catches ``1 + flux * slope`` times the light.
-    gamma_per_mm
-        The light changes by ``exp(gamma_per_mm * displacement)`` when the face is displaced towards the glass.
+    growth_per_mm
+        The light changes by ``exp(growth_per_mm * displacement)`` when the face is displaced towards the glass, shape
+        (m, n).
     error
         Standard error of ``relative`` by the number of rays, its root mean square over the face.
 
@@ -53,7 +55,7 @@ class LightMap:
     relative: NDArray[np.float64]
     flux_x: NDArray[np.float64]
     flux_y: NDArray[np.float64]
-    gamma_per_mm: float
+    growth_per_mm: NDArray[np.float64]
     error: float
 
     def __post_init__(self) -> None:
@@ -66,7 +68,7 @@ class LightMap:
                 raise InputError(f"{name} must have the shape {shape} of y_mm and x_mm; got {values.shape}")
             object.__setattr__(self, name, values)
         check.number("relative", float(self.relative.min()), 0.0, np.inf)
-        check.number("gamma_per_mm", self.gamma_per_mm, -100.0, 100.0)
+        check.number("growth_per_mm", float(np.abs(self.growth_per_mm).max()), 0.0, 100.0, hint="either sign")
         check.number("error", self.error, 0.0, np.inf)
 
     def __eq__(self, other: object) -> bool:
@@ -78,14 +80,19 @@ class LightMap:
 
     def _content(self) -> tuple[bytes | float, ...]:
         arrays = (getattr(self, name).tobytes() for name in ("x_mm", "y_mm", *FIELDS))
-        return (*arrays, self.gamma_per_mm, self.error)
+        return (*arrays, self.error)
+
+    @property
+    def sha256(self) -> str:
+        """Hash of its content, which names it in results."""
+        return hashlib.sha256(repr(self._content()).encode()).hexdigest()
 
     @classmethod
     def uniform(cls) -> Self:
         """The same light everywhere, whatever the face does."""
         even, none = np.ones((2, 2)), np.zeros((2, 2))
         ends = np.array([-1.0, 1.0])
-        return cls(x_mm=ends, y_mm=ends, relative=even, flux_x=none, flux_y=none, gamma_per_mm=0.0, error=0.0)
+        return cls(x_mm=ends, y_mm=ends, relative=even, flux_x=none, flux_y=none, growth_per_mm=none, error=0.0)
 
     def at(
         self,
@@ -95,7 +102,7 @@ class LightMap:
         displacement_mm: ArrayLike = 0.0,
         slope_x: ArrayLike = 0.0,
         slope_y: ArrayLike = 0.0,
-    ) -> NDArray[np.floating[Any]]:
+    ) -> NDArray[np.float64]:
         """Light on a dented face over a grid, relative to the mean on the undented one; never negative.
 
         Parameters
@@ -109,22 +116,18 @@ class LightMap:
 
         Returns
         -------
-        Light, shape (l, k), of single precision where the displacement is, else of double.
+        Light, shape (l, k).
         """
-        moved = np.asarray(displacement_mm)
-        kind = np.float32 if moved.dtype == np.float32 else np.float64
-        relative, flux_x, flux_y = self.undented(x_mm, y_mm, kind)
-        tilt = 1 + flux_x * np.asarray(slope_x, dtype=kind) + flux_y * np.asarray(slope_y, dtype=kind)
-        light = relative * np.exp(kind(self.gamma_per_mm) * moved) * np.maximum(tilt, kind(0))
-        return np.asarray(light)
+        relative, flux_x, flux_y, growth = self.undented(x_mm, y_mm)
+        tilt = 1 + flux_x * np.asarray(slope_x) + flux_y * np.asarray(slope_y)
+        return np.asarray(relative * np.exp(growth * np.asarray(displacement_mm)) * np.maximum(tilt, 0.0))
 
-    def undented(
-        self, x_mm: ArrayLike, y_mm: ArrayLike, kind: type[np.floating[Any]] = np.float64
-    ) -> tuple[NDArray[np.floating[Any]], ...]:
-        """``relative``, ``flux_x`` and ``flux_y`` over a grid, each of shape (len(y_mm), len(x_mm)) and of ``kind``."""
-        rows = _between(self.y_mm, np.asarray(y_mm, dtype=float)).astype(kind)
-        columns = _between(self.x_mm, np.asarray(x_mm, dtype=float)).astype(kind).T
-        return tuple(rows @ getattr(self, name).astype(kind) @ columns for name in FIELDS)
+    def undented(self, x_mm: ArrayLike, y_mm: ArrayLike) -> tuple[NDArray[np.float64], ...]:
+        """``relative``, ``flux_x``, ``flux_y`` and ``growth_per_mm`` over a grid, each (len(y_mm), len(x_mm))."""
+        rows, columns = (
+            _between(knots, np.asarray(at, dtype=float)) for knots, at in ((self.y_mm, y_mm), (self.x_mm, x_mm))
+        )
+        return tuple(rows @ getattr(self, name) @ columns.T for name in FIELDS)
 
 
 def _between(knots: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -6,17 +6,21 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from tsis.model import LightMap, PressField, PressMap, check
 from tsis.model.errors import InputError
 from tsis.model.press import ascending
-from tsis.optics.irradiance_fit import POWERS, powers
+from tsis.optics.irradiance_fit import POWERS, RINGS, powers
 from tsis.optics.rays_face import face_grid, on_face, slopes
+from tsis.optics.rays_scene import real_contact
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+SMALL = 0.35  # of it: 0.28 mm where the layers are 10 mm thick, as deep as tissue dents a probe
 DARKEST = 0.02  # of the mean, below which a place's flux is no longer divided by its light
+STEEPEST = 1.25 * RINGS[-1]  # slope up to which the even terms, known to the last ring, are trusted
 STRIDE = 2  # points of the tracer's grid to one of a map
 
 
@@ -41,6 +45,9 @@ class Irradiance:
         Over the mean light on the undented face, shape (3, 11, n, n), rows along y.
     lift_per_mm
         What a dent's own flanks throw onto it, fitted on traced dents.
+    depletion
+        What a contact takes is missing elsewhere: light falls by ``1 / (1 + depletion * share)`` all over the face when
+        contact takes that share of the light that arrives.
     mean_per_mm2
         Mean light on the undented face per mm², as a share of what the lamps send out.
     error
@@ -57,6 +64,7 @@ class Irradiance:
     displacement_mm: NDArray[np.float64]
     terms: NDArray[np.float64]
     lift_per_mm: float
+    depletion: float
     mean_per_mm2: float
     error: float
 
@@ -70,6 +78,7 @@ class Irradiance:
             raise InputError(f"terms must have the shape {(3, len(POWERS), count, count)}; got {terms.shape}")
         object.__setattr__(self, "terms", terms)
         check.number("lift_per_mm", self.lift_per_mm, -10.0, 10.0)
+        check.number("depletion", self.depletion, -1.0, 100.0)
         check.number("mean_per_mm2", self.mean_per_mm2, 0.0, np.inf)
         check.number("error", self.error, 0.0, np.inf)
 
@@ -91,7 +100,7 @@ class Irradiance:
         displacement_mm
             Displacement of the face towards the glass, mm, shape (l, k) or one number.
         slope_x, slope_y
-            Its derivatives by x and y, of the same shapes.
+            Its derivatives by x and y, of the same shapes; faces steeper than 0.5 are lit as those of 0.5.
         """
         columns, rows = (_between(self.nodes_mm, np.asarray(part, dtype=float)) for part in (x_mm, y_mm))
         shape = (len(rows), len(columns))
@@ -99,36 +108,49 @@ class Irradiance:
             np.broadcast_to(np.asarray(part, dtype=float), shape) for part in (displacement_mm, slope_x, slope_y)
         )
         known = rows @ self.terms @ columns.T
-        tilted = np.einsum("hkij,kij->hij", known, powers(along, across))
+        flatter = np.minimum(1.0, STEEPEST / np.maximum(np.hypot(along, across), STEEPEST))
+        tilted = np.einsum("hkij,kij->hij", known, powers(flatter * along, flatter * across))
         light = (tilted * _through(self.displacement_mm, moved)).sum(axis=0)
         return np.asarray(np.maximum(light, 0.0) * np.exp(self.lift_per_mm * moved))
 
-    def on(self, pressed: PressField | PressMap) -> LightMap:
-        """Light on the face of one press as a map for the camera, in which displacement and tilt are done already."""
+    def remaining(self, light: NDArray[np.float64], share: NDArray[np.float64]) -> float:
+        """Share of ``light`` over an even grid of the face that is left when contact takes ``share`` of it there."""
+        return float(1 / (1 + self.depletion * (light * share).sum() / light.sum()))
+
+    def on(self, pressed: PressField | PressMap, *, saturation_kpa: float | None = None) -> LightMap:
+        """Light on the face of one press as a map for the camera, in which displacement and tilt are done already.
+
+        With ``saturation_kpa``, the pressure at which real contact saturates, so is what the contact takes from it.
+        """
         side, from_axis = face_grid(self.radius_mm)
-        x, moved = side[::STRIDE], on_face(pressed, side, from_axis)[0]
+        moved, pressure = on_face(pressed, side, from_axis)
         slope_x, slope_y = slopes(moved, side)
-        moved, slope_x, slope_y = (part[::STRIDE, ::STRIDE] for part in (moved, slope_x, slope_y))
-        light = self.at(x, x, displacement_mm=moved, slope_x=slope_x, slope_y=slope_y)
+        x, some = side[::STRIDE], (slice(None, None, STRIDE),) * 2
+        with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
+            light = self.at(x, x, displacement_mm=moved[some], slope_x=slope_x[some], slope_y=slope_y[some])
+        if saturation_kpa is not None:
+            inside = np.hypot(x, x[:, None]) < self.radius_mm
+            light = light * self.remaining(light[inside], real_contact(pressure[some][inside], saturation_kpa))
         none = np.zeros_like(light)
-        return LightMap(x_mm=x, y_mm=x, relative=light, flux_x=none, flux_y=none, gamma_per_mm=0.0, error=self.error)
+        return LightMap(x_mm=x, y_mm=x, relative=light, flux_x=none, flux_y=none, growth_per_mm=none, error=self.error)
 
     def near_undented(self) -> LightMap:
-        """The same light to first order in the slope, with one rate for the displacement, for small dents anywhere.
+        """The same light to first order in the slope, growing exponentially with the displacement, for small dents.
 
-        The rate is that of the light within half of the face's radius, up to the second known displacement.
+        The growth is that up to `SMALL` of the second known displacement. What contact takes elsewhere is left out.
         """
         level = np.maximum(self.terms[0, 0], 0.0)
         flux_x, flux_y = self.terms[0, 1:3] / np.maximum(level, DARKEST)
-        inner = np.hypot(self.nodes_mm, self.nodes_mm[:, None]) <= self.radius_mm / 2
-        growth = np.log(self.terms[1, 0][inner].mean() / self.terms[0, 0][inner].mean())
+        small = SMALL * self.displacement_mm[1]
+        raised = np.einsum("h,hij->ij", _through(self.displacement_mm, np.array(small)), self.terms[:, 0])
+        growth = np.log(np.maximum(raised, DARKEST) / np.maximum(level, DARKEST)) / small + self.lift_per_mm
         return LightMap(
             x_mm=self.nodes_mm,
             y_mm=self.nodes_mm,
             relative=level,
             flux_x=flux_x,
             flux_y=flux_y,
-            gamma_per_mm=float(growth / self.displacement_mm[1]) + self.lift_per_mm,
+            growth_per_mm=growth,
             error=self.error,
         )
 

@@ -33,8 +33,11 @@ def leaving(
     moved, pressure = on_face(pressed, side, np.minimum(from_axis, light.radius_mm))
     slope_x, slope_y = slopes(moved, side)
     there = (light if by is None else by).at(side, side, displacement_mm=moved, slope_x=slope_x, slope_y=slope_y)
-    share = np.where(from_axis < light.radius_mm, real_contact(pressure, saturation_kpa), 0.0)
-    out = light.mean_per_mm2 * spacing**2 * there * share
+    inside = from_axis < light.radius_mm
+    there = np.asarray(there, dtype=float)
+    share = np.where(inside, real_contact(pressure, saturation_kpa), 0.0)
+    left = 1.0 if by is not None else light.remaining(there[inside], share[inside])
+    out = light.mean_per_mm2 * spacing**2 * there * share * left
     fine = (bins, points // bins, bins, points // bins)
     total, weighted = (part.reshape(fine).sum(axis=(1, 3)) for part in (out, out * moved))
     return total, weighted / np.maximum(total, np.finfo(float).tiny)

@@ -7,6 +7,7 @@ from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from tsis.model import Probe, check, disk_cache
 from tsis.model.errors import InputError
@@ -14,8 +15,8 @@ from tsis.optics import inputs, rays_kernel
 from tsis.optics.irradiance_field import Irradiance
 from tsis.optics.irradiance_fit import slope_terms, smooth, symmetries, symmetrised, watched_slopes
 from tsis.optics.irradiance_leaving import leaving
-from tsis.optics.rays_face import hertz_dent, raised_face
-from tsis.optics.rays_scene import scene
+from tsis.optics.rays_face import hertz_dent, raised_face, touched_face
+from tsis.optics.rays_scene import real_contact, scene
 from tsis.optics.rays_trace import trace_batches
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
     from tsis.model import PressField, PressMap
     from tsis.optics.rays_trace import Batches
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 RAISED = (0.0, 0.08, 0.16)  # of the layers' thickness
 # Depth over the thickness; tip's radius and the place of its middle over the face's radius.
 DENTS = ((0.04, 0.4, 0.0, 0.0), (0.08, 0.6, 0.2, 0.1), (0.13, 0.8, 0.0, 0.0), (0.06, 0.5, -0.15, 0.25))
@@ -40,7 +41,7 @@ FEWEST_RAYS, MOST_RAYS = 1e5, 1e10
 def irradiance(
     probe: Probe,
     *,
-    rays: float = 8_000_000,
+    rays: float = 4_000_000,
     seed: int = 1,
     index_outside: float = 1.0,
     absorption_per_mm: float = 0.0,
@@ -51,7 +52,8 @@ def irradiance(
 
     Three quarters of the rays go through the untouched probe and two with an evenly raised face: what they would do
     to tilted faces is recorded, averaged over the symmetries of the lamps and smoothed by splines. The last quarter
-    goes through four dents, to fit by one number what a dent's flanks throw onto it.
+    goes through a level contact and four dents, to find by one number each how much a contact darkens the face around
+    it and what a dent's flanks throw onto it.
 
     Parameters
     ----------
@@ -89,7 +91,8 @@ def irradiance(
         with np.load(io.BytesIO(stored), allow_pickle=False) as arrays:
             fields: dict[str, Any] = {name: value if value.ndim else float(value) for name, value in arrays.items()}
             return Irradiance(**fields)
-    found = _traced(probe, rays / (len(RAISED) + 1), seed, medium, progress or (lambda _done, _total: None))
+    with threadpool_limits(limits=1, user_api="blas"):  # small products, beside which the tracer's threads run
+        found = _traced(probe, rays / (len(RAISED) + 1), seed, medium, progress or (lambda _done, _total: None))
     if cached:
         buffer = io.BytesIO()
         np.savez(buffer, **{name: getattr(found, name) for name in Irradiance.__slots__})
@@ -112,17 +115,22 @@ def _traced(
     probe: Probe, rays: float, seed: int, medium: dict[str, float], progress: Callable[[int, int], None]
 ) -> Irradiance:
     """The light by ``rays`` rays for each of the raised faces, and as many for all dents."""
-    steps = iter(range(1, len(RAISED) + len(DENTS) + 1))
+    parts = len(RAISED) + 1 + len(DENTS)
+    steps = iter(range(1, parts + 1))
 
     def traced(pressed: PressField | PressMap, rays: float, slopes: NDArray[np.float64]) -> Batches:
         view = scene(probe, pressed, saturation_kpa=SATURATION_KPA, aperture=0.0, **medium)
         found = trace_batches(view, probe, rays=rays, seed=seed, bins=BINS, slopes=slopes)
-        progress(next(steps), len(RAISED) + len(DENTS))
+        progress(next(steps), parts)
         return found
 
     raised = np.array(RAISED) * probe.thickness_mm
     watched = [traced(raised_face(probe.radius_mm, moved), rays, watched_slopes()) for moved in raised]
-    light = _smoothed(probe, raised, watched)
+    touched = traced(touched_face(probe.radius_mm, SATURATION_KPA), rays / len(DENTS), np.empty((0, 2)))
+    share = real_contact(np.array(SATURATION_KPA), SATURATION_KPA).item()
+    arriving = [found.maps[:, rays_kernel.ARRIVING].sum() / len(found.maps) for found in (watched[0], touched)]
+    _check_lit(min(arriving))
+    light = replace(_smoothed(probe, raised, watched), depletion=(arriving[0] / arriving[1] - 1) / share)
     logs, depths = [], []
     for depth, tip, x, y in DENTS:
         dent = hertz_dent(
@@ -159,6 +167,7 @@ def _smoothed(probe: Probe, raised: NDArray[np.float64], watched: list[Batches])
         displacement_mm=raised,
         terms=np.array([grouped.mean(axis=0) for grouped in terms]) / mean,
         lift_per_mm=0.0,
+        depletion=0.0,
         mean_per_mm2=mean / (2 * probe.radius_mm / BINS) ** 2,
         error=float(np.sqrt((spread**2).mean()) / mean),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -64,6 +65,12 @@ def raised_face(radius_mm: float, displacement_mm: float) -> PressField:
         approach_mm=displacement_mm,
         force_n=0.0,
     )
+
+
+def touched_face(radius_mm: float, pressure_kpa: float) -> PressField:
+    """A level face under an even pressure."""
+    force_n = pressure_kpa * np.pi * radius_mm**2 / MN_PER_N
+    return replace(raised_face(radius_mm, 0.0), pressure_kpa=np.full(9, pressure_kpa), force_n=force_n)
 
 
 def hertz_dent(

@@ -9,13 +9,14 @@ import numpy as np
 from tsis.imaging.render import render
 from tsis.imaging.sensor import Sensor, expose
 from tsis.mechanics import Resolution, press, press_solid
-from tsis.model import Calibration, LightMap, Probe, TactileImage, check
+from tsis.model import Calibration, Probe, TactileImage, check
+from tsis.optics import Irradiance, irradiance
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.imaging.contact_light import ContactModel
-    from tsis.model import Phantom, PressField, PressMap
+    from tsis.model import LightMap, Phantom, PressField, PressMap
 
 # Finer and of another order than the mesh inside the estimator, so that an estimate is never checked by itself.
 FINE = Resolution(order=6, edge=0.006, growth=1.9, largest=0.17, below_cells=4, ray_layers=6)
@@ -39,7 +40,8 @@ class VirtualProbe:
     sensor
         The camera.
     light
-        Light that reaches the face from inside; even light when None.
+        Light that reaches the face from inside: traced for this probe when None, which takes some seconds once;
+        `LightMap.uniform` for even light.
     calibration
         Answer of grey level to pressure as the laboratory believes it, with the sizes of the errors; by default it
         knows the light.
@@ -64,7 +66,7 @@ class VirtualProbe:
         *,
         rng: np.random.Generator,
         sensor: Sensor | None = None,
-        light: LightMap | None = None,
+        light: Irradiance | LightMap | None = None,
         calibration: Calibration | None = None,
         contact_model: ContactModel | str = "rough",
         resolution: Resolution = FINE,
@@ -73,8 +75,8 @@ class VirtualProbe:
         check.kind("rng", rng, np.random.Generator)
         self.probe = probe
         self.sensor = sensor or Sensor()
-        self.light_map = LightMap.uniform() if light is None else light
-        self.calibration = calibration or nominal_calibration(self.sensor, self.light_map)
+        self._light = irradiance(probe) if light is None else light
+        self.calibration = calibration or nominal_calibration(self.sensor, self._light)
         self._contact_model = contact_model
         self._rng = rng
         self._resolution = resolution
@@ -111,9 +113,10 @@ class VirtualProbe:
         """Light of the press by the model that can describe it; three dimensions only where they are needed."""
 
         def seen(field: PressField | PressMap) -> NDArray[np.float64]:
-            return render(
-                field, self.sensor, self.calibration, contact_model=self._contact_model, light=self.light_map
-            )
+            falling, known = self._light, self.calibration
+            if isinstance(falling, Irradiance):
+                falling = falling.on(field, saturation_kpa=known.saturation_kpa)
+            return render(field, self.sensor, known, contact_model=self._contact_model, light=falling)
 
         if phantom.is_axisymmetric:
             return seen(press(self.probe, phantom, force_n=force_n, resolution=self._resolution))
@@ -146,17 +149,19 @@ class VirtualProbe:
         )
 
 
-def nominal_calibration(sensor: Sensor, light: LightMap | None = None) -> Calibration:
-    """The default answer of grey level to pressure, under light that the laboratory knows; even light when None.
+def nominal_calibration(sensor: Sensor, light: Irradiance | LightMap | None = None) -> Calibration:
+    """The default answer of grey level to pressure: 1 N on soft tissue fills half of the scale where it is brightest.
 
-    Where the light is 1, 1 N on soft tissue fills half of the scale.
+    The laboratory knows the light, but of traced light only what holds to first order in the slope of the face.
     """
+    known = light.near_undented() if isinstance(light, Irradiance) else light
+    brightest = 1.0 if known is None else float(known.relative.max())
     return Calibration(
         name="virtual probe, nominal",
-        gain_grey_per_kpa=60.0 * sensor.full_scale / 255.0,
+        gain_grey_per_kpa=60.0 / brightest * sensor.full_scale / 255.0,
         saturation_kpa=20.0,
         background_grey=sensor.background_grey,
-        light=light,
+        light=known,
         read_noise_grey=sensor.read_noise_grey,
         shot_noise_grey=sensor.shot_noise_grey,
     )
