@@ -28,6 +28,7 @@ PROBE = tsis.load_probe("tsis-2011")
 ANSWER = Calibration(gain_grey_per_kpa=60.0, saturation_kpa=20.0)
 PRIOR = InclusionPrior()
 PHANTOM = tsis.load_phantom("hardness-100")
+LEVEL = np.linspace(2.0, 0.5, 20)
 SHADING = RingShading(growth_per_mm=np.linspace(-0.3, 0.2, 20), flux=np.linspace(0.0, 2.0, 20))
 INCLUSIONS = np.array([[10.0, 5.0, 100.0], [3.0, 8.0, 60.0], [14.0, 4.5, 45.0], [1.5, 11.0, 119.0]])
 
@@ -35,7 +36,8 @@ INCLUSIONS = np.array([[10.0, 5.0, 100.0], [3.0, 8.0, 60.0], [14.0, 4.5, 45.0], 
 @pytest.fixture
 def model(surrogate: PressSurrogate) -> ForwardModel:
     return ForwardModel(
-        rings=ring_answers(surrogate, ring_edges(PROBE)),
+        rings=ring_answers(surrogate, ring_edges(PROBE), LEVEL),
+        level=LEVEL,
         shading=SHADING,
         calibration=ANSWER,
         prior=PRIOR,
@@ -48,7 +50,7 @@ def model(surrogate: PressSurrogate) -> ForwardModel:
 def data(model: ForwardModel) -> Profiles:
     """Profiles of the first inclusion with errors, some rings of which cannot be used."""
     rng = np.random.default_rng(5)
-    grey = model.profiles(INCLUSIONS[:1], np.zeros(10))[0][0]
+    grey = model.profiles(INCLUSIONS[:1], np.zeros(13))[0][0]
     usable = np.ones(grey.shape, dtype=bool)
     usable[0, 3] = usable[2, 17:] = False
     return Profiles(
@@ -83,7 +85,7 @@ def test_noise_covariance(data: Profiles) -> None:
 def test_evidence_is_the_dense_normal_density(model: ForwardModel, data: Profiles, seed: int | None) -> None:
     """Up to a constant, with covariance N + J P J' around the linearised profiles."""
     likelihood = Likelihood(model, data)
-    mean_grey = np.array([row[use].mean() for row, use in zip(data.grey, data.usable, strict=True)])
+    mean_grey = np.array([row[use].mean() for row, use in zip(data.grey * LEVEL, data.usable, strict=True)])
     sd = model.nuisance_sd(mean_grey)
     at = np.zeros(len(sd)) if seed is None else sd * np.random.default_rng(seed).standard_normal(len(sd))
     found = likelihood(INCLUSIONS, at)
@@ -104,7 +106,7 @@ def test_evidence_is_the_dense_normal_density(model: ForwardModel, data: Profile
 
 def test_best_nuisances_and_misfit_minimise_the_penalised_squares(model: ForwardModel, data: Profiles) -> None:
     likelihood = Likelihood(model, data)
-    sd = model.nuisance_sd(np.array([row[use].mean() for row, use in zip(data.grey, data.usable, strict=True)]))
+    sd = model.nuisance_sd(np.array([row[use].mean() for row, use in zip(data.grey * LEVEL, data.usable, strict=True)]))
     fit = likelihood(INCLUSIONS[:1], np.zeros(len(sd)))
     use = np.flatnonzero(data.usable.ravel())
     grey, slopes = model.profiles(INCLUSIONS[:1], np.zeros(len(sd)))
@@ -125,17 +127,17 @@ def test_a_nuisance_that_is_known_exactly(surrogate: PressSurrogate, model: Forw
     """A standard deviation of zero is the limit of a small one."""
     fits = []
     for sd in (0.0, 1e-7):
-        answer = replace(ANSWER, gain_sd=sd, force_sd=sd, offset_sd=sd, site_sd=sd)
-        fits.append(Likelihood(replace(model, calibration=answer), data)(INCLUSIONS, np.zeros(10)))
+        answer = replace(ANSWER, gain_sd=sd, force_sd=sd, offset_sd=sd, site_sd=sd, shading_sd=sd)
+        fits.append(Likelihood(replace(model, calibration=answer), data)(INCLUSIONS, np.zeros(13)))
     exact, nearly = fits
     np.testing.assert_allclose(exact.misfit, nearly.misfit, rtol=1e-4)
-    assert not exact.nuisance[:, [0, 3, 4, 5, 6, 7, 8, 9]].any()
+    assert not exact.nuisance[:, [0, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12]].any()
 
 
-@pytest.mark.parametrize("place", range(10))
+@pytest.mark.parametrize("place", range(13))
 def test_slopes_are_derivatives(model: ForwardModel, place: int) -> None:
-    at = 0.01 * np.random.default_rng(3).standard_normal(10)
-    step = np.zeros(10)
+    at = 0.01 * np.random.default_rng(3).standard_normal(13)
+    step = np.zeros(13)
     step[place] = 1e-3
     low, high = (model.profiles(INCLUSIONS, at + sign * step)[0] for sign in (-1, 1))
     found = model.profiles(INCLUSIONS, at)[1][..., place]
@@ -145,7 +147,7 @@ def test_slopes_are_derivatives(model: ForwardModel, place: int) -> None:
 
 
 def test_profiles_without_nuisances_are_the_response_to_the_surrogates_press(model: ForwardModel) -> None:
-    grey, _ = model.profiles(INCLUSIONS, np.zeros(10))
+    grey, _ = model.profiles(INCLUSIONS, np.zeros(13))
     at = model.rings.at_tissue(PRIOR.tissue_young_kpa, PRIOR.thickness_mm)
 
     def expected(answers: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -164,7 +166,7 @@ def test_profiles_without_nuisances_are_the_response_to_the_surrogates_press(mod
 
 def test_slopes_of_the_rings_are_those_of_a_press(surrogate: PressSurrogate) -> None:
     field = press(PROBE, PHANTOM, force_n=1.0)
-    at = ring_answers(surrogate, ring_edges(PROBE)).at_tissue(PHANTOM.young_kpa, PHANTOM.thickness_mm)
+    at = ring_answers(surrogate, ring_edges(PROBE), np.ones(20)).at_tissue(PHANTOM.young_kpa, PHANTOM.thickness_mm)
     found = at(np.array([10.0]), np.array([5.0]), np.array([100.0]))[0, 40:]
     edges = ring_edges(PROBE)
     rise = np.diff(np.interp(edges, field.radius_mm, field.face_displacement_mm)) / np.diff(edges)
@@ -176,3 +178,9 @@ def test_ring_means_are_means_over_the_rings_area(surrogate: PressSurrogate) -> 
     # r over a ring: 2 (b**3 - a**3) / (3 (b**2 - a**2)).
     np.testing.assert_allclose(matrix @ surrogate.radius_mm, [2.0, 2 * (8.0**3 - 3.0**3) / (3 * 55.0)], rtol=1e-9)
     np.testing.assert_allclose(matrix.sum(axis=1), 1.0, rtol=1e-12)
+    # Light that grows as 4 + r between the rings' middles, 1.5 and 5.5 mm, and stays as it is beyond.
+    level = np.array([5.5, 9.5])
+    r = np.linspace(3.0, 8.0, 200_001)
+    weight = r * np.interp(r, [1.5, 5.5], level)
+    lit = ring_means(surrogate, np.array([0.0, 3.0, 8.0]), level) @ surrogate.radius_mm
+    assert lit[1] == pytest.approx((weight * r).sum() / weight.sum(), rel=2e-3)

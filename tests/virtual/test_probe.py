@@ -26,7 +26,13 @@ LUMP = tsis.load_phantom("hardness-100")
 COARSE = Resolution(order=3, edge=0.05, growth=2.2, largest=0.3)
 SMALL = Sensor(columns=96, rows=64, mm_per_pixel=(0.25, 0.28))
 IDEAL = replace(
-    nominal_calibration(SMALL), gain_sd=0.0, force_sd=0.0, offset_sd=0.0, pattern_sd=0.0, repeatability_sd=0.0
+    nominal_calibration(SMALL),
+    shading_sd=0.0,
+    gain_sd=0.0,
+    force_sd=0.0,
+    offset_sd=0.0,
+    pattern_sd=0.0,
+    repeatability_sd=0.0,
 )
 
 

@@ -1,7 +1,7 @@
 """Ring profiles of grey level as a function of inclusion and nuisances, and what is unknown about them.
 
 Nuisances, all normal with mean 0: log gain (shared), log tissue modulus, log slab thickness, log modulus of the
-reference site over the target's, and for each frame log force and a constant offset.
+reference site over the target's, emphasis of the shading, and for each frame log force and a constant offset.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.imaging.render import rough_contact, rough_contact_slope
+from tsis.inclusion.shading import TERMS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,7 +22,8 @@ if TYPE_CHECKING:
     from tsis.mechanics import Surrogate
     from tsis.model import Calibration
 
-GAIN, TISSUE, THICKNESS, SITE, SHARED = 0, 1, 2, 3, 4
+GAIN, TISSUE, THICKNESS, SITE = 0, 1, 2, 3
+SHADE, SHARED = slice(4, 4 + TERMS), 4 + TERMS
 ANSWERS = 3  # of a press, a ring: pressure, displacement, slope
 STEP = 0.02  # of log modulus and log thickness, for derivatives
 
@@ -35,6 +37,9 @@ class ForwardModel:
     rings
         Surrogate of a press at 1 N: mean pressure in kPa of each ring, then mean displacement of the face in mm, then
         its mean slope along the radius.
+    level
+        Light that each ring sees of the untouched face, shape (rings,): stray light does not pass through the face, so
+        in grey levels over light it is a constant over this.
     shading
         What displacement and slope do to the light that each ring sees.
     calibration, prior
@@ -46,6 +51,7 @@ class ForwardModel:
     """
 
     rings: Surrogate
+    level: NDArray[np.float64]
     shading: RingShading
     calibration: Calibration
     prior: InclusionPrior
@@ -53,9 +59,15 @@ class ForwardModel:
     is_reference: NDArray[np.bool]
 
     def nuisance_sd(self, mean_grey: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Prior standard deviations of the nuisances; ``mean_grey`` (frames,) scales the offsets."""
+        """Prior standard deviations of the nuisances; ``mean_grey`` (frames,), as seen, scales the offsets."""
         known = self.calibration
-        shared = [known.gain_sd, self.prior.tissue_young_sd, self.prior.thickness_sd, known.site_sd]
+        shared = [
+            known.gain_sd,
+            self.prior.tissue_young_sd,
+            self.prior.thickness_sd,
+            known.site_sd,
+            *TERMS * [known.shading_sd],
+        ]
         forces = np.full(len(self.force_n), known.force_sd)
         return np.concatenate([shared, forces, known.offset_sd * mean_grey])
 
@@ -84,24 +96,28 @@ class ForwardModel:
         for frame in range(frames):
             unit, by_tissue, by_thickness = presses[bool(self.is_reference[frame])]
             push = self.force_n[frame] * np.exp(force[frame])
-            light, by_answer = self._light(push * unit)
+            light, by_answer, by_shade = self._light(push * unit, nuisance[SHADE])
             gain, by_answer = np.exp(nuisance[GAIN]), np.exp(nuisance[GAIN]) * push * by_answer
-            grey[:, frame] = gain * light + offset[frame]
+            grey[:, frame] = gain * light + offset[frame] / self.level
             slopes[:, frame, :, GAIN] = gain * light
             slopes[:, frame, :, TISSUE] = _along(by_answer, by_tissue)
             slopes[:, frame, :, THICKNESS] = _along(by_answer, by_thickness)
             slopes[:, frame, :, SITE] = slopes[:, frame, :, TISSUE] if self.is_reference[frame] else 0.0
+            slopes[:, frame, :, SHADE] = gain * by_shade
             slopes[:, frame, :, SHARED + frame] = _along(by_answer, unit)
-            slopes[:, frame, :, SHARED + frames + frame] = 1.0
+            slopes[:, frame, :, SHARED + frames + frame] = 1 / self.level
         return grey, slopes
 
-    def _light(self, press: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Grey levels of presses (n, 3 rings) at nominal gain, and derivatives by each answer, (n, 3 rings)."""
+    def _light(
+        self, press: NDArray[np.float64], emphasis: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Grey levels of presses (n, 3 rings) at nominal gain, and derivatives by each answer and by the emphasis."""
         pressure, displacement, slope = np.split(press, ANSWERS, axis=-1)
         contact = rough_contact(pressure, self.calibration)
-        shade, by_displacement, by_slope = self.shading(displacement, slope)
-        by_pressure = rough_contact_slope(pressure, self.calibration) * shade
-        return contact * shade, np.concatenate([by_pressure, contact * by_displacement, contact * by_slope], axis=-1)
+        shade = self.shading(displacement, slope, emphasis)
+        by_pressure = rough_contact_slope(pressure, self.calibration) * shade.factor
+        by_answer = np.concatenate([by_pressure, contact * shade.by_displacement, contact * shade.by_slope], axis=-1)
+        return contact * shade.factor, by_answer, contact[..., None] * shade.by_emphasis
 
     def _unit_press(
         self, inclusions: NDArray[np.float64], nuisance: NDArray[np.float64], *, reference: bool

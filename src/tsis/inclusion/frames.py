@@ -32,20 +32,26 @@ def ring_edges(probe: Probe) -> NDArray[np.float64]:
     return np.linspace(0.0, OUTER_SHARE * probe.radius_mm, RINGS + 1)
 
 
-def ring_means(surrogate: PressSurrogate, edges_mm: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Matrix from profiles to means over the rings' areas, shape (rings, radii of the profile)."""
+def ring_means(
+    surrogate: PressSurrogate, edges_mm: NDArray[np.float64], level: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """Matrix from profiles to means over the rings' areas, shape (rings, radii of the profile).
+
+    With the light's ``level`` in each ring the means are weighted by it, as those of grey over light are.
+    """
     x, w = np.polynomial.legendre.leggauss(6)
     half = np.diff(edges_mm) / 2
     radius = edges_mm[:-1, None] + half[:, None] * (x + 1)
-    weight = radius * w
+    middle = edges_mm[:-1] + half
+    weight = radius * w * (1.0 if level is None else np.interp(radius, middle, level))
     weight = weight / weight.sum(axis=1, keepdims=True)
     values = surrogate.interpolation(radius.ravel()).reshape(*radius.shape, -1)
     return np.asarray(np.einsum("rq,rqn->rn", weight, values))
 
 
-def ring_answers(surrogate: PressSurrogate, edges_mm: NDArray[np.float64]) -> Surrogate:
-    """Mean pressure, displacement and slope of the face in each ring, in this order."""
-    means = ring_means(surrogate, edges_mm)
+def ring_answers(surrogate: PressSurrogate, edges_mm: NDArray[np.float64], level: NDArray[np.float64]) -> Surrogate:
+    """Mean pressure, displacement and slope of the face in each ring, in this order, weighted by the light's level."""
+    means = ring_means(surrogate, edges_mm, level)
     slopes = means @ np.gradient(np.eye(len(surrogate.radius_mm)), surrogate.radius_mm, axis=0)
     face = surrogate.face_displacement_mm
     return surrogate.pressure_kpa.mapped(means).joined(face.mapped(means), face.mapped(slopes))

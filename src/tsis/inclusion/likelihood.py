@@ -56,7 +56,10 @@ class Likelihood:
         self._grey = data.grey.ravel()[self._use]
         # Rings without a usable pixel would give an offset of NaN; they are not used.
         means = np.array(
-            [grey[use].mean() if use.any() else 0.0 for grey, use in zip(data.grey, data.usable, strict=True)]
+            [
+                grey[use].mean() if use.any() else 0.0
+                for grey, use in zip(data.grey * model.level, data.usable, strict=True)
+            ]
         )
         self._sd = model.nuisance_sd(np.maximum(means, 1e-6))
         covariance = noise_covariance(data, model.calibration).reshape(data.grey.size, data.grey.size)

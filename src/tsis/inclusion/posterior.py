@@ -133,7 +133,8 @@ def likelihood_of(
     light = ring_light(frames[0], calibration, edges)
     data = ring_profiles(frames, calibration, edges, light=light.level, model_error=surrogate.error)
     model = ForwardModel(
-        rings=ring_answers(surrogate, edges),
+        rings=ring_answers(surrogate, edges, light.level),
+        level=light.level,
         shading=light.shading,
         calibration=calibration,
         prior=prior,

@@ -10,16 +10,21 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+TERMS = 3  # of the emphasis along the radius
+DARKEST = 1e-3  # light on a flank that the lamps do not reach, over that on the level face
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RingShading:
-    """Factor ``exp(growth u) (1 + flux u')`` of each ring's light, for a round press with displacement u.
+    """Factor ``(exp(growth u) (1 + flux u'))^(1 + emphasis)`` of each ring's light, for a round press.
+
+    The face is displaced by u. The emphasis is the error in what is known of this factor, 0 when that is exact: a
+    parabola along the radius, because what is wrong in a map of light is not wrong in the same way everywhere.
 
     Attributes
     ----------
     growth_per_mm
         Growth of the light with the displacement, weighted by the light, shape (rings,).
-
     flux
         Power travelling outwards over the power travelling into the face, weighted by the light, shape (rings,).
     """
@@ -28,9 +33,27 @@ class RingShading:
     flux: NDArray[np.float64]
 
     def __call__(
-        self, displacement_mm: NDArray[np.float64], slope: NDArray[np.float64]
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """The factor and its derivatives by displacement and by slope, each of the arguments' shape (n, rings)."""
-        grown = np.exp(self.growth_per_mm * displacement_mm)
-        factor = grown * (1 + self.flux * slope)
-        return factor, self.growth_per_mm * factor, grown * self.flux
+        self, displacement_mm: NDArray[np.float64], slope: NDArray[np.float64], emphasis: NDArray[np.float64]
+    ) -> Shade:
+        """Evaluate displacements and slopes (n, rings) with Legendre coefficients (`TERMS`,) of the emphasis."""
+        parabolas = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, len(self.flux)), TERMS - 1)
+        power = 1 + parabolas @ emphasis
+        tilt = np.maximum(1 + self.flux * slope, DARKEST)
+        logarithm = self.growth_per_mm * displacement_mm + np.log(tilt)
+        factor = np.exp(power * logarithm)
+        return Shade(
+            factor=factor,
+            by_displacement=power * factor * self.growth_per_mm,
+            by_slope=power * factor * self.flux / tilt,
+            by_emphasis=(factor * logarithm)[..., None] * parabolas,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Shade:
+    """The factor and its derivatives by displacement and slope, (n, rings), and by the emphasis, (n, rings, terms)."""
+
+    factor: NDArray[np.float64]
+    by_displacement: NDArray[np.float64]
+    by_slope: NDArray[np.float64]
+    by_emphasis: NDArray[np.float64]

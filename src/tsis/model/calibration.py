@@ -36,6 +36,8 @@ class Calibration:
         Relative standard deviation of the fixed pattern that all frames of this probe share.
     repeatability_sd
         Relative standard deviation of a profile bin from press to press.
+    shading_sd
+        Relative standard deviation of what displacement and slope of the face are known to do to the light.
     site_sd
         Relative standard deviation of the tissue's modulus between the reference site and the target's.
     read_noise_grey
@@ -55,6 +57,7 @@ class Calibration:
     offset_sd: float = 0.01
     pattern_sd: float = 0.002
     repeatability_sd: float = 0.0005
+    shading_sd: float = 0.2
     site_sd: float = 0.03
     read_noise_grey: float = 1.0
     shot_noise_grey: float = 0.025
@@ -67,7 +70,7 @@ class Calibration:
         check.number("background_grey", self.background_grey, 0.0, 65535.0)
         if self.light is not None and not isinstance(self.light, LightMap):
             raise InputError(f"light must be a LightMap or None; got {self.light!r:.80}")
-        for name in ("gain_sd", "force_sd", "offset_sd", "pattern_sd", "repeatability_sd", "site_sd"):
+        for name in ("gain_sd", "force_sd", "offset_sd", "pattern_sd", "repeatability_sd", "shading_sd", "site_sd"):
             check.number(name, getattr(self, name), 0.0, 1.0, hint="a share of one")
         check.number("read_noise_grey", self.read_noise_grey, 0.0, 1e4)
         check.number("shot_noise_grey", self.shot_noise_grey, 0.0, 1e4)

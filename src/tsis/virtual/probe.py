@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 # Finer and of another order than the mesh inside the estimator, so that an estimate is never checked by itself.
 FINE = Resolution(order=6, edge=0.006, growth=1.9, largest=0.17, below_cells=4, ray_layers=6)
 LARGEST_FORCE_N = 20.0  # commanded; the press itself takes more, so that no drawn error runs into its limit
+DARKEST = 0.02  # of the mean light
 GRAIN_MM = 0.5  # spacing of the radii at which patterns are drawn
 
 
@@ -81,6 +83,7 @@ class VirtualProbe:
         self._rng = rng
         self._resolution = resolution
         self._gain = 1 + self.calibration.gain_sd * rng.standard_normal()
+        self._emphasis = self.calibration.shading_sd * rng.standard_normal()
         self._pattern = self._ring_pattern(self.calibration.pattern_sd)
 
     def press(self, phantom: Phantom, *, force_n: float) -> TactileImage:
@@ -113,10 +116,9 @@ class VirtualProbe:
         """Light of the press by the model that can describe it; three dimensions only where they are needed."""
 
         def seen(field: PressField | PressMap) -> NDArray[np.float64]:
-            falling, known = self._light, self.calibration
-            if isinstance(falling, Irradiance):
-                falling = falling.on(field, saturation_kpa=known.saturation_kpa)
-            return render(field, self.sensor, known, contact_model=self._contact_model, light=falling)
+            return render(
+                field, self.sensor, self.calibration, contact_model=self._contact_model, light=self._falling(field)
+            )
 
         if phantom.is_axisymmetric:
             return seen(press(self.probe, phantom, force_n=force_n, resolution=self._resolution))
@@ -125,6 +127,15 @@ class VirtualProbe:
         plain = press(self.probe, phantom.without_inclusion(), force_n=force_n, resolution=self._resolution)
         change = seen(found) - seen(plain.on_grid(found.x_mm, found.y_mm))
         return np.maximum(seen(plain) + change, 0.0)
+
+    def _falling(self, field: PressField | PressMap) -> LightMap:
+        """Light on the face of a press; the lamps of this probe make a little more or less of a dent than is known."""
+        if not isinstance(self._light, Irradiance):
+            return self._light
+        lit = self._light.on(field, saturation_kpa=self.calibration.saturation_kpa)
+        # Beyond the rim the map may be dark, where a ratio says nothing.
+        dented, undented = (np.maximum(part, DARKEST) for part in (lit.relative, self._light.at(lit.x_mm, lit.y_mm)))
+        return replace(lit, relative=lit.relative * (dented / undented) ** self._emphasis)
 
     def _ring_pattern(self, sd: float) -> NDArray[np.float64]:
         """Factor near one that varies with the radius with standard deviation ``sd``; ring means by 0.9 of it."""
