@@ -2,22 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numba import njit
+
+from tsis.optics.compiled import compiled
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import NDArray
-
-Loop = TypeVar("Loop", bound="Callable[..., Any]")
-
-
-def compiled(loop: Loop) -> Loop:
-    """Compile at the first call and keep the code on disk."""
-    return cast("Loop", njit(cache=True)(loop))
 
 
 @compiled

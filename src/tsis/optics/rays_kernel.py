@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from tsis.optics.rays_compiled import compiled, inlined
+from tsis.optics.compiled import fused, inlined
 from tsis.optics.rays_emission import STRIDES, emitted, scrambled, unit
 from tsis.optics.rays_meeting import WALL, index_behind, mirrored, next_meeting, reflectance, refracted, stand_at
 from tsis.optics.rays_surface import contact_share, height_and_slopes
@@ -42,7 +42,7 @@ class Record(NamedTuple):
     path: NDArray[np.float64]
 
 
-@compiled
+@fused
 def trace_batch(scene: Scene, lamps: Lamps, seed: int, batch: int, rays: int, record: Record) -> None:
     """Trace ``rays`` rays of every lamp, which start at the points of an even sequence that ``seed`` shifts."""
     key = scrambled(np.uint64(scrambled(np.uint64(seed)) + np.uint64(batch)))

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from tsis.optics.rays_compiled import compiled, inlined
+from tsis.optics.compiled import fused, inlined
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -115,7 +115,7 @@ def way_to_surface(
     return way if way < limit else np.inf
 
 
-@compiled
+@fused
 def _way_to_curved(
     face: Heights,
     level: float,
@@ -156,7 +156,7 @@ def _way_to_curved(
     return np.inf
 
 
-@compiled
+@fused
 def _crossing(
     face: Heights,
     level: float,
