@@ -10,13 +10,14 @@ import numpy as np
 import typer
 
 from tsis.cli.calibration_file import calibration_document
-from tsis.cli.console_output import Outcome, publish
+from tsis.cli.console_output import Outcome, progress_bar, publish
 from tsis.cli.estimate_output import estimate_table, estimate_with_progress
 from tsis.cli.targets import AsJson, DepthMm, DiameterMm, ForceN, PhantomName, ProbeName, YoungKpa, chosen_phantom
 from tsis.inclusion import PARAMETERS, InclusionPrior, ring_edges
 from tsis.instrument import png_bytes
 from tsis.model import load_probe
 from tsis.model.errors import InputError
+from tsis.optics import irradiance
 from tsis.report import inclusion_report
 from tsis.report.document import envelope, estimate_document, json_bytes
 from tsis.virtual import VirtualProbe
@@ -47,7 +48,9 @@ def demo(
     target = chosen_phantom(phantom, diameter_mm, depth_mm, young_kpa)
     truth = _truth(target)
     chosen, prior = load_probe(probe), InclusionPrior()
-    virtual = VirtualProbe(chosen, rng=np.random.default_rng(seed))
+    with progress_bar("tracing the light of the lamps") as advance:
+        light = irradiance(chosen, progress=advance)
+    virtual = VirtualProbe(chosen, rng=np.random.default_rng(seed), light=light)
     untouched = virtual.no_contact()
     reference = virtual.press(target.without_inclusion(), force_n=force_n)
     image = virtual.press(target, force_n=force_n)
