@@ -28,10 +28,9 @@ from rich.table import Table
 from scipy.special import erfinv
 
 import tsis
-from tsis import PressField
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.model.press import MN_PER_N
 from tsis.optics import trace_rays
+from tsis.optics.rays_face import raised_face, touched_face
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -106,7 +105,7 @@ def lighting(probe: Probe, *, rays: float, seed: int) -> Lighting:
     saturation, pressure = 1.0, 2 / np.sqrt(np.pi) * float(erfinv(TOUCHED_SHARE))
     found, raised, touched = (
         trace_rays(probe, pressed, rays=rays, seed=seed, saturation_kpa=saturation)
-        for pressed in (None, _even(probe, displacement_mm=RAISED_MM), _even(probe, pressure_kpa=pressure))
+        for pressed in (None, raised_face(probe.radius_mm, RAISED_MM), touched_face(probe.radius_mm, pressure))
     )
     radius = np.hypot(found.x_mm, found.y_mm[:, None])
     inner = radius < INNER * probe.radius_mm
@@ -128,19 +127,6 @@ def lighting(probe: Probe, *, rays: float, seed: int) -> Lighting:
         growth_per_mm=float(np.sqrt((growth**2).mean())),
         depletion=float((found.arriving.sum() / touched.arriving.sum() - 1) / TOUCHED_SHARE),
         reaching=float(found.arriving.sum()),
-    )
-
-
-def _even(probe: Probe, *, displacement_mm: float = 0.0, pressure_kpa: float = 0.0) -> PressField:
-    """The whole face displaced or touched evenly."""
-    radius = np.linspace(0.0, probe.radius_mm, 9)
-    one = np.ones_like(radius)
-    return PressField(
-        radius_mm=radius,
-        face_displacement_mm=displacement_mm * one,
-        pressure_kpa=pressure_kpa * one,
-        approach_mm=displacement_mm,
-        force_n=pressure_kpa * np.pi * probe.radius_mm**2 / MN_PER_N,
     )
 
 
