@@ -128,18 +128,16 @@ class Site:
         return [read(image, self.strong_reference, against=against, calibration=calibration) for image in self.strong]
 
 
-def exposed(virtual: VirtualProbe, rng: np.random.Generator) -> VirtualProbe:
-    """The same probe with the exposure set for the best lit place of its face, which else clips in uneven light."""
-    light = virtual.calibration.light
-    peak = 1.0 if light is None else float(light.relative.max())
-    calibration = replace(virtual.calibration, gain_grey_per_kpa=virtual.calibration.gain_grey_per_kpa / peak)
-    return VirtualProbe(virtual.probe, rng=rng, sensor=virtual.sensor, calibration=calibration)
-
-
 def without_errors(virtual: VirtualProbe, rng: np.random.Generator) -> VirtualProbe:
     """The same probe with a steady hand and a camera without noise; it still rounds to whole grey levels."""
     steady = replace(
-        virtual.calibration, gain_sd=0.0, force_sd=0.0, offset_sd=0.0, pattern_sd=0.0, repeatability_sd=0.0
+        virtual.calibration,
+        gain_sd=0.0,
+        force_sd=0.0,
+        offset_sd=0.0,
+        pattern_sd=0.0,
+        repeatability_sd=0.0,
+        shading_sd=0.0,
     )
     quiet = replace(virtual.sensor, read_noise_grey=0.0, shot_noise_grey=0.0)
     return VirtualProbe(virtual.probe, rng=rng, sensor=quiet, calibration=steady)
@@ -150,7 +148,7 @@ def run(rng: np.random.Generator, *, presses: int = PRESSES, probe: str = "tsis-
 
     ``ideal`` leaves all of that out, so that one press is as good as many.
     """
-    virtual = exposed(VirtualProbe(tsis.load_probe(probe), rng=rng), rng)
+    virtual = VirtualProbe(tsis.load_probe(probe), rng=rng)
     virtual = without_errors(virtual, rng) if ideal else virtual
 
     def pressed(phantom: str, force_n: float) -> list[TactileImage]:

@@ -43,6 +43,7 @@ def test_outside_its_grid_it_is_the_nearest_value() -> None:
     [
         ({"relative": [[1.0, 1.0, 1.0]]}, r"shape \(2, 3\)"),
         ({"flux_x": np.zeros((3, 2))}, r"shape \(2, 3\)"),
+        ({"relative": np.zeros((2, 3))}, "relative must hold some light"),
         ({"relative": -np.ones((2, 3))}, r"relative must lie in \[0, inf\]"),
         ({"x_mm": [0.0, 0.0, 1.0]}, "x_mm must hold at least two ascending"),
         ({"growth_per_mm": np.full((2, 3), -101.0)}, "growth_per_mm must lie in"),
@@ -66,5 +67,5 @@ def test_a_calibration_file_keeps_it(tmp_path: Path) -> None:
     document = json.loads(path.read_text())
     del document["light"]["y_mm"]
     path.write_text(json.dumps(document))
-    with pytest.raises(FileInputError, match="must hold every value of light"):
+    with pytest.raises(FileInputError, match=r"light must hold just x_mm, .*; wrong: \['y_mm'\]"):
         read_calibration(path)

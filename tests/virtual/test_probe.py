@@ -170,6 +170,26 @@ def test_more_force_more_light() -> None:
     assert strong > 1.7 * weak
 
 
+@pytest.mark.parametrize(
+    ("given", "sentence"),
+    [
+        ({"light": 3}, "light must be an Irradiance, a LightMap or None; got 3"),
+        ({"sensor": 3}, "sensor must be a Sensor; got 3"),
+        ({"calibration": 3}, "calibration must be a Calibration; got 3"),
+        ({"contact_model": "ruff"}, "did you mean 'rough'"),
+    ],
+)
+def test_what_a_probe_cannot_be_made_of_is_refused(given: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(InputError, match=sentence):
+        VirtualProbe(PROBE, rng=np.random.default_rng(1), **({"light": LightMap.uniform()} | given))
+
+
+def test_light_of_another_probe_is_refused() -> None:
+    light = replace(irradiance(PROBE), radius_mm=5.0)
+    with pytest.raises(InputError, match=r"light must be that of a face of radius_mm = 12; got one of 5 \(trace it"):
+        VirtualProbe(PROBE, rng=np.random.default_rng(1), light=light)
+
+
 @pytest.mark.parametrize("force", [0.0, -1.0, 51.0, float("nan")])
 def test_a_press_needs_a_force(force: float) -> None:
     with pytest.raises(InputError, match="force_n must lie in"):

@@ -37,13 +37,23 @@ def read_calibration(path: Path) -> Calibration:
         raise FileInputError(f"{shown(path)} must hold only known values; got {unknown!r:.200}")
     try:
         if isinstance(content.get("light"), dict):
-            content["light"] = LightMap(**content["light"])
+            content["light"] = _light(content["light"], path)
         return Calibration(**content)
     except InputError as error:
         raise FileInputError(f"{shown(path)}: {error}") from error
     except TypeError as error:
-        missing = sorted({"gain_grey_per_kpa", "saturation_kpa"} - set(content)) or ["every value of light"]
+        missing = sorted({"gain_grey_per_kpa", "saturation_kpa"} - set(content))
         raise FileInputError(f"{shown(path)} must hold {' and '.join(missing)}; got {sorted(content)}") from error
+
+
+def _light(content: dict[str, Any], path: Path) -> LightMap:
+    names = [field.name for field in fields(LightMap)]
+    if set(content) != set(names):
+        wrong = sorted(set(content) ^ set(names))
+        raise FileInputError(
+            f"{shown(path)}: light must hold {', '.join(names)} and nothing else; wrong: {wrong!r:.200}"
+        )
+    return LightMap(**content)
 
 
 def _read_object(path: Path) -> dict[str, Any]:

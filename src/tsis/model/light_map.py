@@ -15,6 +15,7 @@ from tsis.model.press import ascending
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+FASTEST_GROWTH = 10.0  # e-folds a mm; lamps make a tenth of that
 FIELDS = ("relative", "flux_x", "flux_y", "growth_per_mm")
 
 
@@ -68,7 +69,9 @@ class LightMap:
                 raise InputError(f"{name} must have the shape {shape} of y_mm and x_mm; got {values.shape}")
             object.__setattr__(self, name, values)
         check.number("relative", float(self.relative.min()), 0.0, np.inf)
-        check.number("growth_per_mm", float(np.abs(self.growth_per_mm).max()), 0.0, 100.0, hint="either sign")
+        if self.relative.max() == 0:
+            raise InputError("relative must hold some light; got zeros alone")
+        check.number("growth_per_mm", float(np.abs(self.growth_per_mm).max()), 0.0, FASTEST_GROWTH, hint="either sign")
         check.number("error", self.error, 0.0, np.inf)
 
     def __eq__(self, other: object) -> bool:

@@ -7,17 +7,19 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tsis.imaging.contact_light import named_model
 from tsis.imaging.render import render
 from tsis.imaging.sensor import Sensor, expose
 from tsis.mechanics import Resolution, press, press_solid
-from tsis.model import Calibration, Probe, TactileImage, check
+from tsis.model import Calibration, LightMap, Probe, TactileImage, check
+from tsis.model.errors import InputError
 from tsis.optics import Irradiance, irradiance
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.imaging.contact_light import ContactModel
-    from tsis.model import LightMap, Phantom, PressField, PressMap
+    from tsis.model import Phantom, PressField, PressMap
 
 # Finer and of another order than the mesh inside the estimator, so that an estimate is never checked by itself.
 FINE = Resolution(order=6, edge=0.006, growth=1.9, largest=0.17, below_cells=4, ray_layers=6)
@@ -76,10 +78,12 @@ class VirtualProbe:
         check.kind("probe", probe, Probe)
         check.kind("rng", rng, np.random.Generator)
         self.probe = probe
-        self.sensor = sensor or Sensor()
-        self._light = irradiance(probe) if light is None else light
-        self.calibration = calibration or nominal_calibration(self.sensor, self._light)
-        self._contact_model = contact_model
+        self.sensor = Sensor() if sensor is None else sensor
+        check.kind("sensor", self.sensor, Sensor)
+        self._light = irradiance(probe) if light is None else _checked_light(light, probe)
+        self.calibration = nominal_calibration(self.sensor, self._light) if calibration is None else calibration
+        check.kind("calibration", self.calibration, Calibration)
+        self._contact_model = named_model(contact_model)
         self._rng = rng
         self._resolution = resolution
         self._gain = 1 + self.calibration.gain_sd * rng.standard_normal()
@@ -158,6 +162,17 @@ class VirtualProbe:
             name=name,
             settings={"source": "virtual", "probe": self.probe.name},
         )
+
+
+def _checked_light(light: Irradiance | LightMap, probe: Probe) -> Irradiance | LightMap:
+    if not isinstance(light, Irradiance | LightMap):
+        raise InputError(f"light must be an Irradiance, a LightMap or None; got {light!r:.80}")
+    if isinstance(light, Irradiance) and not np.isclose(light.radius_mm, probe.radius_mm):
+        raise InputError(
+            f"light must be that of a face of radius_mm = {probe.radius_mm:g}; got one of {light.radius_mm:g} "
+            "(trace it for this probe: irradiance(probe))"
+        )
+    return light
 
 
 def nominal_calibration(sensor: Sensor, light: Irradiance | LightMap | None = None) -> Calibration:
