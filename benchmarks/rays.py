@@ -179,8 +179,7 @@ def agreements(rays: float) -> Iterator[tuple[Agreement, NDArray[np.float64]]]:
         model, _ = leaving(light[probe.name], pressed, saturation_kpa=20.0, bins=BINS)
         inside = np.hypot(found.x_mm, found.y_mm[:, None]) < INNER * probe.radius_mm
         bins = inside & (found.coupled > TOUCHED * found.coupled[inside].max())
-        spread = found.batches[:, 4].std(axis=0, ddof=1) / np.sqrt(len(found.batches))
-        noise = np.sqrt(np.mean((spread[bins] / found.coupled[bins]) ** 2))
+        noise = np.sqrt(np.mean((found.coupled_error[bins] / found.coupled[bins]) ** 2))
         error = model[bins] / found.coupled[bins] - 1
         near = light[probe.name].near_undented()
         linear = leaving(light[probe.name], pressed, saturation_kpa=20.0, bins=BINS, by=near)[0][bins]

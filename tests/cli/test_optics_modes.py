@@ -38,9 +38,12 @@ def test_real_indices_take_everything_in_and_say_so(run_tsis: RunTsis) -> None:
 
 
 def test_a_lamp_before_the_glass_never_senses(run_tsis: RunTsis) -> None:
-    assert "never reaches the face: aim or place it" in words(run_tsis("optics", "angles", "--height-mm", "11.5").out)
-    assert "aim or place it" not in words(run_tsis("optics", "angles", "--height-mm", "11.5", "--aim-deg", "40").out)
-    assert json.loads(run_tsis("optics", "angles", "--height-mm", "11.5", "--json").out)["leds"][0]["layer"] == 3
+    narrow = ("optics", "angles", "--height-mm", "11.5", "--half-angle-deg", "15", "--aim-deg")
+    assert "never reaches the face: aim or place it" in words(run_tsis(*narrow, "0").out)
+    assert "aim or place it" not in words(run_tsis(*narrow, "40").out)
+    found = json.loads(run_tsis(*narrow, "0", "--json").out)
+    assert found["leds"][0]["layer"] == 3
+    assert found["probe"]["name"] == "tsis-2011 (lamps changed)"
 
 
 @pytest.mark.parametrize(("polarization", "preset"), [("TE", "realistic"), ("TM", "dissertation")])

@@ -46,6 +46,7 @@ def test_lamps_can_be_moved(run_tsis: RunTsis) -> None:
     found = json.loads(run_tsis("optics", "trace", "--rays", "4000", *lamps, "--json").out)
     assert all(led["height_mm"] == 11.5 and led["aim_deg"] == -5 for led in found["probe"]["leds"])
     assert found["out_of_reach"] > 0.7, "most of it entered the glass"
+    assert found["probe"]["name"] == "tsis-2011 (lamps changed)"
 
 
 @pytest.mark.parametrize(
@@ -55,7 +56,8 @@ def test_lamps_can_be_moved(run_tsis: RunTsis) -> None:
         (("--tip-radius-mm", "10", "--force-n", "1", "--depth-mm", "1"), "must be given, not both"),
         (("--tip-radius-mm", "10", "--depth-mm", "11"), "depth_mm must lie in"),
         (("--tip-radius-mm", "10", "--force-n", "40"), "choose a force below"),
-        (("--rays", "nan"), "rays must lie in"),
+        (("--rays", "nan"), "rays must be a whole number"),
+        (("--rays", "10"), "rays must lie in"),
         (("--half-angle-deg", "95"), "half_angle_deg must lie in"),
         (("--probe", "tsis-2012"), "did you mean"),
     ],

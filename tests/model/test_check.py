@@ -39,6 +39,35 @@ def test_every_kind_of_real_number_becomes_a_float(value: object) -> None:
     assert type(check.number("force_n", value, 0.0, 1.0)) is float
 
 
+@given(st.integers(), st.integers(), st.integers())
+def test_a_whole_number_keeps_all_its_digits(value: int, one: int, other: int) -> None:
+    low, high = sorted((one, other))
+    if low <= value <= high:
+        assert check.whole("seed", value, low, high) == value
+    else:
+        with pytest.raises(InputError, match=r"^seed must lie in \[.*\]; got "):
+            check.whole("seed", value, low, high)
+
+
+@pytest.mark.parametrize("value", [7, 7.0, np.int32(7), np.float32(7), np.uint64(7)])
+def test_every_kind_of_whole_number_becomes_an_int(value: object) -> None:
+    found = check.whole("bins", value, 1, 256)
+    assert type(found) is int
+    assert found == 7
+
+
+@pytest.mark.parametrize("value", [True, None, "1", [1], 1j, 0.5, 1.9, np.float32(2.5), math.nan, math.inf])
+def test_only_whole_numbers_are_whole(value: object) -> None:
+    with pytest.raises(InputError, match=r"^bins must be a whole number; got .* \(of each side\)$"):
+        check.whole("bins", value, 1, 256, hint="of each side")
+
+
+@pytest.mark.parametrize("value", [10**400, -(10**400), 2**63, 1e300, np.uint64(2**64 - 1)])
+def test_a_whole_number_out_of_range_is_refused_whatever_its_size(value: Any) -> None:
+    with pytest.raises(InputError, match=r"^seed must lie in \[0, 9.22337e\+18\]; got "):
+        check.whole("seed", value, 0, 2**63 - 1)
+
+
 def test_the_hint_follows_the_value() -> None:
     with pytest.raises(InputError, match=r"^depth_mm must lie in \[0, 28\]; got 31 \(millimetres\)$"):
         check.number("depth_mm", 31.0, 0.0, 28.0, hint="millimetres")

@@ -36,7 +36,7 @@ def test_it_predicts_what_leaves_a_dent_that_no_fit_has_seen(light: Irradiance) 
     model, _ = leaving(light, dent, saturation_kpa=20.0, bins=24)
     touched = traced.coupled > 0.3 * traced.coupled.max()
     error = model[touched] / traced.coupled[touched] - 1
-    noise = traced.batches[:, 4].std(axis=0, ddof=1)[touched] / np.sqrt(32) / traced.coupled[touched]
+    noise = traced.coupled_error[touched] / traced.coupled[touched]
     assert abs(error.mean()) < 0.04
     assert np.sqrt((error**2).mean() - (noise**2).mean()) < 0.05
     # What it is good for: even light without tilt is wrong by much more.
@@ -142,6 +142,8 @@ def test_a_probe_in_the_dark_is_refused() -> None:
     [
         ({"probe": None}, "probe must be a Probe"),
         ({"rays": 10}, "rays must lie in"),
+        ({"rays": 1e5 + 0.5}, "rays must be a whole number"),
+        ({"seed": 0.5}, "seed must be a whole number"),
         ({"seed": -1}, "seed must lie in"),
     ],
 )

@@ -59,7 +59,7 @@ def test_a_dent_into_the_plate_is_refused() -> None:
         interfaces_um(GUIDE, Dent(depth_um=9.5), [0.0])
 
 
-@pytest.mark.parametrize("rigid", [4, -1, 1.0, None])
+@pytest.mark.parametrize("rigid", [4, -1, 1.5, None])
 def test_a_guide_without_a_soft_layer_is_refused(rigid: Any) -> None:
     with pytest.raises(InputError, match="for a layer must yield"):
         ThinGuide(index=GUIDE.index, thickness_um=GUIDE.thickness_um, rigid_layers=rigid)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from tsis import Glass, Layer, Led, PressField, Probe, load_probe
 from tsis.model.errors import InputError
 from tsis.model.light import FOUR_LEDS
-from tsis.optics import trace_rays
+from tsis.optics import trace_paths, trace_rays
 from tsis.optics.rays_face import hertz_dent, raised_face
 
 PROBE = replace(load_probe("tsis-2011"), leds=FOUR_LEDS)  # level lamps at half height
@@ -140,9 +140,13 @@ def test_errors_shrink_with_rays() -> None:
         ({"probe": "tsis-2011"}, "probe must be a Probe"),
         ({"pressed": 3.0}, "pressed must be a PressField, a PressMap or None"),
         ({"rays": 10}, "rays must lie in"),
-        ({"rays": np.nan}, "rays must lie in"),
+        ({"rays": np.nan}, "rays must be a whole number"),
         ({"seed": -1}, "seed must lie in"),
         ({"bins": 10_000}, "bins must lie in"),
+        ({"rays": 2000.7}, "rays must be a whole number"),
+        ({"bins": 4.9}, "bins must be a whole number"),
+        ({"seed": 1.9}, "seed must be a whole number"),
+        ({"threads": 1.5}, "threads must be a whole number"),
         ({"saturation_kpa": 0.0}, "saturation_kpa must lie in"),
         ({"index_outside": 0.5}, "index_outside must lie in"),
         ({"index_outside": 1 + 1j}, "index_outside must be real"),
@@ -157,6 +161,29 @@ def test_bad_input_is_refused_in_one_sentence(given: dict[str, Any], phrase: str
         trace_rays(**({"probe": PROBE} | given))
     assert phrase in str(refused.value)
     assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("given", "phrase"),
+    [
+        ({"probe": None}, "probe must be a Probe"),
+        ({"pressed": 3.0}, "pressed must be a PressField, a PressMap or None"),
+        ({"rays": 0}, "rays must lie in"),
+        ({"rays": 2.7}, "rays must be a whole number"),
+        ({"seed": 1.9}, "seed must be a whole number"),
+        ({"lamp": 0.5}, "lamp must be a whole number"),
+        ({"lamp": 4}, "lamp must lie in [0, 3]"),
+    ],
+)
+def test_paths_that_cannot_be_followed_are_refused(given: dict[str, Any], phrase: str) -> None:
+    with pytest.raises(InputError) as refused:
+        trace_paths(**({"probe": PROBE} | given))
+    assert phrase in str(refused.value)
+
+
+def test_a_lamp_given_as_a_whole_float_is_that_lamp() -> None:
+    (one,), (other,) = (trace_paths(PROBE, rays=1, lamp=lamp) for lamp in (2, 2.0))  # type: ignore[arg-type]
+    np.testing.assert_array_equal(one, other)
 
 
 def test_a_face_pressed_outwards_is_traced_too() -> None:

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from tsis.model import Inclusion, Phantom, load_phantom
+from tsis.model import Inclusion, Phantom, Probe, load_phantom, load_probe
 
 PhantomName = Annotated[str, typer.Option("--phantom", help="Name in the catalog; tsis simulate --list shows all.")]
 ProbeName = Annotated[str, typer.Option("--probe", help="Name in the catalog; tsis simulate --list shows all.")]
@@ -15,6 +15,15 @@ ForceN = Annotated[float, typer.Option("--force-n", help="Force of the press in 
 DiameterMm = Annotated[float | None, typer.Option("--diameter-mm", help="Diameter of the inclusion instead.")]
 DepthMm = Annotated[float | None, typer.Option("--depth-mm", help="Depth of its top below the skin instead.")]
 YoungKpa = Annotated[float | None, typer.Option("--young-kpa", help="Young's modulus of the inclusion instead.")]
+HalfAngleDeg = Annotated[
+    float | None, typer.Option("--half-angle-deg", help="Half-intensity angle of all lamps instead, degrees.")
+]
+LampHeightMm = Annotated[
+    float | None, typer.Option("--height-mm", help="Height of all lamps above the face instead, mm.")
+]
+AimDeg = Annotated[
+    float | None, typer.Option("--aim-deg", help="Aim of all lamps above the horizontal instead, degrees.")
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON and nothing else.")]
 
 
@@ -32,3 +41,14 @@ def chosen_phantom(name: str, diameter_mm: float | None, depth_mm: float | None,
     )
     # A changed phantom is no longer the catalog's, so it may not carry the catalog's name alone.
     return replace(phantom, name=f"{name} (changed)", inclusion=inclusion)
+
+
+def chosen_probe(name: str, half_angle_deg: float | None, height_mm: float | None, aim_deg: float | None) -> Probe:
+    """The catalog's probe with the given values of all its lamps replaced."""
+    probe = load_probe(name)
+    changes = {"half_angle_deg": half_angle_deg, "height_mm": height_mm, "aim_deg": aim_deg}
+    given: dict[str, Any] = {what: value for what, value in changes.items() if value is not None}
+    if not given:
+        return probe
+    leds = tuple(replace(led, **given) for led in probe.leds)
+    return replace(probe, name=f"{name} (lamps changed)", leds=leds)

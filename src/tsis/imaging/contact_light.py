@@ -10,17 +10,15 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.special import erf
 
 from tsis.model import check
 from tsis.model.errors import InputError
+from tsis.optics.asperities import ERF_SLOPE, real_contact
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.model import Calibration
-
-ERF_SLOPE = np.sqrt(np.pi) / 2  # erf(0.886 x) has the slope 1 at zero
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,7 +36,7 @@ class Rough:
     ) -> NDArray[np.float64]:
         """Share of the light that leaves, in [0, 1], of the shape of the pressure; ``slope`` does not matter."""
         del slope
-        return _real_contact(pressure_kpa, saturation_kpa)
+        return real_contact(pressure_kpa, saturation_kpa)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,14 +117,10 @@ def rough_contact(pressure_kpa: NDArray[np.float64], calibration: Calibration) -
     [0.0, 5.0, 1000.0]
     """
     level = calibration.gain_grey_per_kpa * calibration.saturation_kpa
-    return level * _real_contact(pressure_kpa, calibration.saturation_kpa)
+    return level * real_contact(pressure_kpa, calibration.saturation_kpa)
 
 
 def rough_contact_slope(pressure_kpa: NDArray[np.float64], calibration: Calibration) -> NDArray[np.float64]:
     """Derivative of `rough_contact` by the pressure, grey levels per kPa."""
     exponent = -((ERF_SLOPE * pressure_kpa / calibration.saturation_kpa) ** 2)
     return np.asarray(calibration.gain_grey_per_kpa * np.exp(exponent) * (pressure_kpa >= 0), dtype=float)
-
-
-def _real_contact(pressure_kpa: NDArray[np.float64], saturation_kpa: float) -> NDArray[np.float64]:
-    return np.asarray(erf(ERF_SLOPE * np.maximum(pressure_kpa, 0.0) / saturation_kpa), dtype=float)

@@ -13,9 +13,10 @@ import numpy as np
 from scipy.ndimage import binary_erosion
 
 from tsis.imaging.contact_edge import coverage
-from tsis.imaging.contact_light import ERF_SLOPE, Smooth, named_model, rough_contact, rough_contact_slope
+from tsis.imaging.contact_light import Smooth, named_model, rough_contact, rough_contact_slope
 from tsis.imaging.pixel_loops import paint
 from tsis.model import LightMap, PressMap, check
+from tsis.optics.asperities import ERF_SLOPE
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -20,13 +20,30 @@ def number(name: str, value: object, low: float, high: float, *, hint: str = "")
     """Return ``value`` as a float when it is finite and lies in ``[low, high]``, else say why not."""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise InputError(f"{name} must be a number; got {value!r}")
-    try:
-        result = float(value)
-    except OverflowError:
-        result = math.inf
+    result = _as_float(value)
     if not math.isfinite(result) or not low <= result <= high:
         raise InputError(f"{name} must lie in [{low:g}, {high:g}]; got {result:g}" + (f" ({hint})" if hint else ""))
     return result
+
+
+def whole(name: str, value: object, low: int, high: int, *, hint: str = "") -> int:
+    """Return ``value`` as an int when it is a whole number, as 3 or 3.0 or 1e6, and lies in ``[low, high]``."""
+    ending = f" ({hint})" if hint else ""
+    # Infinity and NaN are not whole.
+    fraction = isinstance(value, (float, np.floating)) and not float(value).is_integer()
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)) or fraction:
+        raise InputError(f"{name} must be a whole number; got {value!r}{ending}")
+    result = int(value)  # not by way of a float, which would round large seeds
+    if not low <= result <= high:
+        raise InputError(f"{name} must lie in [{low:g}, {high:g}]; got {_as_float(result):g}{ending}")
+    return result
+
+
+def _as_float(value: float | np.integer[Any] | np.floating[Any]) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
 
 
 def kind(name: str, value: object, wanted: type) -> None:

@@ -11,9 +11,9 @@ from threadpoolctl import threadpool_limits
 from tsis.model import LightMap, PressField, PressMap, check
 from tsis.model.errors import InputError
 from tsis.model.press import ascending
+from tsis.optics.asperities import real_contact
 from tsis.optics.irradiance_fit import POWERS, RINGS, powers
 from tsis.optics.rays_face import face_grid, on_face, slopes
-from tsis.optics.rays_scene import real_contact
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

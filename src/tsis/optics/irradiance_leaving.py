@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tsis.optics.asperities import real_contact
 from tsis.optics.rays_face import on_face, slopes
-from tsis.optics.rays_scene import real_contact
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

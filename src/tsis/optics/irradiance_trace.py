@@ -12,11 +12,12 @@ from threadpoolctl import threadpool_limits
 from tsis.model import Probe, check, disk_cache
 from tsis.model.errors import InputError
 from tsis.optics import inputs, rays_kernel
+from tsis.optics.asperities import real_contact
 from tsis.optics.irradiance_field import Irradiance
 from tsis.optics.irradiance_fit import slope_terms, smooth, symmetries, symmetrised, watched_slopes
 from tsis.optics.irradiance_leaving import leaving
 from tsis.optics.rays_face import hertz_dent, raised_face, touched_face
-from tsis.optics.rays_scene import real_contact, scene
+from tsis.optics.rays_scene import MOST_SEED, scene
 from tsis.optics.rays_trace import trace_batches
 
 if TYPE_CHECKING:
@@ -35,7 +36,7 @@ DENTS = ((0.04, 0.4, 0.0, 0.0), (0.08, 0.6, 0.2, 0.1), (0.13, 0.8, 0.0, 0.0), (0
 SATURATION_KPA = 1.0  # the dents' peak pressure: the lift is that of nearly full contact
 BINS, NODES = 48, 49
 GROUPS = 8  # of batches, whose spread is the error
-FEWEST_RAYS, MOST_RAYS = 1e5, 1e10
+FEWEST_RAYS, MOST_RAYS = 10**5, 10**10
 
 
 def irradiance(
@@ -78,13 +79,14 @@ def irradiance(
         When a value lies outside its range or no light reaches the face.
     """
     check.kind("probe", probe, Probe)
-    rays = check.number("rays", rays, FEWEST_RAYS, MOST_RAYS)
+    rays = check.whole("rays", rays, FEWEST_RAYS, MOST_RAYS)
+    seed = check.whole("seed", seed, 0, MOST_SEED)
     medium = {
         "index_outside": inputs.refractive_index("index_outside", index_outside),
         "absorption_per_mm": check.number("absorption_per_mm", absorption_per_mm, 0.0, 10.0),
     }
     key = disk_cache.content_key(
-        {"format": FORMAT_VERSION, "probe": _optical(probe), "rays": rays, "seed": seed, **medium}
+        {"format": FORMAT_VERSION, "probe": _optical(probe), "rays": float(rays), "seed": seed, **medium}
     )
     stored = disk_cache.read("irradiance", key) if cached else None
     if stored is not None:

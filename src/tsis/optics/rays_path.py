@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.model import Probe, check
+from tsis.model import check
 from tsis.optics import rays_kernel
 from tsis.optics.rays_emission import emitted, lamps
-from tsis.optics.rays_scene import scene
+from tsis.optics.rays_scene import MOST_SEED, scene
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    from tsis.model import PressField, PressMap
+    from tsis.model import PressField, PressMap, Probe
     from tsis.optics.rays_scene import Scene
 
 LONGEST = 200  # points
@@ -54,18 +54,17 @@ def trace_paths(
     >>> path[0, 3].item(), path.shape[1]
     (1.0, 4)
     """
-    check.kind("probe", probe, Probe)
-    check.number("rays", rays, 1, MOST_RAYS)
-    shining = lamps(probe)
-    check.number("lamp", lamp, 0, len(shining.share) - 1)
-    rng = np.random.default_rng(int(check.number("seed", seed, 0, 2**63 - 1)))
     view = scene(probe, pressed)
+    count = check.whole("rays", rays, 1, MOST_RAYS)
+    shining = lamps(probe)
+    chosen = check.whole("lamp", lamp, 0, len(shining.share) - 1)
+    rng = np.random.default_rng(check.whole("seed", seed, 0, MOST_SEED))
 
     def path() -> NDArray[np.float64]:
-        position, direction = emitted(shining, lamp, *rng.random(4).tolist())
+        position, direction = emitted(shining, chosen, *rng.random(4).tolist())
         return follow_path(view, position, direction, chance=int(rng.integers(2**63)))
 
-    return tuple(path() for _ in range(int(rays)))
+    return tuple(path() for _ in range(count))
 
 
 def follow_path(view: Scene, position: ArrayLike, direction: ArrayLike, *, chance: int = 1) -> NDArray[np.float64]:

@@ -16,8 +16,9 @@ from scipy.interpolate import RectBivariateSpline
 from scipy.optimize import brentq
 
 from tsis.optics import snell
+from tsis.optics.asperities import real_contact
 from tsis.optics.rays_face import face_grid, on_face
-from tsis.optics.rays_scene import media, real_contact
+from tsis.optics.rays_scene import media
 from tsis.optics.rays_trace import Tally
 
 if TYPE_CHECKING:

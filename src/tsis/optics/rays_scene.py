@@ -5,22 +5,23 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from scipy.special import erf
 
+from tsis.model import PressField, PressMap, Probe, check
 from tsis.model.errors import InputError
 from tsis.optics import rays_surface
+from tsis.optics.asperities import real_contact
 from tsis.optics.rays_face import face_grid, on_face
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.model import PressField, PressMap, Probe
     from tsis.optics.rays_surface import Heights
 
-ERF_SLOPE = np.sqrt(np.pi) / 2  # erf(0.886 x) has the slope 1 at zero
 THINNEST = 0.05  # share of the layers' thickness that a dent must leave
 WEAK = 0.1  # share of its first power below which chance decides whether a ray goes on, with this share
 MOST_MEETINGS = 1000
+MOST_SEED = 2**63 - 1
+APERTURE = 0.1  # numerical, of the camera's lens
 
 
 class Scene(NamedTuple):
@@ -49,9 +50,12 @@ def scene(
     saturation_kpa: float = 20.0,
     index_outside: float = 1.0,
     absorption_per_mm: float = 0.0,
-    aperture: float = 0.1,
+    aperture: float = APERTURE,
 ) -> Scene:
     """The probe, dented and touched as ``pressed`` says."""
+    check.kind("probe", probe, Probe)
+    if pressed is not None and not isinstance(pressed, PressField | PressMap):
+        raise InputError(f"pressed must be a PressField, a PressMap or None; got {pressed!r:.80}")
     side, from_axis = face_grid(probe.radius_mm)
     height, share = probe.sag_mm(from_axis), np.zeros(from_axis.shape)
     if pressed is not None:
@@ -77,11 +81,6 @@ def scene(
         weak=WEAK,
         most_meetings=MOST_MEETINGS,
     )
-
-
-def real_contact(pressure_kpa: NDArray[np.float64], saturation_kpa: float) -> NDArray[np.float64]:
-    """Share of the face in real contact with asperities under a pressure."""
-    return np.asarray(erf(ERF_SLOPE * np.maximum(pressure_kpa, 0.0) / saturation_kpa))
 
 
 def media(probe: Probe) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

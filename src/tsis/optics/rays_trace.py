@@ -9,23 +9,22 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.model import PressField, PressMap, Probe, check
-from tsis.model.errors import InputError
+from tsis.model import check
 from tsis.optics import inputs, rays_kernel
 from tsis.optics.rays_emission import lamps
-from tsis.optics.rays_scene import scene
+from tsis.optics.rays_scene import APERTURE, MOST_SEED, scene
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import ArrayLike, NDArray
 
+    from tsis.model import PressField, PressMap, Probe
     from tsis.optics.rays_scene import Scene
 
 BATCHES = 32  # of independent starts: their spread is the error, and they are what threads share
-FEWEST_RAYS, MOST_RAYS = 1e3, 1e12
+FEWEST_RAYS, MOST_RAYS = 1000, 10**12
 MOST_BINS = 256
-MOST_NUMBERS = 2**27  # of all batches' maps together, a gigabyte
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -104,6 +103,12 @@ class TracedLight:
     flux_y: NDArray[np.float64]
     batches: NDArray[np.float64]
 
+    @property
+    def coupled_error(self) -> NDArray[np.float64]:
+        """Standard error of ``coupled`` in each bin, shape (n, n)."""
+        spread = self.batches[:, rays_kernel.COUPLED].std(axis=0, ddof=1)
+        return np.asarray(spread / np.sqrt(len(self.batches)))
+
 
 def trace_rays(
     probe: Probe,
@@ -115,7 +120,7 @@ def trace_rays(
     saturation_kpa: float = 20.0,
     index_outside: float = 1.0,
     absorption_per_mm: float = 0.0,
-    numerical_aperture: float = 0.1,
+    numerical_aperture: float = APERTURE,
     threads: int | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> TracedLight:
@@ -163,9 +168,8 @@ def trace_rays(
     >>> round(sum(getattr(found.tally, name) for name in found.tally.__slots__), 12), found.tally.contact
     (1.0, 0.0)
     """
-    check.kind("probe", probe, Probe)
-    if pressed is not None and not isinstance(pressed, PressField | PressMap):
-        raise InputError(f"pressed must be a PressField, a PressMap or None; got {pressed!r:.80}")
+    count = check.whole("rays", rays, FEWEST_RAYS, MOST_RAYS)
+    size = check.whole("bins", bins, 1, MOST_BINS)
     view = scene(
         probe,
         pressed,
@@ -174,8 +178,7 @@ def trace_rays(
         absorption_per_mm=check.number("absorption_per_mm", absorption_per_mm, 0.0, 10.0),
         aperture=check.number("numerical_aperture", numerical_aperture, 0.0, 1.0),
     )
-    check.number("bins", bins, 1, MOST_BINS)
-    record = trace_batches(view, probe, rays=rays, seed=seed, bins=int(bins), threads=threads, progress=progress)
+    record = trace_batches(view, probe, rays=count, seed=seed, bins=size, threads=threads, progress=progress)
     return _light(probe, view, record)
 
 
@@ -201,12 +204,11 @@ def trace_batches(
     progress: Callable[[int, int], None] | None = None,
 ) -> Batches:
     """Trace batches of rays beside each other; ``slopes`` (k, 2) are those of faces whose light is recorded too."""
-    count = check.number("rays", rays, FEWEST_RAYS, MOST_RAYS)
-    start = int(check.number("seed", seed, 0, 2**63 - 1))
-    workers = int(check.number("threads", os.cpu_count() or 1 if threads is None else threads, 1, 256))
+    start = check.whole("seed", seed, 0, MOST_SEED)
+    workers = check.whole("threads", os.cpu_count() or 1 if threads is None else threads, 1, 256)
     tilts = np.asarray(slopes, dtype=float).reshape(-1, 2)
     shining = lamps(probe)
-    each = int(np.ceil(count / (BATCHES * len(shining.share))))
+    each = int(np.ceil(rays / (BATCHES * len(shining.share))))
     maps = np.zeros((BATCHES, rays_kernel.MAPS, bins, bins))
     tilted = np.zeros((BATCHES, len(tilts), bins, bins))
     totals = np.zeros((BATCHES, rays_kernel.TALLIES))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import operator
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal, SupportsIndex
@@ -93,13 +92,9 @@ class GuidedModes:
         return int(np.count_nonzero(self.n_eff > index))
 
     def _field(self, mode: SupportsIndex) -> slab_field.SlabField:
-        try:
-            number = operator.index(mode)
-        except TypeError as error:
-            raise InputError(f"mode must be a whole number; got {mode!r}") from error
-        if not 0 <= number < len(self):
-            have = f"lie in [0, {len(self) - 1}]" if len(self) else "be one of none: nothing is guided"
-            raise InputError(f"mode must {have}; got {number}")
+        if not len(self):
+            raise InputError(f"mode must be one of none: nothing is guided; got {mode!r}")
+        number = check.whole("mode", mode, 0, len(self) - 1)
         some = slab_field.mixed(self.anchor, self.offset, self._q(number).max(), number)
         q = np.array([self._q(one) for one in range(some.start, some.stop)])
         return slab_field.field(self.layers, self.n_eff[some], q, number - some.start)

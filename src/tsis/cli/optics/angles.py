@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
-from typing import TYPE_CHECKING, Annotated, Any
+from dataclasses import asdict
+from typing import TYPE_CHECKING
 
 import numpy as np
-import typer
 from rich.table import Table
 
 from tsis.cli.optics.output import Answer, Out, show
-from tsis.cli.targets import AsJson, ProbeName
-from tsis.model import load_probe
+from tsis.cli.targets import AimDeg, AsJson, HalfAngleDeg, LampHeightMm, ProbeName, chosen_probe
 from tsis.report.document import envelope
 
 if TYPE_CHECKING:
@@ -23,9 +21,9 @@ if TYPE_CHECKING:
 def angles(
     *,
     probe: ProbeName = "tsis-2011",
-    half_angle_deg: Annotated[float | None, typer.Option(help="Half-angle of the lamps instead, degrees.")] = None,
-    height_mm: Annotated[float | None, typer.Option(help="Their height above the face instead, mm.")] = None,
-    aim_deg: Annotated[float | None, typer.Option(help="Angle of their axes towards the glass instead.")] = None,
+    half_angle_deg: HalfAngleDeg = None,
+    height_mm: LampHeightMm = None,
+    aim_deg: AimDeg = None,
     out: Out = None,
     as_json: AsJson = False,
 ) -> None:
@@ -33,10 +31,7 @@ def angles(
     from tsis.optics import accepted  # with its compiler, which other commands need not wait for
     from tsis.optics.end_face import faced_layer
 
-    changes = {"half_angle_deg": half_angle_deg, "height_mm": height_mm, "aim_deg": aim_deg}
-    given: dict[str, Any] = {name: value for name, value in changes.items() if value is not None}
-    catalog = load_probe(probe)
-    chosen = replace(catalog, leds=tuple(replace(led, **given) for led in catalog.leds))
+    chosen = chosen_probe(probe, half_angle_deg, height_mm, aim_deg)
     found = accepted([layer.refractive_index for layer in chosen.layers] + [chosen.glass.refractive_index])
     faced = [(led, faced_layer(chosen, led)) for led in chosen.leds if led.power > 0]
     lamps = [

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from enum import StrEnum
 from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
@@ -11,16 +10,17 @@ import typer
 from rich.table import Table
 
 from tsis.cli.console_output import progress_bar
+from tsis.cli.optics.number_list import numbers
 from tsis.cli.optics.output import Answer, Out, show
 from tsis.cli.targets import AsJson
-from tsis.model.errors import InputError
-from tsis.optics import Dent, Propagation, ThinGuide, propagate, thin_guide
-from tsis.optics.propagation import interfaces_um
-from tsis.plots import guide_index, guide_light, light_out_of_the_top
 from tsis.report.document import envelope
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from matplotlib.figure import Figure
+
+    from tsis.optics import Propagation, ThinGuide
 
 SHARES = ("guided", "reflected", "top", "bottom")
 
@@ -51,8 +51,11 @@ def propagate_command(
     out: Out = None,
 ) -> None:
     """Send the modes of a thin guide under a dent: what stays guided, and what leaves through either side."""
+    from tsis.optics import Dent, propagate, thin_guide  # with its compiler, which other commands need not wait for
+    from tsis.optics.propagation import interfaces_um
+
     guide = thin_guide(preset)
-    dents = [Dent(depth_um=depth, tip_radius_um=tip_radius_um) for depth in _numbers("--dent-um", dent_um)]
+    dents = [Dent(depth_um=depth, tip_radius_um=tip_radius_um) for depth in numbers("--dent-um", dent_um)]
     for dent in dents:
         interfaces_um(guide, dent, [0.0])  # refuses a dent that is too deep before any is computed
     results: list[Propagation] = []
@@ -77,13 +80,6 @@ def propagate_command(
         figures=_figures(results),
     )
     show(answer, out, as_json=as_json)
-
-
-def _numbers(name: str, text: str) -> list[float]:
-    try:
-        return [float(part) for part in text.split(",")]
-    except ValueError as error:
-        raise InputError(f"{name} must be numbers with commas between, as 0,2,4,6; got {text!r}") from error
 
 
 def _document(preset: str, guide: ThinGuide, results: list[Propagation]) -> dict[str, Any]:
@@ -156,6 +152,8 @@ def _figures(results: list[Propagation]) -> dict[str, Callable[[], Figure]]:
 def _side_view(result: Propagation) -> Figure:
     from matplotlib.figure import Figure
 
+    from tsis.plots import guide_index, guide_light
+
     figure = Figure(figsize=(9.0, 5.0), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True)
     guide_index(result, above).set(title=f"dent {result.dent.depth_um:g} µm deep", xlabel="")
@@ -165,6 +163,8 @@ def _side_view(result: Propagation) -> Figure:
 
 def _series(results: list[Propagation]) -> Figure:
     from matplotlib.figure import Figure
+
+    from tsis.plots import light_out_of_the_top
 
     figure = Figure(figsize=(8.0, 4.0), layout="constrained")
     light_out_of_the_top(results, figure.subplots())

@@ -2,29 +2,28 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
-from matplotlib.figure import Figure
 from rich.table import Table
-from scipy.optimize import brentq
 
 from tsis.cli.console_output import progress_bar, waiting
 from tsis.cli.optics.output import Answer, Out, show
-from tsis.cli.targets import AsJson, ProbeName
-from tsis.mechanics import indent
-from tsis.model import PressField, Probe, check, load_probe
+from tsis.cli.targets import AimDeg, AsJson, HalfAngleDeg, LampHeightMm, ProbeName, chosen_probe
+from tsis.model import check
 from tsis.model.errors import InputError, MechanicsError
-from tsis.optics import TracedLight, trace_paths, trace_rays
-from tsis.optics.rays_face import tip_press
-from tsis.plots import light_on_face, ray_picture
 from tsis.report.document import envelope
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+    from matplotlib.figure import Figure
+
+    from tsis.model import PressField, Probe
+    from tsis.optics import TracedLight
 
 LIGHTEST_N, HEAVIEST_N = 1e-3, 50.0  # forces among which one for a depth is looked for
 PICTURED_RAYS = 36
@@ -50,15 +49,16 @@ def trace(
     ] = None,
     force_n: Annotated[float | None, typer.Option(help="Force of the sphere in newtons; 1 if left out.")] = None,
     depth_mm: Annotated[float | None, typer.Option(help="How deep the sphere sinks in mm, instead of a force.")] = None,
-    half_angle_deg: Annotated[float | None, typer.Option(help="Half-intensity angle of all lamps instead.")] = None,
-    height_mm: Annotated[float | None, typer.Option(help="Height of all lamps above the face instead.")] = None,
-    aim_deg: Annotated[float | None, typer.Option(help="Aim of all lamps above the horizontal instead.")] = None,
+    half_angle_deg: HalfAngleDeg = None,
+    height_mm: LampHeightMm = None,
+    aim_deg: AimDeg = None,
     as_json: AsJson = False,
     out: Out = None,
 ) -> None:
     """Trace the lamps' light through layers and glass: where it goes, and maps of it on the face."""
-    changes = {"half_angle_deg": half_angle_deg, "height_mm": height_mm, "aim_deg": aim_deg}
-    lit = _with_lamps(load_probe(probe), {name: value for name, value in changes.items() if value is not None})
+    from tsis.optics import trace_rays  # with its compiler, which other commands need not wait for
+
+    lit = chosen_probe(probe, half_angle_deg, height_mm, aim_deg)
     pressed = _pressed(lit, tip_radius_mm, force_n, depth_mm)
     with progress_bar("tracing rays") as progress:
         found = trace_rays(lit, pressed, rays=rays, seed=seed, progress=progress)
@@ -71,17 +71,13 @@ def trace(
     show(answer, out, as_json=as_json)
 
 
-def _with_lamps(probe: Probe, changes: dict[str, float]) -> Probe:
-    if not changes:
-        return probe
-    leds = tuple(replace(led, **changes) for led in probe.leds)
-    return replace(probe, name=f"{probe.name} (lamps changed)", leds=leds)
-
-
 def _pressed(
     probe: Probe, tip_radius_mm: float | None, force_n: float | None, depth_mm: float | None
 ) -> PressField | None:
     """The press of a sphere, by its force or by its depth."""
+    from tsis.mechanics import indent
+    from tsis.optics.rays_face import tip_press
+
     if tip_radius_mm is None:
         if force_n is not None or depth_mm is not None:
             raise InputError("--tip-radius-mm must be given with --force-n or --depth-mm; got none")
@@ -102,6 +98,10 @@ def _pressed(
 
 def _force_for(probe: Probe, tip_radius_mm: float, depth_mm: float) -> float:
     """The force under which a sphere sinks so deep."""
+    from scipy.optimize import brentq
+
+    from tsis.mechanics import indent
+
     check.number("depth_mm", depth_mm, 1e-3, probe.thickness_mm, hint="millimetres, less than the layers")
 
     def too_deep(log_force: float) -> float:
@@ -130,18 +130,20 @@ def _table(probe: Probe, pressed: PressField | None, found: TracedLight) -> Tabl
 
 
 def _notes(probe: Probe, found: TracedLight) -> tuple[str, ...]:
+    from tsis.optics import accepted
+    from tsis.optics.rays_scene import APERTURE
+
     entered = 1 - found.tally.missed - found.tally.reflected
     share = found.out_of_reach / entered if entered > 0 else 0.0
-    thinnest = min(layer.refractive_index for layer in probe.layers)
-    limit = float(np.degrees(np.arcsin(min(1.0, np.sqrt(thinnest**2 - 1)))))
+    limit = float(accepted([layer.refractive_index for layer in probe.layers]).acceptance_deg.min())
     seen = f"{found.into_camera:.1e} of the light leaves" if found.into_camera > 0 else "No ray left"
     return (
         f"{float(found.arriving.sum()):.2%} of the light arrives at the face from inside.",
         f"Light up to {limit:.1f} degrees from the horizontal, in air, is totally reflected by an undented face.",
         f"{share:.2%} of what enters can never reach an undented face: it entered above a layer whose index is below "
         "n sin(angle from the axis), as in glass above silicone.",
-        f"{seen} the glass within a numerical aperture of 0.1: a camera that looks along the axis sees what tissue "
-        "scatters where light leaves through contact, not what a dent's curvature turns.",
+        f"{seen} the glass within a numerical aperture of {APERTURE:g}: a camera that looks along the axis sees what "
+        "tissue scatters where light leaves through contact, not what a dent's curvature turns.",
     )
 
 
@@ -176,12 +178,21 @@ def _figures(
 
 
 def _picture(probe: Probe, pressed: PressField | None, seed: int) -> Figure:
+    from matplotlib.figure import Figure
+
+    from tsis.optics import trace_paths
+    from tsis.plots import ray_picture
+
     figure = Figure(figsize=(8.0, 4.6), layout="constrained")
     ray_picture(probe, trace_paths(probe, pressed, rays=PICTURED_RAYS, seed=seed), figure.subplots(), pressed=pressed)
     return figure
 
 
 def _map(found: TracedLight, what: str) -> Figure:
+    from matplotlib.figure import Figure
+
+    from tsis.plots import light_on_face
+
     figure = Figure(figsize=(6.4, 4.8), layout="constrained")
     light_on_face(found, figure.subplots(), what=what)
     return figure

@@ -49,11 +49,18 @@ class ThinGuide:
         object.__setattr__(self, "index", index)
         object.__setattr__(self, "thickness_um", thickness)
         inputs.refractive_index("index_outside", self.index_outside)
-        if not isinstance(self.rigid_layers, int) or not 0 <= self.rigid_layers < len(index):
-            raise InputError(
-                f"rigid_layers must be a whole number in [0, {len(index) - 1}], for a layer must yield;"
-                f" got {self.rigid_layers!r}"
-            )
+        rigid = check.whole("rigid_layers", self.rigid_layers, 0, len(index) - 1, hint="for a layer must yield")
+        object.__setattr__(self, "rigid_layers", rigid)
+
+    def __eq__(self, other: object) -> bool:
+        """Equal by content, like every value without arrays."""
+        return isinstance(other, ThinGuide) and self._content() == other._content()
+
+    def __hash__(self) -> int:
+        return hash(self._content())
+
+    def _content(self) -> tuple[bytes | float, ...]:
+        return self.index.tobytes(), self.thickness_um.tobytes(), self.rigid_layers, self.index_outside
 
     @property
     def total_um(self) -> float:

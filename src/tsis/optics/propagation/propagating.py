@@ -143,6 +143,7 @@ def propagate(
     check.kind("dent", dent, Dent)
     check.known("method", method, CELLS_A_WAVE)
     wavelength_um = inputs.wavelength(wavelength_um)
+    modes = check.whole("modes", modes, 1, MOST_SECTION_NODES)
     check.number(
         "length_um", length_um, 2 * (dent.half_width_um + DENT_MARGIN_UM), LONGEST_UM, hint="the dent must fit"
     )
@@ -197,8 +198,6 @@ def _axes(
 
 def _refuse_what_does_not_fit(across: Axis, along: Axis, method: Method, modes: int, memory_gib: float) -> None:
     limit = check.number("memory_gib", memory_gib, 0.01, 4096.0)
-    if isinstance(modes, bool) or not isinstance(modes, int) or modes < 1:
-        raise InputError(f"modes must be a whole number of at least 1; got {modes!r}")
     rows = across.cells + 1
     if rows > MOST_SECTION_NODES:
         raise InputError(
@@ -214,7 +213,7 @@ def _refuse_what_does_not_fit(across: Axis, along: Axis, method: Method, modes: 
         )
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=1)  # one entry may fill 64 MB
 def _modes_of_flat(guide: ThinGuide, across: Axis, wavelength_um: float) -> SectionModes:
     """Remembered, for a sweep over dents asks for the same flat guide each time."""
     any_length = np.array([0.0, 1.0])
