@@ -31,9 +31,15 @@ def test_against_the_untouched_probe_the_size_is_that_of_the_face(result: Result
     assert all("cropped" in each.flags for target in result.readings["size"][UNTOUCHED] for each in target.readings)
 
 
-def test_against_plain_tissue_the_size_grows_with_the_inclusion(result: Result) -> None:
-    small, middle, large = result.readings["size"][PLAIN]
-    assert middle.seen == large.seen == 2
+@pytest.fixture(scope="module")
+def ideal() -> Result:
+    return run(np.random.default_rng(0), presses=1, ideal=True)
+
+
+def test_against_plain_tissue_the_size_grows_with_the_inclusion(ideal: Result) -> None:
+    """Without errors: with them, noise at the dim rim can be taken for the 2 mm inclusion, and is flagged."""
+    small, middle, large = ideal.readings["size"][PLAIN]
+    assert middle.seen == large.seen == 1
     assert 8.0 < middle.mean < large.mean, "the light of what lies 5 mm deep is wider than it"
     assert small.mean < middle.mean / 2
     assert large.mean / middle.mean < 14.0 / 8.0, "and less so the larger it is"
@@ -53,9 +59,13 @@ def test_the_printed_fall_with_depth_is_that_against_the_untouched_probe(result:
     assert ratios(result.readings["depth"][PLAIN])[1] < middle / 1.5, "the tissue's own light hides most of the fall"
 
 
-def test_hardness_without_errors_rises_far_less_than_the_modulus() -> None:
+def test_a_reading_of_noise_is_flagged(result: Result) -> None:
+    small = result.readings["size"][PLAIN][0]
+    assert all("noisy" in each.flags or "no_contact" in each.flags for each in small.readings)
+
+
+def test_hardness_without_errors_rises_far_less_than_the_modulus(ideal: Result) -> None:
     """The printed 1 : 1.81 : 3.05, and the true 1 : 1.75 : 2.5, are beyond what a linear body shows."""
-    ideal = run(np.random.default_rng(0), presses=1, ideal=True)
     _, middle, hard = ratios(ideal.readings["hardness"][PLAIN])
     assert 1.1 < middle < 1.4
     assert middle < hard < 1.75

@@ -37,7 +37,7 @@ def read_calibration(path: Path) -> Calibration:
         raise FileInputError(f"{shown(path)} must hold only known values; got {unknown!r:.200}")
     try:
         if isinstance(content.get("light"), dict):
-            content["light"] = _light(content["light"], path)
+            content["light"] = _light(content["light"])
         return Calibration(**content)
     except InputError as error:
         raise FileInputError(f"{shown(path)}: {error}") from error
@@ -46,13 +46,11 @@ def read_calibration(path: Path) -> Calibration:
         raise FileInputError(f"{shown(path)} must hold {' and '.join(missing)}; got {sorted(content)}") from error
 
 
-def _light(content: dict[str, Any], path: Path) -> LightMap:
+def _light(content: dict[str, Any]) -> LightMap:
     names = [field.name for field in fields(LightMap)]
     if set(content) != set(names):
         wrong = sorted(set(content) ^ set(names))
-        raise FileInputError(
-            f"{shown(path)}: light must hold {', '.join(names)} and nothing else; wrong: {wrong!r:.200}"
-        )
+        raise InputError(f"light must hold just {', '.join(names)}; wrong: {wrong!r:.200}")
     return LightMap(**content)
 
 
