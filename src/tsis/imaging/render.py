@@ -16,6 +16,7 @@ from tsis.imaging.contact_edge import coverage
 from tsis.imaging.contact_light import Smooth, named_model, rough_contact, rough_contact_slope
 from tsis.imaging.pixel_loops import paint
 from tsis.model import LightMap, PressMap, check
+from tsis.model.grid import linear_weights
 from tsis.optics.asperities import ERF_SLOPE
 
 if TYPE_CHECKING:
@@ -120,7 +121,7 @@ def _of_map(
     steepness = np.hypot(slope_x, slope_y)
     share = model.share(field.pressure_kpa, slope=steepness, saturation_kpa=calibration.saturation_kpa)
     x, y = sensor.axes_mm()
-    rows, columns = _between(field.y_mm, y), _between(field.x_mm, x).T
+    rows, columns = linear_weights(field.y_mm, y, outside="zero"), linear_weights(field.x_mm, x, outside="zero").T
     fields = (_full_contact(calibration) * share, field.face_displacement_mm, slope_x, slope_y)
     glow, moved, slope_x, slope_y = (rows @ values @ columns for values in fields)
     return np.asarray(glow * light.at(x, y, displacement_mm=moved, slope_x=slope_x, slope_y=slope_y))
@@ -137,9 +138,3 @@ def _blurred(picture: NDArray[np.float64], sensor: Sensor, blur_mm: float) -> ND
     sigma_x, sigma_y = (blur_mm / size for size in sensor.mm_per_pixel)
     blurred = cv2.GaussianBlur(picture, (0, 0), sigmaX=sigma_x, sigmaY=sigma_y, borderType=cv2.BORDER_REFLECT)
     return np.asarray(blurred, dtype=float)
-
-
-def _between(knots: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Matrix from values at ``knots`` to values at ``at``, shape (len(at), len(knots)): linear, and zero outside."""
-    columns = [np.interp(at, knots, unit, left=0.0, right=0.0) for unit in np.eye(len(knots))]
-    return np.column_stack(columns)

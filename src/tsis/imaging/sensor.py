@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -75,7 +76,7 @@ class Sensor:
         return np.asarray(np.hypot(x[None, :], y[:, None]))
 
     def vignetting(self) -> NDArray[np.float64]:
-        """Share of the light that the lens brings to each pixel, 1 on the axis, shape (rows, columns).
+        """Share of the light that the lens brings to each pixel, 1 on the axis, shape (rows, columns); read-only.
 
         Examples
         --------
@@ -83,10 +84,7 @@ class Sensor:
         >>> round(float(corner), 3) == round(float(np.cos(np.radians(20.0)) ** 4), 3)
         True
         """
-        x, y = self.axes_mm()
-        reach = np.tan(np.radians(self.field_angle_deg)) / np.hypot(x[-1], y[-1])
-        secant_squared = (1 + (reach * x[None, :]) ** 2) + (reach * y[:, None]) ** 2
-        return np.asarray(1 / secant_squared**2)
+        return _vignetting(self)
 
     @property
     def counts_electrons(self) -> bool:
@@ -97,6 +95,16 @@ class Sensor:
         """
         quiet = np.sqrt(self.read_noise_grey**2 + 1 / 12)
         return bool(2 * self.shot_noise_grey / (np.sqrt(27.0) * quiet) > COARSEST_ELECTRON)
+
+
+@lru_cache(maxsize=1)  # it takes as long as half of a frame, and cameras hardly change between frames
+def _vignetting(sensor: Sensor) -> NDArray[np.float64]:
+    x, y = sensor.axes_mm()
+    reach = np.tan(np.radians(sensor.field_angle_deg)) / np.hypot(x[-1], y[-1])
+    secant_squared = (1 + (reach * x[None, :]) ** 2) + (reach * y[:, None]) ** 2
+    share = np.asarray(1 / secant_squared**2)
+    share.flags.writeable = False
+    return share
 
 
 def expose(light: NDArray[np.float64], sensor: Sensor, rng: np.random.Generator) -> NDArray[np.float64]:

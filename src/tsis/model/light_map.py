@@ -10,7 +10,7 @@ import numpy as np
 
 from tsis.model import check
 from tsis.model.errors import InputError
-from tsis.model.press import ascending
+from tsis.model.grid import ascending, linear_weights
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -127,12 +127,5 @@ class LightMap:
 
     def undented(self, x_mm: ArrayLike, y_mm: ArrayLike) -> tuple[NDArray[np.float64], ...]:
         """``relative``, ``flux_x``, ``flux_y`` and ``growth_per_mm`` over a grid, each (len(y_mm), len(x_mm))."""
-        rows, columns = (
-            _between(knots, np.asarray(at, dtype=float)) for knots, at in ((self.y_mm, y_mm), (self.x_mm, x_mm))
-        )
-        return tuple(rows @ getattr(self, name) @ columns.T for name in FIELDS)
-
-
-def _between(knots: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Matrix from values at ``knots`` to values at ``at``, shape (len(at), len(knots)): linear, constant beyond."""
-    return np.column_stack([np.interp(at, knots, unit) for unit in np.eye(len(knots))])
+        rows, columns = linear_weights(self.y_mm, y_mm), linear_weights(self.x_mm, x_mm).T
+        return tuple(np.asarray(rows @ getattr(self, name) @ columns) for name in FIELDS)

@@ -9,6 +9,7 @@ import numpy as np
 
 from tsis.model import check
 from tsis.model.errors import InputError
+from tsis.model.grid import ascending
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -118,14 +119,6 @@ class PressMap:
             if values.shape != shape:
                 raise InputError(f"{name} must have the shape {shape} of y_mm and x_mm; got {values.shape}")
             object.__setattr__(self, name, values)
-
-
-def ascending(name: str, values: ArrayLike) -> NDArray[np.float64]:
-    """Check a coordinate of a grid: at least two numbers, each above the one before."""
-    result: NDArray[np.float64] = check.array(name, values, ndim=1)
-    if len(result) < 2 or (np.diff(result) <= 0).any():
-        raise InputError(f"{name} must hold at least two ascending numbers; got {values!r:.80}")
-    return result
 
 
 def _inside_cells(centres: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -6,11 +6,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from tsis.model import LightMap, PressField, PressMap, check
 from tsis.model.errors import InputError
-from tsis.model.press import ascending
+from tsis.model.grid import ascending, linear_weights
 from tsis.optics.asperities import real_contact
 from tsis.optics.irradiance_fit import POWERS, RINGS, powers
 from tsis.optics.rays_face import face_grid, on_face, slopes
@@ -102,12 +101,13 @@ class Irradiance:
         slope_x, slope_y
             Its derivatives by x and y, of the same shapes; faces steeper than 0.5 are lit as those of 0.5.
         """
-        columns, rows = (_between(self.nodes_mm, np.asarray(part, dtype=float)) for part in (x_mm, y_mm))
-        shape = (len(rows), len(columns))
+        rows, columns = linear_weights(self.nodes_mm, y_mm), linear_weights(self.nodes_mm, x_mm).T
+        shape = (rows.shape[0], columns.shape[1])
         moved, along, across = (
             np.broadcast_to(np.asarray(part, dtype=float), shape) for part in (displacement_mm, slope_x, slope_y)
         )
-        known = rows @ self.terms @ columns.T
+        maps = self.terms.reshape(-1, *self.terms.shape[2:])
+        known = np.reshape([rows @ one @ columns for one in maps], (*self.terms.shape[:2], *shape))
         flatter = np.minimum(1.0, STEEPEST / np.maximum(np.hypot(along, across), STEEPEST))
         tilted = np.einsum("hkij,kij->hij", known, powers(flatter * along, flatter * across))
         light = (tilted * _through(self.displacement_mm, moved)).sum(axis=0)
@@ -126,8 +126,7 @@ class Irradiance:
         moved, pressure = on_face(pressed, side, from_axis)
         slope_x, slope_y = slopes(moved, side)
         x, some = side[::STRIDE], (slice(None, None, STRIDE),) * 2
-        with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
-            light = self.at(x, x, displacement_mm=moved[some], slope_x=slope_x[some], slope_y=slope_y[some])
+        light = self.at(x, x, displacement_mm=moved[some], slope_x=slope_x[some], slope_y=slope_y[some])
         if saturation_kpa is not None:
             inside = np.hypot(x, x[:, None]) < self.radius_mm
             light = light * self.remaining(light[inside], real_contact(pressure[some][inside], saturation_kpa))
@@ -153,11 +152,6 @@ class Irradiance:
             growth_per_mm=growth,
             error=self.error,
         )
-
-
-def _between(knots: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Matrix from values at ``knots`` to values at ``at``, shape (len(at), len(knots)): linear, constant beyond."""
-    return np.column_stack([np.interp(at, knots, unit) for unit in np.eye(len(knots))])
 
 
 def _through(known: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:
