@@ -184,7 +184,10 @@ def test_what_a_narrow_frame_crops_is_integrated_in_closed_form(half_width_mm: f
     expected = 1 - (3 * part - part**3) / 2
     assert lost.force_outside == pytest.approx(expected, abs=2e-3)
     assert lost.light_outside == pytest.approx(expected, abs=2e-3)
-    assert lost.pixels_clipped == 0.0 or lost.light_clipped > 0
+    # What exceeds full scale lies in a disc, of which the frame, 20 mm high, shows the part between the lines.
+    edge = 2.0 * np.sqrt(1 - ((255 - 8) / (50.0 * 15.0)) ** 2)
+    shown = 2 * (half_width_mm * np.sqrt(edge**2 - half_width_mm**2) + edge**2 * np.arcsin(half_width_mm / edge))
+    assert lost.pixels_clipped == pytest.approx(shown / (2 * half_width_mm * 20.0), rel=0.01)
 
 
 def test_clipping_counts_pixels_and_light_above_full_scale() -> None:

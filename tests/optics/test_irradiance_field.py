@@ -8,6 +8,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.integrate import quad
+from scipy.special import erf
 
 from tsis.model.errors import InputError
 from tsis.optics import Irradiance
@@ -67,14 +69,22 @@ def test_a_press_becomes_a_map_that_holds_its_dent() -> None:
     expected = light().at([x], [y], displacement_mm=moved, slope_x=slope_x, slope_y=slope_y).item()
     assert shown.at([x], [y]).item() == pytest.approx(expected, rel=2e-3)
     assert not shown.growth_per_mm.any()
-    share = np.pi * 4.0 / 2 / (np.pi * 100.0)  # of a face of 10 mm, in a contact of 2 mm; half of it really touches
+    assert not shown.flux_x.any()
+
+
+def test_contact_darkens_the_whole_face_by_what_it_takes() -> None:
+    dent = hertz_dent(10.0, tip_radius_mm=8.0, depth_mm=0.5, peak_pressure_kpa=10.0, offset_mm=(1.0, -2.0))
+    shown = light().on(dent)
     bare = light(depletion=0.0).on(dent, saturation_kpa=10.0).relative
     np.testing.assert_allclose(light().on(dent, saturation_kpa=1e6).relative, shown.relative, rtol=1e-4)
     np.testing.assert_allclose(bare, shown.relative, rtol=1e-12)
     left = light().on(dent, saturation_kpa=10.0).relative / bare
     assert np.ptp(left) == pytest.approx(0.0, abs=1e-12), "contact darkens the whole face alike"
-    assert 1 / left[0, 0] - 1 == pytest.approx(0.4 * share, rel=0.35)
-    assert not shown.flux_x.any()
+    even = light(terms=np.where(np.arange(11) == 0, 1.0, 0.0)[:, None, None] * np.ones((3, 1, 21, 21)), lift_per_mm=0.0)
+    left = even.on(dent, saturation_kpa=10.0).relative
+    # A contact of 2 mm on a face of 10 mm, whose pressure is 10 kPa times sqrt(1 - r^2) at the share r of its radius.
+    touching, _ = quad(lambda r: 2 * r * erf(np.sqrt(np.pi * (1 - r**2)) / 2), 0.0, 1.0)
+    assert 1 / left[0, 0] - 1 == pytest.approx(0.4 * touching * (2.0 / 10.0) ** 2, rel=0.02)
 
 
 def test_small_dents_are_followed_by_the_map_of_the_undented_face() -> None:
@@ -83,6 +93,22 @@ def test_small_dents_are_followed_by_the_map_of_the_undented_face() -> None:
     np.testing.assert_allclose(linear.at([1.0, 3.0], [2.0], **at), whole.at([1.0, 3.0], [2.0], **at), rtol=1e-6)
     small = 0.35
     np.testing.assert_allclose(linear.growth_per_mm, np.log(1 + 0.3 * small**2) / small + 0.1, rtol=1e-12)
+
+
+def test_growth_beyond_the_rim_is_that_of_the_nearest_place_inside() -> None:
+    dark = light().terms.copy()
+    outside = np.hypot(NODES, NODES[:, None]) > 10.0
+    dark[1:, 0, outside] = 0.0
+    np.testing.assert_allclose(
+        light(terms=dark).near_undented().growth_per_mm, light().near_undented().growth_per_mm, rtol=1e-12
+    )
+
+
+def test_growth_is_bounded_where_there_is_hardly_any_light() -> None:
+    dark = light().terms.copy()
+    dark[1:, 0, 10, 10] = -1.0
+    found = light(terms=dark).near_undented().growth_per_mm
+    assert found[10, 10] == found.min() == -2.0
 
 
 @pytest.mark.parametrize(

@@ -52,7 +52,7 @@ def test_power_is_conserved_in_any_guide_and_dent(depth: float, radius: float, i
     dent = Dent(depth_um=depth, tip_radius_um=radius)
     length = 2 * dent.half_width_um + 5.0
     result = propagate(guide, dent, method="fdfd", step_um=0.08, length_um=length, modes=1)
-    assert result.powers.balance_error[0] < 1e-6 or not result.clear[0]
+    assert result.powers.balance_error[0] < (1e-6 if result.clear[0] else 1e-4)
     powers = result.powers
     for share in (powers.guided, powers.reflected, powers.top, powers.bottom):
         assert -1e-6 < share[0] < 1 + 1e-6

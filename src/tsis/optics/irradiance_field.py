@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.ndimage import distance_transform_edt
 
 from tsis.model import LightMap, PressField, PressMap, check
 from tsis.model.errors import InputError
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
 SMALL = 0.35  # of it: 0.28 mm where the layers are 10 mm thick, as deep as tissue dents a probe
 DARKEST = 0.02  # of the mean, below which a place's flux is no longer divided by its light
 STEEPEST = 1.25 * RINGS[-1]  # slope up to which the even terms, known to the last ring, are trusted
+FASTEST_PER_MM = 2.0  # growth that is believed: places lit at all change by less, dark ones are mostly noise
 STRIDE = 2  # points of the tracer's grid to one of a map
 
 
@@ -136,20 +138,23 @@ class Irradiance:
     def near_undented(self) -> LightMap:
         """The same light to first order in the slope, growing exponentially with the displacement, for small dents.
 
-        The growth is that up to `SMALL` of the second known displacement. What contact takes elsewhere is left out.
+        The growth is that up to `SMALL` of the second known displacement, at most `FASTEST_PER_MM` of either sign and
+        beyond the rim that of the nearest place inside. What contact takes elsewhere is left out.
         """
         level = np.maximum(self.terms[0, 0], 0.0)
         flux_x, flux_y = self.terms[0, 1:3] / np.maximum(level, DARKEST)
         small = SMALL * self.displacement_mm[1]
         raised = np.einsum("h,hij->ij", _through(self.displacement_mm, np.array(small)), self.terms[:, 0])
         growth = np.log(np.maximum(raised, DARKEST) / np.maximum(level, DARKEST)) / small + self.lift_per_mm
+        outside = np.hypot(self.nodes_mm, self.nodes_mm[:, None]) > self.radius_mm
+        nearest = distance_transform_edt(outside, return_distances=False, return_indices=True)
         return LightMap(
             x_mm=self.nodes_mm,
             y_mm=self.nodes_mm,
             relative=level,
             flux_x=flux_x,
             flux_y=flux_y,
-            growth_per_mm=growth,
+            growth_per_mm=np.clip(growth[tuple(nearest)], -FASTEST_PER_MM, FASTEST_PER_MM),
             error=self.error,
         )
 
