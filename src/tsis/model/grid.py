@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from tsis.model import check
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
+    from scipy.sparse import csr_array
 
 
 def ascending(name: str, values: ArrayLike) -> NDArray[np.float64]:
@@ -37,6 +37,8 @@ def linear_weights(
     >>> linear_weights(np.array([0.0, 2.0]), [-1.0], outside="zero").toarray().tolist()
     [[0.0, 0.0]]
     """
+    from scipy.sparse import csr_array  # as long to load as all the rest of the model
+
     places = np.asarray(at, dtype=float)
     left = np.clip(np.searchsorted(knots, places, side="right") - 1, 0, len(knots) - 2)
     part = np.clip((places - knots[left]) / (knots[left + 1] - knots[left]), 0.0, 1.0)

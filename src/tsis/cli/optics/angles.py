@@ -10,6 +10,8 @@ from rich.table import Table
 
 from tsis.cli.optics.output import Answer, Out, show
 from tsis.cli.targets import AimDeg, AsJson, HalfAngleDeg, LampHeightMm, ProbeName, chosen_probe
+from tsis.optics import accepted
+from tsis.optics.end_face import faced_layer
 from tsis.report.document import envelope
 
 if TYPE_CHECKING:
@@ -28,9 +30,6 @@ def angles(
     as_json: AsJson = False,
 ) -> None:
     """Critical and acceptance angles of the probe's layers, beside the angles of its lamps."""
-    from tsis.optics import accepted  # with its compiler, which other commands need not wait for
-    from tsis.optics.end_face import faced_layer
-
     chosen = chosen_probe(probe, half_angle_deg, height_mm, aim_deg)
     found = accepted([layer.refractive_index for layer in chosen.layers] + [chosen.glass.refractive_index])
     faced = [(led, faced_layer(chosen, led)) for led in chosen.leds if led.power > 0]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
+from matplotlib.figure import Figure
 from rich.table import Table
 
 from tsis.cli.console_output import waiting
@@ -14,11 +15,12 @@ from tsis.cli.optics.number_list import numbers
 from tsis.cli.optics.output import Answer, Out, show
 from tsis.cli.targets import AsJson
 from tsis.model.errors import InputError
+from tsis.optics import guided_modes, thin_guide
+from tsis.optics.slab_cutoff import thickness_factor
+from tsis.plots import mode_profiles
 from tsis.report.document import envelope
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
-
     from tsis.optics import GuidedModes
 
 MOST_ROWS, MOST_CURVES = 50, 12
@@ -48,8 +50,6 @@ def modes(
     as_json: AsJson = False,
 ) -> None:
     """All guided modes of a stack of layers, and how many of them never reach the pressed face."""
-    from tsis.optics import guided_modes, thin_guide  # with its compiler, which other commands need not wait for
-
     if (index is None) != (thickness_um is None):
         raise InputError("--index and --thickness-um must be given together; got one of them")
     if index is not None and thickness_um is not None:
@@ -108,8 +108,6 @@ def _table(found: GuidedModes, face: float) -> Table:
 
 
 def _notes(found: GuidedModes, face: float, blind: int) -> list[str]:
-    from tsis.optics.slab_cutoff import thickness_factor
-
     if not len(found):
         factor = thickness_factor(found.layers)
         return [
@@ -132,10 +130,6 @@ def _notes(found: GuidedModes, face: float, blind: int) -> list[str]:
 
 
 def _figure(found: GuidedModes) -> Figure:
-    from matplotlib.figure import Figure
-
-    from tsis.plots import mode_profiles
-
     figure = Figure(figsize=(8.0, 6.0), layout="constrained")
     levels = np.linspace(found.n_eff[0], found.n_eff[-1], MOST_CURVES)
     nearest = np.abs(found.n_eff - levels[:, np.newaxis]).argmin(axis=1)

@@ -7,18 +7,20 @@ from functools import partial
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from matplotlib.figure import Figure
 from rich.table import Table
 
 from tsis.cli.console_output import progress_bar
 from tsis.cli.optics.number_list import numbers
 from tsis.cli.optics.output import Answer, Out, show
 from tsis.cli.targets import AsJson
+from tsis.optics import Dent, propagate, thin_guide
+from tsis.optics.propagation import interfaces_um
+from tsis.plots import guide_index, guide_light, light_out_of_the_top
 from tsis.report.document import envelope
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    from matplotlib.figure import Figure
 
     from tsis.optics import Propagation, ThinGuide
 
@@ -51,9 +53,6 @@ def propagate_command(
     out: Out = None,
 ) -> None:
     """Send the modes of a thin guide under a dent: what stays guided, and what leaves through either side."""
-    from tsis.optics import Dent, propagate, thin_guide  # with its compiler, which other commands need not wait for
-    from tsis.optics.propagation import interfaces_um
-
     guide = thin_guide(preset)
     dents = [Dent(depth_um=depth, tip_radius_um=tip_radius_um) for depth in numbers("--dent-um", dent_um)]
     for dent in dents:
@@ -150,10 +149,6 @@ def _figures(results: list[Propagation]) -> dict[str, Callable[[], Figure]]:
 
 
 def _side_view(result: Propagation) -> Figure:
-    from matplotlib.figure import Figure
-
-    from tsis.plots import guide_index, guide_light
-
     figure = Figure(figsize=(9.0, 5.0), layout="constrained")
     above, below = figure.subplots(2, 1, sharex=True)
     guide_index(result, above).set(title=f"dent {result.dent.depth_um:g} µm deep", xlabel="")
@@ -162,10 +157,6 @@ def _side_view(result: Propagation) -> Figure:
 
 
 def _series(results: list[Propagation]) -> Figure:
-    from matplotlib.figure import Figure
-
-    from tsis.plots import light_out_of_the_top
-
     figure = Figure(figsize=(8.0, 4.0), layout="constrained")
     light_out_of_the_top(results, figure.subplots())
     return figure

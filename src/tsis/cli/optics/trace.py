@@ -8,19 +8,24 @@ from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
+from matplotlib.figure import Figure
 from rich.table import Table
+from scipy.optimize import brentq
 
 from tsis.cli.console_output import progress_bar, waiting
 from tsis.cli.optics.output import Answer, Out, show
 from tsis.cli.targets import AimDeg, AsJson, HalfAngleDeg, LampHeightMm, ProbeName, chosen_probe
+from tsis.mechanics import indent
 from tsis.model import check
 from tsis.model.errors import InputError, MechanicsError
+from tsis.optics import accepted, trace_paths, trace_rays
+from tsis.optics.rays_face import tip_press
+from tsis.optics.rays_scene import APERTURE
+from tsis.plots import light_on_face, ray_picture
 from tsis.report.document import envelope
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-
-    from matplotlib.figure import Figure
 
     from tsis.model import PressField, Probe
     from tsis.optics import TracedLight
@@ -56,8 +61,6 @@ def trace(
     out: Out = None,
 ) -> None:
     """Trace the lamps' light through layers and glass: where it goes, and maps of it on the face."""
-    from tsis.optics import trace_rays  # with its compiler, which other commands need not wait for
-
     lit = chosen_probe(probe, half_angle_deg, height_mm, aim_deg)
     pressed = _pressed(lit, tip_radius_mm, force_n, depth_mm)
     with progress_bar("tracing rays") as progress:
@@ -75,9 +78,6 @@ def _pressed(
     probe: Probe, tip_radius_mm: float | None, force_n: float | None, depth_mm: float | None
 ) -> PressField | None:
     """The press of a sphere, by its force or by its depth."""
-    from tsis.mechanics import indent
-    from tsis.optics.rays_face import tip_press
-
     if tip_radius_mm is None:
         if force_n is not None or depth_mm is not None:
             raise InputError("--tip-radius-mm must be given with --force-n or --depth-mm; got none")
@@ -98,10 +98,6 @@ def _pressed(
 
 def _force_for(probe: Probe, tip_radius_mm: float, depth_mm: float) -> float:
     """The force under which a sphere sinks so deep."""
-    from scipy.optimize import brentq
-
-    from tsis.mechanics import indent
-
     check.number("depth_mm", depth_mm, 1e-3, probe.thickness_mm, hint="millimetres, less than the layers")
 
     def too_deep(log_force: float) -> float:
@@ -130,9 +126,6 @@ def _table(probe: Probe, pressed: PressField | None, found: TracedLight) -> Tabl
 
 
 def _notes(probe: Probe, found: TracedLight) -> tuple[str, ...]:
-    from tsis.optics import accepted
-    from tsis.optics.rays_scene import APERTURE
-
     entered = 1 - found.tally.missed - found.tally.reflected
     share = found.out_of_reach / entered if entered > 0 else 0.0
     limit = float(accepted([layer.refractive_index for layer in probe.layers]).acceptance_deg.min())
@@ -178,21 +171,12 @@ def _figures(
 
 
 def _picture(probe: Probe, pressed: PressField | None, seed: int) -> Figure:
-    from matplotlib.figure import Figure
-
-    from tsis.optics import trace_paths
-    from tsis.plots import ray_picture
-
     figure = Figure(figsize=(8.0, 4.6), layout="constrained")
     ray_picture(probe, trace_paths(probe, pressed, rays=PICTURED_RAYS, seed=seed), figure.subplots(), pressed=pressed)
     return figure
 
 
 def _map(found: TracedLight, what: str) -> Figure:
-    from matplotlib.figure import Figure
-
-    from tsis.plots import light_on_face
-
     figure = Figure(figsize=(6.4, 4.8), layout="constrained")
     light_on_face(found, figure.subplots(), what=what)
     return figure
