@@ -89,3 +89,11 @@ def test_bad_input_is_one_sentence(run_tsis: RunTsis, arguments: tuple[str, ...]
     assert finished.code != 0
     assert message in words(finished.err)
     assert "Traceback" not in finished.err
+
+
+def test_modes_behind_a_layer_of_low_index_are_not_said_to_reach_the_face(run_tsis: RunTsis) -> None:
+    parted = " ".join(run_tsis("optics", "modes", "--index", "1.41,1.2,1.40", "--thickness-um", "10,10,10").out.split())
+    modes = guided_modes([1.41, 1.2, 1.40], [10.0, 10.0, 10.0], wavelength_um=0.55)
+    between = int(((modes.n_eff > 1.2) & (modes.n_eff < 1.40)).sum())
+    assert f"{between} of {len(modes)} modes fade away in a layer between" in parted
+    assert "Every mode reaches" not in parted

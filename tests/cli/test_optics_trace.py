@@ -67,3 +67,13 @@ def test_bad_input_is_one_sentence(run_tsis: RunTsis, given: tuple[str, ...], ph
     assert finished.code != 0
     assert phrase in " ".join(finished.err.split())
     assert "Traceback" not in finished.err
+
+
+@pytest.mark.parametrize(
+    ("depth", "sentence"),
+    [("9", "depth_mm must be at most 2.36 for this sphere"), ("0.002", "depth_mm must be at least")],
+)
+def test_a_depth_that_no_force_gives_is_refused(run_tsis: RunTsis, depth: str, sentence: str) -> None:
+    finished = run_tsis("optics", "trace", "--tip-radius-mm", "10", "--depth-mm", depth, "--rays", "1e3")
+    assert finished.code == 2
+    assert sentence in finished.err

@@ -43,8 +43,8 @@ def angles(
 
 
 def _widest(led: Led) -> float:
-    """Angle from the side wall's normal of the outermost ray of half intensity."""
-    return abs(led.aim_deg) + led.half_angle_deg
+    """Angle from the side wall's normal of the outermost ray of half intensity that meets the wall."""
+    return min(abs(led.aim_deg) + led.half_angle_deg, 90.0)
 
 
 def _name(layer: int, count: int) -> str:

@@ -21,6 +21,8 @@ from tsis.plots import mode_profiles
 from tsis.report.document import envelope
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from tsis.optics import GuidedModes
 
 MOST_ROWS, MOST_CURVES = 50, 12
@@ -94,7 +96,15 @@ def _evenly(count: int, most: int) -> list[int]:
     return picked
 
 
+def _parted(found: GuidedModes) -> NDArray[np.bool]:
+    """Modes that fade away somewhere between the pressed face and a layer in which they do not."""
+    index, n_eff = found.layers.index[1:-1], found.n_eff
+    apart = [(n_eff < index[layer]) & (n_eff > index[:layer].min()) for layer in range(1, len(index))]
+    return np.any(apart, axis=0) if apart else np.zeros(len(n_eff), dtype=bool)
+
+
 def _table(found: GuidedModes, face: float) -> Table:
+    parted = _parted(found)
     shown = _evenly(len(found), MOST_ROWS)
     part = "" if len(shown) == len(found) else f" ({len(shown)} of them shown)"
     table = Table(title=f"{len(found)} guided {found.layers.polarization} modes{part}")
@@ -103,7 +113,8 @@ def _table(found: GuidedModes, face: float) -> Table:
     table.add_column("at the pressed face")
     for mode in shown:
         n_eff = found.n_eff[mode]
-        table.add_row(str(mode), f"{n_eff:.15f}", "fades away" if n_eff > face else "reaches it")
+        reaches = "fades away" if n_eff > face else "see its profile" if parted[mode] else "reaches it"
+        table.add_row(str(mode), f"{n_eff:.15f}", reaches)
     return table
 
 
@@ -122,8 +133,14 @@ def _notes(found: GuidedModes, face: float, blind: int) -> list[str]:
             f"{blind} of {len(found)} modes ({blind / len(found):.1%}) have n_eff above the face layer's {face:g}: "
             "they fade away in it, are guided by the layers above it alone, and never sense what presses on the face."
         )
-    else:
-        notes.append("Every mode reaches the pressed face: no layer exceeds the index of the face's.")
+    apart = int(_parted(found).sum()) - blind
+    if apart > 0:
+        notes.append(
+            f"{apart} of {len(found)} modes fade away in a layer between the face and another that can hold them: "
+            "those on its far side never sense. Their profiles show which."
+        )
+    elif not blind:
+        notes.append("Every mode reaches the pressed face: nothing parts it from a layer that light can stay in.")
     if len(found) > MOST_CURVES:
         notes.append(f"A figure shows {MOST_CURVES} or fewer of the {len(found)} modes.")
     return notes

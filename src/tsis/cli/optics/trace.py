@@ -31,6 +31,7 @@ if TYPE_CHECKING:
     from tsis.optics import TracedLight
 
 LIGHTEST_N, HEAVIEST_N = 1e-3, 50.0  # forces among which one for a depth is looked for
+DEPTH_TOLERANCE = 0.02
 PICTURED_RAYS = 36
 WAYS = {
     "missed": "misses the probe",
@@ -100,14 +101,26 @@ def _force_for(probe: Probe, tip_radius_mm: float, depth_mm: float) -> float:
     """The force under which a sphere sinks so deep."""
     check.number("depth_mm", depth_mm, 1e-3, probe.thickness_mm, hint="millimetres, less than the layers")
 
-    def too_deep(log_force: float) -> float:
+    def depth(log_force: float) -> float | None:
+        """None where the force strains the probe beyond what the model describes."""
         try:
-            found = indent(probe, sphere_radius_mm=tip_radius_mm, force_n=float(np.exp(log_force)))
+            return indent(probe, sphere_radius_mm=tip_radius_mm, force_n=float(np.exp(log_force))).depth_mm
         except MechanicsError:
-            return probe.thickness_mm
-        return found.depth_mm - depth_mm
+            return None
 
+    def too_deep(log_force: float) -> float:
+        found = depth(log_force)
+        return probe.thickness_mm if found is None else found - depth_mm
+
+    lightest = depth(float(np.log(LIGHTEST_N)))
+    if lightest is None or lightest > depth_mm:
+        least = "more" if lightest is None else f"at least {lightest:.3g}, which {LIGHTEST_N:g} N give"
+        raise InputError(f"depth_mm must be {least} for this sphere; got {depth_mm:g} (give --force-n instead)")
     force = brentq(too_deep, np.log(LIGHTEST_N), np.log(HEAVIEST_N), xtol=1e-4)
+    reached = depth(force - 1e-3)
+    if reached is None or abs(reached - depth_mm) > DEPTH_TOLERANCE * depth_mm:
+        most = "less" if reached is None else f"at most {reached:.3g}"
+        raise InputError(f"depth_mm must be {most} for this sphere, where small strain ends; got {depth_mm:g}")
     return float(np.exp(force))
 
 
@@ -128,16 +141,24 @@ def _table(probe: Probe, pressed: PressField | None, found: TracedLight) -> Tabl
 def _notes(probe: Probe, found: TracedLight) -> tuple[str, ...]:
     entered = 1 - found.tally.missed - found.tally.reflected
     share = found.out_of_reach / entered if entered > 0 else 0.0
-    limit = float(accepted([layer.refractive_index for layer in probe.layers]).acceptance_deg.min())
     seen = f"{found.into_camera:.1e} of the light leaves" if found.into_camera > 0 else "No ray left"
     return (
-        f"{float(found.arriving.sum()):.2%} of the light arrives at the face from inside.",
-        f"Light up to {limit:.1f} degrees from the horizontal, in air, is totally reflected by an undented face.",
+        f"{float(found.arriving.sum()):.2%} of the light meets the face from inside, counted at every meeting.",
+        *_reflected(probe),
         f"{share:.2%} of what enters can never reach an undented face: it entered above a layer whose index is below "
         "n sin(angle from the axis), as in glass above silicone.",
         f"{seen} the glass within a numerical aperture of {APERTURE:g}: a camera that looks along the axis sees what "
         "tissue scatters where light leaves through contact, not what a dent's curvature turns.",
     )
+
+
+def _reflected(probe: Probe) -> tuple[str, ...]:
+    """What a flat face keeps in; a dome lets light out even where nothing dents it."""
+    if probe.face_curvature_mm is not None:
+        return ()
+    indices = [layer.refractive_index for layer in probe.layers] + [probe.glass.refractive_index]
+    limit = float(accepted(indices).acceptance_deg.min())
+    return (f"Light up to {limit:.1f} degrees from the horizontal, in air, is totally reflected by an undented face.",)
 
 
 def _document(probe: Probe, pressed: PressField | None, found: TracedLight, seed: int) -> dict[str, object]:
