@@ -133,6 +133,7 @@ def test_an_interlaced_frame_of_a_moving_edge_is_a_comb() -> None:
     [
         ({"columns": 4}, r"columns must lie in \[8, 8192\]; got 4"),
         ({"rows": 10000}, "rows must lie in"),
+        ({"rows": 10.5}, "rows must be a whole number"),
         ({"mm_per_pixel": (0.1, 0.0)}, "mm_per_pixel must lie in"),
         ({"full_scale": 0.0}, "full_scale must lie in"),
         ({"read_noise_grey": -1.0}, "read_noise_grey must lie in"),

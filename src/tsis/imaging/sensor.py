@@ -55,8 +55,8 @@ class Sensor:
     field_angle_deg: float = 0.0
 
     def __post_init__(self) -> None:
-        check.number("columns", self.columns, 8, 8192)
-        check.number("rows", self.rows, 8, 8192)
+        for name in ("columns", "rows"):
+            object.__setattr__(self, name, check.whole(name, getattr(self, name), 8, 8192))
         object.__setattr__(self, "mm_per_pixel", pixel_scale(self.mm_per_pixel))
         check.number("full_scale", self.full_scale, 1.0, 65535.0)
         check.number("read_noise_grey", self.read_noise_grey, 0.0, self.full_scale)
