@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis import TactileImage
+    from tsis.model import LightMap
 
 FORCE_N = 1.0
 SAMPLES, TRIALS, REPEATS = 134, 100, 6
@@ -100,14 +101,21 @@ class Result:
 
 
 def run(
-    rng: np.random.Generator, *, trials: int = TRIALS, progress: Callable[[int, int], None] | None = None
+    rng: np.random.Generator,
+    *,
+    trials: int = TRIALS,
+    light: LightMap | None = None,
+    progress: Callable[[int, int], None] | None = None,
 ) -> Result:
-    """Press the nine phantoms, simulate, map, train, estimate; ``progress`` is called with (networks, in all)."""
+    """Press the nine phantoms, simulate, map, train, estimate; ``progress`` is called with (networks, in all).
+
+    The probe is lit by its own lamps, or by ``light``.
+    """
     probe = tsis.load_probe("tsis-2011")
     surrogate = build_surrogate(probe, BOX, force_n=FORCE_N)
     ranges = np.array([BOX.diameter_mm, BOX.depth_mm, BOX.young_kpa])
     inclusions = rng.uniform(ranges[:, 0], ranges[:, 1], (SAMPLES, len(PARAMETERS)))
-    virtual = VirtualProbe(probe, rng=rng)
+    virtual = VirtualProbe(probe, rng=rng, light=light)
     phantoms = [tsis.load_phantom(f"calibration-{number}") for number in range(1, 10)]
     truth = np.array([[getattr(phantom.inclusion, name) for name in PARAMETERS] for phantom in phantoms])
     frames = [virtual.press(phantom, force_n=FORCE_N) for phantom in phantoms]

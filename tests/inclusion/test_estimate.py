@@ -139,14 +139,20 @@ def test_a_reference_narrows_and_its_absence_is_said(lump: tuple[TactileImage, T
 
 
 def test_more_presses_narrow() -> None:
-    """Further presses of the same probe repeat its pattern, but not the errors of force and of repeatability."""
-    virtual = VirtualProbe(PROBE, rng=np.random.default_rng(2), light=EVEN)
-    images = [virtual.press(tsis.load_phantom("hardness-100"), force_n=1.0) for _ in range(3)]
-    references = [virtual.press(PLAIN, force_n=1.0) for _ in range(3)]
-    one, three = (
-        estimate(images[:count], probe=PROBE, calibration=ANSWER, reference=references[:count]) for count in (1, 3)
-    )
-    assert all(three.sd[name] < 0.9 * one.sd[name] for name in ("diameter_mm", "depth_mm"))
+    """Further presses of the same probe repeat its pattern, but not the errors of force and of repeatability.
+
+    How much depends on where on the curved posterior the first press happens to lie, hence the mean of three probes.
+    """
+    ratios = []
+    for seed in (2, 3, 4):
+        virtual = VirtualProbe(PROBE, rng=np.random.default_rng(seed), light=EVEN)
+        images = [virtual.press(tsis.load_phantom("hardness-100"), force_n=1.0) for _ in range(3)]
+        references = [virtual.press(PLAIN, force_n=1.0) for _ in range(3)]
+        one, three = (
+            estimate(images[:count], probe=PROBE, calibration=ANSWER, reference=references[:count]) for count in (1, 3)
+        )
+        ratios.append([three.sd[name] / one.sd[name] for name in ("diameter_mm", "depth_mm")])
+    assert (np.mean(ratios, axis=0) < 0.9).all()
 
 
 def test_a_prior_of_ones_own_is_respected(

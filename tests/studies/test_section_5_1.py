@@ -149,7 +149,7 @@ def test_the_picture_and_the_table_are_written(
     assert len(FORCES_N) == 20
 
 
-def test_traced_light_bends_the_lines_both_ways() -> None:
+def test_under_the_catalogs_lamps_two_bends_of_the_line_cancel() -> None:
     """Light that gathers in the middle makes wide contacts dimmer; a deeper dent catches more of it."""
     light = irradiance(PROBE, rays=400_000, cached=False)
     lines = traced_lines(light)
@@ -158,5 +158,7 @@ def test_traced_light_bends_the_lines_both_ways() -> None:
     for tip in (10.0, 14.0):
         assert lines["even", tip].exponent == pytest.approx(1.0, abs=0.002)
         assert lines["face", tip].exponent < 0.95
-        assert lines["dent", tip].exponent > 1.05
+        assert lines["dent", tip].exponent > lines["face", tip].exponent + 0.04
+        assert lines["dent", tip].exponent == pytest.approx(1.0, abs=0.03)
+        assert lines["dent", tip].r_squared >= 0.998
         assert PRINTED_SLOPE < lines["face", tip].slope_per_n < middle * PRINTED_SLOPE

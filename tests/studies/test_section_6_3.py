@@ -9,6 +9,8 @@ import pytest
 from studies.printed_6_3 import PRINTED, PRINTED_ERROR, PRINTED_RMSE, ROUNDING, relative_error, rmse, without_itself
 from studies.section_6_3 import Result, correlations, draw, report, run, spread, table_6_1
 
+from tsis.model import LightMap
+
 if TYPE_CHECKING:
     from pathlib import Path
 
@@ -17,7 +19,8 @@ SCG, LM = ("face_displacement_mm", "scg"), ("face_displacement_mm", "lm")
 
 @pytest.fixture(scope="module")
 def result() -> Result:
-    return run(np.random.default_rng(3), trials=25)
+    """Under even light, in which the total of a frame is the force."""
+    return run(np.random.default_rng(3), trials=25, light=LightMap.uniform())
 
 
 def test_table_6_1_contradicts_table_6_2(result: Result) -> None:
@@ -67,7 +70,8 @@ def test_as_printed_the_outputs_say_nearly_nothing(result: Result) -> None:
     assert (change.simulated_variation > 0.5).all()
     assert printed.simulated_variation[1] < 1e-3, "the total of a flat face is the force"
     assert printed.simulated_variation[2] < 1e-12, "the area of a flat face is the face"
-    assert (change.told_apart[1:] > 2 * printed.told_apart[1:]).all()
+    # Over the spread of a few repeats, which is itself known to a third.
+    assert change.told_apart[1:].min() > printed.told_apart[1:].max()
 
 
 def test_the_pressure_is_mapped_better_than_the_displacement(result: Result) -> None:

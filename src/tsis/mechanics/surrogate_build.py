@@ -29,7 +29,6 @@ from tsis.mechanics.surrogate import (
 )
 from tsis.mechanics.surrogate_presses import FACE_POINTS, slabs_of
 from tsis.model import Probe, check, disk_cache
-from tsis.model.light import CROWN_GLASS, FOUR_LEDS
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -88,9 +87,7 @@ def build_surrogate(
     key = disk_cache.content_key(
         {
             "format": FORMAT_VERSION,
-            "probe": asdict(
-                replace(probe, name="", assumed=(), glass=CROWN_GLASS, leds=FOUR_LEDS)
-            ),  # light changes no press
+            "probe": asdict(replace(probe.unlit(), name="", assumed=())),
             "force_n": force_n,
             "strain": strain,
             "box": asdict(box),

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -129,6 +129,10 @@ class Probe:
     def led_height_mm(self, led: Led) -> float:
         """Height of a lamp's centre above the face, mm."""
         return self.thickness_mm / 2 if led.height_mm is None else led.height_mm
+
+    def unlit(self) -> Probe:
+        """The probe as mechanics knows it: with lamps and glass of any probe, for no press depends on them."""
+        return replace(self, glass=CROWN_GLASS, leds=FOUR_LEDS)
 
     @property
     def thickness_mm(self) -> float:

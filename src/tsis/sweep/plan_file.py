@@ -191,7 +191,7 @@ def _ranged(name: str, value: Any, *, logarithmic: bool) -> Quantity:
 
 def _probe(value: Any) -> Probe:
     if isinstance(value, str):
-        return load_probe(value)
+        return load_probe(value).unlit()  # of which the document of a plan holds no light
     table = _table("probe", value)
     for key in table:
         check.known("key of [probe]", key, _PROBE_KEYS)
