@@ -42,7 +42,7 @@ class Acceptance:
     index: NDArray[np.float64]
     critical_deg: NDArray[np.float64]
     acceptance_deg: NDArray[np.float64]
-    unlimited: NDArray[np.bool_]
+    unlimited: NDArray[np.bool]
     blind_deg: NDArray[np.float64]
     blind_share: NDArray[np.float64]
 

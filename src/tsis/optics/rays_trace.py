@@ -79,9 +79,13 @@ class TracedLight:
         Rays traced.
     x_mm, y_mm
         Middles of the maps' bins, shape (n,) each.
-    arriving, lost, coupled
-        Light that arrives at the face from inside, leaves it into air and leaves it through contact, in each bin, as
-        shares of what the lamps send out, shape (n, n), rows along y.
+    arriving
+        Light that meets the face from inside in each bin, counted at every meeting, as a share of what the lamps send
+        out, shape (n, n), rows along y.
+    coupled
+        Light that leaves it through contact, likewise.
+    lost
+        Light that leaves it into air, likewise.
     flux_x, flux_y
         Horizontal flux along the face in the bins, per flux into it, times ``arriving``; shape (n, n).
     batches

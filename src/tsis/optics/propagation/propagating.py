@@ -74,7 +74,7 @@ class Propagation:
     z_um: NDArray[np.float64]
     index: NDArray[np.float64]
     n_eff: NDArray[np.float64]
-    clear: NDArray[np.bool_]
+    clear: NDArray[np.bool]
     guided_count: int
     field: NDArray[np.complex128]
     powers: Powers

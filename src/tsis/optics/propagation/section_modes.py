@@ -39,7 +39,7 @@ class SectionModes:
     separation: NDArray[np.complex128]
     profile: NDArray[np.complex128]
     mass: NDArray[np.complex128]
-    clear: NDArray[np.bool_]
+    clear: NDArray[np.bool]
 
     @property
     def guided(self) -> int:
