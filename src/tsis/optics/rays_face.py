@@ -86,7 +86,8 @@ def hertz_dent(
     radius = np.hypot(side - offset_mm[0], side[:, None] - offset_mm[1])
     contact = np.sqrt(tip_radius_mm * depth_mm)
     out = np.maximum(radius, contact)
-    beyond = (2 * contact**2 - out**2) * np.arcsin(contact / out) + contact * np.sqrt(out**2 - contact**2)
+    level = np.sqrt(np.maximum(out**2 - contact**2, 0.0))  # squares of the edge itself may differ by rounding
+    beyond = (2 * contact**2 - out**2) * np.arcsin(contact / out) + contact * level
     inside = depth_mm - radius**2 / (2 * tip_radius_mm)
     return PressMap(
         x_mm=side,
