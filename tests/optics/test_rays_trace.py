@@ -42,11 +42,11 @@ probes = st.builds(
 
 
 def test_the_edge_of_a_dent_is_real_whatever_rounding_makes_of_its_radius() -> None:
-    for radius in np.random.default_rng(1).uniform(5.0, 30.0, 40).tolist():
-        dent = hertz_dent(
-            radius, tip_radius_mm=radius, depth_mm=0.41, peak_pressure_kpa=20.0, offset_mm=(0.2 * radius, 0.0)
-        )
-        assert dent.face_displacement_mm.max() == pytest.approx(0.41, rel=0.01)
+    radius, depth = 17.63809712641224, 0.41000000000000003  # whose contact radius squared is not its square in arrays
+    dent = hertz_dent(
+        radius, tip_radius_mm=radius, depth_mm=depth, peak_pressure_kpa=20.0, offset_mm=(0.2 * radius, 0.0)
+    )
+    assert dent.face_displacement_mm.max() == pytest.approx(depth, rel=0.01)
 
 
 @settings(max_examples=25, deadline=None)
