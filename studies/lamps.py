@@ -3,12 +3,14 @@
 The dissertation prints the lamps' viewing angle and that "the direction and incident angle of light is calibrated"; it
 prints neither height nor aim. Lamps that shine straight in at half height, which one would try first, cross over the
 axis: their light is bright in the middle, dark between the lamps, and grazes the face, so that flanks of a dent catch
-several times what the level face does. The catalog's lamps were chosen from this table. Unevenness can be measured and
-divided out; light that runs along the face (``flux``), changes with its height (``growth``) or is missing elsewhere
-once a contact has taken it (``depletion``) cannot, since it depends on the press. So the places are ranked by the root
-of the sum of the squares of what a press on tissue, 0.2 mm deep and with a slope of 0.05, would change, and of the
-depletion. Steep beams meet the face often and are evened out, but a contact then darkens the whole face; level ones
-meet it once and graze it. The best lamps lie between.
+several times what the level face does. Unevenness can be measured and divided out; light that runs along the face
+(``flux``), changes with its height (``growth``) or is missing elsewhere once a contact has taken it (``depletion``)
+cannot, since it depends on the press. So the places are ranked by the root of the sum of the squares of what a press on
+tissue, 0.2 mm deep and with a slope of 0.05, would change, and of the depletion. Steep beams meet the face often and are
+evened out, but a contact then darkens the whole face; level ones meet it once and graze it.
+
+The catalog's lamps are not the first of this table. They are those under which, beside that, the line of section 5.1 is
+straight (``studies/section_5_1.py --traced``) and the camera's map of light follows rays (``benchmarks/rays.py``).
 
 Data sheets call "viewing angle" the whole cone; section 3.4 of the dissertation compares its 30 degrees with an angle
 from the axis. The catalog follows the dissertation.
