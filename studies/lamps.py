@@ -6,8 +6,8 @@ axis: their light is bright in the middle, dark between the lamps, and grazes th
 several times what the level face does. Unevenness can be measured and divided out; light that runs along the face
 (``flux``), changes with its height (``growth``) or is missing elsewhere once a contact has taken it (``depletion``)
 cannot, since it depends on the press. So the places are ranked by the root of the sum of the squares of what a press on
-tissue, 0.2 mm deep and with a slope of 0.05, would change, and of the depletion. Steep beams meet the face often and are
-evened out, but a contact then darkens the whole face; level ones meet it once and graze it.
+tissue, 0.2 mm deep and with a slope of 0.05, would change, and of the depletion. Steep beams meet the face often and
+are evened out, but a contact then darkens the whole face; level ones meet it once and graze it.
 
 The catalog's lamps are not the first of this table. They are those under which, beside that, the line of section 5.1 is
 straight (``studies/section_5_1.py --traced``) and the camera's map of light follows rays (``benchmarks/rays.py``).
