@@ -182,13 +182,13 @@ def stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def builds(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """One entry a surrogate that was solved and not loaded."""
     seen: list[int] = []
-    solve: Callable[..., Any] = surrogate_build._solve_all
+    solve: Callable[..., Any] = surrogate_build.solve_all
 
     def counted(*arguments: Any) -> Any:
         seen.append(1)
         return solve(*arguments)
 
-    monkeypatch.setattr(surrogate_build, "_solve_all", counted)
+    monkeypatch.setattr(surrogate_build, "solve_all", counted)
     return seen
 
 

@@ -1,6 +1,12 @@
 """What a press does to probe and tissue: closed forms, finite elements, and a fast surrogate."""
 
 from tsis.mechanics.bodies import Resolution
+from tsis.mechanics.covered_surrogate import (
+    CoveredAnswers,
+    CoveredParts,
+    CoveredSurrogate,
+    build_covered_surrogate,
+)
 from tsis.mechanics.finite_strain.bodies import FiniteResolution
 from tsis.mechanics.finite_strain.pressing import press_pairs, press_path
 from tsis.mechanics.finite_strain.squeezed_sphere import SpherePress, SphereResolution, squeeze_path, squeeze_sphere
@@ -14,6 +20,9 @@ from tsis.mechanics.viscoelastic import RelaxingPress, relaxing_press, settling_
 
 __all__ = [
     "Box",
+    "CoveredAnswers",
+    "CoveredParts",
+    "CoveredSurrogate",
     "Degrees",
     "FiniteResolution",
     "Indentation",
@@ -24,6 +33,7 @@ __all__ = [
     "SpherePress",
     "SphereResolution",
     "Surrogate",
+    "build_covered_surrogate",
     "build_surrogate",
     "contrast_factor",
     "indent",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -53,6 +54,7 @@ class Resolution:
     sphere_layers: int = 1
 
 
+@lru_cache(maxsize=16)
 def face_of(radius_mm: float, resolution: Resolution, central_mm: float = np.inf) -> Face:
     """The contact face of a probe of ``radius_mm``; its cell on the axis is at most ``central_mm`` wide."""
     lines = mesh.face_lines(
@@ -65,6 +67,7 @@ def face_of(radius_mm: float, resolution: Resolution, central_mm: float = np.inf
     return Face(lines=lines, order=resolution.order)
 
 
+@lru_cache(maxsize=16)
 def probe_compliance(probe: Probe, face: Face, resolution: Resolution) -> NDArray[np.float64]:
     """Normal displacement of the face's nodes by normal forces on them in mm/mN, shape (n, n).
 
@@ -91,6 +94,7 @@ def probe_compliance(probe: Probe, face: Face, resolution: Resolution) -> NDArra
     swept = sweep(body, dofs, keep=keep, young_kpa=np.array(young[::-1]), poisson=np.array(poisson[::-1])).keep(keep)
     compliance = np.zeros((count, count))
     compliance[np.ix_(swept.dofs, swept.dofs)] = np.linalg.inv(swept.stiffness)
+    compliance.flags.writeable = False  # one array for everybody who asks
     return compliance
 
 

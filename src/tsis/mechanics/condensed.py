@@ -13,8 +13,7 @@ from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg.blas import dtrsm
-from scipy.linalg.lapack import dpotrf
+from scipy.linalg.lapack import dpotrf, dtrtri
 
 from tsis.mechanics.element import stiffness
 from tsis.mechanics.mesh import layer_of
@@ -60,10 +59,11 @@ class Condensate:
 def _eliminate(matrix: NDArray[np.float64], first: int) -> NDArray[np.float64]:
     """Schur complement that is left when the ``first`` degrees of freedom are eliminated."""
     # LAPACK and BLAS themselves: for matrices this small, what is wrapped around them costs as much as they do.
-    factor, failed = dpotrf(matrix[:first, :first], lower=1, clean=0)
+    factor, failed = dpotrf(matrix[:first, :first], lower=1)
     if failed:
         raise np.linalg.LinAlgError("a body's stiffness must be positive definite; it is not")
-    root = dtrsm(1.0, factor, matrix[:first, first:], lower=1)
+    # A triangular solve would be shorter, but SciPy's holds the interpreter's lock, and slabs are solved in threads.
+    root = dtrtri(factor, lower=1, overwrite_c=1)[0] @ matrix[:first, first:]
     return np.asarray(matrix[first:, first:] - root.T @ root)
 
 

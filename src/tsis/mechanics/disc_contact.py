@@ -63,7 +63,7 @@ class DiscContact:
     def pressure_kpa(self, radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
         """Pressure at ``radius_mm``, zero outside the contact."""
         angle = np.arcsin(np.minimum(radius_mm / self.radius_mm, 1.0))
-        return np.asarray(np.cos(angle) * (_polynomials(angle) @ self.terms))
+        return regular_terms(angle) @ self.terms
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -107,7 +107,7 @@ def loads(face: Face, gap_mm: Callable[[NDArray[np.float64]], NDArray[np.float64
     angle, weight = disc_points(face.lines, radius_mm, max(FEWEST, POINTS // cells))
     share = np.sin(angle)
     area = 2 * np.pi * radius_mm**2 * share * np.cos(angle) * weight
-    values = np.column_stack([np.cos(angle)[:, None] * _polynomials(angle), 1 / np.cos(angle)])
+    values = np.column_stack([regular_terms(angle), 1 / np.cos(angle)])
     weighted = area[:, None] * values
     radius = radius_mm * share
     return Loads(
@@ -123,6 +123,11 @@ def disc_points(
     x, w = gauss_points(points)
     half = np.diff(ends)[:, None] / 2
     return (ends[:-1, None] + half * (x + 1)).ravel(), (half * w).ravel()
+
+
+def regular_terms(angle: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The terms that are finite at the disc's edge, in the angle arcsin(r / a), shape (len(angle), terms)."""
+    return np.asarray(np.cos(angle)[:, None] * _polynomials(angle))
 
 
 def on_disc(contact: Elastic, on: Loads, radius_mm: float) -> DiscContact:

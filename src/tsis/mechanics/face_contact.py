@@ -17,6 +17,7 @@ from scipy.optimize import brentq
 from tsis.mechanics import disc_contact
 from tsis.mechanics.contact import unilateral_contact
 from tsis.mechanics.face import hats, means, ring_points
+from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -49,6 +50,14 @@ class Touch:
     approach_mm: float
     radius_mm: float
 
+    def __mul__(self, factor: float) -> Touch:
+        return Touch(
+            force=factor * self.force,
+            pressure_kpa=factor * self.pressure_kpa,
+            approach_mm=factor * self.approach_mm,
+            radius_mm=self.radius_mm,
+        )
+
     def __add__(self, other: Touch) -> Touch:
         return Touch(
             force=self.force + other.force,
@@ -56,6 +65,25 @@ class Touch:
             approach_mm=self.approach_mm + other.approach_mm,
             radius_mm=max(self.radius_mm, other.radius_mm),
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Covering:
+    """All contacts that cover the face: ``shape + force * unit``, the force being at least ``force_mn``.
+
+    Attributes
+    ----------
+    unit
+        What each newton adds.
+    shape
+        What a dome's gap adds, in equilibrium with itself; None when the face is flat.
+    force_mn
+        Force that makes the contact reach the rim, mN; 0 when the face is flat.
+    """
+
+    unit: Touch
+    shape: Touch | None
+    force_mn: float
 
 
 class FaceContact:
@@ -93,6 +121,15 @@ class FaceContact:
         pull = -PULL * force_mn / (np.pi * self.probe.radius_mm**2)
         return touch if touch.pressure_kpa[self.inner].min() >= pull else self._opening(compliance, force_mn)
 
+    def covering(self, compliance: NDArray[np.float64], split: disc_contact.Elastic | None = None) -> Covering:
+        """The contacts that cover the face, whether or not the tissue would have to pull; arguments as for `touch`."""
+        unit = self._closed(compliance, MN_PER_N)
+        if split is None:
+            return Covering(unit=unit, shape=None, force_mn=0.0)
+        whole = disc_contact.on_disc(split, self._whole_disc, self.probe.radius_mm)
+        force_mn = float(whole.force.sum())
+        return Covering(unit=unit, shape=self._of_disc(whole) + unit * (-force_mn / MN_PER_N), force_mn=force_mn)
+
     def closed_pressure(self, force: NDArray[np.float64]) -> NDArray[np.float64]:
         """Mean pressures of nodal forces of a contact that covers the face; columns are mapped one by one."""
         return self._closed_pressure @ force
@@ -123,15 +160,25 @@ class FaceContact:
         return disc_contact.loads(self.face, self.probe.sag_mm, self.probe.radius_mm)
 
     def _of_disc(self, disc: disc_contact.DiscContact) -> Touch:
-        angle, weight = disc_contact.disc_points(self.radius_mm, disc.radius_mm, 3)
-        inside = disc.radius_mm * np.sin(angle)
-        area = 2 * np.pi * inside * disc.radius_mm * np.cos(angle) * weight
+        is_whole = disc.radius_mm == self.probe.radius_mm
+        means_of_terms = self._whole_disc_means if is_whole else self._disc_means(disc.radius_mm)
         return Touch(
             force=disc.force,
-            pressure_kpa=means(self.radius_mm, inside, area, disc.pressure_kpa(inside)[:, None])[:, 0],
+            pressure_kpa=means_of_terms @ disc.terms,
             approach_mm=disc.approach_mm,
             radius_mm=disc.radius_mm,
         )
+
+    @cached_property
+    def _whole_disc_means(self) -> NDArray[np.float64]:
+        return self._disc_means(self.probe.radius_mm)
+
+    def _disc_means(self, disc_mm: float) -> NDArray[np.float64]:
+        """Mean pressures by 1 kPa of each term on a disc of radius ``disc_mm``, shape (k, terms)."""
+        angle, weight = disc_contact.disc_points(self.radius_mm, disc_mm, 3)
+        inside = disc_mm * np.sin(angle)
+        area = 2 * np.pi * inside * disc_mm * np.cos(angle) * weight
+        return means(self.radius_mm, inside, area, disc_contact.regular_terms(angle))
 
     def _opening(self, compliance: NDArray[np.float64], force_mn: float) -> Touch:
         """Contact anywhere: pressures linear between the nodes and never negative, gaps closed in their mean."""

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.mechanics.face import Face
+    from tsis.mechanics.face_contact import Touch
     from tsis.model import Inclusion, Phantom, Probe
 
 FACE_POINTS = 241
@@ -61,6 +62,25 @@ class FacePress:
             face_displacement_mm=self.face_displacement_mm - other.face_displacement_mm,
             approach_mm=self.approach_mm - other.approach_mm,
         )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CoveringPress:
+    """All presses that cover the face: ``shape + force_n * unit``, from ``force_n`` on.
+
+    Attributes
+    ----------
+    unit
+        What each newton adds.
+    shape
+        What a dome's gap adds, in equilibrium with itself; None when the face is flat.
+    force_n
+        Force that makes the contact reach the rim; 0 when the face is flat.
+    """
+
+    unit: FacePress
+    shape: FacePress | None
+    force_n: float
 
 
 class PressKernel:
@@ -125,8 +145,26 @@ class PressKernel:
         ``change`` is what an inclusion changes about the compliance of tissue of 1 kPa; plain tissue is solved on a
         mesh that knows of no inclusion, so that a press less the plain one holds what the inclusion does and no more.
         """
+        both, split = self._bodies(tissue_kpa, change)
+        return self._face_press(self.contact.touch(both, force_mn, split))
+
+    def covering(self, tissue_kpa: float, change: NDArray[np.float64] | None = None) -> CoveringPress:
+        """Every press whose contact covers the face, at once; arguments as for `press`."""
+        found = self.contact.covering(*self._bodies(tissue_kpa, change))
+        return CoveringPress(
+            unit=self._face_press(found.unit),
+            shape=None if found.shape is None else self._face_press(found.shape),
+            force_n=found.force_mn / MN_PER_N,
+        )
+
+    def _bodies(
+        self, tissue_kpa: float, change: NDArray[np.float64] | None
+    ) -> tuple[NDArray[np.float64], Elastic | None]:
+        """Compliance of both bodies together, and the same split where the contact needs it."""
         both = self.probe_compliance + self.tissue_compliance(tissue_kpa, change)
-        touch = self.contact.touch(both, force_mn, self.split(both, tissue_kpa) if self.contact.is_domed else None)
+        return both, self.split(both, tissue_kpa) if self.contact.is_domed else None
+
+    def _face_press(self, touch: Touch) -> FacePress:
         return FacePress(
             pressure_kpa=touch.pressure_kpa,
             face_displacement_mm=self.face_displacement(touch.force),
@@ -153,11 +191,14 @@ class PressKernel:
         return (1 - self.poisson**2) * half_space_compliance(self.face, self.poisson, self._resolution)
 
 
+@lru_cache(maxsize=16)
 def half_space_compliance(face: Face, poisson: float, resolution: Resolution) -> NDArray[np.float64]:
     """Compliance of a face's nodes on a half-space of ``E / (1 - nu**2)`` = 1 kPa, by a very thick slab, (n, n)."""
     edge = float(face.lines[-1])
     endless = Slab(thickness_mm=ENDLESS * edge, poisson=poisson, face=face, block_mm=edge / 2, resolution=resolution)
-    return endless.compliance / (1 - poisson**2)
+    compliance = endless.compliance / (1 - poisson**2)
+    compliance.flags.writeable = False  # one array for everybody who asks
+    return compliance
 
 
 def sphere(diameter_mm: float, depth_mm: float) -> Spheroid:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
@@ -25,6 +26,8 @@ if TYPE_CHECKING:
     from tsis.mechanics.surrogate import Box
     from tsis.model import PressField, Probe
 
+    Answer = Callable[[PressKernel, float, NDArray[np.float64] | None], NDArray[np.float64]]
+
 FACE_POINTS = 121  # of each profile; between them it is taken as straight
 
 
@@ -47,7 +50,7 @@ def slabs_of(
     if strain == "small":
         coarse = Resolution() if resolution is None else resolution
         if isinstance(coarse, Resolution):
-            return lambda thickness: SmallStrainSlabs(probe, box, force_n, coarse, thickness), coarse
+            return partial(SmallStrainSlabs, probe, box, coarse, under_force(force_n)), coarse
     elif strain == "finite":
         fine = FiniteResolution() if resolution is None else resolution
         if isinstance(fine, FiniteResolution):
@@ -58,11 +61,14 @@ def slabs_of(
 
 
 class SmallStrainSlabs:
-    """Slabs that share the condensed probe and far tissue."""
+    """Slabs that share the condensed probe and far tissue.
 
-    def __init__(self, probe: Probe, box: Box, force_n: float, resolution: Resolution, thickness_mm: float) -> None:
+    ``answer`` makes a row of a tissue's modulus in kPa and what an inclusion changes about its compliance, or None.
+    """
+
+    def __init__(self, probe: Probe, box: Box, resolution: Resolution, answer: Answer, thickness_mm: float) -> None:
         diameter, depth = box.diameter_mm[0], box.depth_mm[0]
-        self._force_mn = force_n * MN_PER_N
+        self._answer = answer
         self._kernel = PressKernel(
             probe,
             thickness_mm=thickness_mm,
@@ -75,12 +81,7 @@ class SmallStrainSlabs:
 
     def plain(self, tissues: list[float]) -> NDArray[np.float64]:
         """See `Slabs`."""
-        found = [self._kernel.press(tissue, self._force_mn) for tissue in tissues]
-        furthest = max(one.approach_mm for one in found)
-        problem = strain_problem(furthest, self._kernel.probe, self._kernel.thickness_mm)
-        if problem is not None:
-            raise MechanicsError(f"{problem}: choose a smaller force_n, stiffer tissue_young_kpa, or strain='finite'")
-        return np.array([_row(one) for one in found])
+        return np.array([self._answer(self._kernel, tissue, None) for tissue in tissues])
 
     def changes(
         self, sphere: tuple[float, float], factors: NDArray[np.float64], tissues: list[float]
@@ -91,9 +92,30 @@ class SmallStrainSlabs:
         plain, rows = self.plain(tissues), []
         for factor in factors:
             change = slab.change(float(contrast_of(factor)))
-            pressed = [_row(self._kernel.press(tissue, self._force_mn, change)) for tissue in tissues]
+            pressed = [self._answer(self._kernel, tissue, change) for tissue in tissues]
             rows.append((np.array(pressed) - plain) / scale(diameter, depth, factor))
         return np.array(rows)
+
+
+def under_force(force_n: float) -> Answer:
+    """Presses at one force."""
+
+    def answer(kernel: PressKernel, tissue: float, change: NDArray[np.float64] | None) -> NDArray[np.float64]:
+        found = kernel.press(tissue, force_n * MN_PER_N, change)
+        problem = None if change is not None else strain_problem(found.approach_mm, kernel.probe, kernel.thickness_mm)
+        if problem is not None:
+            raise MechanicsError(f"{problem}: choose a smaller force_n, stiffer tissue_young_kpa, or strain='finite'")
+        return _row(found)
+
+    return answer
+
+
+def covering(kernel: PressKernel, tissue: float, change: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    """All presses that cover the face: what a newton adds; of a dome also the rest, and the force that makes it cover."""
+    found = kernel.covering(tissue, change)
+    if found.shape is None:
+        return _row(found.unit)
+    return np.concatenate([_row(found.unit), _row(found.shape), [found.force_n]])
 
 
 class FiniteStrainSlabs:

@@ -1,0 +1,173 @@
+"""Solving the presses that surrogates are made of, measuring their error on fresh ones, and keeping all that on disk.
+
+The changes by an inclusion come from solves with and without contrast on one mesh.
+"""
+
+from __future__ import annotations
+
+import io
+import itertools
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.stats import qmc
+from threadpoolctl import threadpool_limits
+
+from tsis.mechanics import chebyshev
+from tsis.mechanics.surrogate import Surrogate, contrast_factor, contrast_of, log_range, scale
+from tsis.mechanics.surrogate_presses import FACE_POINTS
+from tsis.model import disk_cache
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from tsis.mechanics.surrogate import Box, Degrees
+    from tsis.mechanics.surrogate_presses import Slabs
+    from tsis.model import Probe
+
+CHECKS = 8  # fresh presses that a surrogate's error is measured on
+CHECKED_SHARE = 0.8  # of the face's radius, as far as profiles are used
+SMALLEST_FACTOR = 1e-3  # contrasts below it change nothing that could be divided by it
+PRESS_OUTPUTS = 2 * FACE_POINTS + 1  # of one press: pressures, displacements and the approach
+
+
+def solve_all(
+    box: Box,
+    slabs: Callable[[float], Slabs],
+    degrees: Degrees,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Solve at all Chebyshev points of a box.
+
+    Parameters
+    ----------
+    box, degrees
+        Where, and how many points.
+    slabs
+        Makes the slabs of a thickness in mm.
+    progress
+        Called with (slabs solved, slabs in all).
+
+    Returns
+    -------
+    ``plain`` and ``change`` of a `Surrogate` whose outputs are the rows of the slabs.
+    """
+    thicknesses, tissues = _tissue_points(box, degrees.thickness, degrees.tissue)
+    factors = _apart_from_none(chebyshev.points(box.contrast_factor, degrees.contrast))
+    spheres = list(
+        itertools.product(
+            chebyshev.points(box.diameter_mm, degrees.diameter), chebyshev.points(box.depth_mm, degrees.depth)
+        )
+    )
+    total, done = len(thicknesses) * len(spheres), itertools.count(1)
+    change = []
+    # Two levels of threads would fight for the cores: BLAS stays on one, the slabs share the others.
+    with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
+        for thickness in thicknesses:
+            alike = slabs(thickness)
+            tasks = [pool.submit(alike.changes, sphere, factors, tissues) for sphere in spheres]
+            rows = []
+            for task in tasks:
+                rows.append(task.result())
+                if progress is not None:
+                    progress(next(done), total)
+            change.append(np.array(rows).reshape(degrees.diameter, degrees.depth, *rows[0].shape))
+        thicknesses, tissues = _tissue_points(box, degrees.plain, degrees.plain)
+        plain = pool.map(lambda thickness: slabs(thickness).plain(tissues), thicknesses)
+        return np.stack(list(plain), axis=1), np.stack(change, axis=4)
+
+
+def profiles(
+    box: Box, plain: NDArray[np.float64], change: NDArray[np.float64], first: int
+) -> tuple[Surrogate, Surrogate, Surrogate]:
+    """Pressure, displacement and approach of the press whose outputs start at ``first``."""
+    ends = np.array([0, FACE_POINTS, 2 * FACE_POINTS, PRESS_OUTPUTS]) + first
+    pressure, displacement, approach = (
+        Surrogate(box=box, plain=plain[..., start:end], change=change[..., start:end])
+        for start, end in itertools.pairwise(ends.tolist())
+    )
+    return pressure, displacement, approach
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Spot:
+    """One inclusion in one slab, lengths in mm, moduli in kPa."""
+
+    diameter_mm: float
+    depth_mm: float
+    young_kpa: float
+    tissue_young_kpa: float
+    thickness_mm: float
+
+    def of(self, surrogate: Surrogate) -> NDArray[np.float64]:
+        """Outputs of a surrogate here, shape (outputs,)."""
+        there = surrogate.at_tissue(self.tissue_young_kpa, self.thickness_mm)
+        every = there(np.array([self.diameter_mm]), np.array([self.depth_mm]), np.array([self.young_kpa]))
+        return np.asarray(every[0])
+
+
+def largest_error(
+    box: Box, slabs: Callable[[float], Slabs], error: Callable[[Spot, NDArray[np.float64]], float]
+) -> float:
+    """Largest ``error(spot, row)`` over fresh presses in a box, each told by its row of outputs."""
+    ranges = np.array([box.diameter_mm, box.depth_mm, box.young_kpa, box.tissue_young_kpa])
+    # Shallow inclusions are the hardest, the smallest and the largest: corners that a few even points would miss.
+    corners = [[share, 0.03, 0.5, 0.5] for share in (0.03, 0.3, 0.97)]
+    unit = np.vstack([corners, qmc.Halton(4, scramble=False).random(CHECKS - len(corners))])
+    thicknesses = [float(np.quantile(box.thickness_mm, share)) for share in (0.2, 0.7)]
+
+    def measured(thickness: float, alike: Slabs, point: NDArray[np.float64]) -> float:
+        diameter, depth, young, tissue = point.tolist()
+        factor = float(_apart_from_none(contrast_factor(young / tissue)))
+        change = scale(diameter, depth, factor) * alike.changes((diameter, depth), np.array([factor]), [tissue])[0]
+        spot = Spot(
+            diameter_mm=diameter,
+            depth_mm=depth,
+            young_kpa=float(contrast_of(factor)) * tissue,
+            tissue_young_kpa=tissue,
+            thickness_mm=thickness,
+        )
+        return error(spot, (alike.plain([tissue]) + change)[0])
+
+    with threadpool_limits(limits=1, user_api="blas"), ThreadPoolExecutor(os.cpu_count()) as pool:
+        kernels = itertools.cycle(list(pool.map(slabs, thicknesses)))
+        points = ranges[:, 0] + unit * np.ptp(ranges, axis=1)
+        return max(pool.map(measured, itertools.cycle(thicknesses), kernels, points))
+
+
+def remembered(
+    kind: str, key: str, solved: Callable[[], dict[str, NDArray[np.float64]]]
+) -> dict[str, NDArray[np.float64]]:
+    """Arrays from the disk cache, or solved now and written there."""
+    stored = disk_cache.read(kind, key)
+    if stored is None:
+        found = solved()
+        buffer = io.BytesIO()
+        np.savez(buffer, allow_pickle=False, **found)
+        disk_cache.write(kind, key, buffer.getvalue())
+        return found
+    with np.load(io.BytesIO(stored), allow_pickle=False) as arrays:
+        return dict(arrays)
+
+
+def probe_content(probe: Probe) -> dict[str, Any]:
+    """Everything of a probe that its presses depend on, as JSON values."""
+    return asdict(replace(probe.unlit(), name="", assumed=()))
+
+
+def _apart_from_none(factor: Any) -> NDArray[np.float64]:
+    """Contrast factors none of which is too small to divide by what it changes."""
+    return np.where(np.abs(factor) < SMALLEST_FACTOR, SMALLEST_FACTOR, factor)
+
+
+def _tissue_points(box: Box, thicknesses: int, tissues: int) -> tuple[list[float], list[float]]:
+    """Slab thicknesses in mm and tissue moduli in kPa at which presses are solved."""
+    return (
+        np.exp(chebyshev.points(log_range(box.thickness_mm), thicknesses)).tolist(),
+        np.exp(chebyshev.points(log_range(box.tissue_young_kpa), tissues)).tolist(),
+    )
