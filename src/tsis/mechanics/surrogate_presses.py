@@ -111,7 +111,7 @@ def under_force(force_n: float) -> Answer:
 
 
 def covering(kernel: PressKernel, tissue: float, change: NDArray[np.float64] | None) -> NDArray[np.float64]:
-    """All presses that cover the face: what a newton adds; of a dome also the rest, and the force that makes it cover."""
+    """All presses that cover the face: what a newton adds; of a dome also the rest, and the force from which on."""
     found = kernel.covering(tissue, change)
     if found.shape is None:
         return _row(found.unit)
