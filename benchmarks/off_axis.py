@@ -1,0 +1,167 @@
+"""How well a moved change stands for an inclusion beside the axis, against the press in three dimensions.
+
+    python benchmarks/off_axis.py                    # some minutes; needs NGSolve (the extra fem3d)
+    python benchmarks/off_axis.py --fine --offsets 1 3    # takes ten times as long an offset
+
+A flat probe presses spheres at 1 N. Each cell is "worst ring / root mean square over the rings" in per cent: of
+pressure as a share of the mean pressure, of displacement as a share of the change's peak on the axis.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+from scipy.interpolate import RectBivariateSpline
+
+import tsis
+from tsis.imaging.render import render
+from tsis.imaging.sensor import Sensor, expose
+from tsis.inclusion.frames import ring_edges
+from tsis.inclusion.off_axis_place import SEEN, inclusion_place
+from tsis.inclusion.off_axis_rings import moved_profile
+from tsis.mechanics import SolidResolution, press, press_solid
+from tsis.virtual import nominal_calibration
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from tsis import PressMap
+
+PROBE = tsis.load_probe("tsis-2011")
+PLAIN = tsis.Phantom(young_kpa=5.0, thickness_mm=30.0)
+SPHERES = ((10.0, 5.0, 100.0), (5.0, 5.0, 80.0), (8.0, 8.0, 60.0))  # diameter_mm, depth_mm, young_kpa
+OFFSETS_MM = (0.5, 1.0, 2.0, 3.0)
+FINE = SolidResolution(face=0.08, rim=0.06, inclusion=0.2, growth=0.35)
+RADIUS_MM = np.linspace(0.0, PROBE.radius_mm, 121)
+MEAN_KPA = 1000.0 / (np.pi * PROBE.radius_mm**2)
+ANGLES = 2 * np.pi * (np.arange(180) + 0.5) / 180
+FRAMES = 10
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Row:
+    """Errors of one sphere at one offset, (worst, rms) in per cent each."""
+
+    sphere: tuple[float, float, float]
+    offset_mm: float
+    quantity: str
+    change: tuple[float, float]
+    left_on_axis: tuple[float, float]
+    only_moved: tuple[float, float]
+    moved: tuple[float, float]
+    of_change: tuple[float, float]
+    from_profile: tuple[float, float]
+    place_mm: float
+
+
+def solved(sphere: tuple[float, float, float], offset_mm: float, resolution: SolidResolution | None) -> PressMap:
+    diameter, depth, young = sphere
+    lump = tsis.Inclusion(diameter_mm=diameter, depth_mm=depth, young_kpa=young, offset_mm=(offset_mm, 0.0))
+    phantom = tsis.Phantom(young_kpa=5.0, thickness_mm=30.0, inclusion=lump)
+    return press_solid(PROBE, phantom, force_n=1.0, resolution=resolution, threads=1)
+
+
+def turned(radius_mm: NDArray[np.float64], pressed: PressMap, values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Means over circles around the axis."""
+    at = RectBivariateSpline(pressed.y_mm, pressed.x_mm, values)
+    x, y = radius_mm[:, None] * np.cos(ANGLES), radius_mm[:, None] * np.sin(ANGLES)
+    return np.asarray(at(y, x, grid=False).mean(axis=1))
+
+
+def rings() -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Radii (rings, 6) of the estimate's rings and their weights in the means over the rings' areas."""
+    edges = ring_edges(PROBE)
+    nodes, weights = np.polynomial.legendre.leggauss(6)
+    radius = edges[:-1, None] + np.diff(edges)[:, None] / 2 * (nodes + 1)
+    weight = radius * weights
+    return radius, weight / weight.sum(axis=1, keepdims=True)
+
+
+def rows(
+    offsets_mm: tuple[float, ...],
+    resolution: SolidResolution | None,
+    spheres: tuple[tuple[float, float, float], ...] = SPHERES,
+) -> Iterator[Row]:
+    radius, weight = rings()
+
+    def of_profile(profile: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray((weight * np.interp(radius, RADIUS_MM, profile)).sum(axis=1))
+
+    bare = press(PROBE, PLAIN, force_n=1.0)
+    for sphere in spheres:
+        middle = solved(sphere, 0.0, resolution)
+        plain = bare.on_grid(middle.x_mm, middle.y_mm)
+        diameter, depth, young = sphere
+        lump = tsis.Inclusion(diameter_mm=diameter, depth_mm=depth, young_kpa=young)
+        round_press = press(PROBE, tsis.Phantom(young_kpa=5.0, thickness_mm=30.0, inclusion=lump), force_n=1.0)
+        for offset in offsets_mm:
+            beside = solved(sphere, offset, resolution)
+            place = seen_at(beside, plain, bare)
+            for name in ("pressure_kpa", "face_displacement_mm"):
+                still = getattr(plain, name)
+                on_axis = turned(RADIUS_MM, middle, getattr(middle, name) - still)
+                true = turned(radius.ravel(), beside, getattr(beside, name) - still).reshape(radius.shape)
+                truth = (weight * true).sum(axis=1)
+                known = np.interp(RADIUS_MM, round_press.radius_mm, getattr(round_press, name) - getattr(bare, name))
+                unit = MEAN_KPA if name == "pressure_kpa" else float(np.abs(of_profile(on_axis)).max())
+
+                def size(ring: NDArray[np.float64], unit: float = unit) -> tuple[float, float]:
+                    return float(100 * np.abs(ring).max() / unit), float(100 * np.sqrt(np.mean(ring**2)) / unit)
+
+                moved = of_profile(moved_profile(RADIUS_MM, offset) @ on_axis)
+                alike = of_profile(on_axis)
+                yield Row(
+                    sphere=sphere,
+                    offset_mm=offset,
+                    quantity=name.split("_")[-2],
+                    change=size(alike),
+                    left_on_axis=size(alike - truth),
+                    only_moved=size(moved * (1 - (offset / PROBE.radius_mm) ** 2) - truth),
+                    moved=size(moved - truth),
+                    of_change=size(moved - truth, unit=float(np.abs(alike).max())),
+                    from_profile=size(of_profile(moved_profile(RADIUS_MM, offset) @ known) - truth),
+                    place_mm=place,
+                )
+
+
+def seen_at(pressed: PressMap, plain: PressMap, bare: tsis.PressField) -> float:
+    """Mean distance from the axis at which frames of the press show the change."""
+    sensor, rng = Sensor(), np.random.default_rng(1)
+    answer = nominal_calibration(sensor)
+    below = render(bare, sensor, answer)
+    light = np.maximum(below + render(pressed, sensor, answer) - render(plain, sensor, answer), 0.0)
+
+    def frame(shone: NDArray[np.float64]) -> tsis.TactileImage:
+        return tsis.TactileImage(grey=expose(shone, sensor, rng), mm_per_pixel=sensor.mm_per_pixel, force_n=1.0)
+
+    places = [
+        inclusion_place(frame(light), frame(below), answer, radius_mm=PROBE.radius_mm).x_mm for _ in range(FRAMES)
+    ]
+    return SEEN * float(np.mean(places))
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--fine", action="store_true", help="solve on a finer mesh")
+    parser.add_argument("--offsets", type=float, nargs="+", default=OFFSETS_MM, metavar="MM", help="offsets in mm")
+    asked = parser.parse_args()
+    columns = ("change", "left on the axis", "moved", "moved and grown", "of the change", "by the round model")
+    table = Table("sphere", "offset", "", *columns, "seen at", title="worst ring / rms, per cent")
+    for row in rows(tuple(asked.offsets), FINE if asked.fine else None):
+        parts = (row.change, row.left_on_axis, row.only_moved, row.moved, row.of_change, row.from_profile)
+        cells = [f"{worst:.3f} / {rms:.3f}" for worst, rms in parts]
+        sphere = "d {:g} h {:g} E {:g}".format(*row.sphere)
+        table.add_row(sphere, f"{row.offset_mm:g} mm", row.quantity, *cells, f"{row.place_mm:.3f} mm")
+    Console(width=170).print(table)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,65 @@
+"""The moved change against closed forms, against a spike that must not move, and against three dimensions."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.special import ive
+
+from tsis.inclusion.off_axis_rings import FARTHEST, MOVES, moved_profile
+from tsis.model.errors import InputError
+
+EDGE = 12.0
+RADIUS = np.linspace(0.0, EDGE, 121)
+STEP = RADIUS[1]
+
+
+@given(width=st.floats(0.8, 2.0), offset=st.floats(0.0, 4.0))
+def test_a_bell_becomes_its_mean_around_the_axis(width: float, offset: float) -> None:
+    bell = np.exp(-((RADIUS / width) ** 2) / 2)
+    mean = np.exp(-(((RADIUS - offset) / width) ** 2) / 2) * ive(0, RADIUS * offset / width**2)
+    growth = 1 / (1 - (offset / EDGE) ** 2)
+    inside = MOVES * EDGE - offset > RADIUS  # farther out the bell's foot is held level
+    straight = STEP**2 / 8 / width**2  # error of lines between radii
+    found = moved_profile(RADIUS, offset) @ bell
+    np.testing.assert_allclose(found[inside], growth * mean[inside], atol=2 * growth * straight)
+
+
+@given(offset=st.floats(0.05, 2.0))
+def test_a_bowl_is_raised_by_the_square_of_the_offset(offset: float) -> None:
+    """The mean of ``|x - offset|**2`` around the axis is ``r**2 + offset**2``: a quarter of the Laplacian."""
+    inside = MOVES * EDGE - offset > RADIUS
+    found = moved_profile(RADIUS, offset) @ RADIUS**2
+    expected = (RADIUS**2 + offset**2) / (1 - (offset / EDGE) ** 2)
+    np.testing.assert_allclose(found[inside], expected[inside], atol=STEP**2 / 2)
+
+
+def test_nothing_moves_at_offset_zero() -> None:
+    np.testing.assert_allclose(moved_profile(RADIUS, 0.0), np.eye(len(RADIUS)), atol=1e-12)
+
+
+def test_what_happens_at_the_rim_stays_there() -> None:
+    spike = np.where(RADIUS > MOVES * EDGE, RADIUS - MOVES * EDGE, 0.0)
+    np.testing.assert_allclose(moved_profile(RADIUS, 3.0) @ spike, spike, atol=1e-12)
+
+
+@pytest.mark.parametrize("offset", [-0.1, FARTHEST * EDGE + 0.1, float("nan")])
+def test_offsets_outside_the_face_are_refused(offset: float) -> None:
+    with pytest.raises(InputError, match="offset_mm must lie in"):
+        moved_profile(RADIUS, offset)
+
+
+@pytest.mark.slow
+def test_three_dimensions_agree() -> None:
+    """A sphere 2 mm beside the axis: the error is a twentieth of a per cent, and growth takes away most of it."""
+    pytest.importorskip("ngsolve", reason="the extra fem3d is not installed")
+    from benchmarks.off_axis import rows
+
+    pressure, displacement = rows((2.0,), None, spheres=((5.0, 5.0, 80.0),))
+    assert pressure.left_on_axis[1] > 1.0
+    assert pressure.moved[1] < 0.05
+    assert pressure.moved[1] < 0.5 * pressure.only_moved[1]
+    assert displacement.moved[1] < 0.2 * displacement.left_on_axis[1]
+    assert pressure.place_mm == pytest.approx(0.96 * 2.0, abs=0.06)
