@@ -62,8 +62,9 @@ def inclusion_place(
 
     At even light the change is fitted by a round function of the distance from a centre, a share of the reference that
     stays about the axis, and the slope of that function times its shift, over the inner 0.8 of the face; the centre
-    moves by the shift until that is zero. It is seen at 0.88 to 0.98 of its true offset, nearer to the axis the deeper
-    the inclusion (``benchmarks/off_axis.py``): `SEEN` puts that right on average, and `SEEN_SD` says how badly.
+    moves by the shift until that is zero. Lit evenly, it is seen at 0.88 to 0.98 of its true offset, the deeper the
+    nearer to the axis (``benchmarks/off_axis.py``): `SEEN` puts that right on average, and `SEEN_SD` says how badly.
+    Lamps that shine along the face move it further, because dents tilt the face; that is not put right.
 
     Pixels weigh by their noise and by the calibration's pattern and repeatability, which are taken to be as strong in
     the first harmonic around a ring as in its mean.
