@@ -1,0 +1,44 @@
+"""Does a calibration belong to the probe?"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.model.errors import NotCalibratedError
+
+if TYPE_CHECKING:
+    from tsis.model import Calibration, LightMap, Probe
+
+ROUNDING = 1e-6  # of the radius
+
+
+def check_calibration(calibration: Calibration, probe: Probe) -> None:
+    """Refuse a calibration of another probe.
+
+    Raises
+    ------
+    NotCalibratedError
+        When both names are known and differ, or the map of the light ends inside the probe's face.
+    """
+    if calibration.probe and probe.name and calibration.probe != probe.name:
+        raise NotCalibratedError(
+            f"calibration must be that of the probe {probe.name!r}; got one of {calibration.probe!r}: calibrate this "
+            "probe, or give the one that was calibrated"
+        )
+    light = calibration.light
+    if light is None or _is_even(light):
+        return
+    reach = min(-light.x_mm[0], light.x_mm[-1], -light.y_mm[0], light.y_mm[-1])
+    if reach < (1 - ROUNDING) * probe.radius_mm:
+        raise NotCalibratedError(
+            f"light of the calibration must reach the rim of the face at {probe.radius_mm:g} mm; got a map that ends "
+            f"at {reach:g} mm: it is that of a smaller probe, so calibrate the light of this one"
+        )
+
+
+def _is_even(light: LightMap) -> bool:
+    """The same all over, so that its last values hold beyond its ends too."""
+    fields = (light.relative, light.flux_x, light.flux_y, light.growth_per_mm)
+    return all(np.ptp(field) == 0 for field in fields)
