@@ -1,7 +1,7 @@
 from __future__ import annotations
 
 import fcntl
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import pytest
 from hypothesis import settings
@@ -9,13 +9,15 @@ from threadpoolctl import threadpool_limits
 
 import tsis
 from tsis.inclusion import InclusionPrior
-from tsis.mechanics import build_surrogate
+from tsis.mechanics import build_covered_surrogate, build_surrogate
 from tsis.model import disk_cache
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
-    from tsis.mechanics import PressSurrogate
+    from tsis.mechanics import CoveredSurrogate, PressSurrogate
+
+T = TypeVar("T")
 
 settings.register_profile("no deadline", deadline=None)  # a busy machine is no failure
 settings.load_profile("no deadline")
@@ -28,10 +30,27 @@ def one_thread_a_worker() -> Iterator[None]:
         yield
 
 
-@pytest.fixture(scope="session")
-def surrogate() -> PressSurrogate:
-    """The default surrogate, solved by one worker on all cores while the others wait for it."""
+def built_once(build: Callable[[], T]) -> T:
+    """Solved by one worker on all cores while the others wait for it."""
     disk_cache.folder().mkdir(parents=True, exist_ok=True)
     with (disk_cache.folder() / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
-        return build_surrogate(tsis.load_probe("tsis-2011"), InclusionPrior().box())
+        return build()
+
+
+@pytest.fixture(scope="session")
+def surrogate() -> PressSurrogate:
+    """Presses of the flat probe at 1 N."""
+    return built_once(lambda: build_surrogate(tsis.load_probe("tsis-2011"), InclusionPrior().box()))
+
+
+@pytest.fixture(scope="session")
+def flat() -> CoveredSurrogate:
+    """Every press of the flat probe."""
+    return built_once(lambda: build_covered_surrogate(tsis.load_probe("tsis-2011"), InclusionPrior().box()))
+
+
+@pytest.fixture(scope="session")
+def domed() -> CoveredSurrogate:
+    """Every press of the domed probe that covers its face."""
+    return built_once(lambda: build_covered_surrogate(tsis.load_probe("tsis-domed"), InclusionPrior().box()))

@@ -13,9 +13,10 @@ import tsis
 from tsis import Layer, Probe, TactileImage
 from tsis.imaging.sensor import Sensor
 from tsis.inclusion import InclusionPrior, estimate, posterior
+from tsis.inclusion.exploration import explore
 from tsis.inclusion.frames import ring_edges, ring_profiles
-from tsis.inclusion.posterior import _posterior, likelihood_of
-from tsis.mechanics import Degrees, build_surrogate
+from tsis.inclusion.posterior import reading_of
+from tsis.mechanics import Degrees, build_covered_surrogate
 from tsis.model import LightMap
 from tsis.model.errors import ImageMismatchError, InputError, NotCalibratedError
 from tsis.virtual import VirtualProbe, nominal_calibration
@@ -24,9 +25,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from tsis import Estimate, Phantom
-    from tsis.mechanics import PressSurrogate
+    from tsis.mechanics import CoveredSurrogate
 
-pytestmark = pytest.mark.usefixtures("surrogate")
+pytestmark = pytest.mark.usefixtures("flat", "domed")
 
 PROBE = tsis.load_probe("tsis-2011")
 PLAIN = tsis.load_phantom("plain")
@@ -50,8 +51,8 @@ def lump() -> tuple[TactileImage, TactileImage]:
 
 
 @pytest.fixture(scope="module")
-def found(lump: tuple[TactileImage, TactileImage], surrogate: PressSurrogate) -> Estimate:
-    assert surrogate.key, "built once before anything is estimated"
+def found(lump: tuple[TactileImage, TactileImage], flat: CoveredSurrogate) -> Estimate:
+    assert flat.key, "built once before anything is estimated"
     return estimate(lump[0], probe=PROBE, calibration=ANSWER, reference=lump[1])
 
 
@@ -88,21 +89,20 @@ def test_so_they_are_under_the_uneven_light_of_lamps(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["size-2", "hardness-100", "depth-12", "plain"])
 @pytest.mark.parametrize("with_reference", [True, False])
-def test_the_grid_against_brute_force(name: str, *, with_reference: bool, surrogate: PressSurrogate) -> None:
+def test_the_grid_against_brute_force(name: str, *, with_reference: bool, flat: CoveredSurrogate) -> None:
     """The same likelihood on one dense grid of inclusions; also at the prior's edge and for next to no signal."""
     image, reference = presses(tsis.load_phantom(name))
-    likelihood, _ = likelihood_of(
-        [image], [reference] if with_reference else [], surrogate, probe=PROBE, calibration=ANSWER, prior=PRIOR
-    )
-    samples, best = _posterior(likelihood, PRIOR)
+    likelihood = reading_of(
+        [image], [reference] if with_reference else [], flat, probe=PROBE, calibration=ANSWER, prior=PRIOR
+    ).likelihood
+    found = explore(likelihood, PRIOR)
+    samples, nuisance = found.samples, likelihood.within(found.fit.nuisance[0])
     reach = np.array([samples.min(axis=0), samples.max(axis=0)])
     margin = 0.1 * (reach[1] - reach[0])
     low, high = np.maximum(reach[0] - margin, PRIOR.low), np.minimum(reach[1] + margin, PRIOR.high)
     axes = [a + (b - a) * (np.arange(n) + 0.5) / n for a, b, n in zip(low, high, (60, 60, 12), strict=True)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
-    log_weight = np.concatenate(
-        [likelihood(part, best.nuisance[0]).log_evidence for part in np.array_split(points, 20)]
-    )
+    log_weight = np.concatenate([likelihood(part, nuisance).log_evidence for part in np.array_split(points, 20)])
     weight = np.exp(log_weight - log_weight.max())
     weight /= weight.sum()
     mean = weight @ points
@@ -159,7 +159,7 @@ def test_a_prior_of_ones_own_is_respected(
     lump: tuple[TactileImage, TactileImage], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     few = Degrees(diameter=4, depth=3, contrast=2, tissue=2, thickness=2, plain=3)  # enough for so small a box
-    monkeypatch.setattr(posterior, "build_surrogate", partial(build_surrogate, degrees=few))
+    monkeypatch.setattr(posterior, "build_covered_surrogate", partial(build_covered_surrogate, degrees=few))
     narrow = InclusionPrior(diameter_mm=(8.0, 12.0), depth_mm=(4.0, 7.0), young_kpa=(90.0, 110.0))
     result = estimate(lump[0], probe=PROBE, calibration=ANSWER, reference=lump[1], prior=narrow)
     for name, low, high in zip(PARAMETERS, narrow.low, narrow.high, strict=True):
@@ -293,10 +293,3 @@ def test_the_error_of_the_press_model_counts_as_noise(lump: tuple[TactileImage, 
     frames, edges, even = list(lump), ring_edges(PROBE), np.ones(20)
     exact, coarse = (ring_profiles(frames, ANSWER, edges, light=even, model_error=error) for error in (0.0, 0.01))
     np.testing.assert_allclose(coarse.variance - exact.variance, (0.01 * exact.grey) ** 2, rtol=1e-9)
-
-
-def test_a_domed_probe_is_refused() -> None:
-    virtual = VirtualProbe(tsis.load_probe("tsis-domed"), rng=np.random.default_rng(1), light=EVEN)
-    frame = virtual.press(PLAIN, force_n=1.0)
-    with pytest.raises(InputError, match="probe must have a flat face for an estimate"):
-        estimate(frame, probe=virtual.probe, calibration=virtual.calibration)

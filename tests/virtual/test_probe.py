@@ -12,7 +12,7 @@ import tsis
 from tsis import Calibration
 from tsis.imaging.render import render
 from tsis.imaging.sensor import Sensor
-from tsis.mechanics import Resolution, press
+from tsis.mechanics import FiniteResolution, Resolution, press
 from tsis.model import LightMap
 from tsis.model.errors import InputError
 from tsis.optics import irradiance
@@ -20,6 +20,8 @@ from tsis.virtual import VirtualProbe, nominal_calibration
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from tsis import Phantom
 
 PROBE = tsis.load_probe("tsis-2011")
 LUMP = tsis.load_phantom("hardness-100")
@@ -33,6 +35,7 @@ IDEAL = replace(
     offset_sd=0.0,
     pattern_sd=0.0,
     repeatability_sd=0.0,
+    probe_young_sd=0.0,
 )
 
 
@@ -71,6 +74,47 @@ def test_without_errors_it_is_the_rendered_press() -> None:
     field = press(PROBE, LUMP, force_n=1.0, resolution=COARSE)
     expected = np.clip(np.rint(render(field, quiet, IDEAL) + quiet.background_grey), 0.0, 255.0)
     np.testing.assert_array_equal(frame.grey, expected)
+
+
+def test_its_stiffness_is_that_of_all_layers() -> None:
+    """Pressing in other units is the same as pressing with every layer stiffer by one factor."""
+    answer, quiet = with_error("probe_young_sd", 0.3), replace(SMALL, read_noise_grey=0.0, shot_noise_grey=0.0)
+    probe = virtual(4, answer, quiet)
+    factor = probe._stiffness
+    assert abs(factor - 1) > 0.1
+    stiffer = replace(PROBE, layers=tuple(replace(layer, young_kpa=factor * layer.young_kpa) for layer in PROBE.layers))
+    expected = render(press(stiffer, LUMP, force_n=1.0, resolution=COARSE), quiet, answer)
+    np.testing.assert_allclose(probe.light(LUMP, force_n=1.0), expected, rtol=1e-8, atol=1e-8)
+    nominal = render(press(PROBE, LUMP, force_n=1.0, resolution=COARSE), quiet, answer)
+    assert np.abs(expected - nominal).max() > 1.0
+
+
+def test_presses_at_finite_strain_are_those_of_the_finite_strain_model() -> None:
+    few = FiniteResolution(order=3, rim_mm=1.0, largest=0.5, growth=3.0)
+    probe = VirtualProbe(
+        PROBE,
+        rng=np.random.default_rng(1),
+        sensor=SMALL,
+        light=LightMap.uniform(),
+        calibration=IDEAL,
+        strain="finite",
+        resolution=few,
+    )
+    plain = LUMP.without_inclusion()
+    field = press(PROBE, plain, force_n=1.0, strain="finite", resolution=few)
+    found = probe.light(plain, force_n=1.0)
+    np.testing.assert_allclose(found, render(field, SMALL, IDEAL), rtol=1e-9, atol=1e-9)
+    middle = (slice(24, 40), slice(36, 60))
+    small = virtual(1, IDEAL).light(plain, force_n=1.0)[middle]
+    apart = np.abs(found[middle] - small).max() / small.max()
+    assert 0.01 < apart < 0.1, "another model, of the same press"
+    with pytest.raises(InputError, match=r"inclusion must be a sphere or spheroid on .* for strain='finite'; got"):
+        probe.light(off_axis(), force_n=1.0)
+
+
+def off_axis() -> Phantom:
+    assert LUMP.inclusion is not None
+    return replace(LUMP, inclusion=replace(LUMP.inclusion, offset_mm=(3.0, 0.0)))
 
 
 def test_by_default_it_is_lit_by_its_own_lamps() -> None:
@@ -177,6 +221,9 @@ def test_more_force_more_light() -> None:
         ({"sensor": 3}, "sensor must be a Sensor; got 3"),
         ({"calibration": 3}, "calibration must be a Calibration; got 3"),
         ({"contact_model": "ruff"}, "did you mean 'rough'"),
+        ({"strain": "finit"}, "did you mean 'finite'"),
+        ({"strain": "finite", "resolution": COARSE}, "resolution must be a FiniteResolution; got Resolution"),
+        ({"resolution": FiniteResolution()}, "resolution must be a Resolution; got FiniteResolution"),
     ],
 )
 def test_what_a_probe_cannot_be_made_of_is_refused(given: dict[str, Any], sentence: str) -> None:

@@ -55,7 +55,7 @@ def demo(
     reference = virtual.press(target.without_inclusion(), force_n=force_n)
     image = virtual.press(target, force_n=force_n)
     result = estimate_with_progress(
-        [image], probe=chosen, calibration=virtual.calibration, reference=reference, prior=prior
+        [image], probe=chosen, calibration=virtual.calibration, reference=[reference], prior=prior
     )
     provenance = {"simulated": {"seed": seed, "phantom": asdict(target), "command": "tsis demo"}}
     page = inclusion_report(

@@ -9,7 +9,7 @@ from rich.table import Table
 
 from tsis.cli.console_output import progress_bar
 from tsis.inclusion import InclusionPrior, estimate
-from tsis.mechanics import build_surrogate
+from tsis.mechanics import build_covered_surrogate
 from tsis.report.document import LEVEL, doubt_of
 
 if TYPE_CHECKING:
@@ -23,25 +23,32 @@ def estimate_with_progress(
     *,
     probe: Probe,
     calibration: Calibration,
-    reference: TactileImage | None,
+    reference: Sequence[TactileImage],
     prior: InclusionPrior,
 ) -> Estimate:
     """Estimate; the first time for a probe its surrogate is built, which takes seconds and is kept."""
     with progress_bar("solving the press for this probe (kept for next time)") as progress:
-        build_surrogate(probe, prior.box(), progress=progress)
+        build_covered_surrogate(probe, prior.box(), progress=progress)
     return estimate(images, probe=probe, calibration=calibration, reference=reference, prior=prior)
 
 
 def estimate_table(result: Estimate, *, title: str, truth: Mapping[str, float] | None = None) -> Table:
-    """Mean, interval and narrowing of each parameter, with the truth if known."""
-    headings = ["", "mean", "90 % interval", "of the prior's spread"] + ([] if truth is None else ["truth"])
-    table = Table(title=escape(title))
+    """Mean, interval, and what the data narrowed and could at best narrow, with the truth if known."""
+    headings = ["", "mean", "90 % interval", "sd", "prior sd", "bound on sd"] + ([] if truth is None else ["truth"])
+    table = Table(title=escape(title), caption=escape(_caption(result)), caption_justify="left")
     for heading in headings:
         table.add_column(heading, justify="right" if heading else "left", no_wrap=not heading)
     interval = result.interval(LEVEL)
     for name, mean in result.mean.items():
         low, high = interval[name]
         shown = doubt_of(result, name) or f"{mean:.3g}"
-        row = [name, shown, f"{low:.3g} to {high:.3g}", f"{result.narrowing[name]:.2f}"]
+        spreads = (result.sd[name], result.prior_sd[name], result.cramer_rao_sd[name])
+        row = [name, shown, f"{low:.3g} to {high:.3g}", *(f"{spread:.2g}" for spread in spreads)]
         table.add_row(*row, *([] if truth is None else [f"{truth[name]:.3g}"]))
     return table
+
+
+def _caption(result: Estimate) -> str:
+    """What the table's numbers rest on."""
+    told = "" if result.presence is None else f"Probability of an inclusion: {result.presence:.3g}. "
+    return f"{told}Prior: {result.prior}."

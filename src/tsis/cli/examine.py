@@ -146,7 +146,9 @@ def _inclusion(
     on_plain = None
     if plain is not None:
         on_plain = read_image(plain, mm_per_pixel=frames[0].mm_per_pixel, force_n=frames[0].force_n)
-    result = estimate_with_progress(frames, probe=probe, calibration=calibration, reference=on_plain, prior=prior)
+    result = estimate_with_progress(
+        frames, probe=probe, calibration=calibration, reference=[] if on_plain is None else [on_plain], prior=prior
+    )
     names = ", ".join(frame.name for frame in frames)
     page = inclusion_report(
         result,

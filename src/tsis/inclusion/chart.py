@@ -18,6 +18,9 @@ if TYPE_CHECKING:
     from tsis.inclusion.prior import InclusionPrior
 
 
+ROUNDING = 1e-9  # of a range: ends of a grid that are those of the prior lie inside
+
+
 class SignalChart:
     """Points (signal diameter, depth, modulus), each (n, 3), and back to inclusions (diameter, depth, modulus)."""
 
@@ -38,7 +41,8 @@ class SignalChart:
     def allows(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
         """Where the prior is not zero, shape (n,)."""
         inclusions = self.inclusions(points)
-        inside = (inclusions >= self._prior.low) & (inclusions <= self._prior.high)
+        margin = ROUNDING * (self._prior.high - self._prior.low)
+        inside = (inclusions >= self._prior.low - margin) & (inclusions <= self._prior.high + margin)
         return np.asarray(inside.all(axis=1))
 
     def log_volume(self, points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -1,7 +1,9 @@
 """Ring profiles of grey level as a function of inclusion and nuisances, and what is unknown about them.
 
 Nuisances, all normal with mean 0: log gain (shared), log tissue modulus, log slab thickness, log modulus of the
-reference site over the target's, emphasis of the shading, and for each frame log force and a constant offset.
+reference site over the target's, log modulus of the probe's layers, Poisson's ratio less the prior's, the square of the
+inclusion's distance from the axis less that believed, emphasis of the shading, and for each frame log force and a
+constant offset.
 """
 
 from __future__ import annotations
@@ -12,20 +14,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.imaging.render import rough_contact, rough_contact_slope
+from tsis.inclusion.rings import ANSWERS
 from tsis.inclusion.shading import TERMS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.inclusion.prior import InclusionPrior
+    from tsis.inclusion.rings import RingAnswers
     from tsis.inclusion.shading import RingShading
-    from tsis.mechanics import Surrogate
+    from tsis.mechanics.surrogate import TissueSurrogate
     from tsis.model import Calibration
 
-GAIN, TISSUE, THICKNESS, SITE = 0, 1, 2, 3
-SHADE, SHARED = slice(4, 4 + TERMS), 4 + TERMS
-ANSWERS = 3  # of a press, a ring: pressure, displacement, slope
-STEP = 0.02  # of log modulus and log thickness, for derivatives
+GAIN, TISSUE, THICKNESS, SITE, PROBE, POISSON, SPREAD = range(7)
+SHADE, SHARED = slice(7, 7 + TERMS), 7 + TERMS
+STEP = 1e-3  # of log moduli and log thickness, for derivatives
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -35,8 +38,7 @@ class ForwardModel:
     Attributes
     ----------
     rings
-        Surrogate of a press at 1 N: mean pressure in kPa of each ring, then mean displacement of the face in mm, then
-        its mean slope along the radius.
+        Pressure, displacement and slope of each ring under any force that presses the whole face.
     level
         Light that each ring sees of the untouched face, shape (rings,): stray light does not pass through the face, so
         in grey levels over light it is a constant over this.
@@ -48,15 +50,18 @@ class ForwardModel:
         Force of each frame, shape (frames,).
     is_reference
         Whether each frame shows plain tissue, shape (frames,).
+    spread_sd
+        Standard deviation in mm**2 of the square of the inclusion's distance from the axis.
     """
 
-    rings: Surrogate
+    rings: RingAnswers
     level: NDArray[np.float64]
     shading: RingShading
     calibration: Calibration
     prior: InclusionPrior
     force_n: NDArray[np.float64]
     is_reference: NDArray[np.bool]
+    spread_sd: float = 0.0
 
     def nuisance_sd(self, mean_grey: NDArray[np.float64]) -> NDArray[np.float64]:
         """Prior standard deviations of the nuisances; ``mean_grey`` (frames,), as seen, scales the offsets."""
@@ -66,20 +71,39 @@ class ForwardModel:
             self.prior.tissue_young_sd,
             self.prior.thickness_sd,
             known.site_sd,
+            known.probe_young_sd,
+            self.prior.poisson_sd,
+            self.spread_sd,
             *TERMS * [known.shading_sd],
         ]
         forces = np.full(len(self.force_n), known.force_sd)
         return np.concatenate([shared, forces, known.offset_sd * mean_grey])
 
+    def grey(self, inclusions: NDArray[np.float64] | None, nuisance: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Grey profiles, shape (n, frames, rings), of inclusions (n, 3) of diameter, depth and modulus.
+
+        None stands for plain tissue, and gives n = 1.
+        """
+        presses = {plain: self._press(inclusions, nuisance, plain=plain) for plain in self._shown()}
+        count = 1 if inclusions is None else len(inclusions)
+        grey = np.empty((count, len(self.force_n), self.rings.count))
+        for frame, (push, offset) in enumerate(self._pushes(nuisance)):
+            press = self.rings.under(push, presses[bool(self.is_reference[frame])])
+            pressure, displacement, slope = np.split(press, ANSWERS, axis=-1)
+            shade = self.shading.factor(displacement, slope, nuisance[SHADE])
+            light = rough_contact(pressure, self.calibration) * shade
+            grey[:, frame] = np.exp(nuisance[GAIN]) * light + offset / self.level
+        return grey
+
     def profiles(
-        self, inclusions: NDArray[np.float64], nuisance: NDArray[np.float64]
+        self, inclusions: NDArray[np.float64] | None, nuisance: NDArray[np.float64]
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Grey profiles and their derivatives by the nuisances.
 
         Parameters
         ----------
         inclusions
-            Diameter, depth and modulus, shape (n, 3).
+            Diameter, depth and modulus, shape (n, 3); None for plain tissue, n = 1.
         nuisance
             Where to linearise, shape (nuisances,).
 
@@ -87,26 +111,112 @@ class ForwardModel:
         -------
         Grey levels, shape (n, frames, rings), and derivatives, shape (n, frames, rings, nuisances).
         """
-        frames, count = len(self.force_n), len(inclusions)
-        force, offset = nuisance[SHARED : SHARED + frames], nuisance[SHARED + frames :]
-        grey = np.empty((count, frames, self.rings.plain.shape[-1] // ANSWERS))
+        frames, count = len(self.force_n), 1 if inclusions is None else len(inclusions)
+        grey = np.empty((count, frames, self.rings.count))
         slopes = np.zeros((*grey.shape, len(nuisance)))
-        shown = set(self.is_reference.tolist())
-        presses = {plain: self._unit_press(inclusions, nuisance, reference=plain) for plain in shown}
-        for frame in range(frames):
-            unit, by_tissue, by_thickness = presses[bool(self.is_reference[frame])]
-            push = self.force_n[frame] * np.exp(force[frame])
-            light, by_answer, by_shade = self._light(push * unit, nuisance[SHADE])
-            gain, by_answer = np.exp(nuisance[GAIN]), np.exp(nuisance[GAIN]) * push * by_answer
-            grey[:, frame] = gain * light + offset[frame] / self.level
+        presses = {plain: self._press(inclusions, nuisance, plain=plain) for plain in self._shown()}
+        changes = {plain: self._changes(inclusions, nuisance, presses[plain], plain=plain) for plain in self._shown()}
+        gain = np.exp(nuisance[GAIN])
+        for frame, (push, offset) in enumerate(self._pushes(nuisance)):
+            plain = bool(self.is_reference[frame])
+            light, by_answer, by_shade = self._light(self.rings.under(push, presses[plain]), nuisance[SHADE])
+            grey[:, frame] = gain * light + offset / self.level
             slopes[:, frame, :, GAIN] = gain * light
-            slopes[:, frame, :, TISSUE] = _along(by_answer, by_tissue)
-            slopes[:, frame, :, THICKNESS] = _along(by_answer, by_thickness)
-            slopes[:, frame, :, SITE] = slopes[:, frame, :, TISSUE] if self.is_reference[frame] else 0.0
+            for place, change in changes[plain].items():
+                slopes[:, frame, :, place] = gain * _along(by_answer, self.rings.under(push, change))
             slopes[:, frame, :, SHADE] = gain * by_shade
-            slopes[:, frame, :, SHARED + frame] = _along(by_answer, unit)
+            by_force = push * self.rings.per_newton(presses[plain])
+            slopes[:, frame, :, SHARED + frame] = gain * _along(by_answer, by_force)
             slopes[:, frame, :, SHARED + frames + frame] = 1 / self.level
         return grey, slopes
+
+    def reach(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Ends of each nuisance between which the model can be linearised.
+
+        The surrogate ends somewhere, and in two nuisances the model is linear, which at 0 saves evaluating them.
+        """
+        high = np.full(SHARED + 2 * len(self.force_n), np.inf)
+        low = -high
+        box = self.rings.answer.box
+        for place, ends, middle in (
+            (TISSUE, box.tissue_young_kpa, self.prior.tissue_young_kpa),
+            (THICKNESS, box.thickness_mm, self.prior.thickness_mm),
+        ):
+            low[place], high[place] = np.log(np.array(ends) / middle)
+        for place in (POISSON, SPREAD):
+            low[place] = high[place] = 0.0
+        return low, high
+
+    def table(self, nuisance: NDArray[np.float64]) -> TissueSurrogate:
+        """The surrogate's table at these nuisances: inclusions at which to know a profile is to know it everywhere."""
+        return self.rings.answer.at_tissue(
+            self.prior.tissue_young_kpa * float(np.exp(nuisance[TISSUE])),
+            self.prior.thickness_mm * float(np.exp(nuisance[THICKNESS])),
+        )
+
+    def _shown(self) -> set[bool]:
+        return set(self.is_reference.tolist())
+
+    def _pushes(self, nuisance: NDArray[np.float64]) -> list[tuple[float, float]]:
+        """Force in newtons and offset in grey levels of each frame."""
+        frames = len(self.force_n)
+        force = self.force_n * np.exp(nuisance[SHARED : SHARED + frames])
+        return list(zip(force.tolist(), nuisance[SHARED + frames :].tolist(), strict=True))
+
+    def _press(
+        self, inclusions: NDArray[np.float64] | None, nuisance: NDArray[np.float64], *, plain: bool
+    ) -> NDArray[np.float64]:
+        """What the rings answer to a press, (n, answers), on the target or on the reference site's ``plain`` tissue."""
+        shown = None if plain else inclusions
+        found = self._at(nuisance[TISSUE] + plain * nuisance[SITE], nuisance[THICKNESS], nuisance[PROBE], shown)
+        if not nuisance[[POISSON, SPREAD]].any():
+            return found
+        by_poisson, by_spread = self._linear(inclusions, plain=plain)
+        return np.asarray(found + nuisance[POISSON] * by_poisson + nuisance[SPREAD] * by_spread)
+
+    def _changes(
+        self,
+        inclusions: NDArray[np.float64] | None,
+        nuisance: NDArray[np.float64],
+        press: NDArray[np.float64],
+        *,
+        plain: bool,
+    ) -> dict[int, NDArray[np.float64]]:
+        """Derivatives of the rings' answers by the nuisances that change the press."""
+        shown = None if plain else inclusions
+        by_poisson, by_spread = self._linear(inclusions, plain=plain)
+        press = press - nuisance[POISSON] * by_poisson - nuisance[SPREAD] * by_spread
+        here = (float(nuisance[TISSUE] + plain * nuisance[SITE]), float(nuisance[THICKNESS]), float(nuisance[PROBE]))
+
+        def by(tissue: float, thickness: float, probe: float) -> NDArray[np.float64]:
+            there = self._at(here[0] + tissue, here[1] + thickness, here[2] + probe, shown)
+            return np.asarray((there - press) / STEP)
+
+        by_tissue = by(STEP, 0.0, 0.0)
+        return {
+            TISSUE: by_tissue,
+            THICKNESS: by(0.0, STEP, 0.0),
+            SITE: by_tissue if plain else np.zeros_like(by_tissue),
+            PROBE: by(0.0, 0.0, STEP),
+            POISSON: by_poisson,
+            SPREAD: by_spread,
+        }
+
+    def _at(
+        self, log_tissue: float, log_thickness: float, log_probe: float, inclusions: NDArray[np.float64] | None
+    ) -> NDArray[np.float64]:
+        """Answers of the rings; a probe stiffer by a factor presses as the nominal one does tissue softer by it."""
+        stiffer = float(np.exp(log_probe))
+        tissue = self.prior.tissue_young_kpa * float(np.exp(log_tissue)) / stiffer
+        thickness = self.prior.thickness_mm * float(np.exp(log_thickness))
+        shown = None if inclusions is None else inclusions / np.array([1.0, 1.0, stiffer])
+        return self.rings.stiffened(stiffer, self.rings.on(tissue, thickness, shown))
+
+    def _linear(
+        self, inclusions: NDArray[np.float64] | None, *, plain: bool
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Derivatives by Poisson's ratio and by the spread, in which the answers are taken as linear."""
+        return self.rings.linear(self.prior.tissue_young_kpa, self.prior.thickness_mm, None if plain else inclusions)
 
     def _light(
         self, press: NDArray[np.float64], emphasis: NDArray[np.float64]
@@ -118,24 +228,6 @@ class ForwardModel:
         by_pressure = rough_contact_slope(pressure, self.calibration) * shade.factor
         by_answer = np.concatenate([by_pressure, contact * shade.by_displacement, contact * shade.by_slope], axis=-1)
         return contact * shade.factor, by_answer, contact[..., None] * shade.by_emphasis
-
-    def _unit_press(
-        self, inclusions: NDArray[np.float64], nuisance: NDArray[np.float64], *, reference: bool
-    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Answers of a press at 1 N, (n or 1, 3 rings), and their derivatives by log modulus and log thickness."""
-        log_tissue = nuisance[TISSUE] + (nuisance[SITE] if reference else 0.0)
-
-        def answer(tissue: float, thickness: float) -> NDArray[np.float64]:
-            at = self.rings.at_tissue(
-                self.prior.tissue_young_kpa * float(np.exp(tissue)), self.prior.thickness_mm * float(np.exp(thickness))
-            )
-            return at.plain[None] if reference else at(*inclusions.T)
-
-        log_thickness = float(nuisance[THICKNESS])
-        here = answer(log_tissue, log_thickness)
-        by_tissue = (answer(log_tissue + STEP, log_thickness) - here) / STEP
-        by_thickness = (answer(log_tissue, log_thickness + STEP) - here) / STEP
-        return here, by_tissue, by_thickness
 
 
 def _along(by_answer: NDArray[np.float64], direction: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
@@ -19,7 +20,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.mechanics import PressSurrogate, Surrogate
     from tsis.model import Calibration, Probe
 
 RINGS = 20
@@ -30,31 +30,6 @@ OUTER_SHARE = 0.8  # of the face's radius; outside it the singular edge tells mo
 def ring_edges(probe: Probe) -> NDArray[np.float64]:
     """Boundaries in mm of the rings that the profile is averaged over."""
     return np.linspace(0.0, OUTER_SHARE * probe.radius_mm, RINGS + 1)
-
-
-def ring_means(
-    surrogate: PressSurrogate, edges_mm: NDArray[np.float64], level: NDArray[np.float64] | None = None
-) -> NDArray[np.float64]:
-    """Matrix from profiles to means over the rings' areas, shape (rings, radii of the profile).
-
-    With the light's ``level`` in each ring the means are weighted by it, as those of grey over light are.
-    """
-    x, w = np.polynomial.legendre.leggauss(6)
-    half = np.diff(edges_mm) / 2
-    radius = edges_mm[:-1, None] + half[:, None] * (x + 1)
-    middle = edges_mm[:-1] + half
-    weight = radius * w * (1.0 if level is None else np.interp(radius, middle, level))
-    weight = weight / weight.sum(axis=1, keepdims=True)
-    values = surrogate.interpolation(radius.ravel()).reshape(*radius.shape, -1)
-    return np.asarray(np.einsum("rq,rqn->rn", weight, values))
-
-
-def ring_answers(surrogate: PressSurrogate, edges_mm: NDArray[np.float64], level: NDArray[np.float64]) -> Surrogate:
-    """Mean pressure, displacement and slope of the face in each ring, in this order, weighted by the light's level."""
-    means = ring_means(surrogate, edges_mm, level)
-    slopes = means @ np.gradient(np.eye(len(surrogate.radius_mm)), surrogate.radius_mm, axis=0)
-    face = surrogate.face_displacement_mm
-    return surrogate.pressure_kpa.mapped(means).joined(face.mapped(means), face.mapped(slopes))
 
 
 def as_frames(name: str, given: TactileImage | Sequence[TactileImage] | None) -> list[TactileImage]:
@@ -70,9 +45,14 @@ def as_frames(name: str, given: TactileImage | Sequence[TactileImage] | None) ->
     return frames
 
 
-def check_frames(frames: list[TactileImage]) -> None:
-    """Refuse frames of unknown force or scale, that do not belong together, or that are given twice."""
-    first, seen = frames[0], set()
+def check_frames(frames: list[TactileImage]) -> list[str]:
+    """Refuse frames of unknown force or scale, that do not belong together, or that are given twice.
+
+    Returns
+    -------
+    SHA-256 of the grey levels of each.
+    """
+    first, seen = frames[0], list[str]()
     for frame in frames:
         label = frame.name or "an image"
         if not frame.force_n:
@@ -87,10 +67,11 @@ def check_frames(frames: list[TactileImage]) -> None:
                 f"all images must share the shape {first.grey.shape} and axis_px {first.axis_px}; "
                 f"{label!r} has {frame.grey.shape} and {frame.axis_px}"
             )
-        content = frame.grey.tobytes()
-        if content in seen:
+        digest = hashlib.sha256(np.ascontiguousarray(frame.grey).data).hexdigest()
+        if digest in seen:
             raise InputError(f"images must be different frames; {label!r} is given twice, which tells nothing new")
-        seen.add(content)
+        seen.append(digest)
+    return seen
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

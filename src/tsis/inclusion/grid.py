@@ -8,7 +8,7 @@ counts by the share of it that lies inside.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -67,11 +67,38 @@ class Cells:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Grid:
-    """Cells, their weights (n,), which sum to one, and where the density is not zero."""
+    """Cells of a density.
+
+    Attributes
+    ----------
+    cells
+        Where it is not negligible.
+    log_density
+        Log density at their points, shape (n,).
+    support
+        Where it is not zero.
+    """
 
     cells: Cells
-    weight: NDArray[np.float64]
+    log_density: NDArray[np.float64]
     support: Support
+
+    @property
+    def weight(self) -> NDArray[np.float64]:
+        """Share of the density that each cell holds, shape (n,); they sum to one."""
+        weight = self.cells.share * np.exp(self.log_density - self.log_density.max())
+        return np.asarray(weight / weight.sum())
+
+    @property
+    def log_integral(self) -> float:
+        """Log of the integral of the density over all cells."""
+        most = float(self.log_density.max())
+        total = float((self.cells.share * np.exp(self.log_density - most)).sum())
+        return most + float(np.log(total * abs(np.linalg.det(self.cells.edges))))
+
+    def with_density(self, log_density: NDArray[np.float64]) -> Grid:
+        """The same cells under another density."""
+        return replace(self, log_density=log_density)
 
     def mean(self) -> NDArray[np.float64]:
         """Weighted mean of the points, shape (3,)."""
@@ -98,6 +125,7 @@ def refine(
     *,
     support: Support | None = None,
     per_axis: int = 16,
+    finder: int = 16,
 ) -> Grid:
     """Refine a grid on the box [low, high] until it resolves the density.
 
@@ -108,40 +136,58 @@ def refine(
     low, high
         A box that holds all of the density, shape (3,) each.
     support
-        Whether the density of points (n, 3) is not zero; the box when None.
+        Whether the density of points (n, 3) is not zero, in a convex region; the box when None.
     per_axis
-        Cells along each axis.
+        Cells along each axis of the answer.
+    finder
+        Cells along each axis of the grids that find where it lies, at most ``per_axis``.
     """
     if support is None:
 
         def support(points: NDArray[np.float64]) -> NDArray[np.bool_]:
             return np.asarray(((points >= low) & (points <= high)).all(axis=1))
 
+    origin, axes = _find(log_density, (low, high), support, finder, most=FINEST * per_axis)
+    cells = _cells(origin, axes, per_axis, support)
+    return Grid(cells=cells, log_density=log_density(cells.points), support=support)
+
+
+def _find(
+    log_density: LogDensity,
+    ends: tuple[NDArray[np.float64], NDArray[np.float64]],
+    support: Support,
+    per_axis: int,
+    *,
+    most: int,
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The sheared box that holds the density: its origin, and its edges as rows."""
+    low, high = ends
     origin, axes = low, np.diag(high - low)
-    resolved, most = False, FINEST * per_axis
+    resolved = False
     for _ in range(STEPS):
         cells = _cells(origin, axes, per_axis, support)
         log_weight = log_density(cells.points) + np.log(cells.share)
         log_weight -= log_weight.max()
         power = _temper(log_weight, min(ENOUGH_SHARE * per_axis**3, len(log_weight) / 2))
-        if resolved and power == 1.0:
-            break
-        # One more grid at temperature one: the last that was tempered is too wide for the density itself.
-        resolved = power == 1.0
         before = abs(np.linalg.det(axes))
         origin, axes = _sheared_box(cells, log_weight, power, low, high)
+        # One more grid at temperature one: the last that was tempered is too wide for the density itself.
+        if resolved and power == 1.0:
+            break
+        resolved = power == 1.0
         if power < 1.0 and abs(np.linalg.det(axes)) > STUCK * before:
             if per_axis == most:
                 break
             per_axis = min(3 * per_axis // 2, most)
-    weight = np.exp(log_weight)
-    return Grid(cells=cells, weight=weight / weight.sum(), support=support)
+    return origin, axes
 
 
 def _cells(origin: NDArray[np.float64], axes: NDArray[np.float64], per_axis: int, support: Support) -> Cells:
     """Cells of the box spanned by the rows of ``axes``, without those outside the support."""
     centre = origin + (_lattice(per_axis, ends=False) + 0.5) @ axes
     edges = axes / per_axis
+    if support(origin + (CORNERS + 0.5) @ axes).all():  # it is convex, so that all cells lie inside
+        return Cells(centre=centre, edges=edges, points=centre, share=np.ones(len(centre)))
     corners = _supported(centre, edges, CORNERS, support).sum(axis=1)
     centre, corners = centre[corners > 0], corners[corners > 0]
     points, share = centre.copy(), np.ones(len(centre))

@@ -16,7 +16,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.inclusion.forward import ForwardModel
+    from tsis.mechanics.surrogate import TissueSurrogate
     from tsis.model import Calibration
+
+NEGLIGIBLE_SIZE = 1e-2  # of a residual, in units of its noise, over all inclusions
+BELIEVABLE = 3.0  # standard deviations of a nuisance
+DERIVATIVE_STEP = 1e-3  # of each parameter
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -51,9 +56,8 @@ class Likelihood:
     """Likelihood of inclusions given profiles."""
 
     def __init__(self, model: ForwardModel, data: Profiles) -> None:
-        self._model = model
-        self._use = np.flatnonzero(data.usable.ravel())
-        self._grey = data.grey.ravel()[self._use]
+        self.model = model
+        self._data = data
         # Rings without a usable pixel would give an offset of NaN; they are not used.
         means = np.array(
             [
@@ -62,50 +66,113 @@ class Likelihood:
             ]
         )
         self._sd = model.nuisance_sd(np.maximum(means, 1e-6))
-        covariance = noise_covariance(data, model.calibration).reshape(data.grey.size, data.grey.size)
-        root = cholesky(covariance[np.ix_(self._use, self._use)], lower=True)
-        self._whitening = solve_triangular(root, np.eye(len(root)), lower=True)
+        self._whitening = whitening(data, model.calibration)
         self.start = np.zeros(len(self._sd))
 
-    def __call__(self, inclusions: NDArray[np.float64], nuisance: NDArray[np.float64]) -> Fit:
-        """Evaluate inclusions (n, 3), linearised at ``nuisance``."""
-        grey, slopes = self._model.profiles(inclusions, nuisance)
-        count, size = len(grey), len(nuisance)
-        residual = self._grey - grey.reshape(count, -1)[:, self._use]
-        slopes = slopes.reshape(count, -1, size)[:, self._use]
+    def __call__(self, inclusions: NDArray[np.float64] | None, nuisance: NDArray[np.float64]) -> Fit:
+        """Evaluate inclusions (n, 3), or plain tissue, n = 1; each is linearised on its own at ``nuisance``."""
+        grey, slopes = self.model.profiles(inclusions, nuisance)
+        white = self._whiten(self._data.grey - grey)
         # With eta = nuisance + step, y - m(nuisance) = J step, and the prior pulls eta, not the step, to zero.
-        white = self._whiten(residual[:, :, None])[:, :, 0]
-        turned = self._whiten(slopes)
-        white = white + turned @ nuisance
-        # In units of their standard deviations, so that a nuisance known exactly (0) is no special case.
-        turned *= self._sd
-        normal = np.swapaxes(turned, 1, 2) @ turned + np.eye(size)
-        right = np.swapaxes(turned, 1, 2) @ white[:, :, None]
-        best = np.asarray(np.linalg.solve(normal, right)[:, :, 0], dtype=float)
-        square = (white**2).sum(axis=1) - (right[:, :, 0] * best).sum(axis=1)
-        _, log_determinant = np.linalg.slogdet(normal)
-        return Fit(log_evidence=-0.5 * (square + log_determinant), nuisance=best * self._sd, misfit=square)
+        turned = self._whiten(slopes) * self._sd
+        return _fit(white + turned @ self._units(nuisance), turned, self._sd)
+
+    def near(self, inclusion: NDArray[np.float64], nuisance: NDArray[np.float64]) -> Nearby:
+        """The likelihood with the derivatives by the nuisances at one inclusion (3,) taken to hold everywhere."""
+        _, slopes = self.model.profiles(inclusion[None], nuisance)
+        turned = self._whiten(slopes)[0] * self._sd
+        root = cholesky(turned @ turned.T + np.eye(len(turned)), lower=True)
+        start = turned @ self._units(nuisance)
+
+        def residual(inclusions: NDArray[np.float64] | None) -> NDArray[np.float64]:
+            white = self._whiten(self._data.grey - self.model.grey(inclusions, nuisance)) + start
+            return np.asarray(solve_triangular(root, white.T, lower=True).T)
+
+        table = self.model.table(nuisance)
+        plain, at_nodes = residual(None)[0], residual(table.nodes())
+        # Few directions of the residual depend on the inclusion; the rest is a constant.
+        _, size, directions = np.linalg.svd(at_nodes - plain, full_matrices=False)
+        kept = directions[size > NEGLIGIBLE_SIZE]
+        rest = plain - kept.T @ (kept @ plain)
+        return Nearby(
+            residual=table.through(kept @ plain, at_nodes @ kept.T),
+            constant=float(-0.5 * rest @ rest - np.log(np.diag(root)).sum()),
+        )
+
+    def information(self, inclusion: NDArray[np.float64], nuisance: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Fisher information of diameter, depth and modulus at one inclusion, every nuisance integrated out; (3, 3)."""
+        _, slopes = self.model.profiles(inclusion[None], nuisance)
+        turned = self._whiten(slopes)[0] * self._sd
+        steps = np.diag(DERIVATIVE_STEP * inclusion)
+        ends = [self.model.grey(inclusion + sign * steps, nuisance) for sign in (1, -1)]
+        change = self._whiten(ends[0] - ends[1]) / (2 * np.diag(steps))[:, None]
+        root = cholesky(turned @ turned.T + np.eye(len(turned)), lower=True)
+        white = solve_triangular(root, change.T, lower=True)
+        return np.asarray(white.T @ white)
+
+    def within(self, nuisance: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The nearest nuisances at which to linearise: believable, inside the surrogate's box, and 0 where linear."""
+        low, high = self.model.reach()
+        limit = BELIEVABLE * self._sd
+        return np.clip(nuisance, np.maximum(low, -limit), np.minimum(high, limit))
+
+    def _units(self, nuisance: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Nuisances in units of their standard deviations; one that is known exactly is no special case."""
+        return np.divide(nuisance, self._sd, out=np.zeros_like(self._sd), where=self._sd > 0)
 
     def _whiten(self, columns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Apply the inverse root of the noise covariance along the rings, axis 1 of (n, rings, k)."""
-        count, rings, width = columns.shape
-        flat = np.moveaxis(columns, 1, 0).reshape(rings, count * width)
-        return np.moveaxis((self._whitening @ flat).reshape(rings, count, width), 0, 1)
+        """Apply the inverse root of the noise covariance to (n, frames, rings, ...); shape (n, frames * rings, ...)."""
+        rest = columns.shape[3:]
+        flat = columns.reshape(*columns.shape[:3], -1)
+        # Rings are independent, so that each has a small root of its own.
+        by_ring = self._whitening @ flat.transpose(2, 1, 0, 3).reshape(flat.shape[2], flat.shape[1], -1)
+        back = by_ring.reshape(flat.shape[2], flat.shape[1], flat.shape[0], -1).transpose(2, 1, 0, 3)
+        return np.asarray(back.reshape(len(columns), -1, *rest))
 
 
-def noise_covariance(data: Profiles, calibration: Calibration) -> NDArray[np.float64]:
-    """Covariance of the ring means, shape (frames, rings, frames, rings).
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Nearby:
+    """A likelihood whose derivatives by the nuisances are those at one inclusion: fast, and exact there.
+
+    Attributes
+    ----------
+    residual
+        Surrogate of the residual in those directions that depend on the inclusion, of unit covariance.
+    constant
+        The rest of the log evidence.
+    """
+
+    residual: TissueSurrogate
+    constant: float
+
+    def __call__(self, inclusions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Log evidence of inclusions (n, 3)."""
+        residual = self.residual(*inclusions.T)
+        return np.asarray(self.constant - 0.5 * np.einsum("nk,nk->n", residual, residual))
+
+
+def _fit(white: NDArray[np.float64], turned: NDArray[np.float64], sd: NDArray[np.float64]) -> Fit:
+    """Integrate the nuisances out of whitened residuals (n, m), linear in them by ``turned`` (n, m, nuisances)."""
+    normal = np.swapaxes(turned, 1, 2) @ turned + np.eye(len(sd))
+    right = np.swapaxes(turned, 1, 2) @ white[:, :, None]
+    best = np.asarray(np.linalg.solve(normal, right)[:, :, 0], dtype=float)
+    square = (white**2).sum(axis=1) - (right[:, :, 0] * best).sum(axis=1)
+    _, log_determinant = np.linalg.slogdet(normal)
+    return Fit(log_evidence=-0.5 * (square + log_determinant), nuisance=best * sd, misfit=square)
+
+
+def whitening(data: Profiles, calibration: Calibration) -> NDArray[np.float64]:
+    """Inverse roots of the noise covariance of each ring, shape (rings, frames, frames), zero where it is not used.
 
     The fixed pattern is common to all frames of a ring; repeatability and pixel noise are not.
     """
     frames, rings = data.grey.shape
-    grey = np.where(data.usable, data.grey, 1.0)
-    variance = np.where(data.usable, data.variance, 1.0)
-    covariance = np.zeros((frames, rings, frames, rings))
-    index = np.arange(rings)
-    pattern = calibration.pattern_sd**2 * grey[:, None, :] * grey[None, :, :]
-    covariance[:, index, :, index] = np.moveaxis(pattern, 2, 0)
-    own = variance + (calibration.repeatability_sd * grey) ** 2
-    for frame in range(frames):
-        covariance[frame, index, frame, index] += own[frame]
-    return covariance
+    roots = np.zeros((rings, frames, frames))
+    for ring in range(rings):
+        use = np.flatnonzero(data.usable[:, ring])
+        grey = data.grey[use, ring]
+        own = data.variance[use, ring] + (calibration.repeatability_sd * grey) ** 2
+        covariance = np.diag(own) + calibration.pattern_sd**2 * np.outer(grey, grey)
+        root = cholesky(covariance, lower=True) if len(use) else np.empty((0, 0))
+        roots[ring][np.ix_(use, use)] = solve_triangular(root, np.eye(len(use)), lower=True) if len(use) else root
+    return roots

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import PchipInterpolator
 
-from tsis.inclusion.frames import ring_means
 from tsis.inclusion.prior import PARAMETERS
+from tsis.inclusion.rings import ring_means
 from tsis.mechanics import PressSurrogate
 from tsis.model import Probe, check
 from tsis.model.errors import InputError

@@ -2,43 +2,48 @@
 
 from __future__ import annotations
 
-import hashlib
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.inclusion.chart import SignalChart
-from tsis.inclusion.forward import ForwardModel
+from tsis.inclusion.calibration_check import check_calibration
+from tsis.inclusion.exploration import explore
+from tsis.inclusion.force_range import check_forces, covering_force_n
+from tsis.inclusion.forward import TISSUE, ForwardModel
 from tsis.inclusion.frames import (
     as_frames,
-    at_even_light,
     check_frames,
-    ring_answers,
     ring_edges,
     ring_light,
     ring_profiles,
 )
-from tsis.inclusion.grid import Grid, refine
-from tsis.inclusion.likelihood import Fit, Likelihood, Profiles
+from tsis.inclusion.image_checks import image_findings
+from tsis.inclusion.likelihood import Likelihood, Profiles
+from tsis.inclusion.off_axis_place import Place, inclusion_place
 from tsis.inclusion.prior import PARAMETERS, InclusionPrior
-from tsis.inclusion.verdict import verdict
-from tsis.mechanics import build_surrogate
+from tsis.inclusion.rings import ring_answers
+from tsis.inclusion.verdict import (
+    DISTRUSTED,
+    UNLIKELY,
+    cramer_rao_sd,
+    findings,
+    identifiability,
+    misfit_chance,
+    misfit_finding,
+    place_findings,
+)
+from tsis.mechanics import build_covered_surrogate
 from tsis.model import Calibration, Estimate, Probe, TactileImage, check
 from tsis.model.errors import InputError, NotCalibratedError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-    from tsis.mechanics import PressSurrogate
-
-LINEARISATIONS = 2  # on a coarse grid, before that of the answer
-COARSE, CELLS = 8, 16  # along each axis
-SAMPLES = 16384
+    from tsis.inclusion.exploration import Posterior
+    from tsis.mechanics import CoveredSurrogate
 
 
 def estimate(
@@ -52,8 +57,8 @@ def estimate(
     """Estimate an inclusion under the probe's axis, with honest intervals.
 
     The posterior over diameter, depth and modulus follows from the ring means of the grey level. Gain, offset and
-    force of each frame, the tissue's modulus and the slab's thickness are nuisances: unknown within their stated
-    errors and integrated out.
+    force of each frame, the moduli of tissue and probe, Poisson's ratio, the slab's thickness, the light's shading and
+    the inclusion's place are nuisances: unknown within their stated errors and integrated out.
 
     Parameters
     ----------
@@ -77,10 +82,10 @@ def estimate(
     Raises
     ------
     InputError
-        When there is no image, or one has no force or no scale, the probe's face lies outside the picture, or the face
-        is domed: its pressure is not proportional to the force, which this estimate relies on.
+        When there is no image, or one has no force or no scale, shows no contact, or was pressed with a force at which
+        a dome touches only in part or small strain does not hold; when much of the face lies outside the picture.
     NotCalibratedError
-        When no calibration is given.
+        When no calibration is given, or that of another probe.
     ImageMismatchError
         When the images differ in scale or range of values.
     """
@@ -92,75 +97,117 @@ def estimate(
             f"calibration must be a Calibration, the answer of this probe's grey level to pressure; got {calibration!r}"
         )
     check.kind("probe", probe, Probe)
-    if probe.face_curvature_mm is not None:
-        raise InputError(
-            f"probe must have a flat face for an estimate in this version; got face_curvature_mm "
-            f"{probe.face_curvature_mm:g}, whose pressure is not proportional to the force"
-        )
     prior = InclusionPrior() if prior is None else prior
     check.kind("prior", prior, InclusionPrior)
-    check_frames(targets + references)
-    surrogate = build_surrogate(probe, prior.box())
+    check_calibration(calibration, probe)
+    digests = check_frames(targets + references)
+    surrogate = build_covered_surrogate(probe, prior.box())
+    check_forces(targets + references, surrogate, probe=probe, prior=prior)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
-        likelihood, data = likelihood_of(
-            targets, references, surrogate, probe=probe, calibration=calibration, prior=prior
-        )
-        samples, best = _posterior(likelihood, prior)
-    even_targets, even_references = (
-        [at_even_light(frame, calibration) for frame in frames] for frames in (targets, references)
-    )
-    flags, notes = verdict(samples, prior=prior, targets=even_targets, references=even_references, data=data, best=best)
+
+        def read(shown: list[TactileImage]) -> Reading:
+            return reading_of(shown, references, surrogate, probe=probe, calibration=calibration, prior=prior)
+
+        reading = read(targets)
+        said = image_findings(targets, references, probe=probe, calibration=calibration)
+        found = explore(reading.likelihood, prior)
+        said = [*findings(found, prior, reading.data), *place_findings(reading.place), *said]
+        chance = misfit_chance(found, reading.data)
+        if chance < UNLIKELY:
+            disagree = len(targets) > 1 and all(_fits(read([target]), prior) for target in targets)
+            said.append(misfit_finding(chance, disagree=disagree))
+    said += _contact_findings(targets + references, surrogate, found, prior)
     return Estimate(
-        samples=dict(zip(PARAMETERS, samples.T, strict=True)),
+        samples=dict(zip(PARAMETERS, found.samples.T, strict=True)),
         prior_sd=prior.sd,
-        flags=flags,
-        notes=notes,
-        provenance=_provenance(probe, calibration, prior, targets, references, surrogate),
+        cramer_rao_sd=cramer_rao_sd(found),
+        presence=found.presence,
+        identifiability=identifiability(found, prior),
+        prior=str(prior),
+        trusted=not DISTRUSTED.intersection(flag for flag, _ in said),
+        flags=tuple(flag for flag, _ in said),
+        notes=tuple(note for _, note in said),
+        provenance=_provenance(probe, calibration, prior, targets, references, surrogate.key, digests),
     )
 
 
-def likelihood_of(
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Reading:
+    """What frames say: the likelihood of inclusions, the profiles that it rests on, and where the inclusion lies."""
+
+    likelihood: Likelihood
+    data: Profiles
+    place: Place | None
+
+
+def _fits(reading: Reading, prior: InclusionPrior) -> bool:
+    return misfit_chance(explore(reading.likelihood, prior), reading.data) >= UNLIKELY
+
+
+def _place(
+    targets: list[TactileImage], references: list[TactileImage], calibration: Calibration, probe: Probe
+) -> Place | None:
+    """Where the inclusion lies, by the strongest target and the reference nearest to its force."""
+    if not references:
+        return None
+    target = max(targets, key=lambda frame: frame.force_n or 0.0)
+    reference = min(references, key=lambda frame: abs((frame.force_n or 0.0) - (target.force_n or 0.0)))
+    return inclusion_place(target, reference, calibration, radius_mm=probe.radius_mm)
+
+
+def _contact_findings(
+    frames: list[TactileImage], surrogate: CoveredSurrogate, found: Posterior, prior: InclusionPrior
+) -> list[tuple[str, str]]:
+    """Whether the dome touched as a whole on what was found."""
+    stiffening = float(np.exp(found.fit.nuisance[0, TISSUE]))
+    needed = covering_force_n(surrogate, prior, found.samples.mean(axis=0), stiffening=stiffening)
+    least = min(frame.force_n or 0.0 for frame in frames)
+    if least >= needed:
+        return []
+    return [
+        (
+            "contact_not_whole",
+            f"At {least:g} N the dome touches only in part on what was found; from {needed:.2g} N on it touches as a "
+            "whole, which the model takes for granted.",
+        )
+    ]
+
+
+def reading_of(
     targets: list[TactileImage],
     references: list[TactileImage],
-    surrogate: PressSurrogate,
+    surrogate: CoveredSurrogate,
     *,
     probe: Probe,
     calibration: Calibration,
     prior: InclusionPrior,
-) -> tuple[Likelihood, Profiles]:
-    """Likelihood of inclusions given these frames, and the ring profiles that it rests on."""
+) -> Reading:
+    """Read frames that belong together."""
     frames, edges = targets + references, ring_edges(probe)
     light = ring_light(frames[0], calibration, edges)
     data = ring_profiles(frames, calibration, edges, light=light.level, model_error=surrogate.error)
+    place = _place(targets, references, calibration, probe)
+    offset, spread_sd = _offset(place, prior)
     model = ForwardModel(
-        rings=ring_answers(surrogate, edges, light.level),
+        rings=ring_answers(surrogate, edges, light.level, offset_mm=offset),
         level=light.level,
         shading=light.shading,
         calibration=calibration,
         prior=prior,
         force_n=np.array([frame.force_n for frame in frames]),
         is_reference=np.array([False] * len(targets) + [True] * len(references)),
+        spread_sd=spread_sd,
     )
-    return Likelihood(model, data), data
+    return Reading(likelihood=Likelihood(model, data), data=data, place=place)
 
 
-def _posterior(likelihood: Likelihood, prior: InclusionPrior) -> tuple[NDArray[np.float64], Fit]:
-    """Samples (n, 3), and the fit at their mean; the nuisances are linearised anew twice."""
-    chart = SignalChart(prior)
-
-    def search(nuisance: NDArray[np.float64], per_axis: int) -> Grid:
-        def density(points: NDArray[np.float64]) -> NDArray[np.float64]:
-            return likelihood(chart.inclusions(points), nuisance).log_evidence + chart.log_volume(points)
-
-        return refine(density, chart.low, chart.high, support=chart.allows, per_axis=per_axis)
-
-    nuisance = likelihood.start
-    for _ in range(LINEARISATIONS):
-        coarse = search(nuisance, COARSE)
-        nuisance = likelihood(chart.inclusions(coarse.mean()[None]), nuisance).nuisance[0]
-    grid = search(nuisance, CELLS)
-    best = likelihood(chart.inclusions(grid.mean()[None]), nuisance)
-    return chart.inclusions(grid.samples(SAMPLES)), best
+def _offset(place: Place | None, prior: InclusionPrior) -> tuple[float, float]:
+    """Distance of the inclusion from the axis in mm, and the standard deviation of its square in mm**2."""
+    if place is None or place.sd_mm > prior.offset_sd_mm:
+        return 0.0, 2 * prior.offset_sd_mm**2
+    # What noise adds to the square of a distance is twice the variance of either coordinate.
+    square = max(place.distance_mm**2 - 2 * place.sd_mm**2, 0.0)
+    return float(np.sqrt(square)), float(2 * place.sd_mm * np.sqrt(square + place.sd_mm**2))
 
 
 def _provenance(
@@ -169,18 +216,19 @@ def _provenance(
     prior: InclusionPrior,
     targets: list[TactileImage],
     references: list[TactileImage],
-    surrogate: PressSurrogate,
+    surrogate_key: str,
+    digests: list[str],
 ) -> dict[str, Any]:
     return {
         "notice": RESEARCH_USE_ONLY,
         "tsis": __version__,
-        "method": "posterior of the radial profile, small strain, sphere on the axis",
+        "method": "posterior of the radial profile: small strain, one sphere near the axis, contact over the face",
         "probe": asdict(probe),
         "calibration": _describe_calibration(calibration),
         "prior": asdict(prior),
-        "surrogate": surrogate.key,
-        "images": [_describe(image) for image in targets],
-        "reference": [_describe(image) for image in references],
+        "surrogate": surrogate_key,
+        "images": [_describe(*pair) for pair in zip(targets, digests, strict=False)],
+        "reference": [_describe(*pair) for pair in zip(references, digests[len(targets) :], strict=True)],
     }
 
 
@@ -190,10 +238,10 @@ def _describe_calibration(calibration: Calibration) -> dict[str, Any]:
     return asdict(replace(calibration, light=None)) | {"light": light}
 
 
-def _describe(image: TactileImage) -> dict[str, Any]:
+def _describe(image: TactileImage, digest: str) -> dict[str, Any]:
     return {
         "name": image.name,
-        "sha256": hashlib.sha256(np.ascontiguousarray(image.grey).tobytes()).hexdigest(),
+        "sha256": digest,
         "shape": list(image.grey.shape),
         "mm_per_pixel": list(image.scale()),
         "force_n": image.force_n,

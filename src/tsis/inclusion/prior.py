@@ -33,8 +33,13 @@ class InclusionPrior:
         Modulus of the tissue and its relative standard deviation.
     thickness_mm, thickness_sd
         Thickness of the slab and its relative standard deviation.
-    poisson
-        Poisson's ratio of tissue and inclusion, taken as known.
+    poisson, poisson_sd
+        Poisson's ratio of tissue and inclusion, one value, and its standard deviation.
+    offset_sd_mm
+        Standard deviation of either coordinate of the inclusion's place beside the probe's axis, where frames do not
+        tell it.
+    presence
+        Probability that there is an inclusion at all, in [0.001, 0.999].
 
     Raises
     ------
@@ -55,8 +60,14 @@ class InclusionPrior:
     thickness_mm: float = 30.0
     thickness_sd: float = 0.1
     poisson: float = 0.49
+    poisson_sd: float = 0.002
+    offset_sd_mm: float = 0.5
+    presence: float = 0.5
 
     def __post_init__(self) -> None:
+        check.number("poisson_sd", self.poisson_sd, 0.0, 0.05)
+        check.number("offset_sd_mm", self.offset_sd_mm, 0.0, 5.0, hint="millimetres")
+        check.number("presence", self.presence, 0.001, 0.999, hint="a probability")
         check.number("tissue_young_kpa", self.tissue_young_kpa, 0.05, 2000.0, hint="kilopascals")
         check.number("tissue_young_sd", self.tissue_young_sd, 1e-4, 0.3, hint="a share of one")
         check.number("thickness_mm", self.thickness_mm, 2.0, 500.0, hint="millimetres")
@@ -87,6 +98,16 @@ class InclusionPrior:
         """Standard deviation of each parameter before the data."""
         return dict(zip(PARAMETERS, ((self.high - self.low) / np.sqrt(12.0)).tolist(), strict=True))
 
+    def __str__(self) -> str:
+        """The prior in words."""
+        return (
+            f"diameter {_range(self.diameter_mm)} mm, depth {_range(self.depth_mm)} mm, modulus "
+            f"{_range(self.young_kpa)} kPa, each uniform; tissue {self.tissue_young_kpa:g} kPa ± "
+            f"{100 * self.tissue_young_sd:g} %, {self.thickness_mm:g} mm ± {100 * self.thickness_sd:g} % thick, "
+            f"Poisson's ratio {self.poisson:g} ± {self.poisson_sd:g}; {self.offset_sd_mm:g} mm beside the axis where "
+            f"frames do not tell; an inclusion with probability {self.presence:g}"
+        )
+
     def box(self) -> Box:
         """Ranges that the surrogate must cover."""
         deepest = self.depth_mm[1] + self.diameter_mm[1]
@@ -105,3 +126,7 @@ class InclusionPrior:
             thickness_mm=(max(CLEARANCE * deepest, self.thickness_mm / slab), self.thickness_mm * slab),
             poisson=self.poisson,
         )
+
+
+def _range(ends: tuple[float, float]) -> str:
+    return f"{ends[0]:g} to {ends[1]:g}"

@@ -36,10 +36,8 @@ class RingShading:
         self, displacement_mm: NDArray[np.float64], slope: NDArray[np.float64], emphasis: NDArray[np.float64]
     ) -> Shade:
         """Evaluate displacements and slopes (n, rings) with Legendre coefficients (`TERMS`,) of the emphasis."""
-        parabolas = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, len(self.flux)), TERMS - 1)
-        power = 1 + parabolas @ emphasis
-        tilt = np.maximum(1 + self.flux * slope, DARKEST)
-        logarithm = self.growth_per_mm * displacement_mm + np.log(tilt)
+        parabolas, power = self._power(emphasis)
+        tilt, logarithm = self._logarithm(displacement_mm, slope)
         factor = np.exp(power * logarithm)
         return Shade(
             factor=factor,
@@ -47,6 +45,24 @@ class RingShading:
             by_slope=power * factor * self.flux / tilt,
             by_emphasis=(factor * logarithm)[..., None] * parabolas,
         )
+
+    def factor(
+        self, displacement_mm: NDArray[np.float64], slope: NDArray[np.float64], emphasis: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """The factor alone."""
+        return np.asarray(np.exp(self._power(emphasis)[1] * self._logarithm(displacement_mm, slope)[1]))
+
+    def _power(self, emphasis: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Parabolas along the radius, (rings, terms), and one plus the emphasis, (rings,)."""
+        parabolas = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, len(self.flux)), TERMS - 1)
+        return np.asarray(parabolas), np.asarray(1 + parabolas @ emphasis)
+
+    def _logarithm(
+        self, displacement_mm: NDArray[np.float64], slope: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Light on the tilted face over that on the level one, and the log of the factor without emphasis."""
+        tilt = np.maximum(1 + self.flux * slope, DARKEST)
+        return tilt, self.growth_per_mm * displacement_mm + np.log(tilt)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

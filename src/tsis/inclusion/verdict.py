@@ -1,4 +1,4 @@
-"""What the reader of an estimate must know: one flag and one sentence each."""
+"""What the reader of an estimate must know: one flag and one sentence each, and one sentence of what it tells."""
 
 from __future__ import annotations
 
@@ -7,90 +7,146 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.stats import chi2
 
-from tsis.imaging import subtract_background
 from tsis.inclusion.prior import PARAMETERS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.inclusion.likelihood import Fit, Profiles
+    from tsis.inclusion.exploration import Posterior
+    from tsis.inclusion.likelihood import Profiles
+    from tsis.inclusion.off_axis_place import Place
     from tsis.inclusion.prior import InclusionPrior
-    from tsis.model import TactileImage
+
+    Finding = tuple[str, str]
 
 NOT_IDENTIFIED = 0.85  # posterior over prior standard deviation from which the data told next to nothing
 MODULUS_SD_KPA = 20.0  # a modulus this uncertain is not reported as a number
 PILED_UP = 0.3  # share of the samples in the outer twentieth of the prior's range that says that it cuts them off
 EDGE = 0.05
 UNLIKELY = 1e-4  # chance of a misfit this large if the model were true
-OFF_AXIS_MM = 1.0
+OFF_AXIS_MM = 3.0  # beyond it the change no longer moves as the model says
+CERTAIN = 0.95  # probability of an inclusion below which it is said
 UNITS = {"diameter_mm": "mm", "depth_mm": "mm", "young_kpa": "kPa"}
 NAMES = {"diameter_mm": "diameter", "depth_mm": "depth", "young_kpa": "modulus"}
+DISTRUSTED = frozenset(  # with any of these the model does not hold, and its numbers mean nothing
+    (
+        "model_does_not_fit",
+        "presses_disagree",
+        "not_one_round_inclusion",
+        "off_axis",
+        "contact_not_whole",
+        "no_inclusion",
+    )
+)
 
 
-def verdict(
-    samples: NDArray[np.float64],
-    *,
-    prior: InclusionPrior,
-    targets: list[TactileImage],
-    references: list[TactileImage],
-    data: Profiles,
-    best: Fit,
-) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Flags and their sentences.
-
-    Parameters
-    ----------
-    samples
-        Posterior samples (n, 3).
-    prior, targets, references, data
-        What the estimate rests on.
-    best
-        The fit at the posterior mean.
-    """
-    found: list[tuple[str, str]] = []
-    for column, name in zip(samples.T, PARAMETERS, strict=True):
-        low, high = np.quantile(column, [0.05, 0.95])
-        loose = column.std() > NOT_IDENTIFIED * prior.sd[name]
-        if loose or (name == "young_kpa" and column.std() > MODULUS_SD_KPA):
-            found.append(
+def findings(found: Posterior, prior: InclusionPrior, data: Profiles) -> list[Finding]:
+    """Flags and sentences about the posterior itself: what is not identified, what the prior cuts off, misfit."""
+    said = []
+    for column, name in zip(found.samples.T, PARAMETERS, strict=True):
+        if _is_loose(column, name, prior):
+            low, high = np.quantile(column, [0.05, 0.95])
+            said.append(
                 (
                     f"{name}_not_identified",
                     f"The {NAMES[name]} is not identifiable from this press: {low:.3g} to {high:.3g} {UNITS[name]}.",
                 )
             )
-        found += _cut_off(column, name, getattr(prior, name))
-    chance = float(chi2.sf(best.misfit[0], int(data.usable.sum())))
-    if chance < UNLIKELY:
-        found.append(
-            (
-                "model_does_not_fit",
-                f"The model does not explain the image (chance {chance:.1e}): the intervals cannot be trusted.",
-            )
-        )
-    if not references:
-        found.append(
-            ("no_reference", "No reference press on plain tissue: size and depth are less certain than they could be.")
-        )
-    else:
-        offset = max(off_axis_mm(target, references[0]) for target in targets)
-        if offset > OFF_AXIS_MM:
-            found.append(
-                (
-                    "off_axis",
-                    f"The signal lies {offset:.1f} mm from the probe's axis; the model assumes that it lies on it.",
-                )
-            )
+        said += _cut_off(column, name, getattr(prior, name))
     if not data.usable.all():
-        found.append(
+        said.append(
             (
                 "rings_left_out",
                 f"{int((~data.usable).sum())} of {data.usable.size} rings are clipped or outside the picture.",
             )
         )
-    return tuple(flag for flag, _ in found), tuple(note for _, note in found)
+    return [*said, *_doubt_about_any(found.presence)]
 
 
-def _cut_off(column: NDArray[np.float64], name: str, interval: tuple[float, float]) -> list[tuple[str, str]]:
+def misfit_chance(found: Posterior, data: Profiles) -> float:
+    """Chance that noise and nuisances alone make a misfit this large, if there is one sphere in a uniform slab."""
+    return float(chi2.sf(found.fit.misfit[0], int(data.usable.sum())))
+
+
+def misfit_finding(chance: float, *, disagree: bool) -> Finding:
+    """The flag for frames that the model does not explain; ``disagree`` says that it explains each on its own."""
+    if disagree:
+        return (
+            "presses_disagree",
+            f"The presses contradict each other (chance {chance:.1e}): each fits an inclusion, but not the same one.",
+        )
+    return (
+        "model_does_not_fit",
+        f"This is not a single sphere in a uniform slab, or the calibration is wrong: the model does not explain the "
+        f"frames (chance {chance:.1e}), and the intervals cannot be trusted.",
+    )
+
+
+def place_findings(place: Place | None) -> list[Finding]:
+    """What a missing reference, or an inclusion beside the axis, means."""
+    if place is None:
+        return [
+            ("no_reference", "No reference press on plain tissue: size and depth are less certain than they could be.")
+        ]
+    if np.isfinite(place.sd_mm) and place.distance_mm > OFF_AXIS_MM:
+        return [
+            (
+                "off_axis",
+                f"The inclusion lies {place.distance_mm:.1f} mm from the probe's axis; the model holds up to "
+                f"{OFF_AXIS_MM:g} mm: move the probe over it.",
+            )
+        ]
+    return []
+
+
+def identifiability(found: Posterior, prior: InclusionPrior) -> str:
+    """One sentence: what the frames tell of each parameter, and what they do not."""
+    told, loose = [], []
+    for column, name in zip(found.samples.T, PARAMETERS, strict=True):
+        low, high = np.quantile(column, [0.05, 0.95])
+        if _is_loose(column, name, prior):
+            loose.append(f"{NAMES[name]} is not identifiable: {low:.3g} to {high:.3g} {UNITS[name]}")
+        else:
+            told.append(f"{NAMES[name]} {column.mean():.3g} ± {column.std():.2g} {UNITS[name]}")
+    return ("; ".join(([f"{', '.join(told)}"] if told else []) + loose) + ".").capitalize().replace(" kpa", " kPa")
+
+
+def cramer_rao_sd(found: Posterior) -> dict[str, float]:
+    """Least standard deviation of an unbiased estimate of each parameter; infinite where the data tell nothing."""
+    values, directions = np.linalg.eigh(found.information)
+    told = values > np.finfo(float).eps * values.max()
+    if not told.all():
+        return dict.fromkeys(PARAMETERS, float("inf"))
+    variance = (directions**2 / values).sum(axis=1)
+    return dict(zip(PARAMETERS, np.sqrt(variance).tolist(), strict=True))
+
+
+def _is_loose(column: NDArray[np.float64], name: str, prior: InclusionPrior) -> bool:
+    sd = float(column.std())
+    return sd > NOT_IDENTIFIED * prior.sd[name] or (name == "young_kpa" and sd > MODULUS_SD_KPA)
+
+
+def _doubt_about_any(presence: float) -> list[Finding]:
+    if presence >= CERTAIN:
+        return []
+    if presence >= 1 - CERTAIN:
+        return [
+            (
+                "inclusion_uncertain",
+                f"Whether there is an inclusion at all is uncertain: probability {presence:.2g}; the numbers describe "
+                "the one that there would be.",
+            )
+        ]
+    return [
+        (
+            "no_inclusion",
+            f"Plain tissue explains the frames: the probability of an inclusion is {presence:.1e}; the numbers "
+            "describe one that could hide.",
+        )
+    ]
+
+
+def _cut_off(column: NDArray[np.float64], name: str, interval: tuple[float, float]) -> list[Finding]:
     """A flag when the samples pile up against an end of the prior: the truth may well lie beyond it."""
     low, high = interval
     margin = EDGE * (high - low)
@@ -102,22 +158,3 @@ def _cut_off(column: NDArray[np.float64], name: str, interval: tuple[float, floa
             )
             return [(f"{name}_at_prior_end", sentence)]
     return []
-
-
-def off_axis_mm(target: TactileImage, reference: TactileImage) -> float:
-    """Distance in mm from the probe's axis to the centroid of what the target adds to the reference."""
-    change = subtract_background(target, reference)
-    sx, sy = change.scale()
-    axis = change.axis()
-    x = (np.arange(change.grey.shape[1]) - axis[0]) * sx
-    y = (np.arange(change.grey.shape[0]) - axis[1]) * sy
-    near = np.hypot(x[None, :], y[:, None]) < 0.8 * min(np.abs(x[[0, -1]]).min(), np.abs(y[[0, -1]]).min())
-    if not near.any():
-        return 0.0
-    level = change.grey[near].max() / 2
-    # Half of the peak keeps the far field and the noise out of the centroid.
-    lit = np.where(near & (change.grey > level), change.grey - level, 0.0)
-    total = lit.sum()
-    if total <= 0:
-        return 0.0
-    return float(np.hypot((lit.sum(axis=0) @ x) / total, (lit.sum(axis=1) @ y) / total))

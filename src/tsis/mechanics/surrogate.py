@@ -165,6 +165,23 @@ class TissueSurrogate:
     plain: NDArray[np.float64]
     change: NDArray[np.float64]
 
+    def nodes(self) -> NDArray[np.float64]:
+        """Inclusions (diameter, depth, modulus) at which the change is tabled, shape (d * h * g, 3)."""
+        nd, nh, ng, _ = self.change.shape
+        axes = (
+            chebyshev.points(self.box.diameter_mm, nd),
+            chebyshev.points(self.box.depth_mm, nh),
+            contrast_of(chebyshev.points(self.box.contrast_factor, ng)) * self.tissue_young_kpa,
+        )
+        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+
+    def through(self, plain: NDArray[np.float64], values: NDArray[np.float64]) -> TissueSurrogate:
+        """The surrogate of anything else that is ``plain`` (k,) without inclusion and ``values`` at `nodes`, (n, k)."""
+        diameter, depth, young = self.nodes().T
+        size = scale(diameter, depth, contrast_factor(young / self.tissue_young_kpa))
+        change = ((values - plain) / size[:, None]).reshape(*self.change.shape[:3], -1)
+        return replace(self, plain=plain, change=change)
+
     def __call__(
         self, diameter_mm: NDArray[np.float64], depth_mm: NDArray[np.float64], young_kpa: NDArray[np.float64]
     ) -> NDArray[np.float64]:

@@ -8,6 +8,17 @@ from tsis.model import check
 from tsis.model.errors import InputError
 from tsis.model.light_map import LightMap
 
+SHARES = (
+    "gain_sd",
+    "force_sd",
+    "offset_sd",
+    "pattern_sd",
+    "repeatability_sd",
+    "shading_sd",
+    "site_sd",
+    "probe_young_sd",
+)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Calibration:
@@ -40,12 +51,16 @@ class Calibration:
         Relative standard deviation of what displacement and slope of the face are known to do to the light.
     site_sd
         Relative standard deviation of the tissue's modulus between the reference site and the target's.
+    probe_young_sd
+        Relative standard deviation of the moduli of the probe's layers, which err together.
     read_noise_grey
         Standard deviation of one pixel's noise at zero light, grey levels.
     shot_noise_grey
         Variance per grey level of one pixel's noise.
     name
         Identifies the calibration in every result.
+    probe
+        Name of the probe that was calibrated; empty when nobody wrote it down.
     """
 
     gain_grey_per_kpa: float
@@ -59,18 +74,21 @@ class Calibration:
     repeatability_sd: float = 0.0005
     shading_sd: float = 0.2
     site_sd: float = 0.03
+    probe_young_sd: float = 0.03
     read_noise_grey: float = 1.0
     shot_noise_grey: float = 0.025
     name: str = ""
+    probe: str = ""
 
     def __post_init__(self) -> None:
         check.kind("name", self.name, str)
+        check.kind("probe", self.probe, str)
         check.number("gain_grey_per_kpa", self.gain_grey_per_kpa, 1e-6, 1e6)
         check.number("saturation_kpa", self.saturation_kpa, 1e-3, 1e6)
         check.number("background_grey", self.background_grey, 0.0, 65535.0)
         if self.light is not None and not isinstance(self.light, LightMap):
             raise InputError(f"light must be a LightMap or None; got {self.light!r:.80}")
-        for name in ("gain_sd", "force_sd", "offset_sd", "pattern_sd", "repeatability_sd", "shading_sd", "site_sd"):
+        for name in SHARES:
             check.number(name, getattr(self, name), 0.0, 1.0, hint="a share of one")
         check.number("read_noise_grey", self.read_noise_grey, 0.0, 1e4)
         check.number("shot_noise_grey", self.shot_noise_grey, 0.0, 1e4)

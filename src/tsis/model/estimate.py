@@ -27,6 +27,17 @@ class Estimate:
         Equally weighted posterior samples, name -> shape (n,); the names carry the unit.
     prior_sd
         Standard deviation of each parameter before the data were seen.
+    cramer_rao_sd
+        Least standard deviation of any unbiased estimate of each parameter, everything else unknown; infinite where
+        the data tell nothing, empty where nobody computed it.
+    presence
+        Probability that what was estimated is there at all; None where nobody asked.
+    identifiability
+        One sentence that says what the data tell and what not.
+    prior
+        What was believed before the data, in words.
+    trusted
+        Whether a flag says that the model does not hold; then no number here should be used.
     flags
         Short names of what the reader must know, e.g. ``"young_kpa_not_identified"``.
     notes
@@ -45,6 +56,11 @@ class Estimate:
 
     samples: Mapping[str, NDArray[np.float64]]
     prior_sd: Mapping[str, float]
+    cramer_rao_sd: Mapping[str, float] = field(default_factory=dict)
+    presence: float | None = None
+    identifiability: str = ""
+    prior: str = ""
+    trusted: bool = True
     flags: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     provenance: Mapping[str, Any] = field(default_factory=dict)
@@ -57,6 +73,13 @@ class Estimate:
             )
         for name, sd in self.prior_sd.items():
             check.number(f"prior_sd[{name!r}]", sd, 1e-300, 1e300)
+        for name, sd in self.cramer_rao_sd.items():
+            check.known("parameter", name, samples)
+            if not sd > 0:
+                raise InputError(f"cramer_rao_sd[{name!r}] must be positive; got {sd!r}")
+        if self.presence is not None:
+            check.number("presence", self.presence, 0.0, 1.0, hint="a probability")
+        object.__setattr__(self, "cramer_rao_sd", MappingProxyType(dict(self.cramer_rao_sd)))
         object.__setattr__(self, "samples", MappingProxyType(samples))
         object.__setattr__(self, "prior_sd", MappingProxyType(dict(self.prior_sd)))
         object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))

@@ -35,22 +35,32 @@ def estimate_document(estimate: Estimate, truth: Mapping[str, float] | None = No
             "interval_90": list(interval[name]),
             "prior_sd": estimate.prior_sd[name],
             "narrowing": estimate.narrowing[name],
+            "cramer_rao_sd": _finite(estimate.cramer_rao_sd.get(name)),
         }
         | ({} if truth is None else {"truth": truth[name]})
         for name in estimate.samples
     }
     return {
         "parameters": parameters,
+        "presence": estimate.presence,
+        "identifiability": estimate.identifiability,
+        "prior": estimate.prior,
+        "trusted": estimate.trusted,
         "flags": list(estimate.flags),
         "notes": list(estimate.notes),
         "provenance": dict(estimate.provenance),
     }
 
 
+def _finite(value: float | None) -> float | None:
+    """JSON has no infinity: null says that nothing bounds it."""
+    return value if value is not None and np.isfinite(value) else None
+
+
 def doubt_of(estimate: Estimate, name: str) -> str:
     """Why a parameter's mean should not be read as a number; empty when it may be."""
-    if "model_does_not_fit" in estimate.flags:
-        return "model does not fit"
+    if not estimate.trusted:
+        return "not to be trusted"
     return "not identified" if f"{name}_not_identified" in estimate.flags else ""
 
 

@@ -59,7 +59,7 @@ def inclusion_report(
             title=title,
             subtitle=subtitle,
             cards=tuple(_card(estimate, name, truth) for name in estimate.samples),
-            notes=estimate.notes,
+            notes=(estimate.identifiability, *estimate.notes, _presence(estimate), f"Prior: {estimate.prior}."),
             pictures=(
                 _marginals_picture(estimate, prior, truth),
                 *_image_pictures(target, reference),
@@ -80,9 +80,19 @@ def _card(estimate: Estimate, name: str, truth: Mapping[str, float] | None) -> C
     return Card(
         title=heading,
         value=value,
-        detail=f"{doubt or '90 % interval ' + interval}; {estimate.narrowing[name]:.2f} of the prior's spread{known}",
+        detail=f"{doubt or '90 % interval ' + interval}; {_spreads(estimate, name, unit)}{known}",
         doubtful=bool(doubt),
     )
+
+
+def _spreads(estimate: Estimate, name: str, unit: str) -> str:
+    """How wide the posterior is, the prior was, and any unbiased estimate has to be."""
+    bound = estimate.cramer_rao_sd.get(name, float("inf"))
+    return f"sd {estimate.sd[name]:.2g} of prior {estimate.prior_sd[name]:.2g} {unit}, bound {bound:.2g}"
+
+
+def _presence(estimate: Estimate) -> str:
+    return "" if estimate.presence is None else f"Probability that there is an inclusion: {estimate.presence:.3g}."
 
 
 def _marginals_picture(estimate: Estimate, prior: InclusionPrior, truth: Mapping[str, float] | None) -> Picture:

@@ -10,7 +10,7 @@ import numpy as np
 from tsis.imaging.contact_light import named_model
 from tsis.imaging.render import render
 from tsis.imaging.sensor import Sensor, expose
-from tsis.mechanics import Resolution, press, press_solid
+from tsis.mechanics import FiniteResolution, Resolution, press, press_solid
 from tsis.model import Calibration, LightMap, Probe, TactileImage, check
 from tsis.model.errors import InputError
 from tsis.optics import Irradiance, irradiance
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 # Finer and of another order than the mesh inside the estimator, so that an estimate is never checked by itself.
 FINE = Resolution(order=6, edge=0.006, growth=1.9, largest=0.17, below_cells=4, ray_layers=6)
+RESOLUTIONS: dict[str, Resolution | FiniteResolution] = {"small": FINE, "finite": FiniteResolution()}  # by strain
 LARGEST_FORCE_N = 20.0  # commanded; the press itself takes more, so that no drawn error runs into its limit
 DARKEST = 0.02  # of the mean light
 GRAIN_MM = 0.5  # spacing of the radii at which patterns are drawn
@@ -31,9 +32,9 @@ GRAIN_MM = 0.5  # spacing of the radii at which patterns are drawn
 class VirtualProbe:
     """A probe, its light and its camera, without hardware.
 
-    It makes every error that its calibration states, of the stated size. Each virtual probe has a gain of its own and a
-    fixed pattern that all its frames share; each press misses the commanded force, leaves a pattern that no other press
-    leaves, and adds a little stray light; each frame has the sensor's noise.
+    It makes every error that its calibration states, of the stated size. Each virtual probe has a gain and a stiffness
+    of its own and a fixed pattern that all its frames share; each press misses the commanded force, leaves a pattern
+    that no other press leaves, and adds a little stray light; each frame has the sensor's noise.
 
     Parameters
     ----------
@@ -52,8 +53,19 @@ class VirtualProbe:
     contact_model
         What makes light leave the probe: ``"rough"``, ``"smooth"``, ``"curvature"`` or a value of
         `tsis.imaging.contact_light`. The estimates assume rough contact.
+    strain
+        Mechanics of the presses: ``"small"``, tenths of a second a phantom, or ``"finite"``, for phantoms around the
+        probe's axis alone, half a minute.
     resolution
-        Mesh density of the presses.
+        Mesh density of the presses, a `Resolution` at small strain and a `FiniteResolution` at finite; by default finer
+        than the estimates' own at small strain, and that of `tsis.mechanics.press` at finite.
+
+    Raises
+    ------
+    UnknownNameError
+        When there is no such strain or contact model.
+    InputError
+        When an argument is of the wrong kind, or the light is that of another face.
 
     Examples
     --------
@@ -73,7 +85,8 @@ class VirtualProbe:
         light: Irradiance | LightMap | None = None,
         calibration: Calibration | None = None,
         contact_model: ContactModel | str = "rough",
-        resolution: Resolution = FINE,
+        strain: str = "small",
+        resolution: Resolution | FiniteResolution | None = None,
     ) -> None:
         check.kind("probe", probe, Probe)
         check.kind("rng", rng, np.random.Generator)
@@ -81,14 +94,19 @@ class VirtualProbe:
         self.sensor = Sensor() if sensor is None else sensor
         check.kind("sensor", self.sensor, Sensor)
         self._light = irradiance(probe) if light is None else _checked_light(light, probe)
-        self.calibration = nominal_calibration(self.sensor, self._light) if calibration is None else calibration
+        if calibration is None:
+            calibration = replace(nominal_calibration(self.sensor, self._light), probe=probe.name)
+        self.calibration = calibration
         check.kind("calibration", self.calibration, Calibration)
         self._contact_model = named_model(contact_model)
         self._rng = rng
-        self._resolution = resolution
+        self._strain = check.known("strain", strain, RESOLUTIONS)
+        self._resolution = RESOLUTIONS[strain] if resolution is None else resolution
+        check.kind("resolution", self._resolution, type(RESOLUTIONS[strain]))
         self._gain = 1 + self.calibration.gain_sd * rng.standard_normal()
         self._emphasis = self.calibration.shading_sd * rng.standard_normal()
         self._pattern = self._ring_pattern(self.calibration.pattern_sd)
+        self._stiffness = float(np.exp(self.calibration.probe_young_sd * rng.standard_normal()))
 
     def press(self, phantom: Phantom, *, force_n: float) -> TactileImage:
         """Press the phantom with a commanded force in newtons, in [1e-4, 20], and take a frame.
@@ -96,7 +114,8 @@ class VirtualProbe:
         Raises
         ------
         InputError
-            When the force or the phantom lies outside what the mechanics accept.
+            When the force or the phantom lies outside what the mechanics accept; at finite strain that is also an
+            inclusion which is not around the axis.
         MechanicsError
             When the force strains the tissue beyond what the mechanics describe.
         MissingExtraError
@@ -124,11 +143,26 @@ class VirtualProbe:
                 field, self.sensor, self.calibration, contact_model=self._contact_model, light=self._falling(field)
             )
 
+        # A probe stiffer by a factor presses as the nominal one does tissue softer by it with less force: all moduli
+        # and the force share a unit. So one condensed probe serves every virtual one.
+        stiffer = self._stiffness
+        tissue, force_n = _stiffened(phantom, 1 / stiffer), force_n / stiffer
+
+        def field_of(slab: Phantom) -> PressField:
+            field = press(self.probe, slab, force_n=force_n, strain=self._strain, resolution=self._resolution)
+            return replace(field, pressure_kpa=stiffer * field.pressure_kpa, force_n=stiffer * force_n)
+
         if phantom.is_axisymmetric:
-            return seen(press(self.probe, phantom, force_n=force_n, resolution=self._resolution))
-        found = press_solid(self.probe, phantom, force_n=force_n, plain_resolution=self._resolution)
+            return seen(field_of(tissue))
+        if not isinstance(self._resolution, Resolution):
+            raise InputError(
+                "inclusion must be a sphere or spheroid on the probe's axis, and the only one, for strain='finite'; "
+                f"got {phantom.inclusions!r:.200} (strain='small' takes any)"
+            )
+        found = press_solid(self.probe, tissue, force_n=force_n, plain_resolution=self._resolution)
+        found = replace(found, pressure_kpa=stiffer * found.pressure_kpa, force_n=stiffer * force_n)
         # The grid blurs the rim, of which the axisymmetric press of plain tissue knows all; so only a change is taken.
-        plain = press(self.probe, phantom.without_inclusion(), force_n=force_n, resolution=self._resolution)
+        plain = field_of(tissue.without_inclusion())
         change = seen(found) - seen(plain.on_grid(found.x_mm, found.y_mm))
         return np.maximum(seen(plain) + change, 0.0)
 
@@ -162,6 +196,17 @@ class VirtualProbe:
             name=name,
             settings={"source": "virtual", "probe": self.probe.name},
         )
+
+
+def _stiffened(phantom: Phantom, factor: float) -> Phantom:
+    """The phantom with every modulus times ``factor``."""
+    lumps = [replace(one, young_kpa=factor * one.young_kpa) for one in phantom.inclusions]
+    return replace(
+        phantom,
+        young_kpa=factor * phantom.young_kpa,
+        inclusion=lumps[0] if lumps else None,
+        more_inclusions=tuple(lumps[1:]),
+    )
 
 
 def _checked_light(light: Irradiance | LightMap, probe: Probe) -> Irradiance | LightMap:

@@ -1,0 +1,110 @@
+"""Where the posterior of an inclusion lies, how much evidence there is for one, and how much there could be.
+
+The search uses a likelihood whose derivatives by the nuisances are those at one place. It is moved to where the
+posterior is, and what is left of the difference to the likelihood that is linearised at every inclusion is a parabola.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.special import expit, logit
+
+from tsis.inclusion.chart import SignalChart
+from tsis.inclusion.grid import Grid, refine
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.inclusion.likelihood import Fit, Likelihood
+    from tsis.inclusion.prior import InclusionPrior
+
+LINEARISATIONS = 2  # before that of the answer
+COARSE, CELLS = 12, 16  # along each axis
+CHECKED = 128  # places at which the fast likelihood is compared
+SAMPLES = 16384
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Posterior:
+    """What frames tell about an inclusion.
+
+    Attributes
+    ----------
+    samples
+        Equally weighted diameters, depths and moduli, shape (n, 3).
+    fit
+        The fit at their mean.
+    presence
+        Probability that there is an inclusion at all.
+    information
+        Fisher information of the three at their mean, shape (3, 3).
+    """
+
+    samples: NDArray[np.float64]
+    fit: Fit
+    presence: float
+    information: NDArray[np.float64]
+
+
+def explore(likelihood: Likelihood, prior: InclusionPrior) -> Posterior:
+    """Find the posterior."""
+    chart, nuisance = SignalChart(prior), likelihood.start
+    place = (prior.low + prior.high) / 2
+    for _ in range(LINEARISATIONS):
+        grid = _search(likelihood, chart, place, nuisance, COARSE)
+        place = chart.inclusions(grid.mean()[None])[0]
+        nuisance = likelihood.within(likelihood(place[None], nuisance).nuisance[0])
+    grid = _corrected(_search(likelihood, chart, place, nuisance, CELLS), likelihood, chart, place, nuisance)
+    mean = chart.inclusions(grid.mean()[None])[0]
+    log_volume = float(np.log(prior.high - prior.low).sum())
+    return Posterior(
+        samples=np.clip(chart.inclusions(grid.samples(SAMPLES)), prior.low, prior.high),
+        fit=likelihood(mean[None], nuisance),
+        presence=float(expit(logit(prior.presence) + grid.log_integral - log_volume - _plain_evidence(likelihood))),
+        information=likelihood.information(mean, nuisance),
+    )
+
+
+def _search(
+    likelihood: Likelihood, chart: SignalChart, place: NDArray[np.float64], nuisance: NDArray[np.float64], cells: int
+) -> Grid:
+    """The grid of the fast likelihood whose derivatives are those at ``place``."""
+    nearby = likelihood.near(place, nuisance)
+
+    def density(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        return nearby(chart.inclusions(points)) + chart.log_volume(points)
+
+    return refine(density, chart.low, chart.high, support=chart.allows, per_axis=cells, finder=COARSE)
+
+
+def _corrected(
+    grid: Grid,
+    likelihood: Likelihood,
+    chart: SignalChart,
+    place: NDArray[np.float64],
+    nuisance: NDArray[np.float64],
+) -> Grid:
+    """The grid with the difference to the exact likelihood, a parabola through comparisons at samples."""
+    points = grid.samples(CHECKED)
+    inclusions = chart.inclusions(points)
+    missing = likelihood(inclusions, nuisance).log_evidence - likelihood.near(place, nuisance)(inclusions)
+    middle, spread = points.mean(axis=0), points.std(axis=0)
+
+    def parabola(at: NDArray[np.float64]) -> NDArray[np.float64]:
+        x = (at - middle) / spread
+        products = [x[:, i] * x[:, j] for i in range(3) for j in range(i, 3)]
+        return np.column_stack([np.ones(len(x)), x, *products])
+
+    factors, *_ = np.linalg.lstsq(parabola(points), missing, rcond=None)
+    return grid.with_density(grid.log_density + parabola(grid.cells.points) @ factors)
+
+
+def _plain_evidence(likelihood: Likelihood) -> float:
+    """Log evidence of plain tissue."""
+    nuisance = likelihood.start
+    for _ in range(LINEARISATIONS):
+        nuisance = likelihood.within(likelihood(None, nuisance).nuisance[0])
+    return float(likelihood(None, nuisance).log_evidence[0])

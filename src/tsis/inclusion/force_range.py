@@ -1,0 +1,70 @@
+"""Forces at which the model of an estimate holds: enough to press the whole face, not more than small strain takes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tsis.mechanics.small_strain import STRAIN_LIMIT, nominal_strain
+from tsis.model.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tsis.inclusion.prior import InclusionPrior
+    from tsis.mechanics import CoveredSurrogate
+    from tsis.model import Probe, TactileImage
+
+
+def check_forces(
+    frames: Sequence[TactileImage], surrogate: CoveredSurrogate, *, probe: Probe, prior: InclusionPrior
+) -> None:
+    """Refuse forces that do not press the whole face onto the prior's plain tissue, or that strain it too much.
+
+    Raises
+    ------
+    InputError
+        Naming the frame and the range of forces.
+    """
+    least, most = covering_force_n(surrogate, prior, None), _largest_force_n(surrogate, probe=probe, prior=prior)
+    for frame in frames:
+        force = frame.force_n or 0.0
+        if not least <= force <= most:
+            whole = f"from {least:.2g} N, at which the whole dome touches, " if least > 0 else ""
+            raise InputError(
+                f"force_n must be {whole}up to {most:.2g} N, a nominal strain of {STRAIN_LIMIT:g}, on tissue of "
+                f"{prior.tissue_young_kpa:g} kPa; got {force:g} N for {frame.name or 'an image'!r}: press at a force "
+                "in between"
+            )
+
+
+def covering_force_n(
+    surrogate: CoveredSurrogate,
+    prior: InclusionPrior,
+    inclusion: NDArray[np.float64] | None,
+    *,
+    stiffening: float = 1.0,
+) -> float:
+    """Force in newtons from which the contact covers the face, 0 of a flat one.
+
+    ``inclusion`` holds diameter, depth and modulus; ``stiffening`` is the tissue's modulus over the prior's.
+    """
+    if surrogate.covering_force_n is None:
+        return 0.0
+    at = surrogate.covering_force_n.at_tissue(prior.tissue_young_kpa * stiffening, prior.thickness_mm)
+    found = at.plain if inclusion is None else at(*inclusion[:, None])[0]
+    return float(found[0])
+
+
+def _largest_force_n(surrogate: CoveredSurrogate, *, probe: Probe, prior: InclusionPrior) -> float:
+    """Force at which plain tissue reaches the limit of small strain."""
+
+    def approach(part: NDArray[np.float64]) -> float:
+        return nominal_strain(float(part[0]), probe, prior.thickness_mm)
+
+    at = (prior.tissue_young_kpa, prior.thickness_mm)
+    per_newton = approach(surrogate.unit.approach_mm.at_tissue(*at).plain)
+    at_none = 0.0 if surrogate.shape is None else approach(surrogate.shape.approach_mm.at_tissue(*at).plain)
+    return (STRAIN_LIMIT - at_none) / per_newton
