@@ -26,7 +26,11 @@ test-slow: $(VENV)/.dev  ## the tests that take minutes
 
 benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, one process at a time
 	$(BIN)/pytest -m benchmark -s tests benchmarks
-	$(BIN)/python benchmarks/coverage.py
+	$(BIN)/python -m benchmarks.coverage --protocol domed --presses 500
+	$(BIN)/python -m benchmarks.coverage --protocol flat --presses 500
+	$(BIN)/python -m benchmarks.coverage --protocol flat-alone --presses 500
+	$(BIN)/python -m benchmarks.nine_inclusions
+	$(BIN)/python -m benchmarks.held_out
 	$(BIN)/python -m benchmarks.mechanics
 	$(BIN)/python -m benchmarks.domed_second_code
 	$(BIN)/python -m benchmarks.slab_modes

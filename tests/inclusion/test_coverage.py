@@ -103,6 +103,7 @@ def line_of(index: int) -> dict[str, Any]:
         "mean": [2.0] * 3,
         "sd": [1.0] * 3,
         "rank": [0.5] * 3,
+        "trusted": index > 0,
         "flags": [],
     }
 
@@ -183,7 +184,7 @@ def test_samples_that_claim_too_much_or_too_little_are_found_out(spread: float) 
 
 def test_refusals_are_counted_and_kept_apart() -> None:
     found = Judgement.of([line_of(0), {"index": 1, "refused": "no"}, {"index": 2, "refused": "no"}])
-    assert (found.truth.shape, found.refused, found.flags) == ((1, 3), {"no": 2}, {})
+    assert (found.truth.shape, found.refused, found.distrusted, found.flags) == ((1, 3), {"no": 2}, 1, {})
 
 
 def test_a_refusal_of_the_estimator_is_a_line(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,156 @@
+"""Simulated cases kept on disk, so that another estimator judges the same frames in minutes.
+
+    python -m benchmarks.press_bank --protocol domed --presses 2000 --seed 1 --folder /tmp/bank
+
+Makes the cases that are missing, one after the other; `benchmarks.coverage --frames` reads them and makes what is
+missing itself. A folder holds one file a case, 0.4 MB a frame, and ``bank.json``, which says what was simulated.
+"""
+
+from __future__ import annotations
+
+import argparse
+import io
+import json
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from benchmarks.simulated_presses import DEFAULT, DRAWN, PROTOCOLS, Protocol, SimulatedCase, simulate
+
+import tsis
+from tsis import Inclusion, Phantom, TactileImage
+from tsis.cli.console_output import progress_bar
+from tsis.imaging.sensor import Sensor
+from tsis.inclusion import InclusionPrior
+from tsis.model.durable import remove_unfinished, write_durably
+from tsis.model.errors import MechanicsError
+from tsis.optics import irradiance
+from tsis.virtual import nominal_calibration
+
+if TYPE_CHECKING:
+    from tsis.model import Calibration
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PressBank:
+    """Cases of one protocol and one seed: read where they are kept, simulated (and kept, given a folder) where not.
+
+    Attributes
+    ----------
+    protocol, prior, seed
+        What is simulated.
+    folder
+        Where the protocol's folders lie; nothing is kept when None.
+    """
+
+    protocol: Protocol
+    prior: InclusionPrior
+    seed: int
+    folder: Path | None = None
+
+    def __post_init__(self) -> None:
+        if self.folder is None:
+            return
+        told = json.dumps(self.content(), indent=2)
+        note = self._place / "bank.json"
+        if note.exists() and note.read_text() != told:
+            raise SystemExit(
+                f"{self._place} holds presses that were simulated otherwise (see {note}): give another folder"
+            )
+        self._place.mkdir(parents=True, exist_ok=True)
+        remove_unfinished(self._place)
+        write_durably(note, told.encode())
+
+    @property
+    def _place(self) -> Path:
+        assert self.folder is not None  # callers have asked
+        return self.folder / f"{self.protocol.name}-{self.seed}"
+
+    def content(self) -> dict[str, Any]:
+        """What decides the frames, but for the code that makes them."""
+        known = _calibration(self.protocol)
+        light = None if known.light is None else known.light.sha256
+        return {
+            "tsis": tsis.__version__,
+            "seed": self.seed,
+            "protocol": asdict(self.protocol),
+            "probe": asdict(self.protocol.probe),
+            "drawn from": {name: getattr(self.prior, name) for name in DRAWN},
+            "calibration": asdict(replace(known, light=None)) | {"light": light},
+        }
+
+    def case(self, index: int) -> SimulatedCase:
+        """Case ``index``; a MechanicsError where the drawn tissue is too soft for the mechanics."""
+        if self.folder is None:
+            return simulate(self.protocol, self.prior, seed=self.seed, index=index)
+        path = self._place / f"{index:06d}.npz"
+        if path.exists():
+            return _read(path.read_bytes(), _calibration(self.protocol))
+        case = simulate(self.protocol, self.prior, seed=self.seed, index=index)
+        write_durably(path, _bytes(case))
+        return case
+
+
+def _calibration(protocol: Protocol) -> Calibration:
+    """What every virtual probe of the protocol is believed to answer."""
+    probe = protocol.probe
+    return replace(nominal_calibration(Sensor(), irradiance(probe)), probe=probe.name)
+
+
+def _bytes(case: SimulatedCase) -> bytes:
+    every = (*case.frames, *case.references)
+    about = {
+        "phantom": asdict(case.phantom),
+        "targets": len(case.frames),
+        "frames": [
+            {
+                "force_n": one.force_n,
+                "mm_per_pixel": one.mm_per_pixel,
+                "full_scale": one.full_scale,
+                "name": one.name,
+                "settings": dict(one.settings),
+            }
+            for one in every
+        ],
+    }
+    file = io.BytesIO()
+    np.savez(file, grey=np.array([one.grey for one in every], dtype=np.uint8), about=np.array(json.dumps(about)))
+    return file.getvalue()
+
+
+def _read(content: bytes, calibration: Calibration) -> SimulatedCase:
+    with np.load(io.BytesIO(content)) as file:
+        about, grey = json.loads(str(file["about"])), file["grey"]
+    frames = tuple(TactileImage(grey=one, **told) for one, told in zip(grey, about["frames"], strict=True))
+    phantom = about["phantom"]
+    return SimulatedCase(
+        phantom=Phantom(**phantom | {"inclusion": Inclusion(**phantom["inclusion"])}),
+        frames=frames[: about["targets"]],
+        references=frames[about["targets"] :],
+        calibration=calibration,
+    )
+
+
+def main() -> None:
+    """Make what is missing, in this process alone."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--protocol", choices=PROTOCOLS, default=DEFAULT)
+    parser.add_argument("--presses", type=int, default=2000)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--folder", type=Path, required=True)
+    options = parser.parse_args()
+    bank = PressBank(
+        protocol=PROTOCOLS[options.protocol], prior=InclusionPrior(), seed=options.seed, folder=options.folder
+    )
+    with progress_bar("pressing") as progress:
+        for index in range(options.presses):
+            try:
+                bank.case(index)
+            except MechanicsError as error:
+                print(f"case {index}: {error}")
+            progress(index + 1, options.presses)
+
+
+if __name__ == "__main__":
+    main()
