@@ -229,7 +229,8 @@ def test_information_is_the_curvature_of_the_fast_likelihood(model: ForwardModel
     exact = replace(data, grey=model.grey(inclusion[None], at)[0])
     likelihood = Likelihood(model, exact)
     nearby, step = likelihood.near(inclusion, at), np.diag([0.02, 0.01, 1.0])
-    found = likelihood.information(inclusion, at)
+    fit, found = likelihood.with_information(inclusion, at)
+    assert fit.log_evidence[0] == pytest.approx(likelihood(inclusion[None], at).log_evidence[0])
     for i in range(3):
         for j in range(3):
             corners = [nearby((inclusion + a * step[i] + b * step[j])[None])[0] for a in (1, -1) for b in (1, -1)]

@@ -92,3 +92,27 @@ def develop(
         for j in range(light.shape[1]):
             deviation = np.sqrt(read * read + shot * max(light[i, j], 0.0))
             frame[i, j] = min(max(np.rint(light[i, j] + background + deviation * frame[i, j]), 0.0), top)
+
+
+@compiled
+def ring_sums(
+    grey: NDArray[np.float64], clipped: NDArray[np.bool_], rings: NDArray[np.intp], count: int, level: float
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """Pixels, clipped pixels, and sums and squares of ``grey - level`` over those that do not clip, by ring.
+
+    Pixels of a ring ``count`` or beyond are outside all of them.
+    """
+    pixels, lost = np.zeros(count, np.int64), np.zeros(count, np.int64)
+    total, square = np.zeros(count), np.zeros(count)
+    for i in range(len(grey)):
+        ring = rings[i]
+        if ring >= count:
+            continue
+        if clipped[i]:
+            lost[ring] += 1
+            continue
+        away = grey[i] - level
+        pixels[ring] += 1
+        total[ring] += away
+        square[ring] += away * away
+    return pixels, lost, total, square

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.imaging.correct import check_image, check_same_frame
+from tsis.imaging.pixel_loops import ring_sums
 from tsis.model import check
 from tsis.model.errors import InputError
 
@@ -113,18 +114,11 @@ def radial_profile(
 def _gather(
     grey: NDArray[np.float64], clipped: NDArray[np.bool], rings: NDArray[np.intp], edges: NDArray[np.float64]
 ) -> RadialProfile:
-    """Sum over the rings; the pixels outside all rings fall into a last bin that is dropped."""
+    """Mean and spread over the rings."""
     n = edges.size - 1
-    clipped_count = np.zeros(n, dtype=np.int64)
-    if clipped.any():
-        clipped_count = np.bincount(rings[clipped], minlength=n + 1)[:n]
-        rings = np.where(clipped, n, rings)
-    count = np.bincount(rings, minlength=n + 1)[:n]
     # Deviations from a level near the data keep the squares from cancelling.
     level = float(grey.mean())
-    deviation = grey - level
-    total = np.bincount(rings, weights=deviation, minlength=n + 1)[:n]
-    square = np.bincount(rings, weights=deviation * deviation, minlength=n + 1)[:n]
+    count, clipped_count, total, square = ring_sums(grey, clipped, rings, n, level)
     mean = np.divide(total, count, out=np.full(n, np.nan), where=count > 0)
     spread = np.maximum(square - total * np.nan_to_num(mean), 0.0)
     variance = np.divide(spread, count - 1.0, out=np.full(n, np.nan), where=count > 1)

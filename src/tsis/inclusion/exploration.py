@@ -13,17 +13,18 @@ import numpy as np
 from scipy.special import expit, logit
 
 from tsis.inclusion.chart import SignalChart
-from tsis.inclusion.grid import Grid, refine
+from tsis.inclusion.grid import Grid, box_around, refine
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.inclusion.likelihood import Fit, Likelihood
+    from tsis.inclusion.grid import SlantedBox
+    from tsis.inclusion.likelihood import Fit, Likelihood, Nearby
     from tsis.inclusion.prior import InclusionPrior
 
 LINEARISATIONS = 2  # before that of the answer
 COARSE, CELLS = 12, 16  # along each axis
-CHECKED = 128  # places at which the fast likelihood is compared
+CHECKED = 64  # places at which the fast likelihood is compared
 SAMPLES = 16384
 
 
@@ -51,46 +52,46 @@ class Posterior:
 
 def explore(likelihood: Likelihood, prior: InclusionPrior) -> Posterior:
     """Find the posterior."""
-    chart, nuisance = SignalChart(prior), likelihood.start
-    place = (prior.low + prior.high) / 2
+    chart, nuisance = SignalChart(prior=prior, bend_mm=np.zeros(2)), likelihood.start
+    place, near = (prior.low + prior.high) / 2, None
     for _ in range(LINEARISATIONS):
-        grid = _search(likelihood, chart, place, nuisance, COARSE)
+        grid = _search(likelihood.near(place, nuisance), chart, COARSE, near, finest=1)
+        inclusions = chart.inclusions(grid.cells.points)
         place = chart.inclusions(grid.mean()[None])[0]
         nuisance = likelihood.within(likelihood(place[None], nuisance).nuisance[0])
-    grid = _corrected(_search(likelihood, chart, place, nuisance, CELLS), likelihood, chart, place, nuisance)
+        chart = chart.straightened(inclusions, grid.weight)
+        near = box_around(chart.points(inclusions), grid.log_density)
+    nearby = likelihood.near(place, nuisance)
+    grid = _corrected(_search(nearby, chart, CELLS, near), likelihood, nearby, chart, nuisance)
     mean = chart.inclusions(grid.mean()[None])[0]
     log_volume = float(np.log(prior.high - prior.low).sum())
+    fit, information = likelihood.with_information(mean, nuisance)
     return Posterior(
         samples=np.clip(chart.inclusions(grid.samples(SAMPLES)), prior.low, prior.high),
-        fit=likelihood(mean[None], nuisance),
+        fit=fit,
         presence=float(expit(logit(prior.presence) + grid.log_integral - log_volume - _plain_evidence(likelihood))),
-        information=likelihood.information(mean, nuisance),
+        information=information,
     )
 
 
-def _search(
-    likelihood: Likelihood, chart: SignalChart, place: NDArray[np.float64], nuisance: NDArray[np.float64], cells: int
-) -> Grid:
-    """The grid of the fast likelihood whose derivatives are those at ``place``."""
-    nearby = likelihood.near(place, nuisance)
+def _search(nearby: Nearby, chart: SignalChart, cells: int, near: SlantedBox | None, *, finest: int = 2) -> Grid:
+    """The grid of a fast likelihood, looked for first where it was ``near``."""
 
     def density(points: NDArray[np.float64]) -> NDArray[np.float64]:
         return nearby(chart.inclusions(points)) + chart.log_volume(points)
 
-    return refine(density, chart.low, chart.high, support=chart.allows, per_axis=cells, finder=COARSE)
+    return refine(
+        density, chart.low, chart.high, support=chart.allows, per_axis=cells, finder=COARSE, near=near, finest=finest
+    )
 
 
 def _corrected(
-    grid: Grid,
-    likelihood: Likelihood,
-    chart: SignalChart,
-    place: NDArray[np.float64],
-    nuisance: NDArray[np.float64],
+    grid: Grid, likelihood: Likelihood, nearby: Nearby, chart: SignalChart, nuisance: NDArray[np.float64]
 ) -> Grid:
     """The grid with the difference to the exact likelihood, a parabola through comparisons at samples."""
     points = grid.samples(CHECKED)
     inclusions = chart.inclusions(points)
-    missing = likelihood(inclusions, nuisance).log_evidence - likelihood.near(place, nuisance)(inclusions)
+    missing = likelihood(inclusions, nuisance).log_evidence - nearby(inclusions)
     middle, spread = points.mean(axis=0), points.std(axis=0)
 
     def parabola(at: NDArray[np.float64]) -> NDArray[np.float64]:

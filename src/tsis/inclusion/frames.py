@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.model import Calibration, Probe
+    from tsis.model import Calibration, LightMap, Probe
 
 RINGS = 20
 DARKEST = 1e-3  # of the brightest place; what is darker cannot be divided by
@@ -84,11 +85,23 @@ class RingLight:
 
 def ring_light(frame: TactileImage, calibration: Calibration, edges_mm: NDArray[np.float64]) -> RingLight:
     """Means over the pixels of the frame in each ring; ones and no shading where the calibration names no light."""
-    none = np.zeros(len(edges_mm) - 1)
     if calibration.light is None:
+        none = np.zeros(len(edges_mm) - 1)
         return RingLight(level=none + 1, shading=RingShading(growth_per_mm=none, flux=none))
+    return _rings_of(calibration.light, frame.grey.shape, frame.scale(), frame.axis(), tuple(edges_mm.tolist()))
+
+
+@lru_cache(maxsize=8)  # the frames of one camera share it
+def _rings_of(
+    light: LightMap,
+    shape: tuple[int, int],
+    scale: tuple[float, float],
+    axis: tuple[float, float],
+    edges_mm: tuple[float, ...],
+) -> RingLight:
+    frame = TactileImage(grey=np.zeros(shape), mm_per_pixel=scale, axis_px=axis, full_scale=65535.0)
     x, y = _pixels_mm(frame)
-    relative, flux_x, flux_y, growth = calibration.light.undented(x, y)
+    relative, flux_x, flux_y, growth = light.undented(x, y)
     outwards = relative * (flux_x * x + flux_y * y[:, None]) / np.maximum(np.hypot(x, y[:, None]), 1e-9)
 
     def mean(values: NDArray[np.floating[Any]], empty: float) -> NDArray[np.float64]:

@@ -22,13 +22,14 @@ if TYPE_CHECKING:
 
     LogDensity = Callable[[NDArray[np.float64]], NDArray[np.float64]]
     Support = Callable[[NDArray[np.float64]], NDArray[np.bool_]]
+    SlantedBox = tuple[NDArray[np.float64], NDArray[np.float64]]  # a corner, and its edges as rows
 
 ENOUGH_SHARE = 0.04  # of the cells: effective number that a refinement step leaves; fewer alias thin slanted densities
 NEGLIGIBLE = np.log(1e-7)  # log weight, relative to the best cell, that the next grid may leave out
 FAINT = np.log(1e-2)  # the same after tempering: the density itself is far smaller there
 STEPS = 40
+WIDER = 2.0  # than a box that held nearly the same density
 STUCK = 0.7  # share of the volume: a box that shrinks less cannot be resolved by shrinking
-FINEST = 2  # times as many cells along each axis as asked for, for a density so bent that its box stays wide
 TRIES = 16  # draws from a cell at the edge before its centroid is taken
 ELSEWHERE = np.array([0.8191725134, 0.6710436067, 0.5497004779])  # Kronecker sequence that fills a cube evenly
 
@@ -41,6 +42,7 @@ def _lattice(per_axis: int, *, ends: bool) -> NDArray[np.float64]:
 
 CORNERS = _lattice(2, ends=True)
 INNER = _lattice(4, ends=False)
+INNER_AND_ENDS = _lattice(5, ends=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -126,6 +128,8 @@ def refine(
     support: Support | None = None,
     per_axis: int = 16,
     finder: int = 16,
+    near: SlantedBox | None = None,
+    finest: int = 2,
 ) -> Grid:
     """Refine a grid on the box [low, high] until it resolves the density.
 
@@ -136,33 +140,69 @@ def refine(
     low, high
         A box that holds all of the density, shape (3,) each.
     support
-        Whether the density of points (n, 3) is not zero, in a convex region; the box when None.
+        Whether the density of points (n, 3) is not zero, in a region without
+        dents; the box when None.
     per_axis
         Cells along each axis of the answer.
     finder
         Cells along each axis of the grids that find where it lies, at most ``per_axis``.
+    near
+        Box of a density that is much the same, in which to look first.
+    finest
+        Times as many cells along each axis as asked for, at most, for a density so bent that its box stays wide.
     """
     if support is None:
 
         def support(points: NDArray[np.float64]) -> NDArray[np.bool_]:
             return np.asarray(((points >= low) & (points <= high)).all(axis=1))
 
-    origin, axes = _find(log_density, (low, high), support, finder, most=FINEST * per_axis)
-    cells = _cells(origin, axes, per_axis, support)
+    start = low, np.diag(high - low)
+    if near is not None and _holds(near, log_density, support, finder):
+        start = near
+    cells = _find(log_density, (low, high), support, (finder, per_axis, finest * per_axis), start=start)
     return Grid(cells=cells, log_density=log_density(cells.points), support=support)
+
+
+def box_around(points: NDArray[np.float64], log_density: NDArray[np.float64]) -> SlantedBox:
+    """A sheared box with room to spare around a density at points (n, 3)."""
+    log_weight = log_density - log_density.max()
+    weight = np.exp(log_weight)
+    weight /= weight.sum()
+    middle = weight @ points
+    centred = points - middle
+    shear = _shear((weight[:, None] * centred).T @ centred)
+    along = centred[log_weight > NEGLIGIBLE] @ np.linalg.inv(shear).T
+    first, last = along.min(axis=0), along.max(axis=0)
+    first, last = (first + last) / 2 - WIDER * (last - first) / 2, (first + last) / 2 + WIDER * (last - first) / 2
+    return middle + shear @ first, (shear * (last - first)).T
+
+
+def _holds(box: SlantedBox, log_density: LogDensity, support: Support, per_axis: int) -> bool:
+    """Whether the density is faint where the box ends, but for where it ends itself."""
+    origin, axes = box
+    cells = _cells(origin, axes, per_axis, support)
+    if not len(cells.centre):
+        return False
+    log_weight = log_density(cells.points)
+    place = (cells.centre - origin) @ np.linalg.inv(axes)
+    outermost = (np.abs(place - 0.5) > 0.5 - 1 / per_axis).any(axis=1) & (cells.share == 1.0)
+    return not outermost.any() or float(log_weight[outermost].max() - log_weight.max()) < FAINT
 
 
 def _find(
     log_density: LogDensity,
     ends: tuple[NDArray[np.float64], NDArray[np.float64]],
     support: Support,
-    per_axis: int,
+    counts: tuple[int, int, int],
     *,
-    most: int,
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The sheared box that holds the density: its origin, and its edges as rows."""
+    start: SlantedBox,
+) -> Cells:
+    """Cells that resolve the density, looked for from a box that is larger.
+
+    ``counts`` are cells along each axis: on the way, in the answer, and at most in either.
+    """
     low, high = ends
-    origin, axes = low, np.diag(high - low)
+    (origin, axes), (per_axis, fine, most) = start, counts
     resolved = False
     for _ in range(STEPS):
         cells = _cells(origin, axes, per_axis, support)
@@ -176,17 +216,17 @@ def _find(
             break
         resolved = power == 1.0
         if power < 1.0 and abs(np.linalg.det(axes)) > STUCK * before:
-            if per_axis == most:
+            if per_axis >= most:
                 break
             per_axis = min(3 * per_axis // 2, most)
-    return origin, axes
+    return _cells(origin, axes, max(per_axis, fine), support)
 
 
 def _cells(origin: NDArray[np.float64], axes: NDArray[np.float64], per_axis: int, support: Support) -> Cells:
     """Cells of the box spanned by the rows of ``axes``, without those outside the support."""
     centre = origin + (_lattice(per_axis, ends=False) + 0.5) @ axes
     edges = axes / per_axis
-    if support(origin + (CORNERS + 0.5) @ axes).all():  # it is convex, so that all cells lie inside
+    if support(origin + (INNER_AND_ENDS + 0.5) @ axes).all():  # the region bulges little, so that all cells lie inside
         return Cells(centre=centre, edges=edges, points=centre, share=np.ones(len(centre)))
     corners = _supported(centre, edges, CORNERS, support).sum(axis=1)
     centre, corners = centre[corners > 0], corners[corners > 0]
@@ -225,18 +265,13 @@ def _sheared_box(
     low: NDArray[np.float64],
     high: NDArray[np.float64],
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Box that holds all cells of weight, sheared along the tempered points: its origin, and its edges as rows.
-
-    The last coordinate leads: its range is never tilted, so that a flat posterior keeps the prior's ends exactly.
-    """
-    lead = [2, 1, 0]
+    """Box that holds all cells of weight, sheared along the tempered points: its origin, and its edges as rows."""
     weight = np.exp(power * log_weight)
     weight /= weight.sum()
     middle = weight @ cells.points
     centred = cells.points - middle
     covariance = (weight[:, None] * centred).T @ centred + cells.edges.T @ cells.edges / 12
-    shear = np.zeros((3, 3))
-    shear[np.ix_(lead, lead)] = np.linalg.cholesky(covariance[np.ix_(lead, lead)])
+    shear = _shear(covariance)
     inverse = np.linalg.inv(shear)
     along = centred[log_weight > min(NEGLIGIBLE, FAINT / power)] @ inverse.T
     margin = np.abs(cells.edges @ inverse.T).sum(axis=0) / 2
@@ -244,3 +279,14 @@ def _sheared_box(
     first[2] = max(first[2], (low[2] - middle[2]) * inverse[2, 2])
     last[2] = min(last[2], (high[2] - middle[2]) * inverse[2, 2])
     return middle + shear @ first, (shear * (last - first)).T
+
+
+def _shear(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Triangular root of a covariance in which the last coordinate leads.
+
+    Its range is never tilted, so that a flat posterior keeps the prior's ends exactly.
+    """
+    lead = np.ix_([2, 1, 0], [2, 1, 0])
+    shear = np.zeros((3, 3))
+    shear[lead] = np.linalg.cholesky(covariance[lead])
+    return shear

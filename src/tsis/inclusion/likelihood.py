@@ -99,16 +99,22 @@ class Likelihood:
             constant=float(-0.5 * rest @ rest - np.log(np.diag(root)).sum()),
         )
 
-    def information(self, inclusion: NDArray[np.float64], nuisance: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Fisher information of diameter, depth and modulus at one inclusion, every nuisance integrated out; (3, 3)."""
-        _, slopes = self.model.profiles(inclusion[None], nuisance)
-        turned = self._whiten(slopes)[0] * self._sd
+    def with_information(
+        self, inclusion: NDArray[np.float64], nuisance: NDArray[np.float64]
+    ) -> tuple[Fit, NDArray[np.float64]]:
+        """The fit of one inclusion (3,), and the Fisher information of its three parameters there, (3, 3).
+
+        Every nuisance is integrated out of both.
+        """
+        grey, slopes = self.model.profiles(inclusion[None], nuisance)
+        turned = self._whiten(slopes) * self._sd
+        white = self._whiten(self._data.grey - grey)
         steps = np.diag(DERIVATIVE_STEP * inclusion)
-        ends = [self.model.grey(inclusion + sign * steps, nuisance) for sign in (1, -1)]
-        change = self._whiten(ends[0] - ends[1]) / (2 * np.diag(steps))[:, None]
-        root = cholesky(turned @ turned.T + np.eye(len(turned)), lower=True)
-        white = solve_triangular(root, change.T, lower=True)
-        return np.asarray(white.T @ white)
+        ends = self.model.grey(np.concatenate([inclusion + steps, inclusion - steps]), nuisance)
+        change = self._whiten(ends[:3] - ends[3:]) / (2 * np.diag(steps))[:, None]
+        root = cholesky(turned[0] @ turned[0].T + np.eye(turned.shape[1]), lower=True)
+        told = solve_triangular(root, change.T, lower=True)
+        return _fit(white + turned @ self._units(nuisance), turned, self._sd), told.T @ told
 
     def within(self, nuisance: NDArray[np.float64]) -> NDArray[np.float64]:
         """The nearest nuisances at which to linearise: believable, inside the surrogate's box, and 0 where linear."""

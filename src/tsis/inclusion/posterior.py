@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -43,7 +44,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tsis.inclusion.exploration import Posterior
-    from tsis.mechanics import CoveredSurrogate
+    from tsis.mechanics import Box, CoveredSurrogate
 
 
 def estimate(
@@ -101,7 +102,7 @@ def estimate(
     check.kind("prior", prior, InclusionPrior)
     check_calibration(calibration, probe)
     digests = check_frames(targets + references)
-    surrogate = build_covered_surrogate(probe, prior.box())
+    surrogate = _surrogate(probe, prior.box())
     check_forces(targets + references, surrogate, probe=probe, prior=prior)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
 
@@ -129,6 +130,11 @@ def estimate(
         notes=tuple(note for _, note in said),
         provenance=_provenance(probe, calibration, prior, targets, references, surrogate.key, digests),
     )
+
+
+@lru_cache(maxsize=4)  # reading it from disk takes as long as an estimate's search
+def _surrogate(probe: Probe, box: Box) -> CoveredSurrogate:
+    return build_covered_surrogate(probe, box)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

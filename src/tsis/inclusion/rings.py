@@ -92,8 +92,9 @@ class RingAnswers:
 def _evaluate(
     surrogate: Surrogate, tissue_young_kpa: float, thickness_mm: float, inclusions: NDArray[np.float64] | None
 ) -> NDArray[np.float64]:
-    at = surrogate.at_tissue(tissue_young_kpa, thickness_mm)
-    return at.plain[None] if inclusions is None else at(*inclusions.T)
+    if inclusions is None:
+        return surrogate.plain_at(tissue_young_kpa, thickness_mm)[None]
+    return surrogate.at_tissue(tissue_young_kpa, thickness_mm)(*inclusions.T)
 
 
 def ring_answers(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -54,8 +55,8 @@ class RingShading:
 
     def _power(self, emphasis: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Parabolas along the radius, (rings, terms), and one plus the emphasis, (rings,)."""
-        parabolas = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, len(self.flux)), TERMS - 1)
-        return np.asarray(parabolas), np.asarray(1 + parabolas @ emphasis)
+        parabolas = _parabolas(len(self.flux))
+        return parabolas, np.asarray(1 + parabolas @ emphasis)
 
     def _logarithm(
         self, displacement_mm: NDArray[np.float64], slope: NDArray[np.float64]
@@ -73,3 +74,11 @@ class Shade:
     by_displacement: NDArray[np.float64]
     by_slope: NDArray[np.float64]
     by_emphasis: NDArray[np.float64]
+
+
+@cache
+def _parabolas(rings: int) -> NDArray[np.float64]:
+    """Legendre polynomials along the radius, shape (rings, terms)."""
+    parabolas = np.asarray(np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, rings), TERMS - 1))
+    parabolas.flags.writeable = False
+    return parabolas

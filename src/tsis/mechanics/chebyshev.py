@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from functools import cache
+from functools import cache, lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,7 +23,21 @@ def weights(interval: tuple[float, float], count: int, x: NDArray[np.float64]) -
     """Matrix from values at `points` to the interpolating polynomial at ``x``, shape (len(x), count)."""
     low, high = interval
     unit = (2 * np.atleast_1d(x) - low - high) / (high - low)
-    return np.asarray(chebyshev.chebvander(unit, count - 1) @ _coefficients(count), dtype=float)
+    # NumPy's own recurrence costs more in checks than in work on the few points that are asked for most often.
+    terms = np.ones((count, unit.size))
+    if count > 1:
+        terms[1] = unit
+    for n in range(2, count):
+        terms[n] = 2 * unit * terms[n - 1] - terms[n - 2]
+    return np.asarray(terms.T @ _coefficients(count))
+
+
+@lru_cache(maxsize=1024)  # the same few places are asked for again and again
+def weights_at(interval: tuple[float, float], count: int, x: float) -> NDArray[np.float64]:
+    """`weights` at one place, shape (count,)."""
+    row = weights(interval, count, np.array([x]))[0]
+    row.flags.writeable = False
+    return row
 
 
 @cache

@@ -142,18 +142,25 @@ class Surrogate:
 
     def at_tissue(self, tissue_young_kpa: float, thickness_mm: float) -> TissueSurrogate:
         """Fix the tissue; outside the box the polynomial is extrapolated, and its error grows fast."""
-
-        def mix(in_tissue: int, in_thickness: int) -> NDArray[np.float64]:
-            tissue = chebyshev.weights(log_range(self.box.tissue_young_kpa), in_tissue, np.log([tissue_young_kpa]))
-            slab = chebyshev.weights(log_range(self.box.thickness_mm), in_thickness, np.log([thickness_mm]))
-            return np.outer(tissue, slab)
-
+        places, outputs = self.change.shape[:3], self.change.shape[-1]
+        mix = self._mix(self.change.shape[3:5], tissue_young_kpa, thickness_mm)
         return TissueSurrogate(
             box=self.box,
             tissue_young_kpa=tissue_young_kpa,
-            plain=np.tensordot(mix(*self.plain.shape[:2]), self.plain, axes=2),
-            change=np.einsum("te,abctek->abck", mix(*self.change.shape[3:5]), self.change, optimize=True),
+            plain=self.plain_at(tissue_young_kpa, thickness_mm),
+            change=(mix @ self.change.reshape(-1, mix.size, outputs)).reshape(*places, outputs),
         )
+
+    def plain_at(self, tissue_young_kpa: float, thickness_mm: float) -> NDArray[np.float64]:
+        """Answer of plain tissue, shape (outputs,)."""
+        mix = self._mix(self.plain.shape[:2], tissue_young_kpa, thickness_mm)
+        return np.asarray(mix @ self.plain.reshape(mix.size, -1))
+
+    def _mix(self, points: tuple[int, ...], tissue_young_kpa: float, thickness_mm: float) -> NDArray[np.float64]:
+        """Weights of the points along tissue and thickness, flat."""
+        tissue = chebyshev.weights_at(log_range(self.box.tissue_young_kpa), points[0], float(np.log(tissue_young_kpa)))
+        slab = chebyshev.weights_at(log_range(self.box.thickness_mm), points[1], float(np.log(thickness_mm)))
+        return np.asarray((tissue[:, None] * slab).ravel())
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
