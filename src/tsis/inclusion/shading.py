@@ -79,6 +79,6 @@ class Shade:
 @cache
 def _parabolas(rings: int) -> NDArray[np.float64]:
     """Legendre polynomials along the radius, shape (rings, terms)."""
-    parabolas = np.asarray(np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, rings), TERMS - 1))
+    parabolas = np.asarray(np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, rings), TERMS - 1), dtype=float)
     parabolas.flags.writeable = False
     return parabolas

@@ -35,7 +35,7 @@ def weights(interval: tuple[float, float], count: int, x: NDArray[np.float64]) -
 @lru_cache(maxsize=1024)  # the same few places are asked for again and again
 def weights_at(interval: tuple[float, float], count: int, x: float) -> NDArray[np.float64]:
     """`weights` at one place, shape (count,)."""
-    row = weights(interval, count, np.array([x]))[0]
+    row = np.array(weights(interval, count, np.array([x]))[0])
     row.flags.writeable = False
     return row
 
