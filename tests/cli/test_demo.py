@@ -14,7 +14,8 @@ if TYPE_CHECKING:
 
     from tests.cli.conftest import RunTsis
 
-FILES = {"calibration.json", "index.html", "reference.png", "result.json", "target.png", "untouched.png"}
+TARGETS, REFERENCES = (("target-0.5N.png", "target-1N.png"), ("reference-0.5N.png", "reference-1N.png"))
+FILES = {"calibration.json", "index.html", "result.json", "untouched.png", *TARGETS, *REFERENCES}
 
 
 def test_the_demo_writes_what_it_prints_and_finds_the_inclusion(run_tsis: RunTsis, tmp_path: Path) -> None:
@@ -26,29 +27,54 @@ def test_the_demo_writes_what_it_prints_and_finds_the_inclusion(run_tsis: RunTsi
     assert {path.name for path in folder.iterdir()} == FILES
     assert json.loads((folder / "result.json").read_text()) == printed
     assert printed["notice"].startswith("Research use only")
+    assert [image["force_n"] for image in printed["estimate"]["provenance"]["images"]] == [0.5, 1.0]
+    assert printed["estimate"]["trusted"] is True
+    assert printed["estimate"]["presence"] > 0.999
     inclusion = load_phantom("size-8").inclusion
     assert inclusion is not None
     for name, found in printed["estimate"]["parameters"].items():
         truth = getattr(inclusion, name)
         assert found["truth"] == truth
         assert abs(found["mean"] - truth) < 3.5 * found["sd"]
+        assert 0 < found["cramer_rao_sd"] < 100
     assert printed["estimate"]["parameters"]["diameter_mm"]["sd"] < 0.5
+    assert printed["estimate"]["parameters"]["young_kpa"]["narrowing"] < 0.85
 
 
 def test_the_frames_are_those_that_were_estimated(run_tsis: RunTsis, tmp_path: Path) -> None:
     run_tsis("demo", "--json", "--seed", "5", "--out", "press")
-    target = np.asarray(Image.open(tmp_path / "press" / "target.png"), dtype=float)
+    target = np.asarray(Image.open(tmp_path / "press" / TARGETS[1]), dtype=float)
+    plain = [word for name in REFERENCES for word in ("--plain", f"press/{name}")]
     examined = run_tsis(
-        *("examine", "press/target.png", "--plain", "press/reference.png", "--calibration", "press/calibration.json"),
-        *("--force-n", "1", "--scale-mm", "0.0336,0.0392", "--json"),
+        *("examine", *(f"press/{name}" for name in TARGETS), *plain, "--calibration", "press/calibration.json"),
+        *("--force-n", "0.5", "--force-n", "1", "--scale-mm", "0.0336,0.0392", "--json"),
     )
     assert examined.code == 0, examined.err
     again = json.loads(examined.out)["estimate"]
     first = json.loads((tmp_path / "press" / "result.json").read_text())["estimate"]
     for name, found in again["parameters"].items():
         assert found["mean"] == pytest.approx(first["parameters"][name]["mean"], rel=1e-12)
-    assert first["provenance"]["images"][0]["sha256"] == again["provenance"]["images"][0]["sha256"]
+    for kind in ("images", "reference"):
+        was, is_now = (
+            [[frame[entry] for entry in ("name", "sha256", "force_n")] for frame in made["provenance"][kind]]
+            for made in (first, again)
+        )
+        assert was == is_now
+    assert again["provenance"]["probe"]["name"] == "tsis-domed"
     assert target.shape == (492, 768)
+
+
+def test_one_press_of_the_flat_probe_says_what_it_cannot_tell(run_tsis: RunTsis, tmp_path: Path) -> None:
+    finished = run_tsis("demo", "--probe", "tsis-2011", "--force-n", "1", "--out", "press")
+    assert finished.code == 0, finished.err
+    assert "The modulus is not identifiable from this press" in " ".join(finished.out.split())
+    assert {path.name for path in (tmp_path / "press").glob("*-*.png")} == {"target-1N.png", "reference-1N.png"}
+
+
+def test_plain_tissue_is_told_from_an_inclusion(run_tsis: RunTsis) -> None:
+    estimate = json.loads(run_tsis("demo", "--phantom", "plain", "--json").out)["estimate"]
+    assert estimate["presence"] < 0.5
+    assert "truth" not in estimate["parameters"]["diameter_mm"]
 
 
 def test_a_seed_repeats_everything_and_another_changes_it(run_tsis: RunTsis, tmp_path: Path) -> None:
@@ -67,12 +93,12 @@ def test_an_existing_folder_is_left_alone(run_tsis: RunTsis, tmp_path: Path) -> 
     assert (tmp_path / "press-2" / "index.html").is_file()
 
 
-def test_the_table_says_what_is_not_identified(run_tsis: RunTsis) -> None:
-    finished = run_tsis("demo")
-    assert "not identified" in finished.out
-    assert "The modulus is not identifiable from this press" in finished.out
-    assert "Research use only" in finished.out
-    assert "truth" in finished.out
+def test_the_terminal_shows_what_was_believed_what_is_known_and_the_best_that_could_be(run_tsis: RunTsis) -> None:
+    printed = " ".join(run_tsis("demo").out.split())
+    for words in ("prior sd", "bound on sd", "truth", "Probability of an inclusion: above 0.999.", "Diameter 10"):
+        assert words in printed
+    assert "Prior: diameter 1 to 15 mm" in printed
+    assert "Research use only" in printed
 
 
 def test_a_truth_outside_the_prior_is_said(run_tsis: RunTsis) -> None:
@@ -91,7 +117,8 @@ def test_a_truth_outside_the_prior_is_said(run_tsis: RunTsis) -> None:
         (["--young-kpa", "nan"], "young_kpa must lie in [0.1, 1e+06]; got nan"),
         (["--force-n", "inf"], "force_n must lie in [0.0001, 20]; got inf"),
         (["--force-n", "1000"], "force_n must lie in [0.0001, 20]; got 1000 (newtons)"),
-        (["--phantom", "plain"], "phantom must hold an inclusion"),
+        (["--force-n", "0.5", "--force-n", "0.5"], "--force-n must name different forces; got 0.5, 0.5"),
+        (["--force-n", "0.1"], "at which the whole dome touches"),
     ],
 )
 def test_wrong_input_is_one_sentence_and_writes_nothing(

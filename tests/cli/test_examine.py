@@ -7,10 +7,15 @@ import cv2
 import numpy as np
 import pytest
 
+from tsis.cli.press_forces import plain_forces
+from tsis.model.errors import InputError
+
 if TYPE_CHECKING:
     from pathlib import Path
 
     from tests.cli.conftest import RunTsis
+
+    from tsis import Calibration, Probe
 
 DISC_PX, CENTRE = 30.0, (140.0, 90.0)
 
@@ -126,6 +131,11 @@ def test_several_images_have_a_table_each(run_tsis: RunTsis) -> None:
         (["press.png", "--calibration", "absent.json"], "'absent.json' does not exist"),
         (["press.png", "--force-n", "1"], "--force-n needs --calibration"),
         (["press.png", "--match-light"], "--match-light needs --reference"),
+        (["press.png", "--plain-force-n", "1"], "--plain needs --calibration"),
+        (
+            ["press.png", "--calibration", "absent.json", "--plain-force-n", "1"],
+            "--plain-force-n needs --plain, the presses whose force it tells",
+        ),
     ],
 )
 def test_wrong_input_is_one_sentence_and_writes_nothing(
@@ -167,3 +177,83 @@ def test_a_wrong_calibration_is_one_sentence(run_tsis: RunTsis, tmp_path: Path, 
     assert finished.code == 2
     assert sentence in finished.err
     assert finished.err.count("\n") == 1
+
+
+MISCOUNTED = [
+    (["--force-n", "1", "--force-n", "2", "--force-n", "3"], "--force-n must be given once, or once for each of 2"),
+    (
+        ["--force-n", "1", "--force-n", "2", *("--plain", "untouched.png") * 3],
+        "--plain-force-n must tell the force of each --plain when there are more of them than images; got 3 for 2",
+    ),
+    (
+        ["--force-n", "1", *("--plain", "untouched.png") * 3, *("--plain-force-n", "1") * 2],
+        "--plain-force-n must be given once, or once for each of 3 presses on plain tissue; got it 2 times",
+    ),
+]
+
+
+@pytest.mark.usefixtures("frames")
+@pytest.mark.parametrize(("arguments", "sentence"), MISCOUNTED)
+def test_forces_that_match_no_frame_are_one_sentence(
+    run_tsis: RunTsis, tmp_path: Path, arguments: list[str], sentence: str
+) -> None:
+    (tmp_path / "calibration.json").write_text(json.dumps(CALIBRATION))
+    finished = run_tsis(
+        *("examine", "press.png", "untouched.png", "--calibration", "calibration.json", "--scale-mm", "0.05"),
+        *arguments,
+    )
+    assert finished.code == 2
+    assert sentence in finished.err
+    assert finished.err.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("given", "images", "presses", "expected"),
+    [
+        ([], [0.5, 1.0], 2, [0.5, 1.0]),
+        ([], [0.5, 1.0], 1, [0.5]),
+        ([], [1.0], 3, [1.0, 1.0, 1.0]),
+        ([], [2.0, 2.0], 3, [2.0, 2.0, 2.0]),
+        ([1.5], [0.5, 1.0], 3, [1.5, 1.5, 1.5]),
+        ([3.0, 4.0], [1.0], 2, [3.0, 4.0]),
+        ([], [1.0], 0, []),
+    ],
+)
+def test_a_plain_press_has_its_own_force_or_that_of_the_image_in_its_place(
+    given: list[float], images: list[float], presses: int, expected: list[float]
+) -> None:
+    assert plain_forces(given, images, presses) == expected
+
+
+@pytest.mark.usefixtures("frames")
+@pytest.mark.parametrize(
+    ("named", "arguments", "chosen"),
+    [
+        ("tsis-domed", [], "tsis-domed"),
+        ("", [], "tsis-2011"),
+        ("", ["--probe", "tsis-domed"], "tsis-domed"),
+    ],
+)
+def test_the_calibration_names_the_probe(
+    run_tsis: RunTsis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, named: str, arguments: list[str], chosen: str
+) -> None:
+    asked = []
+
+    def stop(_frames: object, *, probe: Probe, calibration: Calibration, **_others: object) -> None:
+        asked.append((probe.name, calibration.probe))
+        raise InputError("stopped here")
+
+    monkeypatch.setattr("tsis.cli.examine.estimate_with_progress", stop)
+    (tmp_path / "calibration.json").write_text(json.dumps({**CALIBRATION, "probe": named, "probe_young_sd": 0.1}))
+    options = ("--calibration", "calibration.json", "--force-n", "1", "--scale-mm", "0.05")
+    assert run_tsis("examine", "press.png", *options, *arguments).code == 2
+    assert asked == [(chosen, named)]
+
+
+@pytest.mark.usefixtures("frames")
+def test_a_calibration_of_another_probe_is_refused(run_tsis: RunTsis, tmp_path: Path) -> None:
+    (tmp_path / "calibration.json").write_text(json.dumps({**CALIBRATION, "probe": "tsis-domed"}))
+    options = ("--calibration", "calibration.json", "--force-n", "1", "--scale-mm", "0.05", "--probe", "tsis-2011")
+    finished = run_tsis("examine", "press.png", *options)
+    assert finished.code == 2
+    assert "calibration must be that of the probe 'tsis-2011'; got one of 'tsis-domed'" in finished.err

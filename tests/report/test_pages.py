@@ -1,21 +1,30 @@
 from __future__ import annotations
 
+import io
 import re
+from dataclasses import replace
 from html.parser import HTMLParser
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from tsis import Estimate, TactileImage
 from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.cli.estimate_output import estimate_table
 from tsis.inclusion import InclusionPrior
+from tsis.plots import ring_profile
 from tsis.report import contact_report, inclusion_report
 from tsis.report.contact import find
-from tsis.report.document import estimate_document, json_bytes
+from tsis.report.document import estimate_document, json_bytes, shown_probability
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
+
+    from tsis.imaging import RadialProfile
 
 HOSTILE = "<script>alert(1)</script>.png"
 TRUTH = {"diameter_mm": 8.0, "depth_mm": 5.0, "young_kpa": 100.0}
@@ -47,10 +56,10 @@ class Reader(HTMLParser):
         assert self.opened.pop() == tag
 
 
-def a_press(name: str, bump: float) -> TactileImage:
+def a_press(name: str, bump: float, force_n: float = 1.0) -> TactileImage:
     y, x = np.mgrid[:246, :384]
     grey = 90.0 + bump * np.exp(-((x - 192) ** 2 + (y - 123) ** 2) / 2000.0)
-    return TactileImage(grey=grey, mm_per_pixel=(0.0672, 0.0784), force_n=1.0, name=name)
+    return TactileImage(grey=grey, mm_per_pixel=(0.0672, 0.0784), force_n=force_n, name=name)
 
 
 @pytest.fixture
@@ -61,6 +70,10 @@ def an_estimate() -> Estimate:
     return Estimate(
         samples=samples,
         prior_sd=InclusionPrior().sd,
+        cramer_rao_sd={"diameter_mm": 0.25, "depth_mm": 0.125, "young_kpa": float("inf")},
+        presence=0.875,
+        identifiability="Diameter and depth are told.",
+        prior="anything goes",
         flags=("young_kpa_not_identified",),
         notes=(f"A note about {HOSTILE}",),
         provenance={"images": [{"name": HOSTILE}]},
@@ -72,8 +85,8 @@ def the_page(estimate: Estimate, reference: TactileImage | None = None, truth: A
         estimate,
         title="A title",
         subtitle=HOSTILE,
-        target=a_press(HOSTILE, 30.0),
-        reference=reference,
+        targets=[a_press(HOSTILE, 30.0), a_press("lighter", 20.0, force_n=0.5)],
+        references=[] if reference is None else [reference],
         prior=InclusionPrior(),
         ring_edges_mm=np.linspace(0.0, 9.0, 10),
         truth=truth,
@@ -87,6 +100,46 @@ def test_the_page_shows_interval_truth_and_doubt(an_estimate: Estimate) -> None:
     assert "not identified" in page
     assert "truth 8 mm" in page
     assert page.count(RESEARCH_USE_ONLY) >= 2
+
+
+def test_the_page_shows_presence_prior_and_bound(an_estimate: Estimate) -> None:
+    page = the_page(an_estimate).decode()
+    assert "<b>0.875</b>" in page
+    assert "Probability of an inclusion: 0.875." in page
+    assert "Diameter and depth are told." in page
+    assert "Prior: anything goes." in page
+    assert "(before the press 4, at best 0.25)" in page
+    assert "(before the press 23)" in page, "no bound is shown where there is none"
+
+
+def test_a_page_that_is_not_to_be_trusted_shows_no_number(an_estimate: Estimate) -> None:
+    doubtful = replace(an_estimate, trusted=False, flags=("model_does_not_fit",))
+    page = the_page(doubtful).decode()
+    assert page.count("<b>not to be trusted</b>") == len(TRUTH)
+    assert "Diameter and depth are told." not in page
+    for name, (low, high) in doubtful.interval(0.9).items():
+        assert f"{low:.3g} to {high:.3g}" not in page
+        assert f"{doubtful.mean[name]:.3g} " not in page
+    table = Console(file=io.StringIO(), width=200)
+    table.print(estimate_table(doubtful, title="a title", truth=TRUTH))
+    assert isinstance(table.file, io.StringIO)
+    printed = table.file.getvalue()
+    assert printed.count("not to be trusted") == len(TRUTH)
+    assert f"{doubtful.mean['depth_mm']:.3g}" not in printed.replace(f"{TRUTH['depth_mm']:.3g} │", "")
+
+
+def test_the_strongest_press_is_shown_and_every_profile(an_estimate: Estimate, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[str] = []
+    real = ring_profile
+
+    def note(profile: RadialProfile, ax: Axes, *, label: str = "", marker: str = "o") -> Axes:
+        drawn.append(label)
+        return real(profile, ax, label=label, marker=marker)
+
+    monkeypatch.setattr("tsis.report.inclusion.ring_profile", note)
+    read = Reader(the_page(an_estimate, a_press("plain", 0.0, force_n=0.75)))
+    assert drawn == ["target, 1 N", "target, 0.5 N", "plain tissue, 0.75 N"]
+    assert sum(HOSTILE in text for text in read.alternatives) == 1
 
 
 @pytest.mark.parametrize("with_reference", [True, False])
@@ -121,8 +174,19 @@ def test_the_document_holds_the_numbers(an_estimate: Estimate) -> None:
     assert depth["interval_90"] == pytest.approx(np.percentile(samples, [5, 95]))
     assert depth["truth"] == 5.0
     assert document["flags"] == ["young_kpa_not_identified"]
+    assert depth["cramer_rao_sd"] == 0.125
+    assert document["parameters"]["young_kpa"]["cramer_rao_sd"] is None, "JSON has no infinity"
+    assert (document["presence"], document["trusted"]) == (0.875, True)
 
 
 def test_nan_never_reaches_a_file() -> None:
     with pytest.raises(ValueError, match="Out of range float values"):
         json_bytes({"value": float("nan")})
+
+
+@pytest.mark.parametrize(
+    ("value", "words"),
+    [(1.0, "above 0.999"), (0.99905, "above 0.999"), (0.97512, "0.975"), (1e-9, "below 0.001"), (0.002, "0.002")],
+)
+def test_no_probability_is_shown_as_certain(value: float, words: str) -> None:
+    assert shown_probability(value) == words

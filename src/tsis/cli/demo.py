@@ -1,8 +1,8 @@
-"""``tsis demo``: press a virtual phantom, see the image, read the inclusion with its uncertainty."""
+"""``tsis demo``: press a virtual phantom, see the images, read the inclusion with its uncertainty."""
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,18 +12,18 @@ import typer
 from tsis.cli.calibration_file import calibration_document
 from tsis.cli.console_output import Outcome, progress_bar, publish
 from tsis.cli.estimate_output import estimate_table, estimate_with_progress
-from tsis.cli.targets import AsJson, DepthMm, DiameterMm, ForceN, PhantomName, ProbeName, YoungKpa, chosen_phantom
+from tsis.cli.targets import AsJson, DepthMm, DiameterMm, ForcesN, PhantomName, ProbeName, YoungKpa, chosen_phantom
 from tsis.inclusion import PARAMETERS, InclusionPrior, ring_edges
 from tsis.instrument import png_bytes
 from tsis.model import load_probe
 from tsis.model.errors import InputError
 from tsis.optics import irradiance
 from tsis.report import inclusion_report
-from tsis.report.document import envelope, estimate_document, json_bytes
+from tsis.report.document import envelope, estimate_document, json_bytes, sentences
 from tsis.virtual import VirtualProbe
 
 if TYPE_CHECKING:
-    from tsis.model import Phantom
+    from tsis.model import Phantom, TactileImage
 
 LARGEST_SEED = 2**63 - 1
 
@@ -31,39 +31,40 @@ LARGEST_SEED = 2**63 - 1
 def demo(
     *,
     phantom: PhantomName = "hardness-100",
-    probe: ProbeName = "tsis-2011",
-    force_n: ForceN = 1.0,
+    probe: ProbeName = "tsis-domed",
+    force_n: ForcesN,
     diameter_mm: DiameterMm = None,
     depth_mm: DepthMm = None,
     young_kpa: YoungKpa = None,
-    seed: Annotated[int, typer.Option(help="Seed of every random error.", min=0, max=LARGEST_SEED)] = 1,
+    seed: Annotated[int, typer.Option(help="Seed of every random error.", min=0, max=LARGEST_SEED)] = 4,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path("tsis-demo"),
     as_json: AsJson = False,
 ) -> None:
     """Press a phantom with the virtual probe, estimate the inclusion, and write a page that shows it.
 
-    Two presses are taken, one on the phantom and one on plain tissue. The estimator knows neither the true forces, the
-    true gain nor the mesh of the virtual probe.
+    Each force is pressed twice, on plain tissue and on the phantom. The estimator knows neither the true forces, the
+    true gain, the probe's true stiffness nor the mesh of the virtual probe.
     """
     target = chosen_phantom(phantom, diameter_mm, depth_mm, young_kpa)
-    truth = _truth(target)
+    truth, forces = _truth(target), _named(force_n)
     chosen, prior = load_probe(probe), InclusionPrior()
     with progress_bar("tracing the light of the lamps") as advance:
         light = irradiance(chosen, progress=advance)
     virtual = VirtualProbe(chosen, rng=np.random.default_rng(seed), light=light)
     untouched = virtual.no_contact()
-    reference = virtual.press(target.without_inclusion(), force_n=force_n)
-    image = virtual.press(target, force_n=force_n)
+    references = _presses(virtual, target.without_inclusion(), forces, "reference")
+    images = _presses(virtual, target, forces, "target")
     result = estimate_with_progress(
-        [image], probe=chosen, calibration=virtual.calibration, reference=[reference], prior=prior
+        images, probe=chosen, calibration=virtual.calibration, reference=references, prior=prior
     )
     provenance = {"simulated": {"seed": seed, "phantom": asdict(target), "command": "tsis demo"}}
+    pressed = f"{chosen.name}, {' and '.join(forces)}"
     page = inclusion_report(
         result,
         title=f"Virtual press on {target.name}",
-        subtitle=f"{chosen.name}, {force_n:g} N, one press and one reference on plain tissue; simulated frames",
-        target=image,
-        reference=reference,
+        subtitle=f"{pressed}, each with a reference press on plain tissue; simulated frames",
+        targets=images,
+        references=references,
         prior=prior,
         ring_edges_mm=ring_edges(chosen),
         truth=truth,
@@ -72,11 +73,10 @@ def demo(
     outcome = Outcome(
         document=envelope("demo", **provenance, estimate=estimate_document(result, truth)),
         page=page,
-        tables=(estimate_table(result, title=f"{target.name}, {force_n:g} N", truth=truth),),
-        notes=(*result.notes, *_outside_the_prior(truth, prior)),
+        tables=(estimate_table(result, title=f"{target.name}; {pressed}", truth=truth),),
+        notes=(*sentences(result), *_outside_the_prior(truth or {}, prior)),
         files={
-            "target.png": png_bytes(image),
-            "reference.png": png_bytes(reference),
+            **{frame.name: png_bytes(frame) for frame in (*images, *references)},
             "untouched.png": png_bytes(untouched),
             "calibration.json": json_bytes(calibration_document(virtual.calibration)),
         },
@@ -84,9 +84,25 @@ def demo(
     publish(outcome, out, as_json=as_json)
 
 
-def _truth(phantom: Phantom) -> dict[str, float]:
+def _named(force_n: list[float]) -> dict[str, float]:
+    """Forces by the names that their files carry."""
+    forces = {f"{force:g} N": force for force in force_n}
+    if len(forces) < len(force_n):
+        raise InputError(f"--force-n must name different forces; got {', '.join(f'{force:g}' for force in force_n)}")
+    return forces
+
+
+def _presses(virtual: VirtualProbe, phantom: Phantom, forces: dict[str, float], what: str) -> list[TactileImage]:
+    """One frame a force, named like the file it becomes."""
+    return [
+        replace(virtual.press(phantom, force_n=force), name=f"{what}-{name.replace(' ', '')}.png")
+        for name, force in forces.items()
+    ]
+
+
+def _truth(phantom: Phantom) -> dict[str, float] | None:
     if phantom.inclusion is None:
-        raise InputError(f"phantom must hold an inclusion to estimate; got {phantom.name!r} (try hardness-100)")
+        return None
     return {name: getattr(phantom.inclusion, name) for name in PARAMETERS}
 
 

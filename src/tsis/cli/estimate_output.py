@@ -35,20 +35,24 @@ def estimate_with_progress(
 def estimate_table(result: Estimate, *, title: str, truth: Mapping[str, float] | None = None) -> Table:
     """Mean, interval, and what the data narrowed and could at best narrow, with the truth if known."""
     headings = ["", "mean", "90 % interval", "sd", "prior sd", "bound on sd"] + ([] if truth is None else ["truth"])
-    table = Table(title=escape(title), caption=escape(_caption(result)), caption_justify="left")
+    table = Table(title=escape(title))
     for heading in headings:
         table.add_column(heading, justify="right" if heading else "left", no_wrap=not heading)
-    interval = result.interval(LEVEL)
-    for name, mean in result.mean.items():
-        low, high = interval[name]
-        shown = doubt_of(result, name) or f"{mean:.3g}"
-        spreads = (result.sd[name], result.prior_sd[name], result.cramer_rao_sd[name])
-        row = [name, shown, f"{low:.3g} to {high:.3g}", *(f"{spread:.2g}" for spread in spreads)]
-        table.add_row(*row, *([] if truth is None else [f"{truth[name]:.3g}"]))
+    for name in result.samples:
+        table.add_row(name, *_numbers(result, name), *([] if truth is None else [f"{truth[name]:.3g}"]))
     return table
 
 
-def _caption(result: Estimate) -> str:
-    """What the table's numbers rest on."""
-    told = "" if result.presence is None else f"Probability of an inclusion: {result.presence:.3g}. "
-    return f"{told}Prior: {result.prior}."
+def _numbers(result: Estimate, name: str) -> tuple[str, ...]:
+    """Cells of one parameter; of an estimate that is not to be trusted only what was believed before."""
+    prior_sd = f"{result.prior_sd[name]:.2g}"
+    if not result.trusted:
+        return doubt_of(result, name), "", "", prior_sd, ""
+    low, high = result.interval(LEVEL)[name]
+    return (
+        doubt_of(result, name) or f"{result.mean[name]:.3g}",
+        f"{low:.3g} to {high:.3g}",
+        f"{result.sd[name]:.2g}",
+        prior_sd,
+        f"{result.cramer_rao_sd[name]:.2g}",
+    )

@@ -13,26 +13,28 @@ from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.cli.calibration_file import read_calibration
 from tsis.cli.console_output import Outcome, publish
 from tsis.cli.estimate_output import estimate_table, estimate_with_progress
-from tsis.cli.targets import AsJson, ProbeName
+from tsis.cli.press_forces import plain_forces, target_forces
+from tsis.cli.targets import AsJson
 from tsis.imaging import match_light
 from tsis.inclusion import InclusionPrior, ring_edges
 from tsis.instrument import read_image
-from tsis.model import load_probe
+from tsis.model import list_probes, load_probe
 from tsis.model.errors import InputError
 from tsis.model.image import pixel_scale
 from tsis.report import contact_report, inclusion_report
 from tsis.report.contact import find, finding_notes, finding_rows
-from tsis.report.document import envelope, estimate_document, features_document
+from tsis.report.document import envelope, estimate_document, features_document, sentences
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tsis.model import Calibration, Probe, TactileImage
 
+UNNAMED = "tsis-2011"  # the probe of calibrations that name none of the catalog
 REFUSED = (
     (
         "inclusion: diameter, depth, modulus",
-        "needs a calibration of this probe (--calibration), the force (--force-n) and the scale (--scale-mm)",
+        "needs a calibration of this probe (--calibration), the forces (--force-n) and the scale (--scale-mm)",
     ),
     ("force", "needs a force calibration of this probe and camera"),
     ("hardness of a touched object", "needs a force calibration and two presses; not part of this version"),
@@ -55,20 +57,35 @@ def examine(
     calibration: Annotated[
         Path | None, typer.Option(help="Calibration file of the probe; with it the inclusion is estimated.")
     ] = None,
-    force_n: Annotated[float | None, typer.Option(help="Force of the presses in newtons.")] = None,
-    plain: Annotated[
-        Path | None, typer.Option(help="Press of the same probe and force on plain tissue, for the estimate.")
+    force_n: Annotated[
+        list[float] | None, typer.Option(help="Force in newtons: one for all images, or one for each, in their order.")
     ] = None,
-    probe: ProbeName = "tsis-2011",
+    plain: Annotated[
+        list[Path] | None,
+        typer.Option(help="Press on plain tissue with the same probe, for the estimate; one for each force is best."),
+    ] = None,
+    plain_force_n: Annotated[
+        list[float] | None,
+        typer.Option(help="Force of the presses on plain tissue, in their order; by default that of the images."),
+    ] = None,
+    probe: Annotated[
+        str | None,
+        typer.Option(
+            help="Name in the catalog; tsis simulate --list shows all.",
+            show_default=f"the calibration's, else {UNNAMED}",
+        ),
+    ] = None,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path(
         "tsis-examine"
     ),
     as_json: AsJson = False,
 ) -> None:
     """Find the contact in image files and measure it; estimate the inclusion when the probe is calibrated."""
-    chosen = load_probe(probe)
-    if calibration is None and plain is not None:
+    chosen = None if probe is None else load_probe(probe)
+    if calibration is None and (plain or plain_force_n):
         raise InputError("--plain needs --calibration: without it no inclusion is estimated")
+    if plain_force_n and not plain:
+        raise InputError("--plain-force-n needs --plain, the presses whose force it tells")
     if calibration is not None and (reference is not None or invert or match_lamps):
         raise InputError(
             "--reference, --invert and --match-light are not used with --calibration: its background level is "
@@ -76,10 +93,14 @@ def examine(
         )
     if match_lamps and reference is None:
         raise InputError("--match-light needs --reference, the frame that it scales")
-    if calibration is None and force_n is not None:
+    if calibration is None and force_n:
         raise InputError("--force-n needs --calibration: without it a force tells nothing")
     scale = None if scale_mm is None else _scale(scale_mm)
-    frames = [read_image(path, mm_per_pixel=scale, force_n=force_n) for path in images]
+    known = None if calibration is None else read_calibration(calibration)
+    if known is not None and (scale is None or not force_n):
+        raise InputError("an estimate with --calibration needs --scale-mm and --force-n as well")
+    forces = target_forces(force_n, len(images)) if force_n else [None] * len(images)
+    frames = _read(images, forces, scale)
     untouched = None if reference is None else read_image(reference, mm_per_pixel=scale)
     provenance: dict[str, Any] = {
         "notice": RESEARCH_USE_ONLY,
@@ -90,11 +111,24 @@ def examine(
         "invert": invert,
         "match_light": match_lamps,
     }
-    if calibration is None:
+    if known is None:
         outcome = _contacts(frames, untouched, provenance, invert=invert, match=match_lamps)
     else:
-        outcome = _inclusion(frames, read_calibration(calibration), plain, chosen, provenance)
+        plain = plain or []
+        on_plain = _read(plain, plain_forces(plain_force_n or (), force_n or (), len(plain)), scale)
+        outcome = _inclusion(frames, on_plain, known, chosen or _calibrated_probe(known), provenance)
     publish(outcome, out, as_json=as_json)
+
+
+def _read(
+    paths: Sequence[Path], forces: Sequence[float | None], scale: tuple[float, float] | None
+) -> list[TactileImage]:
+    return [read_image(path, mm_per_pixel=scale, force_n=force) for path, force in zip(paths, forces, strict=True)]
+
+
+def _calibrated_probe(calibration: Calibration) -> Probe:
+    """The catalog's probe that the calibration names."""
+    return load_probe(calibration.probe if calibration.probe in list_probes() else UNNAMED)
 
 
 def _contacts(
@@ -135,33 +169,27 @@ def _contacts(
 
 def _inclusion(
     frames: Sequence[TactileImage],
+    on_plain: Sequence[TactileImage],
     calibration: Calibration,
-    plain: Path | None,
     probe: Probe,
     provenance: dict[str, Any],
 ) -> Outcome:
-    if frames[0].mm_per_pixel is None or frames[0].force_n is None:
-        raise InputError("an estimate with --calibration needs --scale-mm and --force-n as well")
     prior = InclusionPrior()
-    on_plain = None
-    if plain is not None:
-        on_plain = read_image(plain, mm_per_pixel=frames[0].mm_per_pixel, force_n=frames[0].force_n)
-    result = estimate_with_progress(
-        frames, probe=probe, calibration=calibration, reference=[] if on_plain is None else [on_plain], prior=prior
-    )
-    names = ", ".join(frame.name for frame in frames)
+    result = estimate_with_progress(frames, probe=probe, calibration=calibration, reference=on_plain, prior=prior)
+    names = ", ".join(f"{frame.name} ({frame.force_n:g} N)" for frame in frames)
     page = inclusion_report(
         result,
         title=f"Inclusion under {probe.name}",
         subtitle=names,
-        target=frames[0],
-        reference=on_plain,
+        targets=frames,
+        references=on_plain,
         prior=prior,
         ring_edges_mm=ring_edges(probe),
         provenance=provenance,
     )
     document = envelope("examine", estimate=estimate_document(result), provenance=provenance)
-    return Outcome(document=document, page=page, tables=(estimate_table(result, title=names),), notes=result.notes)
+    table = estimate_table(result, title=names)
+    return Outcome(document=document, page=page, tables=(table,), notes=sentences(result))
 
 
 def _scale(text: str) -> tuple[float, float]:

@@ -12,6 +12,15 @@ from tsis.model import Inclusion, Phantom, Probe, load_phantom, load_probe
 PhantomName = Annotated[str, typer.Option("--phantom", help="Name in the catalog; tsis simulate --list shows all.")]
 ProbeName = Annotated[str, typer.Option("--probe", help="Name in the catalog; tsis simulate --list shows all.")]
 ForceN = Annotated[float, typer.Option("--force-n", help="Force of the press in newtons.")]
+ForcesN = Annotated[
+    list[float],
+    typer.Option(
+        "--force-n",
+        help="Force of a press in newtons; repeat it for several presses.",
+        default_factory=lambda: [0.5, 1.0],
+        show_default="0.5 and 1",
+    ),
+]
 DiameterMm = Annotated[float | None, typer.Option("--diameter-mm", help="Diameter of the inclusion instead.")]
 DepthMm = Annotated[float | None, typer.Option("--depth-mm", help="Depth of its top below the skin instead.")]
 YoungKpa = Annotated[float | None, typer.Option("--young-kpa", help="Young's modulus of the inclusion instead.")]

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
     from tsis.model import Estimate
 
 LEVEL = 0.9
+NEARLY = 1e-3  # probabilities closer than this to 0 or 1 are not told apart from them
+NOT_TRUSTED = "Diameter, depth and modulus are not to be trusted, for a reason named below."
 NOT_SCALAR = ("profile", "patch")
 
 
@@ -62,6 +64,24 @@ def doubt_of(estimate: Estimate, name: str) -> str:
     if not estimate.trusted:
         return "not to be trusted"
     return "not identified" if f"{name}_not_identified" in estimate.flags else ""
+
+
+def sentences(estimate: Estimate) -> tuple[str, ...]:
+    """What a reader must know besides the numbers, the most important first."""
+    said = (
+        "" if estimate.presence is None else f"Probability of an inclusion: {shown_probability(estimate.presence)}.",
+        estimate.identifiability if estimate.trusted else NOT_TRUSTED,
+        *estimate.notes,
+        f"Prior: {estimate.prior}." if estimate.prior else "",
+    )
+    return tuple(sentence for sentence in said if sentence)
+
+
+def shown_probability(value: float) -> str:
+    """A probability in words that does not claim certainty."""
+    if value > 1 - NEARLY:
+        return f"above {1 - NEARLY:g}"
+    return f"below {NEARLY:g}" if value < NEARLY else f"{value:.3g}"
 
 
 def features_document(found: Features, contact: Contact | None) -> dict[str, Any]:

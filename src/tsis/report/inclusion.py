@@ -5,21 +5,23 @@ from __future__ import annotations
 import itertools
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from tsis.imaging import features, radial_profile, subtract_background, surface
 from tsis.plots import marginal, relief, ring_profile, tactile_image, trade_off
-from tsis.report.document import LEVEL, doubt_of
+from tsis.report.document import LEVEL, doubt_of, sentences, shown_probability
 from tsis.report.page import Card, Page, Picture, html, picture_source
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
-    import numpy as np
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from tsis.inclusion import InclusionPrior
     from tsis.model import Estimate, TactileImage
 
+LIKELY = 0.95  # probability of an inclusion from which nobody need doubt it
 TITLES = {"diameter_mm": ("Diameter d", "mm"), "depth_mm": ("Depth h", "mm"), "young_kpa": ("Modulus E", "kPa")}
 
 
@@ -28,8 +30,8 @@ def inclusion_report(
     *,
     title: str,
     subtitle: str,
-    target: TactileImage,
-    reference: TactileImage | None,
+    targets: Sequence[TactileImage],
+    references: Sequence[TactileImage],
     prior: InclusionPrior,
     ring_edges_mm: NDArray[np.float64],
     truth: Mapping[str, float] | None = None,
@@ -37,14 +39,16 @@ def inclusion_report(
 ) -> bytes:
     """One HTML page: images, surface, posterior with the truth if known, and where all of it came from.
 
+    Pictures show the target of the highest force and the reference nearest to it; the profiles are those of all frames.
+
     Parameters
     ----------
     estimate
         What was estimated.
     title, subtitle
         Heading of the page.
-    target, reference
-        The press on the target, and the one on plain tissue if there was one.
+    targets, references
+        The presses on the target, at least one, and those on plain tissue, each of known force.
     prior
         Ranges that the posteriors are drawn in.
     ring_edges_mm
@@ -54,16 +58,17 @@ def inclusion_report(
     provenance
         Anything to add to the estimate's own provenance.
     """
+    target, reference = _shown(targets, references)
     return html(
         Page(
             title=title,
             subtitle=subtitle,
-            cards=tuple(_card(estimate, name, truth) for name in estimate.samples),
-            notes=(estimate.identifiability, *estimate.notes, _presence(estimate), f"Prior: {estimate.prior}."),
+            cards=(*(_card(estimate, name, truth) for name in estimate.samples), *_presence_card(estimate)),
+            notes=sentences(estimate),
             pictures=(
                 _marginals_picture(estimate, prior, truth),
                 *_image_pictures(target, reference),
-                _profile_picture(target, reference, ring_edges_mm),
+                _profile_picture(targets, references, ring_edges_mm),
                 _trade_off_picture(estimate, truth),
             ),
             provenance={**(provenance or {}), **estimate.provenance},
@@ -71,28 +76,49 @@ def inclusion_report(
     )
 
 
+def _shown(
+    targets: Sequence[TactileImage], references: Sequence[TactileImage]
+) -> tuple[TactileImage, TactileImage | None]:
+    """The target of the highest force, and the reference whose force is nearest."""
+    target = max(targets, key=_force)
+    return target, min(references, key=lambda frame: abs(_force(frame) - _force(target)), default=None)
+
+
+def _force(frame: TactileImage) -> float:
+    return frame.force_n or 0.0
+
+
 def _card(estimate: Estimate, name: str, truth: Mapping[str, float] | None) -> Card:
     heading, unit = TITLES[name]
+    known = [] if truth is None else [f"truth {truth[name]:.3g} {unit}"]
+    doubt = doubt_of(estimate, name)
+    if not estimate.trusted:
+        return Card(title=heading, value=doubt, detail="; ".join(known), doubtful=True)
     low, high = estimate.interval(LEVEL)[name]
-    interval, doubt = f"{low:.3g} to {high:.3g} {unit}", doubt_of(estimate, name)
-    known = "" if truth is None else f"; truth {truth[name]:.3g} {unit}"
-    value = {"": f"{estimate.mean[name]:.3g} {unit}", "not identified": interval}.get(doubt, doubt)
-    return Card(
-        title=heading,
-        value=value,
-        detail=f"{doubt or '90 % interval ' + interval}; {_spreads(estimate, name, unit)}{known}",
-        doubtful=bool(doubt),
-    )
+    interval = f"{low:.3g} to {high:.3g} {unit}"
+    value = interval if doubt else f"{estimate.mean[name]:.3g} {unit}"
+    detail = [doubt or f"90 % interval {interval}", _spreads(estimate, name, unit), *known]
+    return Card(title=heading, value=value, detail="; ".join(detail), doubtful=bool(doubt))
 
 
 def _spreads(estimate: Estimate, name: str, unit: str) -> str:
     """How wide the posterior is, the prior was, and any unbiased estimate has to be."""
     bound = estimate.cramer_rao_sd.get(name, float("inf"))
-    return f"sd {estimate.sd[name]:.2g} of prior {estimate.prior_sd[name]:.2g} {unit}, bound {bound:.2g}"
+    at_best = f", at best {bound:.2g}" if np.isfinite(bound) else ""
+    return f"sd {estimate.sd[name]:.2g} {unit} (before the press {estimate.prior_sd[name]:.2g}{at_best})"
 
 
-def _presence(estimate: Estimate) -> str:
-    return "" if estimate.presence is None else f"Probability that there is an inclusion: {estimate.presence:.3g}."
+def _presence_card(estimate: Estimate) -> tuple[Card, ...]:
+    if estimate.presence is None:
+        return ()
+    return (
+        Card(
+            title="Is there an inclusion?",
+            value=shown_probability(estimate.presence),
+            detail="probability of an inclusion over plain tissue",
+            doubtful=estimate.presence < LIKELY,
+        ),
+    )
 
 
 def _marginals_picture(estimate: Estimate, prior: InclusionPrior, truth: Mapping[str, float] | None) -> Picture:
@@ -103,14 +129,15 @@ def _marginals_picture(estimate: Estimate, prior: InclusionPrior, truth: Mapping
             marginal(estimate, name, ax, prior_range=getattr(prior, name), truth=known)
         axes[0].legend(frameon=False, fontsize=8)
 
-    intervals = estimate.interval(LEVEL)
+    intervals = estimate.interval(LEVEL) if estimate.trusted else {}
     words = ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in intervals.items())
+    doubt = "" if estimate.trusted else "Not to be trusted. "
     marked = "" if truth is None else " The dashed line is the truth."
     return Picture(
-        title="What the press told",
+        title="What the presses told",
         source=picture_source(marginals, size=(9.5, 2.8)),
-        alt=f"Posterior of each parameter, 90 % intervals: {words}",
-        caption=f"Posterior (blue) against the uniform prior (grey), 90 % interval shaded.{marked}",
+        alt=f"Posterior of each parameter, 90 % intervals: {words or 'not to be trusted'}",
+        caption=f"{doubt}Posterior (blue) against the uniform prior (grey), 90 % interval shaded.{marked}",
         wide=True,
     )
 
@@ -121,12 +148,13 @@ def _trade_off_picture(estimate: Estimate, truth: Mapping[str, float] | None) ->
         for pair, ax in zip(names, figure.subplots(1, len(names)), strict=True):
             trade_off(estimate, pair, ax, truth=None if truth is None else (truth[pair[0]], truth[pair[1]]))
 
+    doubt = "" if estimate.trusted else "Not to be trusted. "
     marked = "" if truth is None else " The cross is the truth."
     return Picture(
         title="Which parameters trade off",
         source=picture_source(pairs, size=(9.5, 3.0)),
         alt="Joint posterior of each pair of parameters",
-        caption=f"Joint posteriors: a slanted band is a combination that is known better than its parts.{marked}",
+        caption=f"{doubt}Joint posteriors: a slanted band is a combination known better than its parts.{marked}",
         wide=True,
     )
 
@@ -172,17 +200,20 @@ def _image_pictures(target: TactileImage, reference: TactileImage | None) -> tup
     return tuple(pictures)
 
 
-def _profile_picture(target: TactileImage, reference: TactileImage | None, edges: NDArray[np.float64]) -> Picture:
+def _profile_picture(
+    targets: Sequence[TactileImage], references: Sequence[TactileImage], edges: NDArray[np.float64]
+) -> Picture:
     def profiles(figure: Figure) -> None:
         ax = figure.subplots()
-        ring_profile(radial_profile(target, edges_mm=edges), ax, label="target")
-        if reference is not None:
-            ring_profile(radial_profile(reference, edges_mm=edges), ax, label="plain tissue", marker="s")
+        for frames, what, marker in ((targets, "target", "o"), (references, "plain tissue", "s")):
+            for frame in sorted(frames, key=_force, reverse=True):
+                profile = radial_profile(frame, edges_mm=edges)
+                ring_profile(profile, ax, label=f"{what}, {_force(frame):g} N", marker=marker)
         ax.legend(frameon=False)
 
     return Picture(
-        title="The profile that the estimate rests on",
+        title="The profiles that the estimate rests on",
         source=picture_source(profiles, size=(5.5, 3.6)),
-        alt="Mean grey level in rings around the probe's axis",
-        caption="Mean grey level in rings around the probe's axis.",
+        alt="Mean grey level in rings around the probe's axis, one line a press",
+        caption="Mean grey level in rings around the probe's axis, one line a press.",
     )
