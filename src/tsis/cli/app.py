@@ -10,6 +10,7 @@ import typer
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.cli.demo import demo
+from tsis.cli.design import design
 from tsis.cli.examine import examine
 from tsis.cli.optics import app as optics
 from tsis.cli.simulate import simulate
@@ -28,6 +29,7 @@ app = typer.Typer(
 app.command(epilog="Example: tsis demo --phantom size-8 --seed 3 --out first-press")(demo)
 app.command(epilog="Example: tsis examine press.png --reference untouched.png --scale-mm 0.051 --invert")(examine)
 app.command(epilog="Example: tsis simulate --phantom depth-8 --force-n 0.7 --json")(simulate)
+app.command(epilog="Example: tsis design --probe tsis-domed --compare dome --compare forces --out design")(design)
 app.add_typer(optics)
 app.add_typer(sweep)
 

@@ -1,5 +1,10 @@
 """Size, depth and stiffness of an inclusion under the surface."""
 
+from tsis.inclusion.design_alternatives import Design, alternatives, compare, ranked
+from tsis.inclusion.design_information import Information, even_inclusions, information, source_inclusions
+from tsis.inclusion.design_limits import Limits
+from tsis.inclusion.design_protocol import PlannedPress, Protocol, default_protocols, protocol_of
+from tsis.inclusion.design_search import Optimum, optimise
 from tsis.inclusion.frames import ring_edges
 from tsis.inclusion.mobility_track import Mobility, mobility
 from tsis.inclusion.network import Layers, Network
@@ -21,34 +26,49 @@ from tsis.inclusion.shape_threshold import TwoMeans, two_means
 
 __all__ = [
     "PARAMETERS",
+    "Design",
     "InclusionPrior",
+    "Information",
     "Layers",
+    "Limits",
     "LinearMapping",
     "Mobility",
     "Network",
     "ObjectShape",
+    "Optimum",
+    "PlannedPress",
+    "Protocol",
     "Reading",
     "RelativeReading",
     "Repeats",
     "Training",
     "TwoMeans",
+    "alternatives",
     "binary_image",
     "change_reading",
+    "compare",
+    "default_protocols",
     "estimate",
     "estimate_by_networks",
+    "even_inclusions",
     "fit_mapping",
     "frame_outputs",
+    "information",
     "mapped_without_itself",
     "mobility",
     "object_shape",
+    "optimise",
     "printed_frame_outputs",
     "printed_reading",
+    "protocol_of",
+    "ranked",
     "ratios",
     "relative_depth",
     "relative_hardness",
     "relative_size",
     "ring_edges",
     "simulated_outputs",
+    "source_inclusions",
     "train_network",
     "two_means",
 ]

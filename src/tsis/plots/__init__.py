@@ -1,5 +1,6 @@
 """Figures: every function takes a value and an ``ax`` and returns the ``ax``."""
 
+from tsis.plots.design import design_errors
 from tsis.plots.force_curve import grey_sums
 from tsis.plots.modes import mode_profiles
 from tsis.plots.posterior import marginal, trade_off
@@ -12,6 +13,7 @@ from tsis.plots.tactile import tactile_image
 from tsis.plots.trials import trial_errors
 
 __all__ = [
+    "design_errors",
     "grey_sums",
     "guide_index",
     "guide_light",

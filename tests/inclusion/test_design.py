@@ -1,0 +1,327 @@
+"""What designs are said to tell, against the likelihood itself, repeats one by one, and an estimate's posterior."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import multivariate_normal
+
+import tsis
+from tsis import Calibration
+from tsis.imaging.sensor import Sensor
+from tsis.inclusion import (
+    InclusionPrior,
+    Information,
+    PlannedPress,
+    Protocol,
+    alternatives,
+    compare,
+    default_protocols,
+    even_inclusions,
+    information,
+    optimise,
+    protocol_of,
+    ranked,
+    source_inclusions,
+)
+from tsis.inclusion import design_information as made_ready
+from tsis.inclusion.design_alternatives import ASPECTS, calibration_for, with_moduli
+from tsis.inclusion.design_information import PlannedView, information_of, planned_view, view_of
+from tsis.inclusion.design_limits import covering_n, largest_force_n, limits_of
+from tsis.inclusion.design_search import at_forces
+from tsis.inclusion.exploration import explore
+from tsis.mechanics import press
+from tsis.mechanics.covered_surrogate import DEGREES
+from tsis.mechanics.small_strain import STRAIN_LIMIT, nominal_strain
+from tsis.model.errors import InputError, NotCalibratedError, UnknownNameError
+from tsis.virtual.probe import nominal_calibration
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.mechanics import CoveredSurrogate
+
+FLAT, DOMED = tsis.load_probe("tsis-2011"), tsis.load_probe("tsis-domed")
+PRIOR, SENSOR = InclusionPrior(), Sensor()
+ANSWER = nominal_calibration(SENSOR)
+ALONE, REFERRED, TWO_FORCES = default_protocols()
+SOFT, STIFF = np.array([10.0, 5.0, 40.0]), np.array([10.0, 5.0, 100.0])
+
+
+@pytest.fixture(scope="module")
+def views(flat: CoveredSurrogate, domed: CoveredSurrogate) -> dict[str, PlannedView]:
+    return {
+        protocol.name: ready(protocol, flat if protocol.probe is ALONE.probe else domed)
+        for protocol in default_protocols()
+    }
+
+
+def ready(protocol: Protocol, surrogate: CoveredSurrogate, calibration: Calibration = ANSWER) -> PlannedView:
+    return view_of(protocol, surrogate, prior=PRIOR, calibration=calibration, sensor=SENSOR)
+
+
+def test_information_is_the_curvature_of_the_likelihood(views: dict[str, PlannedView]) -> None:
+    """Of the dense normal density of the frames, whose covariance is put together entry by entry."""
+    view, at = views[TWO_FORCES.name], np.array([9.0, 6.0, 70.0])
+    known, count = view.model.calibration, view.count
+    grey, slopes = view.model.profiles(at[None], view.start)
+    mean, slope = grey[0].ravel(), slopes[0].reshape(-1, len(view.start))
+    frames, rings = grey[0].shape
+    noise = np.zeros((mean.size, mean.size))
+    for i, j in np.ndindex(mean.size, mean.size):
+        if i % rings == j % rings:
+            noise[i, j] = known.pattern_sd**2 * mean[i] * mean[j]
+        if i == j:
+            pixel = known.read_noise_grey**2 + known.shot_noise_grey * mean[i] + 1 / 12
+            noise[i, i] += pixel / count[i % rings]
+            noise[i, i] += (known.repeatability_sd**2 + made_ready.MODEL_ERROR**2) * mean[i] ** 2
+    sd = view.model.nuisance_sd(grey[0].mean(axis=1))
+    covariance = noise + slope @ np.diag(sd**2) @ slope.T
+    step = np.array([0.02, 0.01, 0.5])
+
+    def log_density(inclusion: NDArray[np.float64]) -> float:
+        return float(multivariate_normal(mean, covariance).logpdf(view.model.grey(inclusion[None], view.start).ravel()))
+
+    found = view.information(at)
+    for i, j in np.ndindex(3, 3):
+        e, f = step * np.eye(3)[i], step * np.eye(3)[j]
+        corners = [log_density(at + a * e + b * f) for a, b in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
+        curvature = -(corners[0] - corners[1] - corners[2] + corners[3]) / (4 * step[i] * step[j])
+        assert found[i, j] == pytest.approx(curvature, abs=float(0.01 * np.sqrt(found[i, i] * found[j, j])))
+    assert frames == 4
+
+
+@pytest.mark.parametrize("frames", [2, 5])
+def test_the_mean_of_repeats_says_what_the_repeats_say(
+    domed: CoveredSurrogate, monkeypatch: pytest.MonkeyPatch, frames: int
+) -> None:
+    monkeypatch.setattr(made_ready, "MODEL_ERROR", 0.0)  # which no repeat averages away
+    at_once = ready(replace(TWO_FORCES, frames_each=frames), domed)
+    one_by_one = ready(replace(TWO_FORCES, presses=TWO_FORCES.presses * frames), domed)
+    for inclusion in (SOFT, STIFF):
+        found, expected = at_once.information(inclusion), one_by_one.information(inclusion)
+        scale = np.sqrt(np.outer(expected.diagonal(), expected.diagonal()))
+        np.testing.assert_allclose(found / scale, expected / scale, atol=1e-6)
+        assert (found.diagonal() > 1.1 * ready(TWO_FORCES, domed).information(inclusion).diagonal()).all()
+
+
+def least_gain(more: NDArray[np.float64], less: NDArray[np.float64]) -> float:
+    """Smallest eigenvalue of what is gained, over the largest of what there is: not negative where nothing is lost."""
+    scale = np.sqrt(np.outer(more.diagonal(), more.diagonal()))
+    return float(np.linalg.eigvalsh((more - less) / scale).min())
+
+
+@settings(max_examples=25)
+@given(
+    unit=st.tuples(*3 * [st.floats(0.01, 0.99)]),
+    force=st.floats(0.2, 1.0),
+    frames=st.integers(1, 20),
+    error=st.sampled_from(["gain_sd", "force_sd", "offset_sd", "pattern_sd", "repeatability_sd", "site_sd"]),
+    factor=st.floats(1.05, 5.0),
+)
+def test_more_presses_and_less_noise_never_tell_less(
+    domed: CoveredSurrogate, unit: tuple[float, ...], force: float, frames: int, error: str, factor: float
+) -> None:
+    at = PRIOR.low + np.array(unit) * (PRIOR.high - PRIOR.low)
+    planned = protocol_of(DOMED, (force,), with_reference=False)
+    start = ready(planned, domed).information(at)
+    (one,) = planned.presses
+    richer = {
+        "repeated": replace(planned, frames_each=frames + 1),
+        "referred": replace(planned, presses=(replace(one, with_reference=True),)),
+        "second force": replace(planned, presses=(one, replace(one, force_n=0.5 * force))),
+    }
+    for name, other in richer.items():
+        assert least_gain(ready(other, domed).information(at), start) > -1e-6, name
+    noisier = replace(ANSWER, **{error: factor * getattr(ANSWER, error)})
+    assert least_gain(start, ready(planned, domed, noisier).information(at)) > -1e-6
+
+
+def test_two_forces_tell_the_modulus_under_a_dome_alone(flat: CoveredSurrogate, domed: CoveredSurrogate) -> None:
+    """A flat press at another force is a repeat; a dome loads the tissue in another way."""
+
+    def sd(protocol: Protocol) -> float:
+        surrogate = flat if protocol.probe == FLAT else domed
+        return float(information_of(ready(protocol, surrogate), SOFT[None]).expected_sd[0, 2])
+
+    def repeated(probe: tsis.Probe) -> float:
+        return min(sd(replace(protocol_of(probe, (force,)), frames_each=2)) for force in (0.5, 1.0))
+
+    assert sd(protocol_of(FLAT, (0.5, 1.0))) == pytest.approx(repeated(FLAT), rel=0.02)
+    assert sd(TWO_FORCES) < 0.6 * repeated(DOMED)
+    assert sd(TWO_FORCES) < 0.8 * sd(protocol_of(FLAT, (0.5, 1.0)))
+
+
+def test_expected_errors_are_those_of_a_posterior(views: dict[str, PlannedView]) -> None:
+    """Of noiseless frames, where the posterior is narrow against the prior; it is not normal where it is not."""
+    view, at = views[TWO_FORCES.name], np.array([10.0, 5.0, 60.0])
+    expected = information_of(view, at[None]).expected_sd[0]
+    found = explore(view.likelihood(at), PRIOR)
+    np.testing.assert_allclose(found.samples.std(axis=0), expected, rtol=0.25)
+
+
+def test_the_prior_counts_by_its_variance() -> None:
+    """Against inverting by hand; a direction that nothing tells keeps the prior's sd."""
+    sd = np.array([4.0, 2.0, 23.0])
+    told = Information(inclusions=SOFT[None], matrix=np.diag([1 / 9.0, 0.0, 4.0])[None], prior_sd=sd)
+    np.testing.assert_allclose(told.expected_sd[0], [2.4, 2.0, 1 / np.sqrt(4.0 + 1 / 23.0**2)])
+    assert np.isinf(told.cramer_rao_sd).all()
+    rng = np.random.default_rng(1)
+    root = rng.standard_normal((5, 3, 3)) / sd
+    matrix = np.swapaxes(root, 1, 2) @ root
+    told = Information(inclusions=np.tile(SOFT, (5, 1)), matrix=matrix, prior_sd=sd)
+    by_hand = np.array([np.sqrt(np.diag(np.linalg.inv(one + np.diag(sd**-2)))) for one in matrix])
+    np.testing.assert_allclose(told.expected_sd, by_hand, rtol=1e-9)
+    np.testing.assert_allclose(told.cramer_rao_sd, [np.sqrt(np.diag(np.linalg.inv(one))) for one in matrix], rtol=1e-6)
+    np.testing.assert_allclose(list(told.rmse.values()), np.sqrt((by_hand**2).mean(axis=0)))
+    assert told.identified_share == np.mean(by_hand[:, 2] < 20.0)
+    assert told.log_sd == pytest.approx(np.log(by_hand / sd).sum() / 5)
+
+
+def test_inclusions_are_spread_evenly() -> None:
+    found = (even_inclusions(PRIOR) - PRIOR.low) / (PRIOR.high - PRIOR.low)
+    assert found.shape == (64, 3)
+    for column in found.T:
+        np.testing.assert_allclose(np.sort(column), (np.arange(64) + 0.5) / 64, atol=1e-9)
+    assert np.abs(np.corrcoef(found.T) - np.eye(3)).max() < 0.05
+    assert ((source_inclusions() >= PRIOR.low) & (source_inclusions() <= PRIOR.high)).all()
+    assert len(np.unique(source_inclusions(), axis=0)) == 9
+
+
+def test_limits_are_those_of_a_press(views: dict[str, PlannedView]) -> None:
+    """Against presses on another mesh."""
+    view = views[TWO_FORCES.name]
+    found = limits_of(view, even_inclusions(PRIOR))
+    plain = tsis.Phantom(young_kpa=5.0, thickness_mm=30.0)
+    field = press(DOMED, plain, force_n=1.0)
+    assert found.strain == pytest.approx(nominal_strain(field.approach_mm, DOMED, 30.0), rel=0.01)
+    assert press(DOMED, plain, force_n=1.03 * found.covering_force_n).pressure_kpa[-2] > 0
+    assert press(DOMED, plain, force_n=0.97 * found.covering_force_n).pressure_kpa[-2] == 0
+    assert (found.read_mm, found.view_mm) == pytest.approx((19.2, 492 * 0.0392))
+    assert not found.broken
+    assert 0.5 < found.whole_share < 1.0
+    strongest = limits_of(at_forces(view, (0.2, 1.01 * largest_force_n(view))), even_inclusions(PRIOR))
+    assert set(strongest.broken) == {"strain", "contact", "saturation"}
+    assert strongest.strain == pytest.approx(STRAIN_LIMIT, rel=0.02)
+    narrow = replace(view, sensor=replace(SENSOR, rows=480))
+    assert set(limits_of(narrow, SOFT[None]).broken) == {"view"}
+    assert covering_n(view, np.array([STIFF])) > found.covering_force_n
+
+
+def test_clipped_rings_tell_nothing(views: dict[str, PlannedView]) -> None:
+    view = views[ALONE.name]
+    clipped = replace(view, sensor=replace(SENSOR, full_scale=float(view.grey(SOFT[None]).min()) - 1.0))
+    assert not clipped.information(SOFT).any()
+
+
+@pytest.mark.parametrize("aspect", ASPECTS)
+def test_alternatives_change_one_thing(aspect: str) -> None:
+    found = alternatives(TWO_FORCES, aspect)  # type: ignore[arg-type]
+    assert len({one.name for one in found}) == len(found) > 0
+
+    def parts(one: Protocol) -> dict[str, object]:
+        return {
+            "softness": tuple(layer.young_kpa for layer in one.probe.layers),
+            "dome": one.probe.face_curvature_mm,
+            "forces": one.forces_n,
+            "frames": one.frames_each,
+            "reference": one.has_reference,
+        }
+
+    wanted = "softness" if aspect == "layers" else aspect
+    for other in found:
+        before, after = parts(TWO_FORCES), parts(other)
+        assert {name for name in before if before[name] != after[name]} == {wanted}
+
+
+def test_layers_of_one_modulus_give_way_as_the_graded_ones() -> None:
+    even = alternatives(REFERRED, "layers")[0].probe
+    assert sum(one.thickness_mm / one.young_kpa for one in even.layers) == pytest.approx(
+        sum(one.thickness_mm / one.young_kpa for one in FLAT.layers)
+    )
+
+
+def test_a_stiffer_skin_saturates_later() -> None:
+    stiffer = with_moduli(FLAT, [3 * layer.young_kpa for layer in FLAT.layers])
+    found = calibration_for(stiffer, of=FLAT, calibration=replace(ANSWER, probe="tsis-2011"))
+    assert found.saturation_kpa == 3 * ANSWER.saturation_kpa
+    assert found.gain_grey_per_kpa == ANSWER.gain_grey_per_kpa
+
+
+@pytest.mark.usefixtures("domed")
+def test_the_best_come_first_and_broken_ones_last() -> None:
+    calls: list[tuple[int, int]] = []
+    planned = [TWO_FORCES, *alternatives(TWO_FORCES, "forces"), *alternatives(TWO_FORCES, "frames")]
+    found = compare(
+        planned,
+        of=DOMED,
+        prior=PRIOR,
+        calibration=ANSWER,
+        degrees=DEGREES,  # those of the fixture, which is on disk
+        progress=lambda done, total: calls.append((done, total)),
+    )
+    assert [one.protocol for one in found] == planned
+    assert calls[-1] == (len(planned), len(planned))
+    order = ranked(found, "depth_mm")
+    broken = [bool(one.limits.broken) for one in order]
+    assert broken == sorted(broken)
+    assert any(broken)
+    errors = [one.information.rmse["depth_mm"] for one in order if not one.limits.broken]
+    assert errors == sorted(errors)
+    assert order[0].protocol.frames_each == 16
+
+
+def test_few_degrees_tell_what_many_tell(flat: CoveredSurrogate) -> None:
+    some = even_inclusions(PRIOR, 16)
+    coarse = information(REFERRED, prior=PRIOR, calibration=ANSWER, inclusions=some).rmse
+    fine = information_of(ready(REFERRED, flat), some).rmse
+    assert list(coarse.values()) == pytest.approx(list(fine.values()), rel=0.05)
+
+
+@pytest.mark.slow
+def test_the_search_betters_the_plan_within_the_limits() -> None:
+    planned = protocol_of(FLAT, (0.3,))
+    calls: list[tuple[int, int]] = []
+    found = optimise(
+        planned,
+        prior=PRIOR,
+        calibration=ANSWER,
+        evaluations=4,
+        progress=lambda done, total: calls.append((done, total)),
+    )
+    assert found.best.information.log_sd < found.planned.information.log_sd - 0.01
+    assert not found.best.limits.broken
+    assert found.evaluations == 4
+    assert calls[-1] == (4, 4)
+    young = np.array([layer.young_kpa for layer in found.best.protocol.probe.layers])
+    grown = young / [layer.young_kpa for layer in FLAT.layers]
+    # Layers of 2, 3 and 5 mm: their middles lie at 0.1, 0.35 and 0.75 of the stack.
+    np.testing.assert_allclose(grown, found.stiffening * found.gradient ** np.array([0.4, 0.15, -0.25]))
+
+
+def test_wrong_input_is_refused_in_one_sentence() -> None:
+    with pytest.raises(InputError, match=r"^force_n must lie in \[0.001, 50\]; got -1 \(newtons\)$"):
+        PlannedPress(force_n=-1.0)
+    with pytest.raises(InputError, match=r"^with_reference must be a bool; got 1$"):
+        PlannedPress(force_n=1.0, with_reference=1)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=r"^presses must be a tuple of at least one PlannedPress; got \(\)$"):
+        Protocol(probe=FLAT, presses=())
+    with pytest.raises(InputError, match=r"^frames_each must lie in \[1, 1000\]; got 0$"):
+        replace(ALONE, frames_each=0)
+    with pytest.raises(InputError, match="inclusions must hold diameter, depth and modulus within the prior's ranges"):
+        information(ALONE, prior=PRIOR, calibration=ANSWER, inclusions=np.array([[20.0, 5.0, 50.0]]))
+    with pytest.raises(NotCalibratedError, match="calibration must be a Calibration; got None"):
+        information(ALONE, prior=PRIOR, calibration=None)  # type: ignore[arg-type]
+    with pytest.raises(NotCalibratedError, match="calibration must be that of the probe 'tsis-2011'"):
+        planned_view(ALONE, prior=PRIOR, calibration=replace(ANSWER, probe="tsis-domed"))
+    with pytest.raises(UnknownNameError, match="no aspect is called 'colour'"):
+        alternatives(ALONE, "colour")  # type: ignore[arg-type]
+    with pytest.raises(UnknownNameError, match="no criterion is called 'speed'"):
+        optimise(ALONE, prior=PRIOR, calibration=ANSWER, criterion="speed")
+    with pytest.raises(InputError, match=r"evaluations must lie in \[1, 25\]; got 26"):
+        optimise(ALONE, prior=PRIOR, calibration=ANSWER, evaluations=26)
