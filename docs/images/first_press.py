@@ -14,16 +14,18 @@ from tsis.virtual import VirtualProbe
 
 def main() -> None:
     """Press, estimate, draw."""
-    probe, phantom, prior = tsis.load_probe("tsis-2011"), tsis.load_phantom("hardness-100"), InclusionPrior()
-    virtual = VirtualProbe(probe, rng=np.random.default_rng(1))
-    reference = virtual.press(phantom.without_inclusion(), force_n=1.0)
-    target = virtual.press(phantom, force_n=1.0)
-    result = estimate(target, probe=probe, calibration=virtual.calibration, reference=reference, prior=prior)
+    probe, phantom, prior = tsis.load_probe("tsis-domed"), tsis.load_phantom("hardness-100"), InclusionPrior()
+    virtual = VirtualProbe(probe, rng=np.random.default_rng(4))
+    virtual.no_contact()  # as `tsis demo` does first, so that these are its frames
+    references = [virtual.press(phantom.without_inclusion(), force_n=force) for force in (0.5, 1.0)]
+    targets = [virtual.press(phantom, force_n=force) for force in (0.5, 1.0)]
+    result = estimate(targets, probe=probe, calibration=virtual.calibration, reference=references, prior=prior)
+    target, reference = targets[-1], references[-1]
 
     figure = Figure(figsize=(10, 5.6), layout="constrained")
     images, posteriors = figure.subfigures(2, 1, height_ratios=[1.5, 1])
     left, right = images.subplots(1, 2)
-    tactile_image(target, left).set_title("what the camera sees")
+    tactile_image(target, left).set_title("what the camera sees at 1 N")
     signal = subtract_background(target, reference)
     tactile_image(signal, right, found=features(signal), low=0.0).set_title("what the inclusion adds")
     for name, ax in zip(result.samples, posteriors.subplots(1, 3), strict=True):

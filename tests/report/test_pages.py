@@ -17,7 +17,7 @@ from tsis.inclusion import InclusionPrior
 from tsis.plots import ring_profile
 from tsis.report import contact_report, inclusion_report
 from tsis.report.contact import find
-from tsis.report.document import estimate_document, json_bytes, shown_probability
+from tsis.report.document import estimate_document, json_bytes, shown_probability, spread
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -108,8 +108,8 @@ def test_the_page_shows_presence_prior_and_bound(an_estimate: Estimate) -> None:
     assert "Probability of an inclusion: 0.875." in page
     assert "Diameter and depth are told." in page
     assert "Prior: anything goes." in page
-    assert "(before the press 4, at best 0.25)" in page
-    assert "(before the press 23)" in page, "no bound is shown where there is none"
+    assert "(prior 4, Cramér-Rao bound 0.25)" in page
+    assert "(prior 23)" in page, "no bound is shown where there is none"
 
 
 def test_a_page_that_is_not_to_be_trusted_shows_no_number(an_estimate: Estimate) -> None:
@@ -182,6 +182,11 @@ def test_the_document_holds_the_numbers(an_estimate: Estimate) -> None:
 def test_nan_never_reaches_a_file() -> None:
     with pytest.raises(ValueError, match="Out of range float values"):
         json_bytes({"value": float("nan")})
+
+
+@pytest.mark.parametrize(("value", "words"), [(0.05642, "0.056"), (99.4, "99"), (159.8, "160"), (1e9, "1e+09")])
+def test_a_spread_has_two_digits(value: float, words: str) -> None:
+    assert spread(value) == words
 
 
 @pytest.mark.parametrize(

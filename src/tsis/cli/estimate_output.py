@@ -10,7 +10,7 @@ from rich.table import Table
 from tsis.cli.console_output import progress_bar
 from tsis.inclusion import InclusionPrior, estimate
 from tsis.mechanics import build_covered_surrogate
-from tsis.report.document import LEVEL, doubt_of
+from tsis.report.document import LEVEL, doubt_of, spread
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -34,7 +34,7 @@ def estimate_with_progress(
 
 def estimate_table(result: Estimate, *, title: str, truth: Mapping[str, float] | None = None) -> Table:
     """Mean, interval, and what the data narrowed and could at best narrow, with the truth if known."""
-    headings = ["", "mean", "90 % interval", "sd", "prior sd", "bound on sd"] + ([] if truth is None else ["truth"])
+    headings = ["", "mean", "90 %\ninterval", "sd", "prior\nsd", "bound\non sd"] + ([] if truth is None else ["truth"])
     table = Table(title=escape(title))
     for heading in headings:
         table.add_column(heading, justify="right" if heading else "left", no_wrap=not heading)
@@ -45,14 +45,14 @@ def estimate_table(result: Estimate, *, title: str, truth: Mapping[str, float] |
 
 def _numbers(result: Estimate, name: str) -> tuple[str, ...]:
     """Cells of one parameter; of an estimate that is not to be trusted only what was believed before."""
-    prior_sd = f"{result.prior_sd[name]:.2g}"
+    prior_sd = spread(result.prior_sd[name])
     if not result.trusted:
         return doubt_of(result, name), "", "", prior_sd, ""
     low, high = result.interval(LEVEL)[name]
     return (
         doubt_of(result, name) or f"{result.mean[name]:.3g}",
         f"{low:.3g} to {high:.3g}",
-        f"{result.sd[name]:.2g}",
+        spread(result.sd[name]),
         prior_sd,
-        f"{result.cramer_rao_sd[name]:.2g}",
+        spread(result.cramer_rao_sd[name]),
     )

@@ -84,6 +84,11 @@ def shown_probability(value: float) -> str:
     return f"below {NEARLY:g}" if value < NEARLY else f"{value:.3g}"
 
 
+def spread(value: float) -> str:
+    """A standard deviation to two digits, none of them as a power of ten until it is huge."""
+    return f"{value:.0f}" if 99.5 <= value < 99_999 else f"{value:.2g}"
+
+
 def features_document(found: Features, contact: Contact | None) -> dict[str, Any]:
     """Features of one image, and its round contact."""
     document = {item.name: getattr(found, item.name) for item in fields(found) if item.name not in NOT_SCALAR}

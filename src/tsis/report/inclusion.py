@@ -9,7 +9,7 @@ import numpy as np
 
 from tsis.imaging import features, radial_profile, subtract_background, surface
 from tsis.plots import marginal, relief, ring_profile, tactile_image, trade_off
-from tsis.report.document import LEVEL, doubt_of, sentences, shown_probability
+from tsis.report.document import LEVEL, doubt_of, sentences, shown_probability, spread
 from tsis.report.page import Card, Page, Picture, html, picture_source
 
 if TYPE_CHECKING:
@@ -104,8 +104,8 @@ def _card(estimate: Estimate, name: str, truth: Mapping[str, float] | None) -> C
 def _spreads(estimate: Estimate, name: str, unit: str) -> str:
     """How wide the posterior is, the prior was, and any unbiased estimate has to be."""
     bound = estimate.cramer_rao_sd.get(name, float("inf"))
-    at_best = f", at best {bound:.2g}" if np.isfinite(bound) else ""
-    return f"sd {estimate.sd[name]:.2g} {unit} (before the press {estimate.prior_sd[name]:.2g}{at_best})"
+    limit = f", Cramér-Rao bound {spread(bound)}" if np.isfinite(bound) else ""
+    return f"sd {spread(estimate.sd[name])} {unit} (prior {spread(estimate.prior_sd[name])}{limit})"
 
 
 def _presence_card(estimate: Estimate) -> tuple[Card, ...]:
