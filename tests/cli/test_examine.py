@@ -1,21 +1,26 @@
 from __future__ import annotations
 
 import json
+from dataclasses import fields, replace
 from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 import pytest
 
+from tsis import Calibration
+from tsis.cli.calibration_file import calibration_document, read_calibration
 from tsis.cli.press_forces import plain_forces
+from tsis.model import LightMap
 from tsis.model.errors import InputError
+from tsis.report.document import json_bytes
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from tests.cli.conftest import RunTsis
 
-    from tsis import Calibration, Probe
+    from tsis import Probe
 
 DISC_PX, CENTRE = 30.0, (140.0, 90.0)
 
@@ -257,3 +262,15 @@ def test_a_calibration_of_another_probe_is_refused(run_tsis: RunTsis, tmp_path: 
     finished = run_tsis("examine", "press.png", *options)
     assert finished.code == 2
     assert "calibration must be that of the probe 'tsis-2011'; got one of 'tsis-domed'" in finished.err
+
+
+def test_a_calibration_file_keeps_every_value(tmp_path: Path) -> None:
+    numbers = {each.name: 0.06 + 0.01 * place for place, each in enumerate(fields(Calibration)) if each.type == "float"}
+    assert len(numbers) > 10
+    named = Calibration(**numbers, light=LightMap.uniform(), name="bench", probe="tsis-domed")
+    path = tmp_path / "calibration.json"
+    path.write_bytes(json_bytes(calibration_document(named)))
+    again = read_calibration(path)
+    assert again.light is not None
+    assert again.light.sha256 == LightMap.uniform().sha256
+    assert replace(again, light=None) == replace(named, light=None)
