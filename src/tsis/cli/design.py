@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 from matplotlib.figure import Figure
+from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from tsis.cli.console_output import progress_bar
@@ -184,9 +185,18 @@ def _optimum_document(best: Optimum) -> dict[str, Any]:
 
 
 def _table(designs: Sequence[Design], title: str) -> Table:
-    table = Table(title=title, caption="Best first; what breaks a limit comes last.", caption_justify="left")
-    for heading in ("design", "d / mm", "h / mm", "E / kPa", "E known", "strain", "whole", "grey", "breaks"):
-        table.add_column(heading, justify="left" if heading in ("design", "breaks") else "right")
+    table = Table(
+        title=title,
+        caption="Best first; what breaks a limit comes last.",
+        caption_justify="left",
+        box=SIMPLE_HEAD,
+        show_edge=False,
+        padding=(0, 1, 0, 0),
+    )
+    table.add_column("design", min_width=14)
+    for heading in ("d / mm", "h / mm", "E / kPa", "known", "strain", "whole", "grey"):
+        table.add_column(heading, justify="right")
+    table.add_column("breaks", min_width=10)
     for one in designs:
         errors, limits = one.information.rmse, one.limits
         table.add_row(
@@ -208,7 +218,7 @@ def _notes(designs: Sequence[Design], prior: InclusionPrior) -> list[str]:
     said = [
         f"Before any press: d {before['diameter_mm']:.2f} mm, h {before['depth_mm']:.2f} mm, "
         f"E {before['young_kpa']:.1f} kPa.",
-        "E known: share of the inclusions whose modulus would be known to 20 kPa; whole: share on which the whole face "
+        "known: share of the inclusions whose modulus would be known to 20 kPa; whole: share on which the whole face "
         "touches in the weakest press; grey: the brightest place.",
     ]
     broken = {f"{one.protocol.name}: {sentence}" for one in designs for sentence in one.limits.broken.values()}
@@ -231,9 +241,10 @@ def _figure(designs: Sequence[Design]) -> Callable[[], Figure]:
 
 
 def _draw(designs: Sequence[Design]) -> Figure:
-    figure = Figure(figsize=(9.0, 4.0), layout="constrained")
+    figure = Figure(figsize=(11.0, 4.0), layout="constrained")
     left, right = figure.subplots(1, 2)
     design_errors(designs, ("diameter_mm", "depth_mm"), left)
     design_errors(designs, ("depth_mm", "young_kpa"), right)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside right upper", fontsize=8, markerscale=0.8)
     figure.supxlabel("Research use only. Crosses break a limit.", fontsize=8)
     return figure

@@ -1,8 +1,8 @@
 """How well a protocol would tell inclusions apart, from the likelihood of presses that nobody made.
 
 The Fisher information of diameter, depth and modulus with every nuisance integrated out, at inclusions spread over the
-prior's box, from grey profiles that the model itself makes. The uniform prior counts by its variance. Where the
-inclusion lies beside the axis is as unknown as the prior says, though a reference may show it.
+prior's box, from grey profiles that the model itself makes. Where the inclusion lies beside the axis is as unknown as
+the prior says, though a reference may show it.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from tsis.inclusion.likelihood import Likelihood, Profiles
 from tsis.inclusion.prior import PARAMETERS, InclusionPrior
 from tsis.inclusion.rings import ring_answers
 from tsis.inclusion.verdict import MODULUS_SD_KPA
-from tsis.mechanics import Degrees, build_covered_surrogate
+from tsis.mechanics import Degrees, build_covered_surrogate, contrast_factor
 from tsis.model import Calibration, TactileImage, check
 from tsis.model.catalog import load_phantom
 from tsis.model.errors import InputError, NotCalibratedError
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from tsis.inclusion.design_protocol import Protocol
     from tsis.mechanics import CoveredSurrogate
 
+CELLS = 801  # over the modulus's range
 SPREAD = 64  # inclusions over the box
 SOURCE_INCLUSIONS = 9
 # A design needs the derivatives of the press, not its last digits: a third of the solves of an estimate's surrogate.
@@ -53,13 +54,18 @@ class Information:
         Diameter in mm, depth in mm and modulus in kPa, shape (n, 3).
     matrix
         Fisher information of the three with every nuisance integrated out, shape (n, 3, 3).
-    prior_sd
-        Standard deviations of the three before any press, shape (3,).
+    prior
+        Ranges of the three before any press, and the tissue around them.
     """
 
     inclusions: NDArray[np.float64]
     matrix: NDArray[np.float64]
-    prior_sd: NDArray[np.float64]
+    prior: InclusionPrior
+
+    @property
+    def prior_sd(self) -> NDArray[np.float64]:
+        """Standard deviations of the three before any press, shape (3,)."""
+        return np.array(list(self.prior.sd.values()))
 
     @property
     def cramer_rao_sd(self) -> NDArray[np.float64]:
@@ -70,16 +76,27 @@ class Information:
         return np.where(told[:, None], np.sqrt(variance), np.inf)
 
     @property
-    def covariance(self) -> NDArray[np.float64]:
-        """Expected covariance with the prior counted as a normal one of the same variance, shape (n, 3, 3)."""
-        # In units of the prior's sd, where the matrix to be inverted is never singular.
-        scale = np.outer(self.prior_sd, self.prior_sd)
-        return np.asarray(np.linalg.inv(self.matrix * scale + np.eye(3)) * scale)
-
-    @property
     def expected_sd(self) -> NDArray[np.float64]:
-        """Expected standard deviations, shape (n, 3)."""
-        return np.asarray(np.sqrt(np.diagonal(self.covariance, axis1=1, axis2=2)))
+        """Expected standard deviations, shape (n, 3).
+
+        Signals are nearly linear in diameter, depth and the saturation of the signal with the modulus,
+        `tsis.mechanics.contrast_factor`. In that the modulus keeps its uniform prior, of which it often fills a part
+        that is no small one; the uniform priors of diameter and depth count as normal ones of the same variance.
+        """
+        factor = contrast_factor(self.inclusions[:, 2] / self.prior.tissue_young_kpa)
+        told = self.matrix.copy()
+        slope = 1 / _factor_slope(self.inclusions[:, 2], self.prior.tissue_young_kpa)
+        told[:, 2] *= slope[:, None]
+        told[:, :, 2] *= slope[:, None]
+        sizes = np.linalg.inv(told[:, :2, :2] + np.diag(self.prior_sd[:2] ** -2))
+        along = np.einsum("nij,nj->ni", sizes, told[:, :2, 2])  # what one of the factor is taken for in the sizes
+        precision = told[:, 2, 2] - np.einsum("ni,ni->n", told[:, :2, 2], along)
+        young = np.linspace(*self.prior.young_kpa, CELLS)
+        at = contrast_factor(young / self.prior.tissue_young_kpa)
+        weight = np.exp(-0.5 * precision[:, None] * (at - factor[:, None]) ** 2)
+        weight /= weight.sum(axis=1, keepdims=True)
+        spread_of_sizes = np.diagonal(sizes, axis1=1, axis2=2) + along**2 * _variance(weight, at)[:, None]
+        return np.asarray(np.sqrt(np.column_stack([spread_of_sizes, _variance(weight, young)])))
 
     @property
     def rmse(self) -> dict[str, float]:
@@ -95,6 +112,16 @@ class Information:
     def log_sd(self) -> float:
         """Mean over the inclusions of the log of the product of the three expected sd over the prior's."""
         return float(np.log(self.expected_sd / self.prior_sd).sum(axis=1).mean())
+
+
+def _factor_slope(young_kpa: NDArray[np.float64], tissue_young_kpa: float) -> NDArray[np.float64]:
+    """Derivative of the contrast factor by the inclusion's modulus, per kPa."""
+    return np.asarray(2.5 * tissue_young_kpa / (young_kpa + 1.5 * tissue_young_kpa) ** 2)
+
+
+def _variance(weight: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Variances of values (m,) under each row of weights (n, m)."""
+    return np.asarray(weight @ values**2 - (weight @ values) ** 2)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -198,7 +225,7 @@ def information_of(view: PlannedView, inclusions: NDArray[np.float64]) -> Inform
         )
     with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
         matrix = np.array([view.information(inclusion) for inclusion in inclusions])
-    return Information(inclusions=inclusions, matrix=matrix, prior_sd=np.array(list(prior.sd.values())))
+    return Information(inclusions=inclusions, matrix=matrix, prior=prior)
 
 
 def planned_view(
@@ -263,7 +290,7 @@ def even_inclusions(prior: InclusionPrior, count: int = SPREAD) -> NDArray[np.fl
     Examples
     --------
     >>> even_inclusions(InclusionPrior(), 4).round(1).tolist()
-    [[2.8, 9.0, 90.0], [11.5, 5.0, 50.0], [6.2, 11.0, 70.0], [15.0, 7.0, 110.0]]
+    [[2.8, 5.0, 50.0], [9.8, 9.0, 90.0], [13.2, 7.0, 70.0], [6.2, 11.0, 110.0]]
     """
     count = check.whole("count", count, 1, 2**16)
     unit = qmc.Sobol(3, scramble=False).random_base2(int(np.ceil(np.log2(count))))[:count]

@@ -17,25 +17,25 @@ KEEPS, BREAKS = "#0072b2", "#d55e00"  # told apart without red-green vision, and
 
 
 def design_errors(designs: Sequence[Design], names: tuple[str, str], ax: Axes) -> Axes:
-    """Draw the expected errors of two parameters, a point for each design; nearer to the corner is better.
+    """Draw the expected errors of two parameters, a numbered point for each design; nearer to the corner is better.
 
-    Filled circles keep every limit, crosses break one.
+    Filled circles keep every limit, crosses break one. The legend's entries say which number is which design.
 
     Parameters
     ----------
     designs
-        What to draw, each labelled by its protocol's name.
+        What to draw, numbered from 1 in their order.
     names
         The parameters along x and y.
     ax
         Where to draw.
     """
     first, second = names
-    for design in designs:
+    for number, design in enumerate(designs, start=1):
         x, y = design.information.rmse[first], design.information.rmse[second]
-        breaks = bool(design.limits.broken)
-        ax.plot(x, y, "x" if breaks else "o", color=BREAKS if breaks else KEEPS)
-        ax.annotate(design.protocol.name, (x, y), xytext=(5, 3), textcoords="offset points", fontsize=7)
-    ax.margins(0.15)
+        marker, colour = ("x", BREAKS) if design.limits.broken else ("o", KEEPS)
+        ax.plot(x, y, marker, color=colour, markersize=5, label=f"{number}  {design.protocol.name}")
+        ax.annotate(str(number), (x, y), xytext=(4, 3), textcoords="offset points", fontsize=7)
+    ax.margins(0.1)
     ax.set(xlabel=f"expected error of {LABELS[first]}", ylabel=f"expected error of {LABELS[second]}")
     return ax
