@@ -131,7 +131,6 @@ def design(
                 progress=progress,
             )
     designs = ranked([*found, *([] if best is None else [best.best])], criterion.value)
-    title = f"{planned.described}: expected errors over {len(found[0].information.inclusions)} inclusions"
     document = envelope(
         "design",
         planned=asdict(planned),
@@ -145,7 +144,7 @@ def design(
     )
     answer = Answer(
         document=document,
-        tables=(_table(designs, title),),
+        tables=(_table(designs, planned.described),),
         notes=(*_notes(designs, prior), *([] if best is None else _optimum_notes(best))),
         figures={"errors": _figure(designs)},
     )
@@ -187,7 +186,8 @@ def _optimum_document(best: Optimum) -> dict[str, Any]:
 def _table(designs: Sequence[Design], title: str) -> Table:
     table = Table(
         title=title,
-        caption="Best first; what breaks a limit comes last.",
+        caption=f"Expected errors over {len(designs[0].information.inclusions)} inclusions, best first; what breaks a "
+        "limit comes last.",
         caption_justify="left",
         box=SIMPLE_HEAD,
         show_edge=False,
