@@ -30,6 +30,9 @@ benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, o
 	$(BIN)/python -m benchmarks.coverage --protocol flat --presses 500
 	$(BIN)/python -m benchmarks.coverage --protocol flat-alone --presses 500
 	$(BIN)/python -m benchmarks.nine_inclusions
+	$(BIN)/python -m benchmarks.simulation_based_calibration --exact 40
+	$(BIN)/python -m benchmarks.slow_reference
+	$(BIN)/python -m benchmarks.posterior_speed
 	$(BIN)/python -m benchmarks.held_out
 	$(BIN)/python -m benchmarks.mechanics
 	$(BIN)/python -m benchmarks.domed_second_code

@@ -1,0 +1,156 @@
+"""How long an estimate takes, and how much longer the same posterior takes on one dense grid.
+
+    python -m benchmarks.posterior_speed [--repeats 20] [--markdown]
+
+One thread. An estimate reads the frames into ring profiles, explores the posterior and looks at the pictures. In the
+same run: the likelihood that is linearised at every inclusion on a dense grid of 60 x 60 x 12 over the reach of the
+samples, which a plain program would lay, if it knew that reach. Last, the first estimate of a fresh installation, which
+builds the surrogate of presses on all cores.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+from benchmarks.tables import show
+from threadpoolctl import threadpool_limits
+
+import tsis
+from tsis.inclusion import InclusionPrior, estimate
+from tsis.inclusion.exploration import explore
+from tsis.inclusion.posterior import reading_of
+from tsis.mechanics import build_covered_surrogate
+from tsis.virtual import VirtualProbe
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from tsis import TactileImage
+    from tsis.inclusion.likelihood import Likelihood
+    from tsis.model import Calibration
+
+PHANTOM = tsis.Phantom(
+    young_kpa=5.0, thickness_mm=30.0, inclusion=tsis.Inclusion(diameter_mm=10.0, depth_mm=5.0, young_kpa=60.0)
+)
+DENSE = (60, 60, 12)  # along diameter, depth and modulus
+AT_ONCE = 2160  # inclusions of the dense grid, so that their derivatives fit into memory
+PROTOCOLS = {
+    "flat, 1 frame alone": ("tsis-2011", (1.0,), False),
+    "flat, 1 + 1 reference": ("tsis-2011", (1.0,), True),
+    "domed, 2 + 2": ("tsis-domed", (0.5, 1.0), True),
+    "domed, 5 + 5": ("tsis-domed", tuple(np.linspace(0.5, 1.0, 5).tolist()), True),
+    "domed, 10 + 10": ("tsis-domed", tuple(np.linspace(0.5, 1.0, 10).tolist()), True),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Bench:
+    """Frames of one protocol and what is known of their probe."""
+
+    frames: list[TactileImage]
+    references: list[TactileImage]
+    calibration: Calibration
+    probe: tsis.Probe
+    prior: InclusionPrior
+
+    @classmethod
+    def of(cls, name: str, forces_n: tuple[float, ...], *, with_reference: bool) -> Bench:
+        """Pressed by a virtual probe."""
+        probe = tsis.load_probe(name)
+        virtual = VirtualProbe(probe, rng=np.random.default_rng(1))
+        plain = PHANTOM.without_inclusion()
+        return cls(
+            frames=[virtual.press(PHANTOM, force_n=force) for force in forces_n],
+            references=[virtual.press(plain, force_n=force) for force in forces_n] if with_reference else [],
+            calibration=virtual.calibration,
+            probe=probe,
+            prior=InclusionPrior(),
+        )
+
+    def estimate(self) -> None:
+        """All of it, as a caller has it."""
+        estimate(
+            self.frames, probe=self.probe, calibration=self.calibration, reference=self.references, prior=self.prior
+        )
+
+    def likelihood(self) -> Likelihood:
+        """Read the frames, the surrogate being at hand."""
+        surrogate = build_covered_surrogate(self.probe, self.prior.box())
+        return reading_of(
+            self.frames, self.references, surrogate, probe=self.probe, calibration=self.calibration, prior=self.prior
+        ).likelihood
+
+
+def median_ms(call: Callable[[], object], repeats: int) -> float:
+    """Median wall time of a call in ms."""
+    times = []
+    for _ in range(repeats):
+        started = perf_counter()
+        call()
+        times.append(1e3 * (perf_counter() - started))
+    return float(np.median(times))
+
+
+def dense_grid(
+    likelihood: Likelihood, low: NDArray[np.float64], high: NDArray[np.float64], nuisance: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Log evidence at the middles of a dense grid's cells."""
+    axes = [a + (b - a) * (np.arange(n) + 0.5) / n for a, b, n in zip(low, high, DENSE, strict=True)]
+    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    parts = np.array_split(points, -(-len(points) // AT_ONCE))
+    return np.concatenate([likelihood(part, nuisance).log_evidence for part in parts])
+
+
+def row(name: str, bench: Bench, repeats: int) -> list[str]:
+    """One line of the table."""
+    bench.estimate()  # loads what later calls find at hand
+    likelihood = bench.likelihood()
+    found = explore(likelihood, bench.prior)
+    whole = median_ms(bench.estimate, repeats)
+    reading = median_ms(bench.likelihood, repeats)
+    with threadpool_limits(limits=1, user_api="blas"):
+        exploring = median_ms(lambda: explore(likelihood, bench.prior), repeats)
+        low, high = found.samples.min(axis=0), found.samples.max(axis=0)
+        nuisance = likelihood.within(found.fit.nuisance[0])
+        dense = median_ms(lambda: dense_grid(likelihood, low, high, nuisance), 1)
+    return [
+        name,
+        f"{whole:.0f} ms",
+        f"{reading:.0f} ms",
+        f"{exploring:.0f} ms",
+        f"{dense / 1e3:.1f} s",
+        f"{dense / exploring:.0f}",
+    ]
+
+
+def first_ms(bench: Bench) -> float:
+    """Time of the first estimate, whose surrogate nobody has built before, ms."""
+    build = median_ms(lambda: build_covered_surrogate(bench.probe, bench.prior.box(), cached=False), 1)
+    return build + median_ms(bench.estimate, 1)
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--repeats", type=int, default=20)
+    parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
+    options = parser.parse_args()
+    benches = {
+        name: Bench.of(probe, forces_n, with_reference=also) for name, (probe, forces_n, also) in PROTOCOLS.items()
+    }
+    rows = [row(name, bench, options.repeats) for name, bench in benches.items()]
+    heads = ("frames", "estimate", "of it reading", "exploring", "dense grid", "dense grid over exploring")
+    title = f"one thread, median of {options.repeats}; the dense grid once"
+    show(title, heads, rows, markdown=options.markdown)
+    for name in ("flat, 1 + 1 reference", "domed, 2 + 2"):
+        print(f"first estimate, surrogate and all: {name}: {first_ms(benches[name]) / 1e3:.1f} s")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,121 @@
+"""Ranks of truths drawn from the prior among posterior samples: uniform if the posterior is right."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from benchmarks.judgement import Judgement
+from benchmarks.simulated_presses import CLEARANCE
+from benchmarks.simulation_based_calibration import ALONE, PROTOCOLS, Calibrated, Experiment, draw, noise, run
+from scipy.stats import kstest
+
+from tsis.inclusion import PARAMETERS, InclusionPrior
+from tsis.inclusion.forward import SHARED, THICKNESS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+pytestmark = pytest.mark.usefixtures("flat", "domed")
+
+PRIOR = InclusionPrior()
+
+
+@pytest.fixture(scope="module")
+def flat_with_reference() -> Experiment:
+    return Experiment.of(PROTOCOLS["flat"], PRIOR)
+
+
+def judged(rank: NDArray[np.float64], *, mean: NDArray[np.float64] | None = None) -> Judgement:
+    means = np.zeros_like(rank) if mean is None else mean
+    lines = [
+        {"truth": 3 * [1.0], "mean": one, "sd": 3 * [1.0], "rank": at, "trusted": True, "flags": []}
+        for at, one in zip(rank, means, strict=True)
+    ]
+    return Judgement.of(lines)
+
+
+def test_noise_has_the_covariance_that_is_stated(flat_with_reference: Experiment) -> None:
+    """By its parts: one pattern a ring for all frames, and what each mean has for its own."""
+    rng, grey = np.random.default_rng(1), flat_with_reference.known(np.array([10.0, 5.0, 60.0]))
+    variance, known = flat_with_reference.variance(grey), flat_with_reference.model.calibration
+    count = 20_000
+    own = np.sqrt(variance + (known.repeatability_sd * grey) ** 2) * rng.standard_normal((count, *grey.shape))
+    pattern = known.pattern_sd * grey * rng.standard_normal((count, 1, grey.shape[1]))
+    drawn = np.cov((own + pattern).reshape(count, -1).T)
+    found = noise(grey, variance, known)
+    size = np.sqrt(np.outer(np.diag(found), np.diag(found)))
+    np.testing.assert_allclose(drawn / size, found / size, atol=0.04)
+    assert (found - np.diag(np.diag(found))).max() > 0
+
+
+def test_profiles_scatter_as_they_say(flat_with_reference: Experiment) -> None:
+    rng, grey = np.random.default_rng(2), flat_with_reference.known(np.array([10.0, 5.0, 60.0]))
+    seen = [flat_with_reference.observed(grey, rng) for _ in range(2000)]
+    sd = np.sqrt(np.diag(noise(grey, flat_with_reference.variance(grey), flat_with_reference.model.calibration)))
+    np.testing.assert_allclose(np.std([one.grey for one in seen], axis=0).ravel(), sd, rtol=0.08)
+    np.testing.assert_allclose(seen[0].variance, flat_with_reference.variance(grey), rtol=0.05)
+
+
+def test_draws_are_those_of_the_prior(flat_with_reference: Experiment, monkeypatch: pytest.MonkeyPatch) -> None:
+    drawn: list[tuple[NDArray[np.float64], NDArray[np.float64]]] = []
+
+    def expected(
+        self: Experiment, inclusion: NDArray[np.float64] | None, nuisance: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        assert inclusion is not None
+        drawn.append((inclusion, nuisance))
+        return np.full((2, self.model.rings.count), 50.0)
+
+    monkeypatch.setattr(Experiment, "expected", expected)
+    rng = np.random.default_rng(3)
+    for any_slab in (False, True):
+        drawn.clear()
+        for _ in range(600):
+            draw(flat_with_reference, rng, any_slab=any_slab)
+        inclusions, nuisances = (np.array(column) for column in zip(*drawn[1::2], strict=True))
+        for column, low, high in zip(inclusions.T, PRIOR.low, PRIOR.high, strict=True):
+            assert kstest((column - low) / (high - low), "uniform").pvalue > 1e-3
+        sd = flat_with_reference.nuisance_sd(np.full((2, 20), 50.0))
+        others = np.delete(nuisances / sd, THICKNESS, axis=1)
+        assert others.shape[1] == SHARED + 3
+        assert kstest(others.ravel(), "norm").pvalue > 1e-3
+        slab = PRIOR.thickness_mm * np.exp(nuisances[:, THICKNESS])
+        fits = inclusions[:, 0] + inclusions[:, 1] < CLEARANCE * slab
+        assert fits.all() != any_slab
+
+
+def test_uneven_ranks_and_worse_means_are_found_out() -> None:
+    rng = np.random.default_rng(4)
+    even = rng.uniform(size=(1000, 3))
+    narrow = even.copy()
+    narrow[:, 1] = 0.5 + 1.3 * (narrow[:, 1] - 0.5)  # as of a posterior that claims too much: truths at its ends
+    make = partial(Calibrated, exact=np.empty((0, 3)), effective=np.empty(0))
+    assert (make(judgement=judged(even)).chances() > 0.01).all()
+    chances = make(judgement=judged(np.clip(narrow, 0.0, 1.0))).chances()
+    assert chances[1] < 1e-6 < 0.01 < chances[[0, 2]].min()
+    off = replace(make(judgement=judged(even[:2], mean=np.full((2, 3), 4.0))), exact=np.full((2, 3), 2.5))
+    np.testing.assert_allclose(off.rmse_over_exact(), 3.0 / 1.5)
+
+
+def test_a_few_ranks_are_not_uneven() -> None:
+    found = run(PROTOCOLS["flat-alone"], 40, seed=2)
+    assert found.judgement.rank.shape == (40, 3)
+    assert all(kstest(column, "uniform").pvalue > 0.01 for column in found.judgement.rank.T)
+    assert (found.judgement.sd[:, 0] < 0.9 * PRIOR.sd["diameter_mm"]).mean() > 0.8, "estimates that say something"
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("protocol", ALONE)
+def test_ranks_are_uniform(protocol: str) -> None:
+    found = run(PROTOCOLS[protocol], 150, seed=3, exact=10)
+    summary = found.judgement.summary(PRIOR)
+    for name in PARAMETERS:
+        assert summary[name]["uniform_ranks"] > 0.01
+        assert 0.83 < summary[name]["coverage_90"] < 0.97
+    assert (found.chances() > 0.01).all()
+    assert found.judgement.keeps_the_claim()
+    assert (found.rmse_over_exact() < 1.1).all()
