@@ -32,9 +32,9 @@ from tsis.imaging.sensor import Sensor
 from tsis.inclusion import PARAMETERS, InclusionPrior
 from tsis.inclusion.exploration import explore
 from tsis.inclusion.forward import THICKNESS, ForwardModel
-from tsis.inclusion.frames import ring_edges, ring_light
+from tsis.inclusion.frames import depletion_per_n, ring_edges, ring_light
 from tsis.inclusion.likelihood import Likelihood, Profiles
-from tsis.inclusion.rings import ring_answers
+from tsis.inclusion.rings import ring_answers, ring_correlation
 from tsis.mechanics import build_covered_surrogate
 from tsis.model import TactileImage
 from tsis.optics import irradiance
@@ -91,6 +91,8 @@ class Experiment:
             prior=prior,
             force_n=np.tile(protocol.forces_n, copies),
             is_reference=np.repeat([False, True][:copies], len(protocol.forces_n)),
+            alike=ring_correlation(edges, calibration.grain_mm),
+            depletion_per_n=depletion_per_n(calibration, probe),
             spread_sd=2 * prior.offset_sd_mm**2,
         )
         return cls(

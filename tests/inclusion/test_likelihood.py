@@ -15,9 +15,9 @@ from tsis.imaging.render import rough_contact
 from tsis.inclusion.forward import POISSON, SHARED, SITE, THICKNESS, TISSUE, ForwardModel
 from tsis.inclusion.forward import PROBE as PROBE_STIFFNESS
 from tsis.inclusion.frames import ring_edges
-from tsis.inclusion.likelihood import Likelihood, Profiles, whitening
+from tsis.inclusion.likelihood import Likelihood, Profiles, noise_covariance
 from tsis.inclusion.prior import InclusionPrior
-from tsis.inclusion.rings import ring_answers, ring_means
+from tsis.inclusion.rings import ring_answers, ring_correlation, ring_means
 from tsis.inclusion.shading import RingShading
 from tsis.mechanics import press
 from tsis.virtual.probe import FINE
@@ -32,7 +32,10 @@ ANSWER = Calibration(gain_grey_per_kpa=60.0, saturation_kpa=20.0)
 PRIOR = InclusionPrior()
 PHANTOM = tsis.load_phantom("hardness-100")
 LEVEL = np.linspace(2.0, 0.5, 20)
-SHADING = RingShading(growth_per_mm=np.linspace(-0.3, 0.2, 20), flux=np.linspace(0.0, 2.0, 20))
+SHADING = RingShading(
+    growth_per_mm=np.linspace(-0.3, 0.2, 20), bend_per_mm2=np.linspace(0.4, -0.1, 20), flux=np.linspace(0.0, 2.0, 20)
+)
+ALIKE = ring_correlation(np.linspace(0.0, 9.6, 21), 0.5)
 NUISANCES = 16  # seven and three terms of shading, then two of each of three frames
 INCLUSIONS = np.array([[10.0, 5.0, 100.0], [3.0, 8.0, 60.0], [14.0, 4.5, 45.0], [1.5, 11.0, 119.0]])
 
@@ -46,6 +49,7 @@ def model_of(surrogate: CoveredSurrogate) -> ForwardModel:
         prior=PRIOR,
         force_n=np.array([1.0, 0.8, 1.1]),
         is_reference=np.array([False, False, True]),
+        alike=ALIKE,
         spread_sd=0.3,
     )
 
@@ -75,24 +79,34 @@ def by_hand(data: Profiles, calibration: Calibration) -> NDArray[np.float64]:
     matrix = np.zeros((frames * rings, frames * rings))
     for f, r in np.ndindex(frames, rings):
         for g, s in np.ndindex(frames, rings):
-            if r == s:
-                matrix[f * rings + r, g * rings + s] = calibration.pattern_sd**2 * data.grey[f, r] * data.grey[g, s]
+            both = data.grey[f, r] * data.grey[g, s] * ALIKE[r, s]
+            matrix[f * rings + r, g * rings + s] = calibration.pattern_sd**2 * both
+            if f == g:
+                matrix[f * rings + r, g * rings + s] += calibration.repeatability_sd**2 * both
             if (f, r) == (g, s):
-                own = data.variance[f, r] + (calibration.repeatability_sd * data.grey[f, r]) ** 2
-                matrix[f * rings + r, g * rings + s] += own
+                matrix[f * rings + r, g * rings + s] += data.variance[f, r]
     return matrix
 
 
-def test_whitening_is_the_inverse_root_of_the_noise(data: Profiles) -> None:
-    roots = whitening(data, ANSWER)
-    frames, rings = data.grey.shape
-    dense = np.zeros((frames, rings, frames, rings))
-    for ring in range(rings):
-        dense[:, ring, :, ring] = roots[ring]
-    use = np.flatnonzero(data.usable.ravel())
-    root = dense.reshape(data.grey.size, -1)[np.ix_(use, use)]
-    np.testing.assert_allclose(root @ by_hand(data, ANSWER)[np.ix_(use, use)] @ root.T, np.eye(len(use)), atol=1e-9)
-    assert not dense.reshape(data.grey.size, -1)[~data.usable.ravel()].any()
+def test_noise_covariance(data: Profiles) -> None:
+    found = noise_covariance(data, ANSWER, ALIKE)
+    np.testing.assert_allclose(found, by_hand(data, ANSWER), rtol=1e-12)
+    assert np.linalg.eigvalsh(found)[0] > 0
+
+
+def test_rings_err_alike_as_those_of_drawn_patterns_do() -> None:
+    """Against patterns that are linear between drawn values, wherever these lie."""
+    rng, grain = np.random.default_rng(1), 0.5
+    edges = np.linspace(0.0, 9.6, 21)
+    radius = np.linspace(0.0, 9.6, 20 * 48 + 1)
+    middle = (radius[1:] + radius[:-1]) / 2
+    weight = middle.reshape(20, 48) / middle.reshape(20, 48).sum(axis=1, keepdims=True)
+    knots = np.arange(-1.0, 11.0, grain)
+    drawn = []
+    for _ in range(6000):
+        pattern = np.interp(middle, knots + grain * rng.random(), np.sqrt(1.5) * rng.standard_normal(len(knots)))
+        drawn.append((weight * pattern.reshape(20, 48)).sum(axis=1))
+    np.testing.assert_allclose(ring_correlation(edges, grain), np.cov(np.array(drawn).T), atol=0.05)
 
 
 @pytest.mark.parametrize("seed", [None, 1])
@@ -196,7 +210,7 @@ def test_profiles_are_the_light_of_a_press(name: str, flat: CoveredSurrogate, do
         slope = mean(np.interp(middle, field.radius_mm, np.gradient(field.face_displacement_mm, field.radius_mm)))
         expected = (
             rough_contact(pressure, ANSWER)
-            * np.exp(SHADING.growth_per_mm * displacement)
+            * np.exp((SHADING.growth_per_mm + SHADING.bend_per_mm2 * displacement) * displacement)
             * (1 + np.linspace(0.0, 2.0, 20) * slope)
         )
         np.testing.assert_allclose(row, expected, rtol=3e-3)

@@ -89,10 +89,19 @@ def test_contact_darkens_the_whole_face_by_what_it_takes() -> None:
 
 def test_small_dents_are_followed_by_the_map_of_the_undented_face() -> None:
     linear, whole = light().near_undented(), light()
-    at: dict[str, Any] = {"displacement_mm": 0.0, "slope_x": 1e-4, "slope_y": -2e-4}
-    np.testing.assert_allclose(linear.at([1.0, 3.0], [2.0], **at), whole.at([1.0, 3.0], [2.0], **at), rtol=1e-6)
-    small = 0.35
-    np.testing.assert_allclose(linear.growth_per_mm, np.log(1 + 0.3 * small**2) / small + 0.1, rtol=1e-12)
+    for moved in (0.0, 0.175, 0.35):  # on its parabola
+        at: dict[str, Any] = {"displacement_mm": moved, "slope_x": 0.0, "slope_y": 0.0}
+        np.testing.assert_allclose(linear.at([1.0, 3.0], [2.0], **at), whole.at([1.0, 3.0], [2.0], **at), rtol=1e-12)
+    at = {"displacement_mm": 0.25, "slope_x": 0.0, "slope_y": 0.0}
+    np.testing.assert_allclose(linear.at([1.0, 3.0], [2.0], **at), whole.at([1.0, 3.0], [2.0], **at), rtol=1e-4)
+
+
+def test_so_they_are_when_tilted_as_much_as_a_typical_dent_displaces() -> None:
+    """0.5 and -0.25 of light that has grown by 0.3 u**2."""
+    linear, typical = light().near_undented(), 0.75 * 0.35
+    level = (1 + 0.02 * NODES) * (1 + 0.3 * typical**2)
+    np.testing.assert_allclose(linear.flux_x, np.broadcast_to(0.5 / level, linear.flux_x.shape), rtol=1e-12)
+    np.testing.assert_allclose(linear.flux_y, np.broadcast_to(-0.25 / level, linear.flux_y.shape), rtol=1e-12)
 
 
 def test_growth_beyond_the_rim_is_that_of_the_nearest_place_inside() -> None:
@@ -106,9 +115,10 @@ def test_growth_beyond_the_rim_is_that_of_the_nearest_place_inside() -> None:
 
 def test_growth_is_bounded_where_there_is_hardly_any_light() -> None:
     dark = light().terms.copy()
-    dark[1:, 0, 10, 10] = -1.0
-    found = light(terms=dark).near_undented().growth_per_mm
-    assert found[10, 10] == found.min() == -2.0
+    dark[0, 0, 10, 10] = 0.0
+    found = light(terms=dark).near_undented()
+    assert found.growth_per_mm[10, 10] == found.growth_per_mm.max() == 2.0
+    assert np.abs(found.bend_per_mm2).max() <= 2.0 / 0.35
 
 
 @pytest.mark.parametrize(

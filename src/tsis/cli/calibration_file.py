@@ -48,8 +48,8 @@ def read_calibration(path: Path) -> Calibration:
 
 def _light(content: dict[str, Any]) -> LightMap:
     names = [field.name for field in fields(LightMap)]
-    if set(content) != set(names):
-        wrong = sorted(set(content) ^ set(names))
+    optional = {"depletion", "bend_per_mm2"}
+    if wrong := sorted((set(content) ^ set(names)) - (optional - set(content))):
         raise InputError(f"light must hold just {', '.join(names)}; wrong: {wrong!r:.200}")
     return LightMap(**content)
 

@@ -26,18 +26,21 @@ def paint(
     flux_x: NDArray[np.float64],
     flux_y: NDArray[np.float64],
     growth: NDArray[np.float64],
+    bend: NDArray[np.float64],
 ) -> NDArray[np.float64]:
     """Picture of a round press under a map of light, dark outside.
 
-    ``glow(r) E0 exp(growth moved(r)) (1 + slope(r) (Fx x + Fy y) / r)``, with E0, growth, Fx and Fy of the place.
+    ``glow(r) E0 exp((growth + bend moved(r)) moved(r)) (1 + slope(r) (Fx x + Fy y) / r)``, with E0, growth, bend, Fx
+    and Fy of the place.
 
     Every profile is linear between its radii and every map between its nodes, beyond which it stays as at its edge.
     """
     picture = np.zeros((len(y), len(x)))
     column, right = _places(x, map_x)
     line, below = _places(y, map_y)
-    e, fx, fy, g = np.empty(len(map_x)), np.empty(len(map_x)), np.empty(len(map_x)), np.empty(len(map_x))
-    grows = np.any(growth != 0)
+    e, fx, fy = np.empty(len(map_x)), np.empty(len(map_x)), np.empty(len(map_x))
+    g, b = np.empty(len(map_x)), np.empty(len(map_x))
+    grows = np.any(growth != 0) or np.any(bend != 0)
     last = len(radius) - 1
     near = last - 1  # the radii change little from pixel to pixel, so the place among them is found by a few steps
     for i in range(len(y)):
@@ -47,6 +50,7 @@ def paint(
             fx[k] = flux_x[top, k] + below[i] * (flux_x[top + 1, k] - flux_x[top, k])
             fy[k] = flux_y[top, k] + below[i] * (flux_y[top + 1, k] - flux_y[top, k])
             g[k] = growth[top, k] + below[i] * (growth[top + 1, k] - growth[top, k])
+            b[k] = bend[top, k] + below[i] * (bend[top + 1, k] - bend[top, k])
         for j in range(len(x)):
             r = np.sqrt(x[j] * x[j] + y[i] * y[i])
             if r > radius[last]:
@@ -59,7 +63,9 @@ def paint(
             shine = glow[near] + part * (glow[near + 1] - glow[near])
             k, w = column[j], right[j]
             if grows:
-                shine *= np.exp((moved[near] + part * (moved[near + 1] - moved[near])) * (g[k] + w * (g[k + 1] - g[k])))
+                dent = moved[near] + part * (moved[near + 1] - moved[near])
+                rate = g[k] + w * (g[k + 1] - g[k]) + dent * (b[k] + w * (b[k + 1] - b[k]))
+                shine *= np.exp(dent * rate)
             caught = 1.0
             if r > 0:
                 rise = (slope[near] + part * (slope[near + 1] - slope[near])) / r

@@ -104,7 +104,7 @@ def _of_profile(
         share = np.ones_like(share)
     profiles = (_full_contact(calibration) * share, field.face_displacement_mm, slope)
     x, y = sensor.axes_mm()
-    maps = (light.relative, light.flux_x, light.flux_y, light.growth_per_mm)
+    maps = (light.relative, light.flux_x, light.flux_y, light.growth_per_mm, light.bend_per_mm2)
     picture = paint(x, y, radius, *profiles, light.x_mm, light.y_mm, *maps)
     if isinstance(model, Smooth):
         picture *= coverage(field, sensor)

@@ -40,5 +40,5 @@ def check_calibration(calibration: Calibration, probe: Probe) -> None:
 
 def _is_even(light: LightMap) -> bool:
     """The same all over, so that its last values hold beyond its ends too."""
-    fields = (light.relative, light.flux_x, light.flux_y, light.growth_per_mm)
+    fields = (light.relative, light.flux_x, light.flux_y, light.growth_per_mm, light.bend_per_mm2)
     return all(np.ptp(field) == 0 for field in fields)

@@ -18,10 +18,10 @@ from tsis.imaging import radial_profile
 from tsis.imaging.sensor import Sensor
 from tsis.inclusion.calibration_check import check_calibration
 from tsis.inclusion.forward import ForwardModel
-from tsis.inclusion.frames import ring_edges, ring_light
+from tsis.inclusion.frames import depletion_per_n, ring_edges, ring_light
 from tsis.inclusion.likelihood import Likelihood, Profiles
 from tsis.inclusion.prior import PARAMETERS, InclusionPrior
-from tsis.inclusion.rings import ring_answers
+from tsis.inclusion.rings import ring_answers, ring_correlation
 from tsis.inclusion.verdict import MODULUS_SD_KPA
 from tsis.mechanics import Degrees, build_covered_surrogate, contrast_factor
 from tsis.model import Calibration, TactileImage, check
@@ -264,6 +264,8 @@ def view_of(
         prior=prior,
         force_n=np.array(targets + references),
         is_reference=np.array([False] * len(targets) + [True] * len(references)),
+        alike=ring_correlation(edges, calibration.grain_mm),
+        depletion_per_n=depletion_per_n(calibration, protocol.probe),
         spread_sd=2 * prior.offset_sd_mm**2,
     )
     count = radial_profile(blank, edges_mm=edges).count

@@ -60,7 +60,7 @@ def explore(likelihood: Likelihood, prior: InclusionPrior) -> Posterior:
         place = chart.inclusions(grid.mean()[None])[0]
         nuisance = likelihood.within(likelihood(place[None], nuisance).nuisance[0])
         chart = chart.straightened(inclusions, grid.weight)
-        near = box_around(chart.points(inclusions), grid.log_density)
+        near = box_around(chart.points(inclusions), grid.log_density, grid.cells.edges)
     nearby = likelihood.near(place, nuisance)
     grid = _corrected(_search(nearby, chart, CELLS, near), likelihood, nearby, chart, nuisance)
     mean = chart.inclusions(grid.mean()[None])[0]

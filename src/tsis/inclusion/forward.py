@@ -50,6 +50,11 @@ class ForwardModel:
         Force of each frame, shape (frames,).
     is_reference
         Whether each frame shows plain tissue, shape (frames,).
+    alike
+        Correlation of the patterns between rings, shape (rings, rings); None when each ring errs on its own.
+    depletion_per_n
+        Light falls by ``1 / (1 + depletion_per_n * force)``, because contact takes it: the area in contact grows with
+        the force, wherever that is.
     spread_sd
         Standard deviation in mm**2 of the square of the inclusion's distance from the axis.
     """
@@ -61,6 +66,8 @@ class ForwardModel:
     prior: InclusionPrior
     force_n: NDArray[np.float64]
     is_reference: NDArray[np.bool]
+    alike: NDArray[np.float64] | None = None
+    depletion_per_n: float = 0.0
     spread_sd: float = 0.0
 
     def nuisance_sd(self, mean_grey: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -92,7 +99,7 @@ class ForwardModel:
             pressure, displacement, slope = np.split(press, ANSWERS, axis=-1)
             shade = self.shading.factor(displacement, slope, nuisance[SHADE])
             light = rough_contact(pressure, self.calibration) * shade
-            grey[:, frame] = np.exp(nuisance[GAIN]) * light + offset / self.level
+            grey[:, frame] = np.exp(nuisance[GAIN]) * self._remaining(push) * light + offset / self.level
         return grey
 
     def profiles(
@@ -116,9 +123,8 @@ class ForwardModel:
         slopes = np.zeros((*grey.shape, len(nuisance)))
         presses = {plain: self._press(inclusions, nuisance, plain=plain) for plain in self._shown()}
         changes = {plain: self._changes(inclusions, nuisance, presses[plain], plain=plain) for plain in self._shown()}
-        gain = np.exp(nuisance[GAIN])
         for frame, (push, offset) in enumerate(self._pushes(nuisance)):
-            plain = bool(self.is_reference[frame])
+            plain, gain = bool(self.is_reference[frame]), np.exp(nuisance[GAIN]) * self._remaining(push)
             light, by_answer, by_shade = self._light(self.rings.under(push, presses[plain]), nuisance[SHADE])
             grey[:, frame] = gain * light + offset / self.level
             slopes[:, frame, :, GAIN] = gain * light
@@ -126,7 +132,8 @@ class ForwardModel:
                 slopes[:, frame, :, place] = gain * _along(by_answer, self.rings.under(push, change))
             slopes[:, frame, :, SHADE] = gain * by_shade
             by_force = push * self.rings.per_newton(presses[plain])
-            slopes[:, frame, :, SHARED + frame] = gain * _along(by_answer, by_force)
+            lost = 1 - self._remaining(push)
+            slopes[:, frame, :, SHARED + frame] = gain * (_along(by_answer, by_force) - lost * light)
             slopes[:, frame, :, SHARED + frames + frame] = 1 / self.level
         return grey, slopes
 
@@ -153,6 +160,10 @@ class ForwardModel:
             self.prior.tissue_young_kpa * float(np.exp(nuisance[TISSUE])),
             self.prior.thickness_mm * float(np.exp(nuisance[THICKNESS])),
         )
+
+    def _remaining(self, force_n: float) -> float:
+        """Share of the light that contact leaves."""
+        return 1 / (1 + self.depletion_per_n * force_n)
 
     def _shown(self) -> set[bool]:
         return set(self.is_reference.tolist())

@@ -15,6 +15,7 @@ from tsis.inclusion.likelihood import Profiles
 from tsis.inclusion.shading import RingShading
 from tsis.model import TactileImage
 from tsis.model.errors import ImageMismatchError, InputError
+from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -87,7 +88,7 @@ def ring_light(frame: TactileImage, calibration: Calibration, edges_mm: NDArray[
     """Means over the pixels of the frame in each ring; ones and no shading where the calibration names no light."""
     if calibration.light is None:
         none = np.zeros(len(edges_mm) - 1)
-        return RingLight(level=none + 1, shading=RingShading(growth_per_mm=none, flux=none))
+        return RingLight(level=none + 1, shading=RingShading(growth_per_mm=none, bend_per_mm2=none, flux=none))
     return _rings_of(calibration.light, frame.grey.shape, frame.scale(), frame.axis(), tuple(edges_mm.tolist()))
 
 
@@ -101,7 +102,7 @@ def _rings_of(
 ) -> RingLight:
     frame = TactileImage(grey=np.zeros(shape), mm_per_pixel=scale, axis_px=axis, full_scale=65535.0)
     x, y = _pixels_mm(frame)
-    relative, flux_x, flux_y, growth = light.undented(x, y)
+    relative, flux_x, flux_y, growth, bend = light.undented(x, y)
     outwards = relative * (flux_x * x + flux_y * y[:, None]) / np.maximum(np.hypot(x, y[:, None]), 1e-9)
 
     def mean(values: NDArray[np.floating[Any]], empty: float) -> NDArray[np.float64]:
@@ -111,8 +112,16 @@ def _rings_of(
     level = mean(relative, 1.0)
     if level.min() <= DARKEST * level.max():
         raise InputError("light of the calibration must reach every ring of the face; got one that is dark")
-    growth_per_mm, flux = (mean(part, 0.0) / level for part in (relative * growth, outwards))
-    return RingLight(level=level, shading=RingShading(growth_per_mm=growth_per_mm, flux=flux))
+    grows, bends, flux = (mean(part, 0.0) / level for part in (relative * growth, relative * bend, outwards))
+    return RingLight(level=level, shading=RingShading(growth_per_mm=grows, bend_per_mm2=bends, flux=flux))
+
+
+def depletion_per_n(calibration: Calibration, probe: Probe) -> float:
+    """Share of the light that the contact of one newton takes, while contact is in proportion to pressure."""
+    if calibration.light is None:
+        return 0.0
+    share = MN_PER_N / (np.pi * probe.radius_mm**2 * calibration.saturation_kpa)
+    return calibration.light.depletion * float(share)
 
 
 def _pixels_mm(frame: TactileImage) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

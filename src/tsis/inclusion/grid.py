@@ -163,16 +163,18 @@ def refine(
     return Grid(cells=cells, log_density=log_density(cells.points), support=support)
 
 
-def box_around(points: NDArray[np.float64], log_density: NDArray[np.float64]) -> SlantedBox:
-    """A sheared box with room to spare around a density at points (n, 3)."""
+def box_around(points: NDArray[np.float64], log_density: NDArray[np.float64], edges: NDArray[np.float64]) -> SlantedBox:
+    """A sheared box with room to spare around a density at points (n, 3), each the middle of a cell of such edges."""
     log_weight = log_density - log_density.max()
     weight = np.exp(log_weight)
     weight /= weight.sum()
     middle = weight @ points
     centred = points - middle
-    shear = _shear((weight[:, None] * centred).T @ centred)
-    along = centred[log_weight > NEGLIGIBLE] @ np.linalg.inv(shear).T
-    first, last = along.min(axis=0), along.max(axis=0)
+    shear = _shear((weight[:, None] * centred).T @ centred + edges.T @ edges / 12)
+    inverse = np.linalg.inv(shear)
+    along = centred[log_weight > NEGLIGIBLE] @ inverse.T
+    margin = np.abs(edges @ inverse.T).sum(axis=0) / 2
+    first, last = along.min(axis=0) - margin, along.max(axis=0) + margin
     first, last = (first + last) / 2 - WIDER * (last - first) / 2, (first + last) / 2 + WIDER * (last - first) / 2
     return middle + shear @ first, (shear * (last - first)).T
 

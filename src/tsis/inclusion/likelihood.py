@@ -66,7 +66,10 @@ class Likelihood:
             ]
         )
         self._sd = model.nuisance_sd(np.maximum(means, 1e-6))
-        self._whitening = whitening(data, model.calibration)
+        self._use = np.flatnonzero(data.usable.ravel())
+        alike = np.eye(data.grey.shape[1]) if model.alike is None else model.alike
+        covariance = noise_covariance(data, model.calibration, alike)[np.ix_(self._use, self._use)]
+        self._whitening = solve_triangular(cholesky(covariance, lower=True), np.eye(len(self._use)), lower=True)
         self.start = np.zeros(len(self._sd))
 
     def __call__(self, inclusions: NDArray[np.float64] | None, nuisance: NDArray[np.float64]) -> Fit:
@@ -127,13 +130,9 @@ class Likelihood:
         return np.divide(nuisance, self._sd, out=np.zeros_like(self._sd), where=self._sd > 0)
 
     def _whiten(self, columns: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Apply the inverse root of the noise covariance to (n, frames, rings, ...); shape (n, frames * rings, ...)."""
-        rest = columns.shape[3:]
-        flat = columns.reshape(*columns.shape[:3], -1)
-        # Rings are independent, so that each has a small root of its own.
-        by_ring = self._whitening @ flat.transpose(2, 1, 0, 3).reshape(flat.shape[2], flat.shape[1], -1)
-        back = by_ring.reshape(flat.shape[2], flat.shape[1], flat.shape[0], -1).transpose(2, 1, 0, 3)
-        return np.asarray(back.reshape(len(columns), -1, *rest))
+        """Apply the inverse root of the noise covariance to (n, frames, rings, ...); shape (n, used rings, ...)."""
+        flat = columns.reshape(len(columns), -1, *columns.shape[3:])[:, self._use]
+        return np.asarray(np.tensordot(self._whitening, flat, axes=(1, 1)).swapaxes(0, 1))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -167,18 +166,14 @@ def _fit(white: NDArray[np.float64], turned: NDArray[np.float64], sd: NDArray[np
     return Fit(log_evidence=-0.5 * (square + log_determinant), nuisance=best * sd, misfit=square)
 
 
-def whitening(data: Profiles, calibration: Calibration) -> NDArray[np.float64]:
-    """Inverse roots of the noise covariance of each ring, shape (rings, frames, frames), zero where it is not used.
+def noise_covariance(data: Profiles, calibration: Calibration, alike: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Covariance of the ring means, shape (frames * rings, frames * rings).
 
-    The fixed pattern is common to all frames of a ring; repeatability and pixel noise are not.
+    The fixed pattern is common to all frames, repeatability is each press's own, and both are ``alike`` in rings that
+    lie near each other, (rings, rings); the noise of pixels and the error of the press model are each ring's own.
     """
     frames, rings = data.grey.shape
-    roots = np.zeros((rings, frames, frames))
-    for ring in range(rings):
-        use = np.flatnonzero(data.usable[:, ring])
-        grey = data.grey[use, ring]
-        own = data.variance[use, ring] + (calibration.repeatability_sd * grey) ** 2
-        covariance = np.diag(own) + calibration.pattern_sd**2 * np.outer(grey, grey)
-        root = cholesky(covariance, lower=True) if len(use) else np.empty((0, 0))
-        roots[ring][np.ix_(use, use)] = solve_triangular(root, np.eye(len(use)), lower=True) if len(use) else root
-    return roots
+    between = np.full((frames, frames), calibration.pattern_sd**2) + calibration.repeatability_sd**2 * np.eye(frames)
+    covariance = data.grey.ravel()[:, None] * data.grey.ravel() * np.kron(between, alike)
+    covariance[np.diag_indices(frames * rings)] += data.variance.ravel()
+    return np.asarray(covariance)

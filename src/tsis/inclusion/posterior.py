@@ -17,6 +17,7 @@ from tsis.inclusion.forward import TISSUE, ForwardModel
 from tsis.inclusion.frames import (
     as_frames,
     check_frames,
+    depletion_per_n,
     ring_edges,
     ring_light,
     ring_profiles,
@@ -25,7 +26,7 @@ from tsis.inclusion.image_checks import image_findings
 from tsis.inclusion.likelihood import Likelihood, Profiles
 from tsis.inclusion.off_axis_place import Place, inclusion_place
 from tsis.inclusion.prior import PARAMETERS, InclusionPrior
-from tsis.inclusion.rings import ring_answers
+from tsis.inclusion.rings import ring_answers, ring_correlation
 from tsis.inclusion.verdict import (
     DISTRUSTED,
     UNLIKELY,
@@ -202,6 +203,8 @@ def reading_of(
         prior=prior,
         force_n=np.array([frame.force_n for frame in frames]),
         is_reference=np.array([False] * len(targets) + [True] * len(references)),
+        depletion_per_n=depletion_per_n(calibration, probe),
+        alike=ring_correlation(edges, calibration.grain_mm),
         spread_sd=spread_sd,
     )
     return Reading(likelihood=Likelihood(model, data), data=data, place=place)

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from tsis.mechanics import CoveredParts, CoveredSurrogate, Surrogate
 
 ANSWERS = 3  # of a press, a ring: pressure, displacement, slope
+POINTS = 6  # of quadrature over a ring
 
 
 class FaceProfiles(Protocol):
@@ -160,7 +161,7 @@ def ring_means(
 
     With the light's ``level`` in each ring the means are weighted by it, as those of grey over light are.
     """
-    x, w = np.polynomial.legendre.leggauss(6)
+    x, w = np.polynomial.legendre.leggauss(POINTS)
     half = np.diff(edges_mm) / 2
     radius = edges_mm[:-1, None] + half[:, None] * (x + 1)
     middle = edges_mm[:-1] + half
@@ -168,3 +169,18 @@ def ring_means(
     weight = weight / weight.sum(axis=1, keepdims=True)
     values = surrogate.interpolation(radius.ravel()).reshape(*radius.shape, -1)
     return np.asarray(np.einsum("rq,rqn->rn", weight, values))
+
+
+def ring_correlation(edges_mm: NDArray[np.float64], grain_mm: float) -> NDArray[np.float64]:
+    """How alike rings are in a pattern of variance one whose grains are ``grain_mm`` wide, shape (rings, rings).
+
+    A pattern that is linear between independent values, wherever these lie, has a cubic B-spline as its covariance.
+    """
+    x, weight = np.polynomial.legendre.leggauss(POINTS)
+    half = np.diff(edges_mm)[:, None] / 2
+    radius = edges_mm[:-1, None] + half * (x + 1)
+    share = radius * weight
+    share /= share.sum(axis=1, keepdims=True)
+    apart = np.abs(radius[:, :, None, None] - radius) / grain_mm
+    spline = np.maximum(2 - apart, 0.0) ** 3 / 6 - 4 * np.maximum(1 - apart, 0.0) ** 3 / 6
+    return np.asarray(np.einsum("ap,bq,apbq->ab", share, share, 1.5 * spline))

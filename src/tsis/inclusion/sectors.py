@@ -197,7 +197,7 @@ def _grid(geometry: _Geometry, light: LightMap | None) -> SectorGrid:
         lit, growth, flux = np.ones_like(radius), np.zeros_like(radius), np.zeros_like(radius)
         light_sd = np.zeros(RINGS)
     else:
-        lit, flux_x, flux_y, growth = light.undented(x, y)
+        lit, flux_x, flux_y, growth, _ = light.undented(x, y)
         flux = (flux_x * x + flux_y * y[:, None]) / np.maximum(radius, 1e-9)
         # Rays are counted node by node of the map, so that the error of a ring's mean falls with its nodes.
         node = float(np.diff(light.x_mm).mean() * np.diff(light.y_mm).mean())

@@ -17,7 +17,7 @@ DARKEST = 1e-3  # light on a flank that the lamps do not reach, over that on the
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class RingShading:
-    """Factor ``(exp(growth u) (1 + flux u'))^(1 + emphasis)`` of each ring's light, for a round press.
+    """Factor ``(exp(growth u + bend u**2) (1 + flux u'))^(1 + emphasis)`` of each ring's light, for a round press.
 
     The face is displaced by u. The emphasis is the error in what is known of this factor, 0 when that is exact: a
     parabola along the radius, because what is wrong in a map of light is not wrong in the same way everywhere.
@@ -26,11 +26,14 @@ class RingShading:
     ----------
     growth_per_mm
         Growth of the light with the displacement, weighted by the light, shape (rings,).
+    bend_per_mm2
+        Second order of its logarithm, weighted by the light, shape (rings,).
     flux
         Power travelling outwards over the power travelling into the face, weighted by the light, shape (rings,).
     """
 
     growth_per_mm: NDArray[np.float64]
+    bend_per_mm2: NDArray[np.float64]
     flux: NDArray[np.float64]
 
     def __call__(
@@ -42,7 +45,7 @@ class RingShading:
         factor = np.exp(power * logarithm)
         return Shade(
             factor=factor,
-            by_displacement=power * factor * self.growth_per_mm,
+            by_displacement=power * factor * (self.growth_per_mm + 2 * self.bend_per_mm2 * displacement_mm),
             by_slope=power * factor * self.flux / tilt,
             by_emphasis=(factor * logarithm)[..., None] * parabolas,
         )
@@ -63,7 +66,8 @@ class RingShading:
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Light on the tilted face over that on the level one, and the log of the factor without emphasis."""
         tilt = np.maximum(1 + self.flux * slope, DARKEST)
-        return tilt, self.growth_per_mm * displacement_mm + np.log(tilt)
+        grows = (self.growth_per_mm + self.bend_per_mm2 * displacement_mm) * displacement_mm
+        return tilt, grows + np.log(tilt)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

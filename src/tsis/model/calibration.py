@@ -46,7 +46,9 @@ class Calibration:
     pattern_sd
         Relative standard deviation of the fixed pattern that all frames of this probe share.
     repeatability_sd
-        Relative standard deviation of a profile bin from press to press.
+        Relative standard deviation of a pattern that each press leaves anew.
+    grain_mm
+        Width of a grain of these two patterns, in [0.05, 50]: places closer than that err alike.
     shading_sd
         Relative standard deviation of what displacement and slope of the face are known to do to the light.
     site_sd
@@ -72,6 +74,7 @@ class Calibration:
     offset_sd: float = 0.01
     pattern_sd: float = 0.002
     repeatability_sd: float = 0.0005
+    grain_mm: float = 0.5
     shading_sd: float = 0.2
     site_sd: float = 0.03
     probe_young_sd: float = 0.03
@@ -90,5 +93,6 @@ class Calibration:
             raise InputError(f"light must be a LightMap or None; got {self.light!r:.80}")
         for name in SHARES:
             check.number(name, getattr(self, name), 0.0, 1.0, hint="a share of one")
+        check.number("grain_mm", self.grain_mm, 0.05, 50.0, hint="millimetres")
         check.number("read_noise_grey", self.read_noise_grey, 0.0, 1e4)
         check.number("shot_noise_grey", self.shot_noise_grey, 0.0, 1e4)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Self
 
 import numpy as np
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 FASTEST_GROWTH = 10.0  # e-folds a mm; lamps make a tenth of that
-FIELDS = ("relative", "flux_x", "flux_y", "growth_per_mm")
+FIELDS = ("relative", "flux_x", "flux_y", "growth_per_mm", "bend_per_mm2")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -34,10 +34,15 @@ class LightMap:
         Power travelling along x and y over the power travelling into the face, shape (m, n): a face that rises towards
         the glass by ``slope`` in a direction catches ``1 + flux * slope`` times the light.
     growth_per_mm
-        The light changes by ``exp(growth_per_mm * displacement)`` when the face is displaced towards the glass, shape
-        (m, n).
+        The light changes by ``exp(growth_per_mm * displacement + bend_per_mm2 * displacement**2)`` when the face is
+        displaced towards the glass, shape (m, n).
+    bend_per_mm2
+        See there; zero when it is not given.
     error
         Standard error of ``relative`` by the number of rays, its root mean square over the face.
+    depletion
+        Light falls by ``1 / (1 + depletion * share)`` all over the face when contact takes that share of it; 0 where
+        nobody knows, or where a map is that of one press.
 
     Raises
     ------
@@ -58,8 +63,12 @@ class LightMap:
     flux_y: NDArray[np.float64]
     growth_per_mm: NDArray[np.float64]
     error: float
+    depletion: float = 0.0
+    bend_per_mm2: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __post_init__(self) -> None:
+        if not np.size(self.bend_per_mm2):
+            object.__setattr__(self, "bend_per_mm2", np.zeros(np.shape(self.growth_per_mm)))
         for name in ("x_mm", "y_mm"):
             object.__setattr__(self, name, ascending(name, getattr(self, name)))
         shape = (len(self.y_mm), len(self.x_mm))
@@ -73,6 +82,7 @@ class LightMap:
             raise InputError("relative must hold some light; got zeros alone")
         check.number("growth_per_mm", float(np.abs(self.growth_per_mm).max()), 0.0, FASTEST_GROWTH, hint="either sign")
         check.number("error", self.error, 0.0, np.inf)
+        check.number("depletion", self.depletion, -1.0, 100.0)
 
     def __eq__(self, other: object) -> bool:
         """Equal by content, like every value without arrays."""
@@ -83,7 +93,7 @@ class LightMap:
 
     def _content(self) -> tuple[bytes | float, ...]:
         arrays = (getattr(self, name).tobytes() for name in ("x_mm", "y_mm", *FIELDS))
-        return (*arrays, self.error)
+        return (*arrays, self.error, self.depletion)
 
     @property
     def sha256(self) -> str:
@@ -121,11 +131,12 @@ class LightMap:
         -------
         Light, shape (l, k).
         """
-        relative, flux_x, flux_y, growth = self.undented(x_mm, y_mm)
+        relative, flux_x, flux_y, growth, bend = self.undented(x_mm, y_mm)
         tilt = 1 + flux_x * np.asarray(slope_x) + flux_y * np.asarray(slope_y)
-        return np.asarray(relative * np.exp(growth * np.asarray(displacement_mm)) * np.maximum(tilt, 0.0))
+        moved = np.asarray(displacement_mm)
+        return np.asarray(relative * np.exp((growth + bend * moved) * moved) * np.maximum(tilt, 0.0))
 
     def undented(self, x_mm: ArrayLike, y_mm: ArrayLike) -> tuple[NDArray[np.float64], ...]:
-        """``relative``, ``flux_x``, ``flux_y`` and ``growth_per_mm`` over a grid, each (len(y_mm), len(x_mm))."""
+        """All five fields over a grid, in the order of `FIELDS`, each (len(y_mm), len(x_mm))."""
         rows, columns = linear_weights(self.y_mm, y_mm), linear_weights(self.x_mm, x_mm).T
         return tuple(np.asarray(rows @ getattr(self, name) @ columns) for name in FIELDS)

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 SMALL = 0.35  # of it: 0.28 mm where the layers are 10 mm thick, as deep as tissue dents a probe
+TYPICAL = 0.75  # of that: a face that is tilted is displaced as well
 DARKEST = 0.02  # of the mean, below which a place's flux is no longer divided by its light
 STEEPEST = 1.25 * RINGS[-1]  # slope up to which the even terms, known to the last ring, are trusted
 FASTEST_PER_MM = 2.0  # growth that is believed: places lit at all change by less, dark ones are mostly noise
@@ -136,16 +137,18 @@ class Irradiance:
         return LightMap(x_mm=x, y_mm=x, relative=light, flux_x=none, flux_y=none, growth_per_mm=none, error=self.error)
 
     def near_undented(self) -> LightMap:
-        """The same light to first order in the slope, growing exponentially with the displacement, for small dents.
+        """The same light to first order in the slope, the log of it to second in the displacement, for small dents.
 
-        The growth is that up to `SMALL` of the second known displacement, at most `FASTEST_PER_MM` of either sign and
-        beyond the rim that of the nearest place inside. What contact takes elsewhere is left out.
+        The flux is that at the displacement of a `TYPICAL` dent. Growth and bend are those up to `SMALL` of the second
+        known displacement, bounded by `FASTEST_PER_MM`, and beyond the rim those of the nearest place inside.
         """
         level = np.maximum(self.terms[0, 0], 0.0)
-        flux_x, flux_y = self.terms[0, 1:3] / np.maximum(level, DARKEST)
-        small = SMALL * self.displacement_mm[1]
-        raised = np.einsum("h,hij->ij", _through(self.displacement_mm, np.array(small)), self.terms[:, 0])
-        growth = np.log(np.maximum(raised, DARKEST) / np.maximum(level, DARKEST)) / small + self.lift_per_mm
+        half, full = (share * SMALL * self.displacement_mm[1] for share in (0.5, 1.0))
+        typical = np.einsum("h,hkij->kij", _through(self.displacement_mm, np.array(TYPICAL * full)), self.terms[:, :3])
+        flux_x, flux_y = typical[1:] / np.maximum(typical[0], DARKEST)
+        at_half, at_full = (self._log_growth(moved) for moved in (half, full))
+        bend = (at_full / full - at_half / half) / (full - half)
+        growth = at_half / half - bend * half
         outside = np.hypot(self.nodes_mm, self.nodes_mm[:, None]) > self.radius_mm
         nearest = distance_transform_edt(outside, return_distances=False, return_indices=True)
         return LightMap(
@@ -155,8 +158,16 @@ class Irradiance:
             flux_x=flux_x,
             flux_y=flux_y,
             growth_per_mm=np.clip(growth[tuple(nearest)], -FASTEST_PER_MM, FASTEST_PER_MM),
+            bend_per_mm2=np.clip(bend[tuple(nearest)], -FASTEST_PER_MM / full, FASTEST_PER_MM / full),
             error=self.error,
+            depletion=self.depletion,
         )
+
+    def _log_growth(self, displacement_mm: float) -> NDArray[np.float64]:
+        """Log of what displacing the level face does to its light, shape (n, n)."""
+        raised = np.einsum("h,hij->ij", _through(self.displacement_mm, np.array(displacement_mm)), self.terms[:, 0])
+        ratio = np.maximum(raised, DARKEST) / np.maximum(self.terms[0, 0], DARKEST)
+        return np.asarray(np.log(ratio) + self.lift_per_mm * displacement_mm)
 
 
 def _through(known: NDArray[np.float64], at: NDArray[np.float64]) -> NDArray[np.float64]:

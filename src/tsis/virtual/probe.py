@@ -26,7 +26,6 @@ FINE = Resolution(order=6, edge=0.006, growth=1.9, largest=0.17, below_cells=4, 
 RESOLUTIONS: dict[str, Resolution | FiniteResolution] = {"small": FINE, "finite": FiniteResolution()}  # by strain
 LARGEST_FORCE_N = 20.0  # commanded; the press itself takes more, so that no drawn error runs into its limit
 DARKEST = 0.02  # of the mean light
-GRAIN_MM = 0.5  # spacing of the radii at which patterns are drawn
 
 
 class VirtualProbe:
@@ -177,8 +176,8 @@ class VirtualProbe:
 
     def _ring_pattern(self, sd: float) -> NDArray[np.float64]:
         """Factor near one that varies with the radius with standard deviation ``sd``; ring means by 0.9 of it."""
-        radius = self.sensor.radius_mm()
-        knots = np.arange(0.0, radius.max() + GRAIN_MM, GRAIN_MM)
+        radius, grain = self.sensor.radius_mm(), self.calibration.grain_mm
+        knots = np.arange(0.0, radius.max() + grain, grain)
         # Lines between independent values have on average two thirds of their variance.
         values = np.sqrt(1.5) * sd * self._rng.standard_normal(len(knots))
         return np.asarray(1 + np.interp(radius, knots, values))
