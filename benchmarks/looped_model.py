@@ -38,8 +38,8 @@ def looped(model: ForwardModel) -> Callable[[Numbers | None, Numbers], Numbers]:
     # What is linear in its nuisance is taken at the believed tissue.
     by_poisson, by_spread = (_in_tissue(_table(one), *believed) for one in (rings.by_poisson, rings.by_spread))
     tables = (_table(rings.answer), by_poisson, by_spread)
-    answer = (known.gain_grey_per_kpa, known.saturation_kpa)
-    light = (model.level, model.shading.growth_per_mm, model.shading.flux)
+    answer = (known.gain_grey_per_kpa, known.saturation_kpa, model.depletion_per_n)
+    light = (model.level, model.shading.growth_per_mm, model.shading.bend_per_mm2, model.shading.flux)
     nothing = np.zeros(3)
 
     def grey(inclusion: Numbers | None, nuisance: Numbers) -> Numbers:
@@ -56,7 +56,7 @@ def looped(model: ForwardModel) -> Callable[[Numbers | None, Numbers], Numbers]:
 def log_likelihood(model: ForwardModel, data: Profiles) -> Callable[[Numbers | None, Numbers], float]:
     """Log density of the usable profiles, without the constant of the noise, for one inclusion and nuisances."""
     grey, use = looped(model), data.usable.ravel()
-    precision = np.linalg.inv(noise(data.grey, data.variance, model.calibration)[np.ix_(use, use)])
+    precision = np.linalg.inv(noise(data.grey, data.variance, model)[np.ix_(use, use)])
     seen = data.grey.ravel()[use]
 
     def density(inclusion: Numbers | None, nuisance: Numbers) -> float:
@@ -189,13 +189,13 @@ def _grey(
     plain: NDArray[np.bool],
     site: NDArray[np.bool],
     believed: tuple[float, float],
-    answer: tuple[float, float],
-    light: tuple[Numbers, Numbers, Numbers],
+    answer: tuple[float, float, float],
+    light: tuple[Numbers, Numbers, Numbers, Numbers],
     rings: int,
     is_domed: bool,
 ) -> Numbers:
-    gain, saturation = answer
-    level, growth, flux = light
+    gain, saturation, depletion = answer
+    level, growth, bend, flux = light
     frames = len(force_n)
     grey = np.empty((frames, rings))
     shown = -1  # which press ``found`` holds: frames of one site share it
@@ -205,6 +205,7 @@ def _grey(
             shown = int(site[frame])
             found = _answers(tables, inclusion, nuisance, believed, rings, plain[frame], site[frame])
         force = force_n[frame] * math.exp(nuisance[10 + frame])
+        bright = math.exp(nuisance[0]) / (1.0 + depletion * force)
         for ring in range(rings):
             pressure, displacement, slope = (
                 force * found[ring],
@@ -218,7 +219,8 @@ def _grey(
             x = 2.0 * ring / (rings - 1) - 1.0
             emphasis = nuisance[7] + nuisance[8] * x + nuisance[9] * (1.5 * x * x - 0.5)
             tilt = max(1.0 + flux[ring] * slope, DARKEST)
-            shade = (math.exp(growth[ring] * displacement) * tilt) ** (1.0 + emphasis)
+            grown = math.exp(growth[ring] * displacement + bend[ring] * displacement**2)
+            shade = (grown * tilt) ** (1.0 + emphasis)
             contact = gain * saturation * math.erf(math.sqrt(math.pi) / 2 * max(pressure, 0.0) / saturation)
-            grey[frame, ring] = math.exp(nuisance[0]) * contact * shade + nuisance[10 + frames + frame] / level[ring]
+            grey[frame, ring] = bright * contact * shade + nuisance[10 + frames + frame] / level[ring]
     return grey

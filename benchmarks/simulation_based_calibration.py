@@ -46,7 +46,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.inclusion.exploration import Posterior
-    from tsis.model import Calibration
 
 PROTOCOLS = {one.name: one for one in SMALL}
 ALONE = ("flat-alone", "domed")
@@ -121,20 +120,23 @@ class Experiment:
 
     def observed(self, grey: NDArray[np.float64], rng: np.random.Generator) -> Profiles:
         """Profiles with noise around ``grey``."""
-        seen = rng.multivariate_normal(
-            grey.ravel(), noise(grey, self.variance(grey), self.model.calibration), method="cholesky"
-        ).reshape(grey.shape)
+        around = noise(grey, self.variance(grey), self.model)
+        seen = rng.multivariate_normal(grey.ravel(), around, method="cholesky").reshape(grey.shape)
         return Profiles(grey=seen, variance=self.variance(seen), usable=np.ones(grey.shape, dtype=bool))
 
 
-def noise(grey: NDArray[np.float64], variance: NDArray[np.float64], calibration: Calibration) -> NDArray[np.float64]:
-    """Covariance of raveled profiles: a pattern that the frames of a ring share, and what each mean has for its own."""
+def noise(grey: NDArray[np.float64], variance: NDArray[np.float64], model: ForwardModel) -> NDArray[np.float64]:
+    """Covariance of raveled profiles: what each mean has for its own, and patterns that its neighbours share.
+
+    One pattern is that of the probe, common to the frames; another is drawn by each press.
+    """
     frames, rings = grey.shape
-    same_ring = np.tile(np.eye(rings), (frames, frames))
-    own = variance + (calibration.repeatability_sd * grey) ** 2
-    return np.asarray(
-        np.diag(own.ravel()) + calibration.pattern_sd**2 * same_ring * np.outer(grey.ravel(), grey.ravel())
-    )
+    known, alike = model.calibration, np.eye(rings) if model.alike is None else model.alike
+    covariance = np.empty((frames, rings, frames, rings))
+    for i, j in np.ndindex(frames, frames):
+        common = known.pattern_sd**2 + (i == j) * known.repeatability_sd**2
+        covariance[i, :, j] = common * alike * np.outer(grey[i], grey[j])
+    return np.asarray(covariance.reshape(grey.size, grey.size) + np.diag(variance.ravel()))
 
 
 def draw(

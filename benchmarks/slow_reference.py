@@ -85,7 +85,7 @@ def weighted(
     started = perf_counter()
     prior, sd = experiment.model.prior, experiment.nuisance_sd(data.grey)
     density, likelihood = log_likelihood(experiment.model, data), Likelihood(experiment.model, data)
-    precision = np.asarray(np.linalg.inv(noise(data.grey, data.variance, experiment.model.calibration)), dtype=float)
+    precision = np.asarray(np.linalg.inv(noise(data.grey, data.variance, experiment.model)), dtype=float)
     believed = multivariate_normal(np.zeros(len(sd)), np.diag(sd**2))
     points, log_proposal = _proposed(prior, found, count, rng)
     start = likelihood.start if found is None else found.fit.nuisance[0]

@@ -15,6 +15,7 @@ from scipy.stats import kstest
 
 from tsis.inclusion import PARAMETERS, InclusionPrior
 from tsis.inclusion.forward import SHARED, THICKNESS
+from tsis.inclusion.frames import ring_edges
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -39,23 +40,36 @@ def judged(rank: NDArray[np.float64], *, mean: NDArray[np.float64] | None = None
 
 
 def test_noise_has_the_covariance_that_is_stated(flat_with_reference: Experiment) -> None:
-    """By its parts: one pattern a ring for all frames, and what each mean has for its own."""
+    """By its parts: a pattern for all frames, one of each press, both of grains, and what each mean has for its own."""
     rng, grey = np.random.default_rng(1), flat_with_reference.known(np.array([10.0, 5.0, 60.0]))
     variance, known = flat_with_reference.variance(grey), flat_with_reference.model.calibration
-    count = 20_000
-    own = np.sqrt(variance + (known.repeatability_sd * grey) ** 2) * rng.standard_normal((count, *grey.shape))
-    pattern = known.pattern_sd * grey * rng.standard_normal((count, 1, grey.shape[1]))
-    drawn = np.cov((own + pattern).reshape(count, -1).T)
-    found = noise(grey, variance, known)
+    edges, grain, count = ring_edges(PROTOCOLS["flat"].probe), known.grain_mm, 20_000
+    radius = np.linspace(0.0, edges[-1], 20 * 16 + 1)
+    middle = (radius[1:] + radius[:-1]) / 2
+    weight = middle.reshape(20, 16) / middle.reshape(20, 16).sum(axis=1, keepdims=True)
+    knots = np.arange(-2 * grain, edges[-1] + 3 * grain, grain)
+
+    def grains() -> NDArray[np.float64]:
+        """Means over rings of lines between values drawn wherever, of variance one on average."""
+        values = np.sqrt(1.5) * rng.standard_normal(len(knots))
+        line = np.interp(middle + grain * rng.random(), knots, values)
+        return np.asarray((weight * line.reshape(20, 16)).sum(axis=1))
+
+    drawn = np.array(
+        [known.pattern_sd * grains() + known.repeatability_sd * np.array([grains(), grains()]) for _ in range(count)]
+    )
+    drawn = drawn * grey + np.sqrt(variance) * rng.standard_normal((count, *grey.shape))
+    found = noise(grey, variance, flat_with_reference.model)
     size = np.sqrt(np.outer(np.diag(found), np.diag(found)))
-    np.testing.assert_allclose(drawn / size, found / size, atol=0.04)
-    assert (found - np.diag(np.diag(found))).max() > 0
+    np.testing.assert_allclose(np.cov(drawn.reshape(count, -1).T) / size, found / size, atol=0.04)
+    own = np.diag(variance.ravel())
+    assert np.linalg.norm(found - own) > 0.5 * np.linalg.norm(found)
 
 
 def test_profiles_scatter_as_they_say(flat_with_reference: Experiment) -> None:
     rng, grey = np.random.default_rng(2), flat_with_reference.known(np.array([10.0, 5.0, 60.0]))
     seen = [flat_with_reference.observed(grey, rng) for _ in range(2000)]
-    sd = np.sqrt(np.diag(noise(grey, flat_with_reference.variance(grey), flat_with_reference.model.calibration)))
+    sd = np.sqrt(np.diag(noise(grey, flat_with_reference.variance(grey), flat_with_reference.model)))
     np.testing.assert_allclose(np.std([one.grey for one in seen], axis=0).ravel(), sd, rtol=0.08)
     np.testing.assert_allclose(seen[0].variance, flat_with_reference.variance(grey), rtol=0.05)
 

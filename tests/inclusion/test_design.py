@@ -74,14 +74,16 @@ def test_information_is_the_curvature_of_the_likelihood(views: dict[str, Planned
     grey, slopes = view.model.profiles(at[None], view.start)
     mean, slope = grey[0].ravel(), slopes[0].reshape(-1, len(view.start))
     frames, rings = grey[0].shape
-    noise = np.zeros((mean.size, mean.size))
+    alike, noise = view.model.alike, np.zeros((mean.size, mean.size))
+    assert alike is not None
     for i, j in np.ndindex(mean.size, mean.size):
-        if i % rings == j % rings:
-            noise[i, j] = known.pattern_sd**2 * mean[i] * mean[j]
+        both = alike[i % rings, j % rings] * mean[i] * mean[j]
+        noise[i, j] = known.pattern_sd**2 * both
+        if i // rings == j // rings:
+            noise[i, j] += known.repeatability_sd**2 * both
         if i == j:
             pixel = known.read_noise_grey**2 + known.shot_noise_grey * mean[i] + 1 / 12
-            noise[i, i] += pixel / count[i % rings]
-            noise[i, i] += (known.repeatability_sd**2 + made_ready.MODEL_ERROR**2) * mean[i] ** 2
+            noise[i, i] += pixel / count[i % rings] + (made_ready.MODEL_ERROR * mean[i]) ** 2
     sd = view.model.nuisance_sd(grey[0].mean(axis=1))
     covariance = noise + slope @ np.diag(sd**2) @ slope.T
     step = np.array([0.02, 0.01, 0.5])

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from benchmarks.looped_model import log_likelihood, looped
 from benchmarks.slow_reference import PROTOCOLS, compare, simulated
+from scipy.linalg import block_diag
 from scipy.stats import multivariate_normal
 
 from tsis.inclusion.forward import SHARED
@@ -39,10 +40,13 @@ def test_its_density_is_the_normal_one_of_the_usable_rings() -> None:
     usable[0, 4] = usable[1, 15:] = False
     density = log_likelihood(experiment.model, replace(data, usable=usable))
     known, grey, use = experiment.model.calibration, data.grey, usable.ravel()
-    # A pattern that one draw a ring gives all frames, and draws of each mean for itself.
-    pattern = np.concatenate([np.diag(known.pattern_sd * row) for row in grey])
-    own = np.diag((data.variance + (known.repeatability_sd * grey) ** 2).ravel())
-    normal = multivariate_normal(cov=(own + pattern @ pattern.T)[np.ix_(use, use)])
+    assert experiment.model.alike is not None
+    root = np.linalg.cholesky(experiment.model.alike)
+    # Neighbouring rings share grains: of a pattern that all frames show, and of one that each press draws anew.
+    pattern = np.concatenate([known.pattern_sd * row[:, None] * root for row in grey])
+    repeated = block_diag(*[known.repeatability_sd * row[:, None] * root for row in grey])
+    cov = np.diag(data.variance.ravel()) + pattern @ pattern.T + repeated @ repeated.T
+    normal = multivariate_normal(cov=cov[np.ix_(use, use)])
     found, expected = [], []
     for diameter in (9.0, 10.0, 11.0):
         inclusion, nuisance = np.array([diameter, 5.0, 60.0]), np.zeros(SHARED + 4)
