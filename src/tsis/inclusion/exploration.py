@@ -38,6 +38,8 @@ class Posterior:
         Equally weighted diameters, depths and moduli, shape (n, 3).
     fit
         The fit at their mean.
+    log_bayes_factor
+        Log of how much better inclusions of the prior explain the frames than plain tissue does.
     presence
         Probability that there is an inclusion at all.
     information
@@ -46,6 +48,7 @@ class Posterior:
 
     samples: NDArray[np.float64]
     fit: Fit
+    log_bayes_factor: float
     presence: float
     information: NDArray[np.float64]
 
@@ -65,11 +68,13 @@ def explore(likelihood: Likelihood, prior: InclusionPrior) -> Posterior:
     grid = _corrected(_search(nearby, chart, CELLS, near), likelihood, nearby, chart, nuisance)
     mean = chart.inclusions(grid.mean()[None])[0]
     log_volume = float(np.log(prior.high - prior.low).sum())
+    log_bayes_factor = grid.log_integral - log_volume - _plain_evidence(likelihood)
     fit, information = likelihood.with_information(mean, nuisance)
     return Posterior(
         samples=np.clip(chart.inclusions(grid.samples(SAMPLES)), prior.low, prior.high),
         fit=fit,
-        presence=float(expit(logit(prior.presence) + grid.log_integral - log_volume - _plain_evidence(likelihood))),
+        log_bayes_factor=log_bayes_factor,
+        presence=float(expit(logit(prior.presence) + log_bayes_factor)),
         information=information,
     )
 

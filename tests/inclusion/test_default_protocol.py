@@ -1,0 +1,156 @@
+"""The default protocol, a dome under two forces with references: truth inside, and never a confident wrong number."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+import tsis
+from tsis.inclusion import InclusionPrior, estimate
+from tsis.inclusion.exploration import explore
+from tsis.inclusion.posterior import reading_of
+from tsis.inclusion.verdict import DISTRUSTED
+from tsis.model import LightMap
+from tsis.model.errors import InputError, NotCalibratedError
+from tsis.virtual import VirtualProbe
+
+if TYPE_CHECKING:
+    from tsis import Estimate, Phantom, TactileImage
+    from tsis.mechanics import CoveredSurrogate
+
+pytestmark = pytest.mark.usefixtures("flat", "domed")
+
+DOMED, FLAT = tsis.load_probe("tsis-domed"), tsis.load_probe("tsis-2011")
+PLAIN = tsis.load_phantom("plain")
+LUMP = replace(PLAIN, inclusion=tsis.Inclusion(diameter_mm=14.0, depth_mm=4.5, young_kpa=45.0), name="large and soft")
+PRIOR = InclusionPrior()
+FORCES = (0.5, 1.0)
+Frames = tuple[list["TactileImage"], list["TactileImage"]]
+
+
+def bench(seed: int = 3, probe: tsis.Probe = DOMED) -> VirtualProbe:
+    return VirtualProbe(probe, rng=np.random.default_rng(seed), light=LightMap.uniform())
+
+
+def pressed(phantom: Phantom, *, seed: int = 3, probe: tsis.Probe = DOMED, site: Phantom = PLAIN) -> Frames:
+    virtual = bench(seed, probe)
+    return [virtual.press(phantom, force_n=f) for f in FORCES], [virtual.press(site, force_n=f) for f in FORCES]
+
+
+def found_in(frames: Frames, probe: tsis.Probe = DOMED) -> Estimate:
+    targets, references = frames
+    return estimate(targets, probe=probe, calibration=bench(probe=probe).calibration, reference=references)
+
+
+@pytest.fixture(scope="module")
+def lump() -> Frames:
+    return pressed(LUMP)
+
+
+@pytest.fixture(scope="module")
+def told(lump: Frames) -> Estimate:
+    return found_in(lump)
+
+
+def test_two_forces_on_a_dome_tell_the_modulus_and_on_a_flat_face_do_not(told: Estimate) -> None:
+    assert LUMP.inclusion is not None
+    for name in told.mean:
+        assert abs(told.mean[name] - getattr(LUMP.inclusion, name)) < 3 * told.sd[name]
+    assert told.narrowing["young_kpa"] < 0.7
+    assert "young_kpa_not_identified" not in told.flags
+    flat = found_in(pressed(LUMP, probe=FLAT), FLAT)
+    assert flat.sd["young_kpa"] > 1.3 * told.sd["young_kpa"]
+
+
+def test_what_is_told_is_said_in_one_sentence(told: Estimate) -> None:
+    assert told.trusted
+    assert told.identifiability.startswith("Diameter ")
+    assert told.identifiability.endswith("kPa.")
+    assert "uniform" in told.prior
+    assert told.presence is not None
+    assert told.presence > 0.999
+    # The prior ends, which an unbiased estimate does not know of; what is well told it cannot tell better.
+    assert told.cramer_rao_sd["depth_mm"] == pytest.approx(told.sd["depth_mm"], rel=0.5)
+    alone = estimate(pressed(LUMP, probe=FLAT)[0][1], probe=FLAT, calibration=bench(probe=FLAT).calibration)
+    assert "modulus is not identifiable" in alone.identifiability
+
+
+def test_the_bayes_factor_is_the_integral_of_the_likelihood(domed: CoveredSurrogate) -> None:
+    """Of a faint inclusion, over the prior, by plain Monte Carlo."""
+    faint = replace(PLAIN, inclusion=tsis.Inclusion(diameter_mm=1.5, depth_mm=6.0, young_kpa=80.0))
+    targets, references = pressed(faint, seed=5)
+    narrow = InclusionPrior(diameter_mm=(1.0, 3.0))
+    likelihood = reading_of(
+        targets, references, domed, probe=DOMED, calibration=bench().calibration, prior=narrow
+    ).likelihood
+    found = explore(likelihood, narrow)
+    nuisance = likelihood.within(found.fit.nuisance[0])
+    draws = np.random.default_rng(1).uniform(narrow.low, narrow.high, (6000, 3))
+    log_evidence = np.concatenate([likelihood(part, nuisance).log_evidence for part in np.array_split(draws, 20)])
+    plain = likelihood(None, likelihood.within(likelihood(None, likelihood.start).nuisance[0])).log_evidence[0]
+    expected = np.log(np.mean(np.exp(log_evidence - plain)))
+    assert found.log_bayes_factor == pytest.approx(expected, abs=0.3)
+
+
+def test_plain_tissue_shows_no_inclusion() -> None:
+    for seed in (3, 4):
+        blank = found_in(pressed(PLAIN, seed=seed))
+        assert blank.presence is not None
+        assert blank.presence < 0.5
+        assert {"no_inclusion", "inclusion_uncertain"} & set(blank.flags)
+
+
+def test_presses_of_two_inclusions_contradict_each_other(lump: Frames) -> None:
+    other = pressed(tsis.load_phantom("depth-12"))
+    mixed = found_in(([lump[0][0], other[0][1]], [lump[1][0], other[1][1]]))
+    assert not mixed.trusted
+    assert {"presses_disagree", "model_does_not_fit"} & set(mixed.flags)
+
+
+def test_tissue_much_stiffer_than_believed_is_noticed() -> None:
+    stiff = replace(LUMP, young_kpa=8.0)
+    result = found_in(pressed(stiff, site=replace(PLAIN, young_kpa=8.0)))
+    assert DISTRUSTED & set(result.flags)
+    assert not result.trusted
+
+
+@pytest.mark.parametrize(("force_n", "phrase"), [(0.2, "force_n must be from 0.39 N"), (9.0, "up to 2.2 N")])
+def test_forces_that_the_model_does_not_hold_for_are_refused(lump: Frames, force_n: float, phrase: str) -> None:
+    targets, references = lump
+    with pytest.raises(InputError, match=phrase) as refused:
+        found_in(([targets[0], replace(targets[1], force_n=force_n)], references))
+    assert "\n" not in str(refused.value)
+
+
+def test_the_calibration_of_another_probe_is_refused(lump: Frames) -> None:
+    with pytest.raises(NotCalibratedError, match="calibration must be that of the probe 'tsis-domed'"):
+        estimate(lump[0], probe=DOMED, calibration=replace(bench().calibration, probe="tsis-2011"), reference=lump[1])
+
+
+def test_a_frame_without_contact_is_refused(lump: Frames) -> None:
+    untouched = replace(bench().no_contact(), force_n=1.0)
+    with pytest.raises(InputError, match="images must show a press"):
+        found_in(([lump[0][0], untouched], lump[1]))
+
+
+def test_an_inclusion_beside_the_axis_is_corrected_and_far_from_it_not_believed(lump: Frames) -> None:
+    """The pictures of the change are moved, which the flat model takes for a move of the inclusion."""
+    targets, references = pressed(LUMP, probe=FLAT)
+
+    def moved(millimetres: float) -> Estimate:
+        columns = round(millimetres / targets[0].scale()[0])
+        shifted = [
+            replace(target, grey=np.clip(reference.grey + np.roll(target.grey - reference.grey, columns, 1), 0, 254))
+            for target, reference in zip(targets, references, strict=True)
+        ]
+        return estimate(shifted, probe=FLAT, calibration=bench(probe=FLAT).calibration, reference=references)
+
+    assert LUMP.inclusion is not None
+    near, far = moved(1.0), moved(4.0)
+    assert abs(near.mean["depth_mm"] - LUMP.inclusion.depth_mm) < 4 * near.sd["depth_mm"]
+    assert "off_axis" not in near.flags
+    assert "off_axis" in far.flags
+    assert not far.trusted
