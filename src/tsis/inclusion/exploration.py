@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from tsis.inclusion.prior import InclusionPrior
 
 LINEARISATIONS = 2  # before that of the answer
-COARSE, CELLS = 12, 16  # along each axis
+COARSE, CLOSE, CELLS = 12, 10, 16  # along each axis: anywhere, where a look was before, and in the answer
 CHECKED = 64  # places at which the fast likelihood is compared
-SAMPLES = 16384
+SAMPLES = 8192
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -85,8 +85,9 @@ def _search(nearby: Nearby, chart: SignalChart, cells: int, near: SlantedBox | N
     def density(points: NDArray[np.float64]) -> NDArray[np.float64]:
         return nearby(chart.inclusions(points)) + chart.log_volume(points)
 
+    finder = COARSE if near is None else CLOSE
     return refine(
-        density, chart.low, chart.high, support=chart.allows, per_axis=cells, finder=COARSE, near=near, finest=finest
+        density, chart.low, chart.high, support=chart.allows, per_axis=cells, finder=finder, near=near, finest=finest
     )
 
 
@@ -110,7 +111,7 @@ def _corrected(
 
 def _plain_evidence(likelihood: Likelihood) -> float:
     """Log evidence of plain tissue."""
-    nuisance = likelihood.start
+    fit = likelihood(None, likelihood.start)
     for _ in range(LINEARISATIONS):
-        nuisance = likelihood.within(likelihood(None, nuisance).nuisance[0])
-    return float(likelihood(None, nuisance).log_evidence[0])
+        fit = likelihood(None, likelihood.within(fit.nuisance[0]))
+    return float(fit.log_evidence[0])

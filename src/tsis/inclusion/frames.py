@@ -52,7 +52,7 @@ def check_frames(frames: list[TactileImage]) -> list[str]:
 
     Returns
     -------
-    SHA-256 of the grey levels of each.
+    SHA-256 of the grey levels of each, in single precision, which holds 16 bits exactly.
     """
     first, seen = frames[0], list[str]()
     for frame in frames:
@@ -69,7 +69,7 @@ def check_frames(frames: list[TactileImage]) -> list[str]:
                 f"all images must share the shape {first.grey.shape} and axis_px {first.axis_px}; "
                 f"{label!r} has {frame.grey.shape} and {frame.axis_px}"
             )
-        digest = hashlib.sha256(np.ascontiguousarray(frame.grey).data).hexdigest()
+        digest = hashlib.sha256(frame.grey.astype(np.float32).data).hexdigest()
         if digest in seen:
             raise InputError(f"images must be different frames; {label!r} is given twice, which tells nothing new")
         seen.append(digest)

@@ -9,6 +9,7 @@ counts by the share of it that lies inside.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,19 +29,23 @@ ENOUGH_SHARE = 0.04  # of the cells: effective number that a refinement step lea
 NEGLIGIBLE = np.log(1e-7)  # log weight, relative to the best cell, that the next grid may leave out
 FAINT = np.log(1e-2)  # the same after tempering: the density itself is far smaller there
 STEPS = 40
+FEWEST = 12  # cells along each axis with which a density is found that may lie anywhere
 WIDER = 2.0  # than a box that held nearly the same density
 STUCK = 0.7  # share of the volume: a box that shrinks less cannot be resolved by shrinking
 TRIES = 16  # draws from a cell at the edge before its centroid is taken
 ELSEWHERE = np.array([0.8191725134, 0.6710436067, 0.5497004779])  # Kronecker sequence that fills a cube evenly
 
 
+@cache
 def _lattice(per_axis: int, *, ends: bool) -> NDArray[np.float64]:
     """Points of a regular lattice in the cube [-1/2, 1/2]**3, with its faces or without, shape (per_axis**3, 3)."""
     steps = np.linspace(-0.5, 0.5, per_axis) if ends else (np.arange(per_axis) + 0.5) / per_axis - 0.5
-    return np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
+    points = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
+    points.flags.writeable = False
+    return points
 
 
-CORNERS = _lattice(2, ends=True)
+CORNERS = 8  # of a cell
 INNER = _lattice(4, ends=False)
 INNER_AND_ENDS = _lattice(5, ends=True)
 
@@ -145,7 +150,8 @@ def refine(
     per_axis
         Cells along each axis of the answer.
     finder
-        Cells along each axis of the grids that find where it lies, at most ``per_axis``.
+        Cells along each axis of the grids that find where it lies, at most ``per_axis``; `FEWEST` or more where it may
+        lie anywhere.
     near
         Box of a density that is much the same, in which to look first.
     finest
@@ -156,11 +162,41 @@ def refine(
         def support(points: NDArray[np.float64]) -> NDArray[np.bool_]:
             return np.asarray(((points >= low) & (points <= high)).all(axis=1))
 
-    start = low, np.diag(high - low)
-    if near is not None and _holds(near, log_density, support, finder):
-        start = near
-    cells = _find(log_density, (low, high), support, (finder, per_axis, finest * per_axis), start=start)
-    return Grid(cells=cells, log_density=log_density(cells.points), support=support)
+    def look(box: SlantedBox, count: int) -> _Look:
+        cells = _cells(*box, count, support)
+        return _Look(box=box, per_axis=count, cells=cells, log_density=log_density(cells.points))
+
+    start = None if near is None else look(near, finder)
+    if start is None or not start.holds:
+        start = look((low, np.diag(high - low)), max(finder, FEWEST))
+    answer = look(*_find(look, start, (low, high), (per_axis, finest * per_axis)))
+    return Grid(cells=answer.cells, log_density=answer.log_density, support=support)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Look:
+    """A density in the cells of a box."""
+
+    box: SlantedBox
+    per_axis: int
+    cells: Cells
+    log_density: NDArray[np.float64]
+
+    @property
+    def log_weight(self) -> NDArray[np.float64]:
+        """Log of what each cell holds over what the fullest does."""
+        weight = self.log_density + np.log(self.cells.share)
+        return np.asarray(weight - weight.max())
+
+    @property
+    def holds(self) -> bool:
+        """Whether the density is faint where the box ends, but for where it ends itself."""
+        if not len(self.cells.centre):
+            return False
+        origin, axes = self.box
+        place = (self.cells.centre - origin) @ np.linalg.inv(axes)
+        outermost = (np.abs(place - 0.5) > 0.5 - 1 / self.per_axis).any(axis=1) & (self.cells.share == 1.0)
+        return not outermost.any() or float(self.log_weight[outermost].max()) < FAINT
 
 
 def box_around(points: NDArray[np.float64], log_density: NDArray[np.float64], edges: NDArray[np.float64]) -> SlantedBox:
@@ -179,49 +215,29 @@ def box_around(points: NDArray[np.float64], log_density: NDArray[np.float64], ed
     return middle + shear @ first, (shear * (last - first)).T
 
 
-def _holds(box: SlantedBox, log_density: LogDensity, support: Support, per_axis: int) -> bool:
-    """Whether the density is faint where the box ends, but for where it ends itself."""
-    origin, axes = box
-    cells = _cells(origin, axes, per_axis, support)
-    if not len(cells.centre):
-        return False
-    log_weight = log_density(cells.points)
-    place = (cells.centre - origin) @ np.linalg.inv(axes)
-    outermost = (np.abs(place - 0.5) > 0.5 - 1 / per_axis).any(axis=1) & (cells.share == 1.0)
-    return not outermost.any() or float(log_weight[outermost].max() - log_weight.max()) < FAINT
-
-
 def _find(
-    log_density: LogDensity,
+    look: Callable[[SlantedBox, int], _Look],
+    found: _Look,
     ends: tuple[NDArray[np.float64], NDArray[np.float64]],
-    support: Support,
-    counts: tuple[int, int, int],
-    *,
-    start: SlantedBox,
-) -> Cells:
-    """Cells that resolve the density, looked for from a box that is larger.
-
-    ``counts`` are cells along each axis: on the way, in the answer, and at most in either.
-    """
-    low, high = ends
-    (origin, axes), (per_axis, fine, most) = start, counts
+    counts: tuple[int, int],
+) -> tuple[SlantedBox, int]:
+    """The box that holds a density and no more, and cells along its axes; ``counts`` are the wanted and the most."""
+    (fine, most), per_axis = counts, found.per_axis
     resolved = False
     for _ in range(STEPS):
-        cells = _cells(origin, axes, per_axis, support)
-        log_weight = log_density(cells.points) + np.log(cells.share)
-        log_weight -= log_weight.max()
+        log_weight = found.log_weight
         power = _temper(log_weight, min(ENOUGH_SHARE * per_axis**3, len(log_weight) / 2))
-        before = abs(np.linalg.det(axes))
-        origin, axes = _sheared_box(cells, log_weight, power, low, high)
+        box = _sheared_box(found.cells, log_weight, power, *ends)
         # One more grid at temperature one: the last that was tempered is too wide for the density itself.
         if resolved and power == 1.0:
             break
         resolved = power == 1.0
-        if power < 1.0 and abs(np.linalg.det(axes)) > STUCK * before:
+        if power < 1.0 and abs(np.linalg.det(box[1])) > STUCK * abs(np.linalg.det(found.box[1])):
             if per_axis >= most:
                 break
             per_axis = min(3 * per_axis // 2, most)
-    return _cells(origin, axes, max(per_axis, fine), support)
+        found = look(box, per_axis)
+    return box, max(per_axis, fine)
 
 
 def _cells(origin: NDArray[np.float64], axes: NDArray[np.float64], per_axis: int, support: Support) -> Cells:
@@ -230,11 +246,12 @@ def _cells(origin: NDArray[np.float64], axes: NDArray[np.float64], per_axis: int
     edges = axes / per_axis
     if support(origin + (INNER_AND_ENDS + 0.5) @ axes).all():  # the region bulges little, so that all cells lie inside
         return Cells(centre=centre, edges=edges, points=centre, share=np.ones(len(centre)))
-    corners = _supported(centre, edges, CORNERS, support).sum(axis=1)
+    corners = _corners_inside(origin, axes, per_axis, support)
     centre, corners = centre[corners > 0], corners[corners > 0]
     points, share = centre.copy(), np.ones(len(centre))
-    cut = corners < len(CORNERS)
-    inside = _supported(centre[cut], edges, INNER, support).astype(float)
+    cut = corners < CORNERS
+    inner = centre[cut][:, None] + INNER @ edges
+    inside = support(inner.reshape(-1, 3)).reshape(-1, len(INNER)).astype(float)
     count = inside.sum(axis=1)
     share[cut] = count / len(INNER)
     points[cut] += (inside / np.maximum(count, 1.0)[:, None]) @ INNER @ edges
@@ -242,12 +259,16 @@ def _cells(origin: NDArray[np.float64], axes: NDArray[np.float64], per_axis: int
     return Cells(centre=centre[some], edges=edges, points=points[some], share=share[some])
 
 
-def _supported(
-    centre: NDArray[np.float64], edges: NDArray[np.float64], places: NDArray[np.float64], support: Support
-) -> NDArray[np.bool_]:
-    """Whether each of the ``places`` in each cell lies inside the support, shape (cells, places)."""
-    points = centre[:, None] + places @ edges
-    return support(points.reshape(-1, 3)).reshape(len(centre), len(places))
+def _corners_inside(
+    origin: NDArray[np.float64], axes: NDArray[np.float64], per_axis: int, support: Support
+) -> NDArray[np.int64]:
+    """How many corners of each cell lie inside the support, shape (cells,); neighbours share theirs."""
+    vertices = support(origin + (_lattice(per_axis + 1, ends=True) + 0.5) @ axes)
+    cube = vertices.reshape(3 * (per_axis + 1,)).astype(np.int64)
+    for axis in range(3):
+        low, high = (np.take(cube, range(start, start + per_axis), axis=axis) for start in (0, 1))
+        cube = low + high
+    return cube.ravel()
 
 
 def _temper(log_weight: NDArray[np.float64], enough: float) -> float:

@@ -128,7 +128,7 @@ def _cells(target: TactileImage, reference: TactileImage, known: Calibration, ra
     x = (_means(np.arange(columns)[None, :], (1, size[1]))[0] - ax) * sx
     y = (_means(np.arange(rows)[:, None], (size[0], 1))[:, 0] - ay) * sy
     pressed, plain = (_means(frame.grey, size) - known.background_grey for frame in (target, reference))
-    brightest = _means(np.maximum(target.grey, reference.grey), size, np.maximum)
+    brightest = _brightest(target, reference, size)
     light = np.ones_like(plain) if known.light is None else known.light.at(x, y)
     inside = (np.hypot(x, y[:, None]) < OUTER_SHARE * radius_mm) & (brightest < target.full_scale)
     inside &= light > DARKEST * light.max()
@@ -155,6 +155,14 @@ def _cells(target: TactileImage, reference: TactileImage, known: Calibration, ra
         plain=basis @ smooth * np.sqrt(variance),
         variance=variance,
     )
+
+
+def _brightest(target: TactileImage, reference: TactileImage, size: tuple[int, int]) -> NDArray[np.float64]:
+    """Largest grey level of either frame in each cell; looked for cell by cell only where something clips."""
+    most = max(float(target.grey.max()), float(reference.grey.max()))
+    if most < target.full_scale:
+        return np.full([length // of for length, of in zip(target.grey.shape, size, strict=True)], most)
+    return _means(np.maximum(target.grey, reference.grey), size, np.maximum)
 
 
 def _unit(squared: NDArray[np.float64]) -> NDArray[np.float64]:
