@@ -284,13 +284,15 @@ def rows(protocol: str, inclusion: Sequence[float], found: Comparison) -> list[l
 def main() -> None:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--case", type=int, choices=range(1, 1 + len(CASES)), action="append", help="of the table")
     parser.add_argument("--samples", type=int, default=12000, help="of importance sampling")
     parser.add_argument("--live", type=int, default=300, help="live points of nested sampling")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")
     options = parser.parse_args()
     lines: list[list[str]] = []
-    for protocol, inclusion in CASES:
+    for number in options.case or range(1, 1 + len(CASES)):
+        protocol, inclusion = CASES[number - 1]
         found = compare(protocol, inclusion, samples=options.samples, live=options.live, seed=options.seed)
         lines += rows(protocol, inclusion, found)
     title = f"posterior mean and standard deviation, {options.samples} samples, {options.live} live points"
