@@ -15,6 +15,7 @@ from tsis.inclusion.chart import SignalChart
 from tsis.mechanics import contrast_factor
 from tsis.model.errors import InputError
 
+BEND = np.zeros(2)
 PRIOR = InclusionPrior()
 
 
@@ -57,7 +58,7 @@ INCLUSIONS = st.tuples(st.floats(1.0, 15.0), st.floats(4.0, 12.0), st.floats(40.
 
 @given(inclusion=INCLUSIONS)
 def test_points_of_the_chart_are_inclusions_of_equal_signal(inclusion: tuple[float, float, float]) -> None:
-    chart = SignalChart(PRIOR)
+    chart = SignalChart(prior=PRIOR, bend_mm=BEND)
     diameter, depth, young = inclusion
     signal = diameter * np.cbrt(contrast_factor(young / 5.0))
     point = np.array([[signal, depth, young]])
@@ -69,7 +70,7 @@ def test_points_of_the_chart_are_inclusions_of_equal_signal(inclusion: tuple[flo
 @given(inclusion=INCLUSIONS)
 def test_the_chart_keeps_the_prior_uniform(inclusion: tuple[float, float, float]) -> None:
     """The volume factor is the determinant of the map, here by finite differences."""
-    chart = SignalChart(PRIOR)
+    chart = SignalChart(prior=PRIOR, bend_mm=BEND)
     diameter, depth, young = inclusion
     point = np.array([diameter * np.cbrt(contrast_factor(young / 5.0)), depth, np.clip(young, 40.01, 119.99)])
     step = 1e-5
@@ -78,8 +79,32 @@ def test_the_chart_keeps_the_prior_uniform(inclusion: tuple[float, float, float]
     assert np.exp(chart.log_volume(point[None])[0]) == pytest.approx(determinant, rel=1e-5)
 
 
+@given(inclusion=INCLUSIONS, bend=st.tuples(st.floats(-2.0, 2.0), st.floats(-2.0, 2.0)))
+def test_a_bent_chart_is_undone_and_keeps_volumes(
+    inclusion: tuple[float, float, float], bend: tuple[float, float]
+) -> None:
+    straight, bent = (SignalChart(prior=PRIOR, bend_mm=np.array(each)) for each in (BEND, bend))
+    row = np.array([inclusion])
+    np.testing.assert_allclose(bent.inclusions(bent.points(row)), row, rtol=1e-12)
+    point = bent.points(row)
+    assert (point >= bent.low - 1e-9).all()
+    assert (point <= bent.high + 1e-9).all()
+    assert bent.allows(point).all()
+    assert bent.log_volume(point)[0] == pytest.approx(straight.log_volume(straight.points(row))[0], rel=1e-12)
+
+
+def test_a_chart_straightens_a_parabola() -> None:
+    """Points on a known parabola along the modulus come out on a line."""
+    rng = np.random.default_rng(1)
+    bent = SignalChart(prior=PRIOR, bend_mm=np.array([0.6, -0.4]))
+    young = rng.uniform(40.0, 120.0, 200)
+    line = np.column_stack([8.0 + 0.01 * young, 6.0 - 0.005 * young, young])
+    found = SignalChart(prior=PRIOR, bend_mm=BEND).straightened(bent.inclusions(line), np.full(200, 1 / 200))
+    np.testing.assert_allclose(found.bend_mm, bent.bend_mm, atol=1e-9)
+
+
 def test_the_chart_knows_where_the_prior_ends() -> None:
-    chart = SignalChart(PRIOR)
+    chart = SignalChart(prior=PRIOR, bend_mm=BEND)
     stretch = np.cbrt(contrast_factor(80.0 / 5.0))
     points = np.array(
         [[10 * stretch, 5.0, 80.0], [16 * stretch, 5.0, 80.0], [10 * stretch, 3.9, 80.0], [9.0, 5.0, 121.0]]

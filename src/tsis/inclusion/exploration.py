@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 
 LINEARISATIONS = 2  # before that of the answer
 COARSE, CLOSE, CELLS = 12, 10, 16  # along each axis: anywhere, where a look was before, and in the answer
+LEFT = 0.1  # of the log likelihood that a parabola may miss
+CHUNK = 256  # inclusions whose likelihood is evaluated at a time
 CHECKED = 64  # places at which the fast likelihood is compared
 SAMPLES = 8192
 
@@ -36,17 +38,21 @@ class Posterior:
     ----------
     samples
         Equally weighted diameters, depths and moduli, shape (n, 3).
+    middle
+        The mean in coordinates in which the posterior is straight, shape (3,); that of the samples may lie beside a
+        bent ridge.
     fit
-        The fit at their mean.
+        The fit at the middle.
     log_bayes_factor
         Log of how much better inclusions of the prior explain the frames than plain tissue does.
     presence
         Probability that there is an inclusion at all.
     information
-        Fisher information of the three at their mean, shape (3, 3).
+        Fisher information of the three at the middle, shape (3, 3).
     """
 
     samples: NDArray[np.float64]
+    middle: NDArray[np.float64]
     fit: Fit
     log_bayes_factor: float
     presence: float
@@ -66,12 +72,13 @@ def explore(likelihood: Likelihood, prior: InclusionPrior) -> Posterior:
         near = box_around(chart.points(inclusions), grid.log_density, grid.cells.edges)
     nearby = likelihood.near(place, nuisance)
     grid = _corrected(_search(nearby, chart, CELLS, near), likelihood, nearby, chart, nuisance)
-    mean = chart.inclusions(grid.mean()[None])[0]
+    middle = chart.inclusions(grid.mean()[None])[0]
     log_volume = float(np.log(prior.high - prior.low).sum())
     log_bayes_factor = grid.log_integral - log_volume - _plain_evidence(likelihood)
-    fit, information = likelihood.with_information(mean, nuisance)
+    fit, information = likelihood.with_information(middle, nuisance)
     return Posterior(
         samples=np.clip(chart.inclusions(grid.samples(SAMPLES)), prior.low, prior.high),
+        middle=middle,
         fit=fit,
         log_bayes_factor=log_bayes_factor,
         presence=float(expit(logit(prior.presence) + log_bayes_factor)),
@@ -106,7 +113,18 @@ def _corrected(
         return np.column_stack([np.ones(len(x)), x, *products])
 
     factors, *_ = np.linalg.lstsq(parabola(points), missing, rcond=None)
+    if np.std(missing - parabola(points) @ factors) > LEFT:
+        return _exact(grid, likelihood, chart, nuisance)
     return grid.with_density(grid.log_density + parabola(grid.cells.points) @ factors)
+
+
+def _exact(grid: Grid, likelihood: Likelihood, chart: SignalChart, nuisance: NDArray[np.float64]) -> Grid:
+    """The grid under the exact likelihood, for posteriors so wide that no parabola fits; a tenth of a second."""
+    points = grid.cells.points
+    inclusions = chart.inclusions(points)
+    parts = np.array_split(inclusions, max(1, len(inclusions) // CHUNK))
+    log_evidence = np.concatenate([likelihood(part, nuisance).log_evidence for part in parts])
+    return grid.with_density(log_evidence + chart.log_volume(points))
 
 
 def _plain_evidence(likelihood: Likelihood) -> float:

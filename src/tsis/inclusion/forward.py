@@ -33,7 +33,7 @@ STEP = 1e-3  # of log moduli and log thickness, for derivatives
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class ForwardModel:
-    """Grey profiles of a set of frames.
+    """Grey profiles, at even light, of a set of frames.
 
     Attributes
     ----------
@@ -140,7 +140,8 @@ class ForwardModel:
     def reach(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Ends of each nuisance between which the model can be linearised.
 
-        The surrogate ends somewhere, and in two nuisances the model is linear, which at 0 saves evaluating them.
+        The surrogate ends somewhere; reference site and probe move the tissue a little beyond, where its polynomials
+        still hold. In two nuisances the model is linear, which at 0 saves evaluating them.
         """
         high = np.full(SHARED + 2 * len(self.force_n), np.inf)
         low = -high

@@ -117,7 +117,7 @@ def _rings_of(
 
 
 def depletion_per_n(calibration: Calibration, probe: Probe) -> float:
-    """Share of the light that the contact of one newton takes, while contact is in proportion to pressure."""
+    """What each newton adds to the divisor of the light, per N, while contact is in proportion to pressure."""
     if calibration.light is None:
         return 0.0
     share = MN_PER_N / (np.pi * probe.radius_mm**2 * calibration.saturation_kpa)

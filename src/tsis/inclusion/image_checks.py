@@ -12,6 +12,7 @@ from tsis.inclusion.roundness import roundness_findings
 from tsis.inclusion.sectors import ring_visibility, sector_means
 from tsis.inclusion.tilt import tilt_findings
 from tsis.model.errors import InputError
+from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,7 +26,6 @@ EVEN = 5.0  # standard deviations of the chi-square of an even picture
 LEAST_LIT = 0.2  # of what the force should light
 LEAST_SEEN = 0.5  # of each ring of the inner half of the disc that profiles are read from
 MISSING = 1e-3  # share of that disc that may be missing without a word
-MN_PER_N = 1000.0
 
 
 def image_findings(

@@ -31,7 +31,7 @@ class Profiles:
     Attributes
     ----------
     grey
-        Mean grey level above background, shape (frames, rings).
+        Mean grey level above background at even light, shape (frames, rings).
     variance
         Variance of each mean by pixel noise and by the error of the press model, shape (frames, rings).
     usable

@@ -1,9 +1,10 @@
-"""An inclusion beside the axis of a flat probe: how the change that it makes moves, and what turns around the axis see.
+"""An inclusion beside the probe's axis: how the change that it makes moves, and what turns around the axis see.
 
 Approximation: the change that an inclusion makes in pressure and displacement moves with it, unchanged in shape, and
-grows by ``1 / (1 - (offset / R)**2)``; the press of plain tissue stays. Under a rigid punch of radius R the pressure
-grows towards the rim as the root of this: once for the stress that the inclusion meets and once, by reciprocity, for
-what the face answers to it. ``benchmarks/off_axis.py`` prints the error against the press in three dimensions.
+grows by ``1 / (1 - (offset / R)**2)``; the press of plain tissue stays. Both parts of a dome's press are moved alike.
+Under a rigid punch of radius R the pressure grows towards the rim as the root of this: once for the stress that the
+inclusion meets and once, by reciprocity, for what the face answers to it. ``benchmarks/off_axis.py`` prints the error
+against the press of a flat probe in three dimensions.
 """
 
 from __future__ import annotations

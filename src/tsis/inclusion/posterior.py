@@ -89,7 +89,7 @@ def estimate(
     NotCalibratedError
         When no calibration is given, or that of another probe.
     ImageMismatchError
-        When the images differ in scale or range of values.
+        When the images differ in scale, shape, axis or range of values.
     """
     targets, references = as_frames("images", images), as_frames("reference", reference)
     if not targets:
@@ -118,7 +118,7 @@ def estimate(
         if chance < UNLIKELY:
             disagree = len(targets) > 1 and all(_fits(read([target]), prior) for target in targets)
             said.append(misfit_finding(chance, disagree=disagree))
-    said += _contact_findings(targets + references, surrogate, found, prior)
+    said += _contact_findings(targets + references, surrogate, reading.likelihood, found, prior)
     return Estimate(
         samples=dict(zip(PARAMETERS, found.samples.T, strict=True)),
         prior_sd=prior.sd,
@@ -131,6 +131,9 @@ def estimate(
         notes=tuple(note for _, note in said),
         provenance=_provenance(probe, calibration, prior, targets, references, surrogate.key, digests),
     )
+
+
+LIKE_FORCE = 0.1  # share by which the forces may differ of two frames that show where the inclusion lies
 
 
 @lru_cache(maxsize=4)  # reading it from disk takes as long as an estimate's search
@@ -159,15 +162,21 @@ def _place(
         return None
     target = max(targets, key=lambda frame: frame.force_n or 0.0)
     reference = min(references, key=lambda frame: abs((frame.force_n or 0.0) - (target.force_n or 0.0)))
+    if abs((reference.force_n or 0.0) / (target.force_n or 1.0) - 1) > LIKE_FORCE:
+        return Place(x_mm=0.0, y_mm=0.0, sd_mm=np.inf, noise_mm=np.inf)
     return inclusion_place(target, reference, calibration, radius_mm=probe.radius_mm)
 
 
 def _contact_findings(
-    frames: list[TactileImage], surrogate: CoveredSurrogate, found: Posterior, prior: InclusionPrior
+    frames: list[TactileImage],
+    surrogate: CoveredSurrogate,
+    likelihood: Likelihood,
+    found: Posterior,
+    prior: InclusionPrior,
 ) -> list[tuple[str, str]]:
-    """Whether the dome touched as a whole on what was found."""
-    stiffening = float(np.exp(found.fit.nuisance[0, TISSUE]))
-    needed = covering_force_n(surrogate, prior, found.samples.mean(axis=0), stiffening=stiffening)
+    """Whether the dome touched as a whole on what was found, in a slab of the prior's thickness."""
+    stiffening = float(np.exp(likelihood.within(found.fit.nuisance[0])[TISSUE]))
+    needed = covering_force_n(surrogate, prior, found.middle, stiffening=stiffening)
     least = min(frame.force_n or 0.0 for frame in frames)
     if least >= needed:
         return []
@@ -213,6 +222,7 @@ def reading_of(
 def _offset(place: Place | None, prior: InclusionPrior) -> tuple[float, float]:
     """Distance of the inclusion from the axis in mm, and the standard deviation of its square in mm**2."""
     if place is None or place.sd_mm > prior.offset_sd_mm:
+        # Over the axis is where an examiner aims; that the square of a miss cannot be negative is left out.
         return 0.0, 2 * prior.offset_sd_mm**2
     # What noise adds to the square of a distance is twice the variance of either coordinate.
     square = max(place.distance_mm**2 - 2 * place.sd_mm**2, 0.0)

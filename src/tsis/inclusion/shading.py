@@ -46,7 +46,7 @@ class RingShading:
         return Shade(
             factor=factor,
             by_displacement=power * factor * (self.growth_per_mm + 2 * self.bend_per_mm2 * displacement_mm),
-            by_slope=power * factor * self.flux / tilt,
+            by_slope=np.where(tilt > DARKEST, power * factor * self.flux / tilt, 0.0),
             by_emphasis=(factor * logarithm)[..., None] * parabolas,
         )
 

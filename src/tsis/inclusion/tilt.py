@@ -31,7 +31,7 @@ def lean(plain: Sectors, calibration: Calibration) -> Unevenness | None:
     grid, grey = plain.grid, plain.grey.mean(axis=1)
     radius = grid.ring_radius_mm
     lit = grid.light.sum(axis=1) / np.maximum(grid.count.sum(axis=1), 1)
-    shifted = AXIS_MM * (np.gradient(grey * lit, radius)[use] / lit[use]).astype(complex)
+    shifted = AXIS_MM * (np.gradient((grey * lit)[use], radius[use]) / lit[use]).astype(complex)
     growth, flux = harmonic(grid.growth_per_mm, 1)[use], harmonic(grid.flux, 1)[use]
     known = [shifted, 1j * shifted, *shading_harmonics(grey[use], growth, flux, radius[use])]
     variance = harmonic_variance(plain.grey, [plain], calibration, order=1)[:, use]

@@ -28,7 +28,7 @@ OFF_AXIS_MM = 3.0  # beyond it the change no longer moves as the model says
 CERTAIN = 0.95  # probability of an inclusion below which it is said
 UNITS = {"diameter_mm": "mm", "depth_mm": "mm", "young_kpa": "kPa"}
 NAMES = {"diameter_mm": "diameter", "depth_mm": "depth", "young_kpa": "modulus"}
-DISTRUSTED = frozenset(  # with any of these the model does not hold, and its numbers mean nothing
+DISTRUSTED = frozenset(  # with any of these the model does not hold, or there is nothing to measure
     (
         "model_does_not_fit",
         "presses_disagree",
@@ -41,7 +41,7 @@ DISTRUSTED = frozenset(  # with any of these the model does not hold, and its nu
 
 
 def findings(found: Posterior, prior: InclusionPrior, data: Profiles) -> list[Finding]:
-    """Flags and sentences about the posterior itself: what is not identified, what the prior cuts off, misfit."""
+    """Flags and sentences about the posterior: what is not identified or cut off, rings left out, doubt about any."""
     said = []
     for column, name in zip(found.samples.T, PARAMETERS, strict=True):
         if _is_loose(column, name, prior):
@@ -88,7 +88,7 @@ def place_findings(place: Place | None) -> list[Finding]:
         return [
             ("no_reference", "No reference press on plain tissue: size and depth are less certain than they could be.")
         ]
-    if np.isfinite(place.sd_mm) and place.distance_mm > OFF_AXIS_MM:
+    if np.isfinite(place.sd_mm) and place.distance_mm - 2 * place.noise_mm > OFF_AXIS_MM:
         return [
             (
                 "off_axis",

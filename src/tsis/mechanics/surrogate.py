@@ -110,7 +110,7 @@ def log_range(interval: tuple[float, float]) -> tuple[float, float]:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Surrogate:
-    """A probe's answer to a press at one force anywhere in a box.
+    """Numbers that presses answer with, as polynomials anywhere in a box.
 
     Attributes
     ----------

@@ -32,7 +32,7 @@ FACE_POINTS = 121  # of each profile; between them it is taken as straight
 
 
 class Slabs(Protocol):
-    """Slabs of one thickness under one force; a row holds pressures, displacements and the approach."""
+    """Slabs of one thickness; a row holds what `under_force` or `covering` put there."""
 
     def plain(self, tissues: list[float]) -> NDArray[np.float64]:
         """Plain tissue of each modulus in kPa, shape (tissues, outputs)."""

@@ -50,7 +50,8 @@ class Calibration:
     grain_mm
         Width of a grain of these two patterns, in [0.05, 50]: places closer than that err alike.
     shading_sd
-        Relative standard deviation of what displacement and slope of the face are known to do to the light.
+        Standard deviation of each of three Legendre terms along the radius, by which the log of what displacement and
+        slope of the face do to the light is off, as a share of it.
     site_sd
         Relative standard deviation of the tissue's modulus between the reference site and the target's.
     probe_young_sd

@@ -37,7 +37,7 @@ class Estimate:
     prior
         What was believed before the data, in words.
     trusted
-        Whether a flag says that the model does not hold; then no number here should be used.
+        Whether no flag says that the model does not hold; where one does, no number here should be used.
     flags
         Short names of what the reader must know, e.g. ``"young_kpa_not_identified"``.
     notes

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 FASTEST_GROWTH = 10.0  # e-folds a mm; lamps make a tenth of that
+STEEPEST_BEND = 100.0  # a mm²
 FIELDS = ("relative", "flux_x", "flux_y", "growth_per_mm", "bend_per_mm2")
 
 
@@ -82,7 +83,8 @@ class LightMap:
             raise InputError("relative must hold some light; got zeros alone")
         check.number("growth_per_mm", float(np.abs(self.growth_per_mm).max()), 0.0, FASTEST_GROWTH, hint="either sign")
         check.number("error", self.error, 0.0, np.inf)
-        check.number("depletion", self.depletion, -1.0, 100.0)
+        check.number("bend_per_mm2", float(np.abs(self.bend_per_mm2).max()), 0.0, STEEPEST_BEND, hint="either sign")
+        check.number("depletion", self.depletion, -0.9, 100.0)
 
     def __eq__(self, other: object) -> bool:
         """Equal by content, like every value without arrays."""

@@ -18,8 +18,8 @@ from tsis.optics.rays_face import face_grid, on_face, slopes
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-SMALL = 0.35  # of it: 0.28 mm where the layers are 10 mm thick, as deep as tissue dents a probe
-TYPICAL = 0.75  # of that: a face that is tilted is displaced as well
+SMALL = 0.35  # of the second known displacement: 0.28 mm in layers of 10 mm, as deep as tissue dents a probe
+TYPICAL = 0.75  # of a small one: a face that is tilted is displaced as well
 DARKEST = 0.02  # of the mean, below which a place's flux is no longer divided by its light
 STEEPEST = 1.25 * RINGS[-1]  # slope up to which the even terms, known to the last ring, are trusted
 FASTEST_PER_MM = 2.0  # growth that is believed: places lit at all change by less, dark ones are mostly noise
