@@ -32,9 +32,10 @@ class VirtualProbe:
     """A probe, its light and its camera, without hardware.
 
     It makes the errors that its calibration states, of the stated size, but for that of the reference site: plain
-    tissue is what the caller presses. Each virtual probe has a gain, a stiffness and, under traced light, an emphasis of
-    its lamps' shading of its own, and a fixed pattern that all its frames share; each press misses the commanded force,
-    leaves a pattern that no other press leaves, and adds a little stray light; each frame has the sensor's noise.
+    tissue is what the caller presses. Each virtual probe has a gain, a stiffness and, under traced light, an emphasis
+    of its lamps' shading of its own, and a fixed pattern that all its frames share; each press misses the commanded
+    force, leaves a pattern that no other press leaves, and adds a little stray light; each frame has the sensor's
+    noise.
 
     Parameters
     ----------
