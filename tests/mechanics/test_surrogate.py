@@ -20,6 +20,7 @@ from tsis.mechanics import (
     contrast_factor,
     press,
     surrogate_build,
+    surrogate_solves,
 )
 from tsis.mechanics.face import ring_points
 from tsis.mechanics.small_strain import PressKernel
@@ -182,7 +183,7 @@ def stored(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def builds(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     """One entry a surrogate that was solved and not loaded."""
     seen: list[int] = []
-    solve: Callable[..., Any] = surrogate_build.solve_all
+    solve: Callable[..., Any] = surrogate_solves.solve_all
 
     def counted(*arguments: Any) -> Any:
         seen.append(1)
