@@ -10,12 +10,23 @@ import numpy as np
 import pytest
 from benchmarks.judgement import Judgement
 from benchmarks.simulated_presses import CLEARANCE
-from benchmarks.simulation_based_calibration import ALONE, PROTOCOLS, Calibrated, Experiment, draw, noise, run
+from benchmarks.simulation_based_calibration import (
+    ALONE,
+    PROTOCOLS,
+    Calibrated,
+    Experiment,
+    draw,
+    exact_mean,
+    noise,
+    run,
+)
 from scipy.stats import kstest
 
 from tsis.inclusion import PARAMETERS, InclusionPrior
+from tsis.inclusion.exploration import explore
 from tsis.inclusion.forward import SHARED, THICKNESS
 from tsis.inclusion.frames import ring_edges
+from tsis.inclusion.likelihood import Likelihood
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -133,3 +144,16 @@ def test_ranks_are_uniform(protocol: str) -> None:
     assert (found.chances() > 0.01).all()
     assert found.judgement.keeps_the_claim()
     assert (found.rmse_over_exact() < 1.1).all()
+
+
+def test_a_faint_inclusion_is_not_moved_to_where_nothing_was_compared() -> None:
+    """Draw 111 of seed 2: a parabola through comparisons once put a mountain into a corner of the prior."""
+    prior = InclusionPrior()
+    experiment = Experiment.of(PROTOCOLS["domed"], prior)
+    rng = np.random.default_rng(np.random.SeedSequence(2, spawn_key=(111,)))
+    truth, data = draw(experiment, rng)
+    likelihood = Likelihood(experiment.model, data)
+    found = explore(likelihood, prior)
+    exact, _ = exact_mean(likelihood, prior, found, rng)
+    assert (np.abs(found.middle - truth) < 4 * found.samples.std(axis=0)).all()
+    assert (np.abs(found.samples.mean(axis=0) - exact) < 0.5 * found.samples.std(axis=0)).all()

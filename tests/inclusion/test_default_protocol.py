@@ -11,8 +11,10 @@ import pytest
 import tsis
 from tsis.inclusion import InclusionPrior, estimate
 from tsis.inclusion.exploration import explore
+from tsis.inclusion.force_range import check_forces
 from tsis.inclusion.posterior import reading_of
 from tsis.inclusion.verdict import DISTRUSTED
+from tsis.mechanics import Degrees, build_covered_surrogate
 from tsis.model import LightMap
 from tsis.model.errors import InputError, NotCalibratedError
 from tsis.virtual import VirtualProbe
@@ -28,6 +30,7 @@ PLAIN = tsis.load_phantom("plain")
 LUMP = replace(PLAIN, inclusion=tsis.Inclusion(diameter_mm=14.0, depth_mm=4.5, young_kpa=45.0), name="large and soft")
 PRIOR = InclusionPrior()
 FORCES = (0.5, 1.0)
+FEW = Degrees(diameter=2, depth=2, contrast=2, tissue=2, thickness=2, plain=2)
 Frames = tuple[list["TactileImage"], list["TactileImage"]]
 
 
@@ -117,7 +120,7 @@ def test_tissue_much_stiffer_than_believed_is_noticed() -> None:
     assert not result.trusted
 
 
-@pytest.mark.parametrize(("force_n", "phrase"), [(0.2, "force_n must be from 0.39 N"), (9.0, "up to 2.2 N")])
+@pytest.mark.parametrize(("force_n", "phrase"), [(0.2, "force_n must be from 0.4 N"), (9.0, "up to 2.2 N")])
 def test_forces_that_the_model_does_not_hold_for_are_refused(lump: Frames, force_n: float, phrase: str) -> None:
     targets, references = lump
     with pytest.raises(InputError, match=phrase) as refused:
@@ -154,3 +157,25 @@ def test_an_inclusion_beside_the_axis_is_corrected_and_far_from_it_not_believed(
     assert "off_axis" not in near.flags
     assert "off_axis" in far.flags
     assert not far.trusted
+
+
+def test_strips_are_refused(lump: Frames) -> None:
+    targets, references = (
+        [replace(frame, grey=frame.grey[240:242], axis_px=None) for frame in frames] for frames in lump
+    )
+    with pytest.raises(InputError, match="check mm_per_pixel"):
+        found_in((targets, references))
+
+
+def test_a_dome_that_no_force_presses_as_a_whole_is_said_to_be_so() -> None:
+    steep = replace(DOMED, face_curvature_mm=14.0, name="steep")
+    few = build_covered_surrogate(steep, PRIOR.box(), degrees=FEW, cached=False)
+    with pytest.raises(InputError, match=r"no force serves this probe .*: use a flatter dome or stiffer tissue"):
+        check_forces([replace(bench().no_contact(), force_n=1.0)], few, probe=steep, prior=PRIOR)
+
+
+def test_light_that_answers_to_nothing_tells_nothing(lump: Frames) -> None:
+    """Contact that saturates at once shows every press alike, whatever lies below: no error, and no trust."""
+    flat_out = replace(bench().calibration, saturation_kpa=1e-3, gain_grey_per_kpa=1e5)
+    told = estimate(lump[0], probe=DOMED, calibration=flat_out, reference=lump[1])
+    assert not told.trusted

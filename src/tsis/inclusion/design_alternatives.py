@@ -112,7 +112,10 @@ def _domed(planned: Protocol) -> Iterator[Protocol]:
 
 def _pressed(planned: Protocol) -> Iterator[Protocol]:
     for factor in FORCES:
-        presses = tuple(replace(press, force_n=factor * press.force_n) for press in planned.presses)
+        try:
+            presses = tuple(replace(press, force_n=factor * press.force_n) for press in planned.presses)
+        except InputError:  # a force outside what can be planned
+            continue
         forces = " and ".join(f"{press.force_n:g}" for press in presses)
         yield replace(planned, presses=presses, name=f"{forces} N")
 

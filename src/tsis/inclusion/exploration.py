@@ -115,7 +115,9 @@ def _corrected(
     factors, *_ = np.linalg.lstsq(parabola(points), missing, rcond=None)
     if np.std(missing - parabola(points) @ factors) > LEFT:
         return _exact(grid, likelihood, chart, nuisance)
-    return grid.with_density(grid.log_density + parabola(grid.cells.points) @ factors)
+    # Where no sample fell a parabola is a guess: it must not say more than was met.
+    met = np.clip(parabola(grid.cells.points) @ factors, missing.min(), missing.max())
+    return grid.with_density(grid.log_density + met)
 
 
 def _exact(grid: Grid, likelihood: Likelihood, chart: SignalChart, nuisance: NDArray[np.float64]) -> Grid:

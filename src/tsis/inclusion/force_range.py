@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from tsis.mechanics.small_strain import STRAIN_LIMIT, nominal_strain
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    import numpy as np
     from numpy.typing import NDArray
 
     from tsis.inclusion.prior import InclusionPrior
@@ -29,15 +30,31 @@ def check_forces(
         Naming the frame and the range of forces.
     """
     least, most = covering_force_n(surrogate, prior, None), _largest_force_n(surrogate, probe=probe, prior=prior)
+    if least > most:
+        raise InputError(
+            f"no force serves this probe on tissue of {prior.tissue_young_kpa:g} kPa: its whole dome touches from "
+            f"{_up(least):g} N on, and small strain holds up to {_down(most):g} N: use a flatter dome or stiffer tissue"
+        )
     for frame in frames:
         force = frame.force_n or 0.0
         if not least <= force <= most:
-            whole = f"from {least:.2g} N, at which the whole dome touches, " if least > 0 else ""
+            whole = f"from {_up(least):g} N, at which the whole dome touches, " if least > 0 else ""
             raise InputError(
-                f"force_n must be {whole}up to {most:.2g} N, a nominal strain of {STRAIN_LIMIT:g}, on tissue of "
+                f"force_n must be {whole}up to {_down(most):g} N, a nominal strain of {STRAIN_LIMIT:g}, on tissue of "
                 f"{prior.tissue_young_kpa:g} kPa; got {force:g} N for {frame.name or 'an image'!r}: press at a force "
                 "in between"
             )
+
+
+def _up(force_n: float) -> float:
+    """Two digits, rounded so that the limit itself is accepted."""
+    digit = 10 ** (np.floor(np.log10(force_n)) - 1)
+    return float(np.format_float_positional(np.ceil(force_n / digit) * digit, precision=6))
+
+
+def _down(force_n: float) -> float:
+    digit = 10 ** (np.floor(np.log10(force_n)) - 1)
+    return float(np.format_float_positional(np.floor(force_n / digit) * digit, precision=6))
 
 
 def covering_force_n(

@@ -95,7 +95,7 @@ class Likelihood:
         plain, at_nodes = residual(None)[0], residual(table.nodes())
         # Few directions of the residual depend on the inclusion; the rest is a constant.
         _, size, directions = np.linalg.svd(at_nodes - plain, full_matrices=False)
-        kept = directions[size > NEGLIGIBLE_SIZE]
+        kept = directions[: max(1, int((size > NEGLIGIBLE_SIZE).sum()))]
         rest = plain - kept.T @ (kept @ plain)
         return Nearby(
             residual=table.through(kept @ plain, at_nodes @ kept.T),

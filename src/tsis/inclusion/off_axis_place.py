@@ -125,6 +125,8 @@ def _cells(target: TactileImage, reference: TactileImage, known: Calibration, ra
     (sx, sy), (ax, ay) = target.scale(), target.axis()
     size = max(1, round(CELL_MM / sy)), max(1, round(CELL_MM / sx))
     rows, columns = target.grey.shape
+    if rows < size[0] or columns < size[1]:
+        raise _too_little(0)
     x = (_means(np.arange(columns)[None, :], (1, size[1]))[0] - ax) * sx
     y = (_means(np.arange(rows)[:, None], (size[0], 1))[:, 0] - ay) * sy
     pressed, plain = (_means(frame.grey, size) - known.background_grey for frame in (target, reference))
@@ -133,10 +135,7 @@ def _cells(target: TactileImage, reference: TactileImage, known: Calibration, ra
     inside = (np.hypot(x, y[:, None]) < OUTER_SHARE * radius_mm) & (brightest < target.full_scale)
     inside &= light > DARKEST * light.max()
     if inside.sum() < FEWEST_CELLS:
-        raise InputError(
-            f"target and reference must show the face without clipping in at least {FEWEST_CELLS} cells of "
-            f"{CELL_MM} mm; got {int(inside.sum())} (check mm_per_pixel, axis_px and the exposure)"
-        )
+        raise _too_little(int(inside.sum()))
     across, down = (grid[inside] for grid in np.meshgrid(x, y))
     pressed, plain, light = pressed[inside], plain[inside], light[inside]
     pixel = 2 * known.read_noise_grey**2 + known.shot_noise_grey * np.maximum(pressed + plain, 0.0) + 2 / 12
@@ -154,6 +153,13 @@ def _cells(target: TactileImage, reference: TactileImage, known: Calibration, ra
         change=(pressed - plain) / light,
         plain=basis @ smooth * np.sqrt(variance),
         variance=variance,
+    )
+
+
+def _too_little(cells: int) -> InputError:
+    return InputError(
+        f"target and reference must show the face without clipping in at least {FEWEST_CELLS} cells of {CELL_MM} mm; "
+        f"got {cells} (check mm_per_pixel, axis_px and the exposure)"
     )
 
 

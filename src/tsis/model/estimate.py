@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
@@ -12,8 +13,6 @@ from tsis.model import check
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
-
     from numpy.typing import NDArray
 
 
@@ -66,6 +65,13 @@ class Estimate:
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
+        for name in ("samples", "prior_sd", "cramer_rao_sd", "provenance"):
+            check.kind(name, getattr(self, name), Mapping)
+        for name in ("identifiability", "prior"):
+            check.kind(name, getattr(self, name), str)
+        check.kind("trusted", self.trusted, bool)
+        check.kind("flags", self.flags, tuple)
+        check.kind("notes", self.notes, tuple)
         samples = {name: check.array(name, values, ndim=1) for name, values in self.samples.items()}
         if set(samples) != set(self.prior_sd):
             raise InputError(
@@ -75,7 +81,7 @@ class Estimate:
             check.number(f"prior_sd[{name!r}]", sd, 1e-300, 1e300)
         for name, sd in self.cramer_rao_sd.items():
             check.known("parameter", name, samples)
-            if not sd > 0:
+            if not isinstance(sd, float) or not sd > 0:
                 raise InputError(f"cramer_rao_sd[{name!r}] must be positive; got {sd!r}")
         if self.presence is not None:
             check.number("presence", self.presence, 0.0, 1.0, hint="a probability")

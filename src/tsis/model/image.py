@@ -77,6 +77,8 @@ class TactileImage:
             rows, columns = self.grey.shape
             object.__setattr__(self, "axis_px", ((columns - 1) / 2, (rows - 1) / 2))
         else:
+            for place in check.pair("axis_px", self.axis_px):
+                check.number("axis_px", place, -1e6, 1e6, hint="pixels")
             object.__setattr__(self, "axis_px", check.pair("axis_px", self.axis_px))
         if not isinstance(self.settings, Mapping):
             raise InputError(f"settings must be a mapping of names to values; got {self.settings!r:.80}")

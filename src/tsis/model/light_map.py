@@ -15,8 +15,9 @@ from tsis.model.grid import ascending, linear_weights
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-FASTEST_GROWTH = 10.0  # e-folds a mm; lamps make a tenth of that
-STEEPEST_BEND = 100.0  # a mm²
+# Of any place; growth in e-folds a mm and bend in e-folds a mm², of which lamps make a tenth.
+MOST = {"relative": 1e6, "flux_x": 1e3, "flux_y": 1e3, "growth_per_mm": 10.0, "bend_per_mm2": 100.0}
+LEAST_LIGHT = 1e-6
 FIELDS = ("relative", "flux_x", "flux_y", "growth_per_mm", "bend_per_mm2")
 
 
@@ -68,22 +69,22 @@ class LightMap:
     bend_per_mm2: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __post_init__(self) -> None:
-        if not np.size(self.bend_per_mm2):
-            object.__setattr__(self, "bend_per_mm2", np.zeros(np.shape(self.growth_per_mm)))
         for name in ("x_mm", "y_mm"):
             object.__setattr__(self, name, ascending(name, getattr(self, name)))
         shape = (len(self.y_mm), len(self.x_mm))
+        if isinstance(self.bend_per_mm2, np.ndarray) and not self.bend_per_mm2.size:
+            object.__setattr__(self, "bend_per_mm2", np.zeros(shape))
         for name in FIELDS:
             values = check.array(name, getattr(self, name), ndim=2)
             if values.shape != shape:
                 raise InputError(f"{name} must have the shape {shape} of y_mm and x_mm; got {values.shape}")
             object.__setattr__(self, name, values)
+        for name, most in MOST.items():
+            check.number(name, float(np.abs(getattr(self, name)).max()), 0.0, most, hint="the largest, either sign")
         check.number("relative", float(self.relative.min()), 0.0, np.inf)
-        if self.relative.max() == 0:
-            raise InputError("relative must hold some light; got zeros alone")
-        check.number("growth_per_mm", float(np.abs(self.growth_per_mm).max()), 0.0, FASTEST_GROWTH, hint="either sign")
+        if self.relative.max() < LEAST_LIGHT:
+            raise InputError(f"relative must hold some light, a mean of about 1; got at most {self.relative.max():g}")
         check.number("error", self.error, 0.0, np.inf)
-        check.number("bend_per_mm2", float(np.abs(self.bend_per_mm2).max()), 0.0, STEEPEST_BEND, hint="either sign")
         check.number("depletion", self.depletion, -0.9, 100.0)
 
     def __eq__(self, other: object) -> bool:
