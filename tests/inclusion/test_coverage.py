@@ -34,8 +34,9 @@ def bank(folder: Path | None = None, seed: int = 3) -> PressBank:
 @pytest.mark.slow
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 def test_ninety_percent_intervals_hold_the_truth() -> None:
-    found = Judgement.of(run(bank(seed=1), 200))
-    assert found.truth.shape == (200, 3)
+    """Of 500 presses, whose coverage scatters by 1.3 %; the first 200 alone hold the diameter in 83.5 %."""
+    found = Judgement.of(run(bank(seed=1), 500))
+    assert found.truth.shape == (500, 3)
     for name, coverage in zip(PARAMETERS, found.coverage(0.9), strict=True):
         assert 0.85 <= coverage <= 0.95, f"{name}: {coverage:.3f}"
     narrowing = found.sd / np.array([PRIOR.sd[name] for name in PARAMETERS])
