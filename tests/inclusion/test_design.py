@@ -33,7 +33,7 @@ from tsis.inclusion import (
 from tsis.inclusion import design_information as made_ready
 from tsis.inclusion.design_alternatives import ASPECTS, calibration_for, with_moduli
 from tsis.inclusion.design_information import PlannedView, information_of, planned_view, view_of
-from tsis.inclusion.design_limits import covering_n, largest_force_n, limits_of
+from tsis.inclusion.design_limits import covering_n, largest_force_of, limits_of
 from tsis.inclusion.design_search import at_forces
 from tsis.inclusion.exploration import explore
 from tsis.mechanics import press
@@ -221,7 +221,7 @@ def test_limits_are_those_of_a_press(views: dict[str, PlannedView]) -> None:
     assert (found.read_mm, found.view_mm) == pytest.approx((19.2, 492 * 0.0392))
     assert not found.broken
     assert 0.5 < found.whole_share < 1.0
-    strongest = limits_of(at_forces(view, (0.2, 1.01 * largest_force_n(view))), even_inclusions(PRIOR))
+    strongest = limits_of(at_forces(view, (0.2, 1.01 * largest_force_of(view))), even_inclusions(PRIOR))
     assert set(strongest.broken) == {"strain", "contact", "saturation"}
     assert strongest.strain == pytest.approx(STRAIN_LIMIT, rel=0.02)
     narrow = replace(view, sensor=replace(SENSOR, rows=480))

@@ -19,6 +19,7 @@ from tsis.imaging.sensor import Sensor
 from tsis.inclusion.calibration_check import check_calibration
 from tsis.inclusion.forward import ForwardModel
 from tsis.inclusion.frames import depletion_per_n, ring_edges, ring_light
+from tsis.inclusion.least_spread import least_sd
 from tsis.inclusion.likelihood import Likelihood, Profiles
 from tsis.inclusion.prior import PARAMETERS, InclusionPrior
 from tsis.inclusion.rings import ring_answers, ring_correlation
@@ -70,10 +71,7 @@ class Information:
     @property
     def cramer_rao_sd(self) -> NDArray[np.float64]:
         """Least sd of an unbiased estimate, shape (n, 3); infinite where the presses tell nothing."""
-        values, directions = np.linalg.eigh(self.matrix)
-        told = values[:, 0] > np.finfo(float).eps * values[:, 2]  # they ascend
-        variance = np.einsum("nij,nj->ni", directions**2, 1 / np.where(told[:, None], values, 1.0))
-        return np.where(told[:, None], np.sqrt(variance), np.inf)
+        return least_sd(self.matrix)
 
     @property
     def expected_sd(self) -> NDArray[np.float64]:

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tsis.inclusion.force_range import covering_force_n
+from tsis.inclusion.force_range import covering_force_n, largest_force_n, nominal_strains
 from tsis.inclusion.frames import OUTER_SHARE
-from tsis.mechanics.small_strain import STRAIN_LIMIT, nominal_strain
+from tsis.mechanics.small_strain import STRAIN_LIMIT
 
 if TYPE_CHECKING:
     import numpy as np
@@ -81,9 +81,10 @@ class Limits:
 def limits_of(view: PlannedView, inclusions: NDArray[np.float64]) -> Limits:
     """How near a protocol comes to its limits on plain tissue and on the inclusions (n, 3)."""
     forces, sensor = view.protocol.forces_n, view.sensor
+    at_none, per_newton = nominal_strains(view.surrogate, probe=view.protocol.probe, prior=view.model.prior)
     sides = (sensor.columns * sensor.mm_per_pixel[0], sensor.rows * sensor.mm_per_pixel[1])
     return Limits(
-        strain=strain_at(view, max(forces)),
+        strain=at_none + max(forces) * per_newton,
         least_force_n=min(forces),
         covering_force_n=_covers(view, None),
         whole_share=sum(_covers(view, one) <= min(forces) * (1 + ROUNDING) for one in inclusions) / len(inclusions),
@@ -103,25 +104,6 @@ def _covers(view: PlannedView, inclusion: NDArray[np.float64] | None) -> float:
     return covering_force_n(view.surrogate, view.model.prior, inclusion)
 
 
-def strain_at(view: PlannedView, force_n: float) -> float:
-    """Nominal strain of a press on plain tissue."""
-    at_none, per_newton = _strains(view)
-    return at_none + force_n * per_newton
-
-
-def largest_force_n(view: PlannedView) -> float:
-    """Force at which the nominal strain on plain tissue reaches the limit; none or less where the shape alone does."""
-    at_none, per_newton = _strains(view)
-    return (STRAIN_LIMIT - at_none) / per_newton
-
-
-def _strains(view: PlannedView) -> tuple[float, float]:
-    """Nominal strain at no force, and what each newton adds."""
-    prior, surrogate = view.model.prior, view.surrogate
-
-    def strain(part: NDArray[np.float64]) -> float:
-        return nominal_strain(float(part[0]), view.protocol.probe, prior.thickness_mm)
-
-    at = (prior.tissue_young_kpa, prior.thickness_mm)
-    at_none = 0.0 if surrogate.shape is None else strain(surrogate.shape.approach_mm.at_tissue(*at).plain)
-    return at_none, strain(surrogate.unit.approach_mm.at_tissue(*at).plain)
+def largest_force_of(view: PlannedView) -> float:
+    """Force at which the nominal strain on plain tissue reaches the limit."""
+    return largest_force_n(view.surrogate, probe=view.protocol.probe, prior=view.model.prior)

@@ -22,7 +22,7 @@ from tsis.inclusion.design_alternatives import (
     with_moduli,
 )
 from tsis.inclusion.design_information import even_inclusions, information_of, planned_view
-from tsis.inclusion.design_limits import covering_n, largest_force_n
+from tsis.inclusion.design_limits import covering_n, largest_force_of
 from tsis.inclusion.design_protocol import LARGEST_FORCE_N, LEAST_FORCE_N
 from tsis.model import check
 from tsis.model.errors import InputError
@@ -196,7 +196,7 @@ def _forces(view: PlannedView, inclusions: NDArray[np.float64]) -> _Forces:
     """From whole contact to the first of strain, saturation and the largest force there is."""
     covering = covering_n(view, inclusions)
     most = {
-        "strain": largest_force_n(view),
+        "strain": largest_force_of(view),
         "saturation": _clipping_n(view, inclusions),
         "strongest force": LARGEST_FORCE_N,
     }

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.inclusion.prior import InclusionPrior
-    from tsis.mechanics import CoveredSurrogate
+    from tsis.mechanics import CoveredSurrogate, Surrogate
     from tsis.model import Probe, TactileImage
 
 
@@ -29,7 +29,7 @@ def check_forces(
     InputError
         Naming the frame and the range of forces.
     """
-    least, most = covering_force_n(surrogate, prior, None), _largest_force_n(surrogate, probe=probe, prior=prior)
+    least, most = covering_force_n(surrogate, prior, None), largest_force_n(surrogate, probe=probe, prior=prior)
     if least > most:
         raise InputError(
             f"no force serves this probe on tissue of {prior.tissue_young_kpa:g} kPa: its whole dome touches from "
@@ -75,13 +75,18 @@ def covering_force_n(
     return float(found[0])
 
 
-def _largest_force_n(surrogate: CoveredSurrogate, *, probe: Probe, prior: InclusionPrior) -> float:
-    """Force at which plain tissue reaches the limit of small strain."""
-
-    def approach(part: NDArray[np.float64]) -> float:
-        return nominal_strain(float(part[0]), probe, prior.thickness_mm)
-
-    at = (prior.tissue_young_kpa, prior.thickness_mm)
-    per_newton = approach(surrogate.unit.approach_mm.at_tissue(*at).plain)
-    at_none = 0.0 if surrogate.shape is None else approach(surrogate.shape.approach_mm.at_tissue(*at).plain)
+def largest_force_n(surrogate: CoveredSurrogate, *, probe: Probe, prior: InclusionPrior) -> float:
+    """Force at which the nominal strain on plain tissue reaches the limit; none or less where the shape alone does."""
+    at_none, per_newton = nominal_strains(surrogate, probe=probe, prior=prior)
     return (STRAIN_LIMIT - at_none) / per_newton
+
+
+def nominal_strains(surrogate: CoveredSurrogate, *, probe: Probe, prior: InclusionPrior) -> tuple[float, float]:
+    """Nominal strain of plain tissue at no force, and what each newton adds."""
+    at = (prior.tissue_young_kpa, prior.thickness_mm)
+
+    def strain(approach_mm: Surrogate) -> float:
+        return nominal_strain(float(approach_mm.plain_at(*at)[0]), probe, prior.thickness_mm)
+
+    at_none = 0.0 if surrogate.shape is None else strain(surrogate.shape.approach_mm)
+    return at_none, strain(surrogate.unit.approach_mm)

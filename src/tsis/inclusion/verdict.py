@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.stats import chi2
 
+from tsis.inclusion.least_spread import least_sd
 from tsis.inclusion.prior import PARAMETERS
 
 if TYPE_CHECKING:
@@ -113,12 +114,7 @@ def identifiability(found: Posterior, prior: InclusionPrior) -> str:
 
 def cramer_rao_sd(found: Posterior) -> dict[str, float]:
     """Least standard deviation of an unbiased estimate of each parameter; infinite where the data tell nothing."""
-    values, directions = np.linalg.eigh(found.information)
-    told = values > np.finfo(float).eps * values.max()
-    if not told.all():
-        return dict.fromkeys(PARAMETERS, float("inf"))
-    variance = (directions**2 / values).sum(axis=1)
-    return dict(zip(PARAMETERS, np.sqrt(variance).tolist(), strict=True))
+    return dict(zip(PARAMETERS, least_sd(found.information).tolist(), strict=True))
 
 
 def _is_loose(column: NDArray[np.float64], name: str, prior: InclusionPrior) -> bool:
