@@ -1,0 +1,78 @@
+"""Pairs from costs: each point at most once, none where having no partner is cheaper."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial import KDTree
+from scipy.spatial.distance import cdist
+
+from tsis.matching.fit import UNMATCHED
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+REACH = 3.0  # standard deviations of a point's place that the tolerance stands for
+
+
+def nearest_pairs(
+    moved: NDArray[np.float64], target: NDArray[np.float64], *, tolerance: float
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Which target point each moved point has reached, the squared distances together being the least possible.
+
+    Parameters
+    ----------
+    moved, target
+        Shapes (n, d) and (m, d), in the same unit.
+    tolerance
+        Distance beyond which points have no partner, positive, in that unit.
+
+    Returns
+    -------
+    matches
+        Index of the target point, or `UNMATCHED`, shape (n,); no target point twice.
+    trust
+        Chance of the match among all targets and none, were places normal with a standard deviation of a third of the
+        tolerance and having no partner as likely as one at the tolerance; 0 where there is no match; shape (n,).
+
+    Examples
+    --------
+    >>> matches, _ = nearest_pairs(np.array([[0.0], [5.0]]), np.array([[9.0], [0.1]]), tolerance=1.0)
+    >>> matches.tolist()
+    [1, -1]
+    """
+    squared = cdist(moved, target, "sqeuclidean")
+    matches = assign(squared, dummy=tolerance**2)
+    likely = np.exp(-0.5 * squared * (REACH / tolerance) ** 2)
+    chance = likely / (likely.sum(axis=1, keepdims=True) + np.exp(-0.5 * REACH**2))
+    return matches, np.where(matches == UNMATCHED, 0.0, chance[np.arange(len(matches)), matches])
+
+
+def assign(cost: NDArray[np.float64], *, dummy: float) -> NDArray[np.int64]:
+    """Cheapest pairing of rows with columns, shape (n, m), where every point may stay alone.
+
+    A pair is made only where it costs less than ``dummy``, which is what a row without a column costs. Returns the
+    column of each row, or `UNMATCHED`, shape (n,).
+
+    Examples
+    --------
+    >>> assign(np.array([[1.0, 2.0], [1.1, 9.0]]), dummy=5.0).tolist()
+    [1, 0]
+    """
+    # A pair that costs no less than none is none: it need not be told apart from the others like it.
+    rows, columns = linear_sum_assignment(np.minimum(cost, dummy))
+    matches = np.full(len(cost), UNMATCHED, dtype=np.int64)
+    cheap = cost[rows, columns] < dummy
+    matches[rows[cheap]] = columns[cheap]
+    return matches
+
+
+def spacing(points: NDArray[np.float64]) -> float:
+    """Median distance of the points, shape (n, d), to their nearest neighbours; 0 for a single one."""
+    distance, _ = KDTree(points).query(points, k=[2])
+    return float(np.median(distance)) if len(points) > 1 else 0.0
+
+
+__all__ = ["assign", "nearest_pairs", "spacing"]
