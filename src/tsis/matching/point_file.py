@@ -1,0 +1,180 @@
+"""Point sets in CSV, NPY and PLY files; what a file promises is checked against its size before it is decoded."""
+
+from __future__ import annotations
+
+import io
+import math
+from tokenize import TokenError
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.instrument.file_bytes import as_path, file_size, read_bytes, shown
+from tsis.matching.ply import parse_ply
+from tsis.model.errors import FileInputError
+
+if TYPE_CHECKING:
+    import os
+
+    from numpy.typing import ArrayLike, NDArray
+
+LARGEST_BYTES = 64 * 2**20
+MOST_POINTS = 100_000
+AXES = ("x", "y", "z")
+NPY_MAGIC = b"\x93NUMPY"
+
+
+def read_points(path: str | os.PathLike[str]) -> NDArray[np.float64]:
+    """Read the points of a file; its content tells the format, its name does not.
+
+    Parameters
+    ----------
+    path
+        CSV, one point a line, two or three columns, or any columns under a first line that names x and y (and z);
+        columns are parted by commas, semicolons, tabs or spaces, and lines that begin with # are left out.
+        NPY, an array of shape (n, 2) or (n, 3). PLY, text or binary, whose vertices have x and y (and z); vertices
+        that all have the same z are points of the plane.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (n, 2) or (n, 3), read-only.
+
+    Raises
+    ------
+    FileInputError
+        When the file is missing, broken, of another kind, too large, or holds something that is no finite number; the
+        message names the line or row.
+    """
+    path = as_path(path)
+    size = file_size(path)
+    if size > LARGEST_BYTES:
+        raise FileInputError(
+            f"{shown(path)} must be at most {LARGEST_BYTES // 2**20} MiB; got {size} bytes (thin the points out)"
+        )
+    content = read_bytes(path)
+    try:
+        points = _parsed(content)
+    except FileInputError as error:
+        raise FileInputError(f"{shown(path)}: {error}") from error
+    points.flags.writeable = False
+    return points
+
+
+def csv_text(points: ArrayLike, **columns: ArrayLike) -> str:
+    r"""Points, and columns beside them, as CSV that `read_points` reads back to the last bit.
+
+    Parameters
+    ----------
+    points
+        Shape (n, 2) or (n, 3).
+    columns
+        Further columns by name, shape (n,).
+
+    Examples
+    --------
+    >>> csv_text([[0.5, 1.0]], match=[3])
+    'x,y,match\n0.5,1.0,3\n'
+    """
+    places = np.asarray(points, dtype=float)
+    heads = [*AXES[: places.shape[1]], *columns]
+    values = [*places.T.tolist(), *(np.asarray(column).tolist() for column in columns.values())]
+    rows = (",".join(map(repr, row)) for row in zip(*values, strict=True))
+    return "\n".join([",".join(heads), *rows]) + "\n"
+
+
+def _parsed(content: bytes) -> NDArray[np.float64]:
+    if content.startswith(NPY_MAGIC):
+        return _finite(_npy(content), "row", 0)
+    if content[:3] == b"ply" and content[3:4] in (b"\r", b"\n"):
+        points = _finite(parse_ply(content, most=MOST_POINTS), "vertex", 0)
+        flat = points.shape[1] == 3 and bool(np.all(points[:, 2] == points[0, 2]))
+        return np.array(points[:, :2]) if flat else points
+    return _csv(content)
+
+
+def _npy(content: bytes) -> NDArray[np.float64]:
+    stream = io.BytesIO(content)
+    try:
+        version = np.lib.format.read_magic(stream)
+        reader = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
+        shape, by_column, dtype = reader(stream)
+    except (ValueError, KeyError, TypeError, SyntaxError, MemoryError, RecursionError, TokenError) as error:
+        raise FileInputError(f"its NPY header must be whole; got: {error!s:.80}") from error
+    if dtype.kind not in "fiu":
+        raise FileInputError(f"the array must hold numbers; got {dtype!s:.40} (objects are never unpickled)")
+    if len(shape) != 2 or shape[1] not in (2, 3):
+        raise FileInputError(f"the array must have the shape (n, 2) or (n, 3); got {shape!s:.60}")
+    _countable(shape[0])
+    left = len(content) - stream.tell()
+    if left != math.prod(shape) * dtype.itemsize:
+        raise FileInputError(f"{shape[0]} points take {math.prod(shape) * dtype.itemsize} bytes; got {left}")
+    values = np.frombuffer(content, dtype=dtype, offset=stream.tell())
+    return np.array(values.reshape(shape, order="F" if by_column else "C"), dtype=float)
+
+
+def _csv(content: bytes) -> NDArray[np.float64]:
+    try:
+        text = content.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise FileInputError("it must be CSV, NPY or PLY; got bytes that are none of these") from error
+    lines = [
+        (number, line)
+        for number, line in enumerate(text.splitlines(), start=1)
+        if line.strip() and not line.lstrip().startswith("#")
+    ]
+    if not lines:
+        raise FileInputError("it must hold points; got none")
+    parting = next((mark for mark in ";,\t" if mark in lines[0][1]), None)
+    heads = [head.strip().strip('"').lower() for head in lines[0][1].split(parting)]
+    named = all(_number(head) is None and not head[:1].isdigit() for head in heads)
+    lines = lines[1:] if named else lines
+    _countable(len(lines))
+    chosen = _columns(heads, named=named)
+    rows = [_row(number, line.split(parting), chosen, len(heads)) for number, line in lines]
+    return np.array(rows, dtype=float)
+
+
+def _columns(heads: list[str], *, named: bool) -> list[int]:
+    """Which columns hold coordinates."""
+    if named and "x" in heads and "y" in heads:
+        return [heads.index(axis) for axis in AXES if axis in heads]
+    if len(heads) not in (2, 3):
+        raise FileInputError(
+            f"it must have 2 or 3 columns; got {len(heads)} (or name x, y and z among them in the first line)"
+        )
+    return list(range(len(heads)))
+
+
+def _row(number: int, cells: list[str], chosen: list[int], width: int) -> list[float]:
+    if len(cells) != width:
+        raise FileInputError(f"line {number} must have {width} columns as the first one; got {len(cells)}")
+    values = []
+    for column in chosen:
+        value = _number(cells[column])
+        if value is None or not math.isfinite(value):
+            raise FileInputError(f"line {number} must hold finite numbers; got {cells[column].strip()!r:.40}")
+        values.append(value)
+    return values
+
+
+def _number(cell: str) -> float | None:
+    try:
+        return float(cell)
+    except ValueError:
+        return None
+
+
+def _finite(points: NDArray[np.float64], what: str, first: int) -> NDArray[np.float64]:
+    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if len(bad):
+        raise FileInputError(f"{what} {bad[0] + first} must be finite; got {points[bad[0]].tolist()}")
+    return points
+
+
+def _countable(count: int) -> None:
+    if not 0 < count <= MOST_POINTS:
+        raise FileInputError(f"it must hold 1 to {MOST_POINTS} points; got {count} (thin them out)")
+
+
+__all__ = ["LARGEST_BYTES", "MOST_POINTS", "csv_text", "read_points"]

@@ -1,0 +1,233 @@
+"""Trials that matching methods are judged on: the public ones, the hotel sequence, and generated ones."""
+
+from __future__ import annotations
+
+import zlib
+from typing import TYPE_CHECKING, Any
+from zipfile import BadZipFile
+
+import numpy as np
+import scipy.io
+from scipy.io.matlab import MatReadError
+
+from tsis.matching.distort import PUBLIC_LEVELS, Trial, distort, public_distortion, shuffled, visible
+from tsis.matching.fit import UNMATCHED
+from tsis.matching.shapes import SHAPES
+from tsis.model import check
+from tsis.model.errors import FileInputError, InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from tsis.matching.distort import Family
+
+PUBLIC_FILE, SEQUENCE_FILE = "chui_rangarajan_trials1-70.npz", "cmum.mat"
+PUBLIC_SHAPES = ("fish", "chinese")
+FAMILIES: tuple[Family, ...] = tuple(PUBLIC_LEVELS)
+LEVEL_LABELS: dict[Family, tuple[str, tuple[float, ...]]] = {
+    "deformation": ("degree of deformation", tuple(each.bending for each in PUBLIC_LEVELS["deformation"])),
+    "noise": ("standard deviation of the noise", tuple(each.noise_sd for each in PUBLIC_LEVELS["noise"])),
+    "outliers": ("outliers / points", tuple(each.outlier_ratio for each in PUBLIC_LEVELS["outliers"])),
+    "rotation": ("rotation / degrees", tuple(each.rotation_deg for each in PUBLIC_LEVELS["rotation"])),
+    "occlusion": ("share occluded", tuple(each.occluded for each in PUBLIC_LEVELS["occlusion"])),
+}
+_PREFIX: dict[Family, str] = {
+    "deformation": "def",
+    "noise": "noise",
+    "outliers": "outlier",
+    "rotation": "rot",
+    "occlusion": "occlusion",
+}
+SEPARATIONS = tuple(range(10, 101, 10))  # frames
+HIDDEN = (0.0, 0.1, 0.2, 0.3)  # share of the landmarks of the first frame that the second lacks
+GENERATED_POINTS = 100
+
+
+def matching_error(trial: Trial, moved: ArrayLike) -> float:
+    """Root-mean-square distance of the moved source points from their true, noise-free targets.
+
+    Parameters
+    ----------
+    trial
+        Source and target with the true matches; points without a partner do not count.
+    moved
+        The source after a method moved it, shape (n, d), in the unit of the trial.
+
+    Returns
+    -------
+    float
+        In the unit of the trial's points.
+
+    Raises
+    ------
+    InputError
+        When ``moved`` has another shape than the source, or is not finite.
+
+    Examples
+    --------
+    >>> points = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    >>> trial = Trial(source=points, target=points + 3, target_clean=points + 3, truth=np.arange(3))
+    >>> matching_error(trial, points + [3.0, 0.0])
+    3.0
+    """
+    moved = check.array("moved", moved, ndim=2)
+    if moved.shape != trial.source.shape:
+        raise InputError(f"moved must have the source's shape {trial.source.shape}; got {moved.shape}")
+    true = trial.truth != UNMATCHED
+    away = moved[true] - trial.target_clean[trial.truth[true]]
+    return float(np.sqrt((away**2).sum(axis=1).mean()))
+
+
+def public_trials(
+    folder: Path, *, shape: str, family: Family, level: int, count: int | None = None, seed: int = 0
+) -> Iterator[Trial]:
+    """Trials of Chui and Rangarajan, targets shuffled; a trial's order does not depend on which others are asked for.
+
+    Parameters
+    ----------
+    folder
+        Holds ``chui_rangarajan_trials1-70.npz``.
+    shape
+        ``"fish"`` (98 points) or ``"chinese"`` (105 points).
+    family, level
+        What is distorted, and how much, from 1.
+    count
+        The first so many trials of the 70; None for all.
+    seed
+        Of the shuffling.
+
+    Raises
+    ------
+    InputError
+        When there is no such shape, family or level, or the file is missing or broken.
+    """
+    check.known("shape", shape, PUBLIC_SHAPES)
+    public_distortion(family, level)
+    key = f"{shape}_{_PREFIX[family]}_{level}"
+    stored = _public_arrays(folder / PUBLIC_FILE, (f"{key}_x1", f"{key}_target", f"{key}_target_clean"))
+    models, targets = stored[f"{key}_x1"], stored[f"{key}_target"]
+    cleans = stored.get(f"{key}_target_clean", targets)
+    for number in range(len(targets))[:count]:
+        model = models[number] if models.ndim == 3 else models
+        rng = np.random.default_rng([seed, PUBLIC_SHAPES.index(shape), FAMILIES.index(family), level, number])
+        truth = np.where(np.arange(len(model)) < targets.shape[1], np.arange(len(model)), UNMATCHED)
+        yield shuffled(
+            model, targets[number], cleans[number], truth, rng=rng, name=f"{shape}/{family}/{level}/{number}"
+        )
+
+
+def hotel_trials(
+    folder: Path, *, separation: int, hidden: float = 0.0, count: int | None = None, seed: int = 0
+) -> Iterator[Trial]:
+    """Pairs of frames of the CMU hotel sequence, 30 landmarks each, in pixels, targets shuffled.
+
+    Parameters
+    ----------
+    folder
+        Holds ``cmum.mat``.
+    separation
+        Frames between the two, in [1, 100].
+    hidden
+        Share of the landmarks of the first frame that is taken out of the second at random, in [0, 0.9].
+    count
+        At most so many pairs, evenly spread over the sequence; None for all.
+    seed
+        Of the landmarks taken out and of the shuffling.
+
+    Raises
+    ------
+    InputError
+        When a value is out of range, or the file is missing or broken.
+    """
+    frames = _frames(folder / SEQUENCE_FILE, "hotel")
+    check.whole("separation", separation, 1, len(frames) - 1)
+    check.number("hidden", hidden, 0.0, 0.9)
+    starts = np.arange(len(frames) - separation)
+    if count is not None and count < len(starts):
+        starts = np.unique(np.linspace(0, len(starts) - 1, count).round().astype(int))
+    for start in starts.tolist():
+        rng = np.random.default_rng([seed, separation, round(100 * hidden), start])
+        first, second = frames[start], frames[start + separation]
+        seen = visible(second, hidden, kind="scattered", rng=rng)
+        truth = np.full(len(first), UNMATCHED)
+        truth[seen] = np.arange(len(seen))
+        name = f"hotel/{hidden:g}/{separation}/{start}"
+        yield shuffled(first, second[seen], second[seen], truth, rng=rng, name=name)
+
+
+def generated_trials(
+    *, shape: str, family: Family, level: int, count: int, seed: int = 0, points: int = GENERATED_POINTS
+) -> Iterator[Trial]:
+    """Trials like the public ones on generated shapes, each trial with a shape of its own.
+
+    Parameters
+    ----------
+    shape
+        A name of `tsis.matching.shapes.SHAPES`.
+    family, level
+        As for `public_trials`.
+    count
+        How many.
+    seed
+        Of shapes, distortions and shuffling; a trial does not depend on how many there are.
+    points
+        Points a shape, at least 10.
+
+    Raises
+    ------
+    InputError
+        When there is no such shape, family or level.
+    """
+    make = SHAPES[check.known("shape", shape, SHAPES)]
+    distortion = public_distortion(family, level)
+    for number in range(count):
+        key = [seed, list(SHAPES).index(shape), FAMILIES.index(family), level, points, number]
+        rng = np.random.default_rng(key)
+        yield distort(make(points, rng=rng), distortion, rng=rng, name=f"{shape}/{family}/{level}/{number}")
+
+
+def _public_arrays(path: Path, wanted: tuple[str, ...]) -> dict[str, NDArray[np.float64]]:
+    """Those of the wanted arrays that the file holds."""
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
+            found = {key: np.asarray(stored[key], dtype=float) for key in wanted if key in stored}
+    except (OSError, ValueError, EOFError, BadZipFile, zlib.error) as error:
+        raise _unreadable(path, error) from error
+    missing = [key for key in wanted[:2] if key not in found]
+    if missing:
+        raise FileInputError(
+            f"{path.name!r} must hold {missing[0]!r}; it does not (take the file of the public trials)"
+        )
+    return found
+
+
+def _frames(path: Path, name: str) -> NDArray[np.float64]:
+    """Landmarks of each frame, shape (frames, landmarks, 2)."""
+    try:
+        sequence: Any = scipy.io.loadmat(path)["CMUM"][0, 0][name][0, 0]["XTs"][0]
+        frames = np.stack([np.asarray(frame, dtype=float) for frame in sequence])
+    except (OSError, ValueError, KeyError, IndexError, TypeError, MatReadError, zlib.error) as error:
+        raise _unreadable(path, error) from error
+    return frames if frames.shape[2] == 2 else np.asarray(frames.transpose(0, 2, 1))
+
+
+def _unreadable(path: Path, error: Exception) -> FileInputError:
+    return FileInputError(
+        f"{str(path)!r:.160} must be the file of the public trials; got: {str(error) or type(error).__name__:.80}"
+    )
+
+
+__all__ = [
+    "FAMILIES",
+    "HIDDEN",
+    "LEVEL_LABELS",
+    "PUBLIC_SHAPES",
+    "SEPARATIONS",
+    "generated_trials",
+    "hotel_trials",
+    "matching_error",
+    "public_trials",
+]

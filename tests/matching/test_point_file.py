@@ -1,0 +1,208 @@
+from __future__ import annotations
+
+import os
+import pickle
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+
+from tsis.matching import point_file
+from tsis.matching.point_file import csv_text, read_points
+from tsis.model.errors import FileInputError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+POINTS = np.array([[0.1, -2.5, 3.0], [1e-9, 7.0, 1 / 3], [4.0, 5.0, 6.0]])
+
+
+def ply_bytes(points: NDArray[np.float64], form: str, *, count: int | None = None, kind: str = "double") -> bytes:
+    names = "xyz"[: points.shape[1]]
+    head = [
+        "ply",
+        f"format {form} 1.0",
+        "comment made by a test",
+        f"element vertex {len(points) if count is None else count}",
+        "property uchar red",
+        *(f"property {kind} {name}" for name in names),
+        "element face 0",
+        "property list uchar int vertex_index",
+        "end_header",
+    ]
+    if form == "ascii":
+        body = "".join("255 " + " ".join(map(repr, row)) + "\n" for row in points.tolist()).encode()
+    else:
+        order = "<" if "little" in form else ">"
+        size = {"double": "f8", "float": "f4"}[kind]
+        rows = np.zeros(len(points), dtype=[("red", "u1"), *((name, order + size) for name in names)])
+        for axis, name in enumerate(names):
+            rows[name] = points[:, axis]
+        body = rows.tobytes()
+    return "\n".join(head).encode() + b"\n" + body
+
+
+@given(
+    hnp.arrays(
+        float,
+        st.tuples(st.integers(1, 20), st.sampled_from([2, 3])),
+        elements=st.floats(allow_nan=False, allow_infinity=False),
+    )
+)
+def test_csv_round_trip_to_the_last_bit(points: NDArray[np.float64]) -> None:
+    back = point_file._parsed(csv_text(points, match=np.arange(len(points))).encode())
+    np.testing.assert_array_equal(back, points)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("form", ["ascii", "binary_little_endian", "binary_big_endian"])
+def test_ply_round_trip(tmp_path: Path, form: str, dimension: int) -> None:
+    (tmp_path / "a.ply").write_bytes(ply_bytes(POINTS[:, :dimension], form))
+    np.testing.assert_array_equal(read_points(tmp_path / "a.ply"), POINTS[:, :dimension])
+
+
+def test_ply_floats_line_ends_and_flat_sets(tmp_path: Path) -> None:
+    (tmp_path / "a.ply").write_bytes(ply_bytes(POINTS, "binary_little_endian", kind="float"))
+    np.testing.assert_allclose(read_points(tmp_path / "a.ply"), POINTS, rtol=1e-6)
+    (tmp_path / "b.ply").write_bytes(ply_bytes(POINTS, "ascii").replace(b"\n", b"\r\n"))
+    np.testing.assert_array_equal(read_points(tmp_path / "b.ply"), POINTS)
+    (tmp_path / "flat.ply").write_bytes(ply_bytes(POINTS * [1, 1, 0], "ascii"))
+    np.testing.assert_array_equal(read_points(tmp_path / "flat.ply"), POINTS[:, :2])
+
+
+@pytest.mark.parametrize("dtype", ["<f8", ">f4", "<i2", "u1"])
+@pytest.mark.parametrize("order", ["C", "F"])
+def test_npy_of_any_number_type_and_order(tmp_path: Path, dtype: str, order: str) -> None:
+    points = np.array([[1, 2, 3], [4, 5, 6]], dtype=dtype, order=order)  # type: ignore[call-overload]
+    np.save(tmp_path / "a.npy", points)
+    read = read_points(tmp_path / "a.npy")
+    np.testing.assert_array_equal(read, points)
+    assert read.dtype == float
+    assert not read.flags.writeable
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "0.5,1\n2,3\n",
+        "x,y\n0.5,1\n2,3",
+        "\ufeff# a comment\n\n0.5;1\n2;3\n",
+        "0.5 1\n 2   3 \n",
+        "0.5\t1\r\n2\t3\r\n",
+        '"label","Y","X"\na,1,0.5\nb,3,2\n',
+        "first,second\n0.5,1\n2,3\n",
+    ],
+)
+def test_csv_in_its_many_forms(tmp_path: Path, text: str) -> None:
+    (tmp_path / "points.anything").write_text(text, encoding="utf-8")
+    np.testing.assert_array_equal(read_points(tmp_path / "points.anything"), [[0.5, 1.0], [2.0, 3.0]])
+
+
+def pickled_npy(path: Path) -> None:
+    with path.open("wb") as file:
+        np.lib.format.write_array(file, np.array([[Trap(), 1], [2, 3]], dtype=object), allow_pickle=True)
+
+
+class Trap:
+    def __reduce__(self) -> tuple[object, tuple[str]]:
+        return os.system, ("touch unpickled",)
+
+
+def npy_header(shape: str, descr: str = "'<f8'") -> bytes:
+    text = f"{{'descr': {descr}, 'fortran_order': False, 'shape': {shape}, }}".ljust(117) + "\n"
+    return b"\x93NUMPY\x01\x00" + len(text).to_bytes(2, "little") + text.encode()
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"1,2,3,4,5,6,7,8,9,10\n", "2 or 3 columns; got 10"),
+        (b"a,b,c,d\n1,2,3,4\n", "2 or 3 columns; got 4"),
+        (b"1\n2\n", "2 or 3 columns; got 1"),
+        (b"x,y\n1,2\n3,nan\n", "line 3 must hold finite numbers; got 'nan'"),
+        (b"1,2\n3,inf\n", "line 2 must hold finite numbers"),
+        (b"1,2\n3,4 mm\n", "line 2 must hold finite numbers; got '4 mm'"),
+        (b"1,2\n3\n", "line 2 must have 2 columns"),
+        (b"1,2\n3,4,5\n", "line 2 must have 2 columns as the first one; got 3"),
+        (b"0,5;1,5\n2,5;3,5\n", "line 1 must hold finite numbers; got '0,5'"),
+        (b"x,y\n", "1 to 100000 points; got 0"),
+        (b"# nothing\n\n", "must hold points; got none"),
+        (b"\xff\xfe\x00\x01", "must be CSV, NPY or PLY"),
+        (pickle.dumps([1.0, 2.0]), "must be CSV, NPY or PLY"),
+        (b"PK\x03\x04\xff\xff", "must be CSV, NPY or PLY"),
+        (npy_header("(1000000000000, 2)") + bytes(64), "1 to 100000 points; got 1000000000000"),
+        (npy_header("(5, 2)") + bytes(64), "5 points take 80 bytes; got 64"),
+        (npy_header("(4, 2)") + bytes(80), "4 points take 64 bytes; got 80"),
+        (npy_header("(-4, 2)") + bytes(64), "got -4"),
+        (npy_header("(4,)") + bytes(32), "shape"),
+        (npy_header("(4, 2)", "'|O'") + bytes(64), "never unpickled"),
+        (npy_header("(4, 2)", "'<U3'") + bytes(64), "must hold numbers"),
+        (npy_header("(((("), "NPY header must be whole"),
+        (b"\x93NUMPY\x01\x00\xff\xff{", "NPY header must be whole"),
+        (b"\x93NUMPY\x09\x00\xff\xff{", "NPY header must be whole"),
+        (npy_header("(1, 2)") + np.array([1.0, np.nan]).tobytes(), "row 0 must be finite"),
+        (ply_bytes(POINTS, "ascii", count=10**12), "1 to 100000 points; got 1000000000000"),
+        (ply_bytes(POINTS, "binary_little_endian", count=10**12), "got 1000000000000"),
+        (ply_bytes(POINTS, "binary_little_endian", count=4), "4 vertices of its header take 100 bytes; got 75"),
+        (ply_bytes(POINTS, "ascii", count=5), "vertex 3 must hold"),
+        (ply_bytes(POINTS, "ascii", count=-1), "got -1"),
+        (ply_bytes(POINTS, "ascii")[:-20], "3 vertices of its header; got 2"),
+        (ply_bytes(POINTS, "ascii")[:-12], "vertex 2 must hold"),
+        (ply_bytes(POINTS, "ascii")[:60], "header must end"),
+        (ply_bytes(POINTS, "ascii").replace(b"format ascii", b"format morse"), "known; got 'format morse 1.0'"),
+        (ply_bytes(POINTS, "ascii").replace(b"double y", b"double x"), "'x' twice"),
+        (ply_bytes(POINTS, "ascii").replace(b"double y", b"double v"), "must have x and y"),
+        (ply_bytes(POINTS, "ascii").replace(b"vertex 3", b"vertex many"), "known"),
+        (ply_bytes(POINTS, "ascii").replace(b"element vertex 3", b"element face 3"), "vertices as the first"),
+        (ply_bytes(POINTS, "ascii").replace(b"property uchar red", b"property list uchar int a"), "known"),
+        (ply_bytes(np.array([[0.0, np.nan]]), "binary_big_endian"), "vertex 0 must be finite"),
+        (b"ply\n" + b"comment x\n" * 100_000, "header must end within"),
+    ],
+)
+def test_broken_files_are_refused_in_one_sentence(tmp_path: Path, content: bytes, message: str) -> None:
+    (tmp_path / "a").write_bytes(content)
+    with pytest.raises(FileInputError, match=message) as refused:
+        read_points(tmp_path / "a")
+    assert "\n" not in str(refused.value)
+    assert len(str(refused.value)) < 400
+
+
+def test_objects_are_never_unpickled(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    pickled_npy(tmp_path / "a.npy")
+    with pytest.raises(FileInputError, match="never unpickled"):
+        read_points(tmp_path / "a.npy")
+    assert not (tmp_path / "unpickled").exists()
+
+
+def test_missing_empty_and_huge_files_and_folders(tmp_path: Path) -> None:
+    with pytest.raises(FileInputError, match="does not exist"):
+        read_points(tmp_path / "none.csv")
+    (tmp_path / "empty.csv").touch()
+    with pytest.raises(FileInputError, match="empty file"):
+        read_points(tmp_path / "empty.csv")
+    with pytest.raises(FileInputError, match="folder"):
+        read_points(tmp_path)
+    with (tmp_path / "huge.csv").open("wb") as file:
+        file.truncate(10**12)  # sparse: it takes no room on the disk
+    with pytest.raises(FileInputError, match="at most 64 MiB"):
+        read_points(tmp_path / "huge.csv")
+    (tmp_path / "many.csv").write_text("1,2\n" * (point_file.MOST_POINTS + 1))
+    with pytest.raises(FileInputError, match="got 100001"):
+        read_points(tmp_path / "many.csv")
+
+
+@given(
+    st.binary(max_size=300), st.sampled_from([b"", b"ply\n", npy_header("(2, 2)"), ply_bytes(POINTS, "ascii")[:150]])
+)
+def test_no_bytes_make_it_fail_in_another_way(noise: bytes, start: bytes) -> None:
+    try:
+        points = point_file._parsed(start + noise)
+    except FileInputError:
+        return
+    assert np.isfinite(points).all()
