@@ -73,9 +73,9 @@ def test_hotel_pairs() -> None:
     assert {pair.source.shape for pair in pairs} == {(30, 2)}
     assert len(list(hotel_trials(DATA, separation=100))) == 1
     assert [pair.name for pair in hotel_trials(DATA, separation=10, count=3)] == [
-        "hotel/0/10/0",
-        "hotel/0/10/45",
-        "hotel/0/10/90",
+        "hotel/hidden 0/10/0",
+        "hotel/hidden 0/10/45",
+        "hotel/hidden 0/10/90",
     ]
     hidden = next(hotel_trials(DATA, separation=20, hidden=0.3))
     assert hidden.target.shape == (21, 2)

@@ -154,7 +154,7 @@ def hotel_trials(
         seen = visible(second, hidden, kind="scattered", rng=rng)
         truth = np.full(len(first), UNMATCHED)
         truth[seen] = np.arange(len(seen))
-        name = f"hotel/{hidden:g}/{separation}/{start}"
+        name = f"hotel/hidden {hidden:g}/{separation}/{start}"
         yield shuffled(first, second[seen], second[seen], truth, rng=rng, name=name)
 
 

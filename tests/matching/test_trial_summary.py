@@ -1,0 +1,94 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from tsis.matching.trial_rows import Row
+from tsis.matching.trial_summary import ratio_of_means, summarise, summarise_pooled
+from tsis.model.errors import InputError
+
+
+def rows_of(group: str, level: int, method: str, errors: list[float], *, reliable: str = "") -> list[Row]:
+    return [
+        Row(
+            trial=f"{group}/{level}/{number}",
+            method=method,
+            seed=0,
+            error=error,
+            seconds=0.1 * (number + 1),
+            reliable=reliable,
+            refused="it broke" if error == 0.9 else "",
+        )
+        for number, error in enumerate(errors)
+    ]
+
+
+ROWS = [
+    *rows_of("fish/noise", 1, "tprl", [0.01, 0.02, 0.9], reliable="yes"),
+    *rows_of("fish/noise", 1, "cpd", [0.02, 0.04, 0.06]),
+    *rows_of("fish/noise", 1, "pycpd", [0.03, 0.05, 0.07]),
+    *rows_of("fish/noise", 2, "tprl", [0.05, 0.05, 0.05], reliable="yes"),
+    *rows_of("fish/noise", 2, "cpd", [0.2, 0.3, 0.1]),
+    *rows_of("fish/noise", 2, "pycpd", [0.1, 0.1, 0.1]),
+]
+
+
+def test_a_summary_by_hand() -> None:
+    found = {(each.level, each.method): each for each in summarise(ROWS, rivals=("cpd", "pycpd"))}
+    assert len(found) == 6
+    tprl = found["1", "tprl"]
+    assert (tprl.group, tprl.trials, tprl.rival) == ("fish/noise", 3, "cpd")
+    assert tprl.median == 0.02
+    assert tprl.mean == pytest.approx(0.31)
+    assert tprl.failures == pytest.approx(1 / 3)
+    assert tprl.unannounced == pytest.approx(1 / 3)
+    assert tprl.refused == pytest.approx(1 / 3)
+    assert tprl.seconds == pytest.approx(0.2)
+    assert tprl.ratio is not None
+    assert tprl.ratio.value == pytest.approx(0.31 / 0.04)
+    # Errors of every draw lie between three of the best trial and three of the worst.
+    assert 0.01 / 0.02 <= tprl.ratio.low < tprl.ratio.value < tprl.ratio.high <= 0.9 / 0.06
+    assert found["2", "tprl"].rival == "pycpd"  # another level, another best rival
+    assert found["2", "cpd"].failures == pytest.approx(2 / 3)  # 0.1 itself is no failure
+    assert found["1", "cpd"].unannounced is None
+    best = found["1", "cpd"].ratio
+    assert best is not None
+    assert (best.value, best.low, best.high) == (1.0, 1.0, 1.0)
+
+
+def test_pooled_levels_meet_the_best_rival_of_each() -> None:
+    tprl, cpd, pycpd = summarise_pooled(ROWS, rivals=("cpd", "pycpd"))
+    assert (tprl.group, tprl.level, tprl.trials) == ("noise", "", 6)
+    assert tprl.rival == "cpd, pycpd"
+    against = np.mean([0.02, 0.04, 0.06, 0.1, 0.1, 0.1])
+    for summary, errors in ((tprl, [0.01, 0.02, 0.9, 0.05, 0.05, 0.05]), (cpd, [0.02, 0.04, 0.06, 0.2, 0.3, 0.1])):
+        assert summary.ratio is not None
+        assert summary.ratio.value == pytest.approx(np.mean(errors) / against)
+    assert pycpd.ratio is not None
+    assert pycpd.ratio.value > 1
+
+
+def test_without_a_rival_there_is_no_ratio() -> None:
+    (summary,) = summarise(rows_of("fish/noise", 1, "tprl", [0.1, 0.2]), rivals=("cpd",))
+    assert summary.ratio is None
+    assert summary.rival == ""
+
+
+def test_the_interval_of_a_ratio_covers_it_about_as_often_as_it_says() -> None:
+    rng = np.random.default_rng(5)
+    covered = 0
+    for _ in range(200):
+        errors, others = rng.gamma(2.0, 0.01, 70), rng.gamma(2.0, 0.02, 70)
+        ratio = ratio_of_means(errors, others, rng=rng, draws=500)
+        covered += ratio.low <= 0.5 <= ratio.high
+    assert 180 <= covered <= 199
+
+
+def test_a_rival_without_error_leaves_no_ratio() -> None:
+    ratio = ratio_of_means(np.ones(3), np.zeros(3), rng=np.random.default_rng(0))
+    assert np.isnan([ratio.value, ratio.low, ratio.high]).all()
+
+
+def test_a_limit_that_is_none_is_refused() -> None:
+    with pytest.raises(InputError, match="failure must lie in"):
+        summarise(ROWS, rivals=(), failure=0.0)
