@@ -29,7 +29,7 @@ class Ratio:
     Attributes
     ----------
     value
-        The ratio; below 1 the method is better. NaN where the rival's mean is 0.
+        The ratio; below 1 the method is better.
     low, high
         Bootstrap interval of 95 %, trials drawn with replacement, method and rival together.
     """
@@ -62,7 +62,7 @@ class Summary:
     seconds
         Median time.
     ratio
-        To the best rival; None where there is no rival.
+        To the best rival; None where there is no rival, or one that never errs.
     rival
         Name of the best rival: that of the lowest mean error at each level. Empty where pooled levels differ in it.
     """
@@ -145,8 +145,8 @@ def summarise_pooled(
 
 def ratio_of_means(
     errors: NDArray[np.float64], others: NDArray[np.float64], *, rng: np.random.Generator, draws: int = DRAWS
-) -> Ratio:
-    """Ratio of two means over the same trials, with the bootstrap's interval of 95 %.
+) -> Ratio | None:
+    """Ratio of two means over the same trials, with the bootstrap's interval of 95 %; None where the rival never errs.
 
     Parameters
     ----------
@@ -159,15 +159,15 @@ def ratio_of_means(
 
     Examples
     --------
-    >>> ratio_of_means(np.array([1.0, 2.0]), np.array([2.0, 4.0]), rng=np.random.default_rng(0)).high
-    0.5
+    >>> ratio_of_means(np.array([1.0, 2.0]), np.array([2.0, 4.0]), rng=np.random.default_rng(0))
+    Ratio(value=0.5, low=0.5, high=0.5)
     """
     picked = rng.integers(0, len(errors), (draws, len(errors)))
     with np.errstate(divide="ignore", invalid="ignore"):
         drawn = errors[picked].mean(axis=1) / others[picked].mean(axis=1)
         value = float(np.divide(errors.mean(), others.mean()))
     if not np.isfinite(drawn).all() or not np.isfinite(value):
-        return Ratio(value=float("nan"), low=float("nan"), high=float("nan"))
+        return None
     low, high = np.quantile(drawn, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
     return Ratio(value=value, low=float(low), high=float(high))
 

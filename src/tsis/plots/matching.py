@@ -1,0 +1,110 @@
+"""Matched point sets, and what many trials say about the methods that match them."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from matplotlib.axes import Axes
+    from numpy.typing import ArrayLike
+
+    from tsis.matching.trial_summary import Summary
+
+SOURCE, TARGET, PAIR = "#0072b2", "#d55e00", "0.65"  # told apart without red-green vision
+CURVE_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000", "#56b4e9", "#e69f00")
+CURVE_MARKS = "ovs^Dp*Xhd<>"
+NAMES = {"failures": "share of failures", "seconds": "median time / s"}
+FEW, LARGE, SMALL = 300, 18.0, 4.0  # points up to which the dots are large
+
+
+def point_sets(
+    source: ArrayLike,
+    target: ArrayLike,
+    ax: Axes,
+    *,
+    matches: ArrayLike | None = None,
+    source_label: str = "source",
+    target_label: str = "target",
+) -> Axes:
+    """Draw two point sets over each other, with a line from each source point to its match.
+
+    Parameters
+    ----------
+    source, target
+        Shapes (n, 2) and (m, 2), or (n, 3) and (m, 3) on an axes with the projection ``"3d"``.
+    ax
+        Where to draw.
+    matches
+        Row of each source point's match or -1, shape (n,); None draws no lines.
+    source_label, target_label
+        What the legend calls them.
+    """
+    first, second = np.asarray(source, dtype=float), np.asarray(target, dtype=float)
+    surface: Any = ax  # axes in space take three coordinates, which the declared class does not know
+    size = LARGE if max(len(first), len(second)) <= FEW else SMALL
+    if matches is not None:
+        partner = np.asarray(matches)
+        for row in np.flatnonzero(partner >= 0):
+            surface.plot(*np.stack([first[row], second[partner[row]]], axis=1), color=PAIR, linewidth=0.7, zorder=1)
+    hollow = {"facecolors": "none", "edgecolors": SOURCE}
+    surface.scatter(*first.T, s=2 * size, label=f"{source_label} ({len(first)})", linewidths=1.0, zorder=3, **hollow)
+    surface.scatter(*second.T, s=size / 2, label=f"{target_label} ({len(second)})", color=TARGET, zorder=2)
+    ax.set_aspect("equal")
+    ax.set(xlabel="x", ylabel="y")
+    if first.shape[1] == 3:
+        surface.set_zlabel("z")
+    ax.legend(loc="best", fontsize="small")
+    return ax
+
+
+def curves_over_levels(
+    summaries: Sequence[Summary],
+    ax: Axes,
+    *,
+    quantity: Literal["error", "failures", "seconds"],
+    positions: Mapping[str, float],
+    level_label: str,
+    unit: str = "",
+) -> Axes:
+    """Draw what each method does over the levels of one kind of distortion (figures 5.14 to 5.18 and 5.20).
+
+    Parameters
+    ----------
+    summaries
+        Of one group, as `tsis.matching.trial_summary.summarise` returns them.
+    ax
+        Where to draw.
+    quantity
+        ``"error"`` draws the median as a line and the mean as a mark of its own, ``"failures"`` and ``"seconds"`` a
+        line.
+    positions
+        Where each level lies on the axis.
+    level_label
+        Name and unit of the axis.
+    unit
+        Of the error, where it has one.
+    """
+    styles = zip(itertools.cycle(CURVE_COLOURS), itertools.cycle(CURVE_MARKS), strict=False)
+    methods = dict.fromkeys(each.method for each in summaries)
+    for order, (method, (colour, mark)) in enumerate(zip(methods, styles, strict=False)):
+        own = [each for each in summaries if each.method == method]
+        place = [positions[each.level] for each in own]
+        line = "-" if order < len(CURVE_COLOURS) else "--"
+        middle = [each.median if quantity == "error" else getattr(each, quantity) for each in own]
+        ax.plot(place, middle, line, color=colour, marker=mark, markersize=4, linewidth=1.2, label=method)
+        if quantity == "error":
+            ax.plot(place, [each.mean for each in own], mark, color=colour, markerfacecolor="none", markersize=8)
+    ending = f" / {unit}" if unit and quantity == "error" else ""
+    label = "RMS error: median (line), mean (open mark)" if quantity == "error" else NAMES[quantity]
+    ax.set(xlabel=level_label, ylabel=label + ending)
+    if quantity == "failures":
+        ax.set_ylim(-0.02, 1.02)
+    else:
+        ax.set_yscale("log")
+    ax.grid(visible=True, alpha=0.3)
+    return ax
