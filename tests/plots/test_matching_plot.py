@@ -14,9 +14,12 @@ def test_each_match_is_a_line_from_the_source_point_to_its_target(dimension: int
     source, target = rng.normal(size=(6, dimension)), rng.normal(size=(4, dimension))
     ax = Figure().add_subplot(projection="3d" if dimension == 3 else None)
     assert point_sets(source, target, ax, matches=[2, -1, 0, -1, -1, 3]) is ax
-    assert len(ax.lines) == 3
-    ends = np.array(ax.lines[0].get_data_3d() if dimension == 3 else ax.lines[0].get_data())  # type: ignore[attr-defined]
-    np.testing.assert_allclose(ends, np.stack([source[0], target[2]], axis=1))
+    (line,) = ax.lines
+    ends = np.array(line.get_data_3d() if dimension == 3 else line.get_data())  # type: ignore[attr-defined]
+    assert ends.shape == (dimension, 9)
+    np.testing.assert_allclose(ends[:, :2], np.stack([source[0], target[2]], axis=1))
+    np.testing.assert_allclose(ends[:, 6:8], np.stack([source[5], target[3]], axis=1))
+    assert np.isnan(ends[:, 2::3]).all()
     legend = ax.get_legend()
     assert legend is not None
     assert [text.get_text() for text in legend.get_texts()] == ["source (6)", "target (4)"]

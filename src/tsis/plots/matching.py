@@ -49,8 +49,9 @@ def point_sets(
     size = LARGE if max(len(first), len(second)) <= FEW else SMALL
     if matches is not None:
         partner = np.asarray(matches)
-        for row in np.flatnonzero(partner >= 0):
-            surface.plot(*np.stack([first[row], second[partner[row]]], axis=1), color=PAIR, linewidth=0.7, zorder=1)
+        ends = np.full((np.count_nonzero(partner >= 0), 3, first.shape[1]), np.nan)  # a NaN ends a line
+        ends[:, 0], ends[:, 1] = first[partner >= 0], second[partner[partner >= 0]]
+        surface.plot(*ends.reshape(-1, first.shape[1]).T, color=PAIR, linewidth=0.7, zorder=1)
     hollow = {"facecolors": "none", "edgecolors": SOURCE}
     surface.scatter(*first.T, s=2 * size, label=f"{source_label} ({len(first)})", linewidths=1.0, zorder=3, **hollow)
     surface.scatter(*second.T, s=size / 2, label=f"{target_label} ({len(second)})", color=TARGET, zorder=2)
