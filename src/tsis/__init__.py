@@ -48,7 +48,9 @@ __all__ = [
     "load_probe",
 ]
 
-_ROOMS = frozenset({"imaging", "inclusion", "instrument", "mechanics", "optics", "plots", "report", "virtual"})
+_ROOMS = frozenset(
+    {"hardness", "imaging", "inclusion", "instrument", "mechanics", "optics", "plots", "report", "virtual"}
+)
 
 
 def __getattr__(name: str) -> ModuleType:

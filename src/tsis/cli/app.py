@@ -12,6 +12,7 @@ from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.cli.demo import demo
 from tsis.cli.design import design
 from tsis.cli.examine import examine
+from tsis.cli.hardness import hardness
 from tsis.cli.optics import app as optics
 from tsis.cli.simulate import simulate
 from tsis.cli.sweep import app as sweep
@@ -30,6 +31,7 @@ app.command(epilog="Example: tsis demo --phantom size-8 --seed 3 --out first-pre
 app.command(epilog="Example: tsis examine press.png --reference untouched.png --scale-mm 0.051 --invert")(examine)
 app.command(epilog="Example: tsis simulate --phantom depth-8 --force-n 0.7 --json")(simulate)
 app.command(epilog="Example: tsis design --probe tsis-domed --compare dome --compare forces --out design")(design)
+app.command(epilog="Example: tsis hardness --demo --out first-touch")(hardness)
 app.add_typer(optics)
 app.add_typer(sweep)
 

@@ -11,6 +11,7 @@ from tsis.model import check
 from tsis.model.light import FOUR_LEDS, Glass, Led
 from tsis.model.phantom import Inclusion, Phantom
 from tsis.model.probe import Layer, Probe
+from tsis.model.sphere import SoftSphere
 
 
 @cache
@@ -26,6 +27,11 @@ def list_probes() -> tuple[str, ...]:
 def list_phantoms() -> tuple[str, ...]:
     """Names that `load_phantom` knows."""
     return tuple(_table("phantoms"))
+
+
+def list_spheres() -> tuple[str, ...]:
+    """Names that `load_sphere` knows."""
+    return tuple(_table("spheres"))
 
 
 def load_probe(name: str = "tsis-2011") -> Probe:
@@ -76,3 +82,19 @@ def load_phantom(name: str) -> Phantom:
         inclusion=None if inclusion is None else Inclusion(**inclusion),
         assumed=tuple(entry.get("assumed", ())),
     )
+
+
+def load_sphere(name: str) -> SoftSphere:
+    """Load a soft sphere of the catalog.
+
+    Raises
+    ------
+    UnknownNameError
+        When the catalog has no such sphere; the nearest name is suggested.
+
+    Examples
+    --------
+    >>> load_sphere("cl2003x").young_kpa
+    62.0
+    """
+    return SoftSphere(name=name, **_table("spheres")[check.known("sphere", name, list_spheres())])

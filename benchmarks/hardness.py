@@ -1,0 +1,233 @@
+"""How well is the modulus of a touched sphere estimated, and do its intervals hold?
+
+    python -m benchmarks.hardness --probe tsis-direct --spheres 100 --rigs 2 --seed 1
+
+Spheres of 40 to 500 kPa, even in the logarithm, of 3.0 to 3.6 mm radius and a Poisson's ratio of 0.45 to 0.495 are
+pressed at 0.7 and 1.2 N by rigs of the finer model with all their errors: gain, drift, missed forces, probe moduli,
+patterns, stray light, noise, a radius written down wrongly, a place beside the axis. Each sphere is pressed by
+``--rigs`` rigs; a rig whose probe is stiffer takes a stiffer sphere. Estimates are made without and with two presses of
+a rigid ball of 3 mm. The source's two materials follow, 12 rigs each, its printed errors beside. Solved presses are
+kept in the cache: a run that was cut off goes on where it stopped.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import sys
+import time
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from benchmarks.hardness_bank import SolvedSphere
+from scipy.stats import norm
+
+import tsis
+from tsis.cli.console_output import progress_bar
+from tsis.hardness import estimate
+from tsis.model import SoftSphere, load_sphere
+from tsis.model.errors import TsisError
+from tsis.virtual import DirectContactRig
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from tsis.model import Probe, TactileImage
+
+FORCES_N = (0.7, 1.2)
+YOUNG_KPA, RADIUS_MM, POISSON = (40.0, 500.0), (3.0, 3.6), (0.45, 0.495)
+BANDS_KPA = (40.0, 75.0, 150.0, 275.0, 500.0)
+PRINTED = {"cl2000x": 0.0423, "cl2003x": 0.0538}  # relative errors of section 5.4
+REPEATS = 12
+NEIGHBOURS = (0.94, 1.0, 1.07)  # moduli around a material's at which its presses are solved
+BALL = SoftSphere(radius_mm=3.0, young_kpa=3e5, poisson=0.3, name="rigid ball")
+BALL_SD_MM = 0.003
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Case:
+    """One sphere under one rig: truth, and what was estimated without and with the rigid ball."""
+
+    young_kpa: float
+    alone: dict[str, Any]
+    with_ball: dict[str, Any]
+
+
+def case_of(probe: Probe, bank: SolvedSphere, ball: SolvedSphere, seed: Sequence[int], young_kpa: float | None) -> Case:
+    """Press a solved sphere with a new rig; its modulus is ``young_kpa``, or the solved one times the stiffness."""
+    rng = np.random.default_rng(seed)
+    rig = DirectContactRig(probe, rng=rng, solve=bank)
+    true = bank.young_kpa[0] * rig.stiffness if young_kpa is None else young_kpa
+    sphere = SoftSphere(radius_mm=bank.radius_mm, young_kpa=true, poisson=bank.poisson)
+    images = rig.press_path(sphere, forces_n=FORCES_N)
+    balls = rig.solved_by(ball, radius_sd_mm=BALL_SD_MM).press_path(BALL, forces_n=FORCES_N)
+
+    def judged(reference: Sequence[TactileImage] | None) -> dict[str, Any]:
+        started = time.perf_counter()
+        try:
+            found = estimate(images, probe=probe, calibration=rig.calibration, reference=reference)
+        except TsisError as error:
+            return {"refused": str(error)}
+        return {
+            "mean": found.mean["young_kpa"],
+            "half": found.interval(0.5)["young_kpa"],
+            "most": found.interval(0.9)["young_kpa"],
+            "trusted": found.trusted,
+            "flags": found.flags,
+            "seconds": time.perf_counter() - started,
+        }
+
+    return Case(young_kpa=true, alone=judged(None), with_ball=judged(balls))
+
+
+def spheres(probe: Probe, count: int, seed: int) -> list[SolvedSphere]:
+    """The drawn spheres; the first ones are the same whatever the count."""
+    drawn = []
+    for index in range(count):
+        rng = np.random.default_rng([seed, index])
+        young = float(np.exp(rng.uniform(*np.log(YOUNG_KPA))))
+        drawn.append(
+            SolvedSphere(
+                probe=probe,
+                radius_mm=float(rng.uniform(*RADIUS_MM)),
+                poisson=float(rng.uniform(*POISSON)),
+                young_kpa=(young,),
+                forces_n=FORCES_N,
+            )
+        )
+    return drawn
+
+
+def wilson(inside: int, count: int, level: float = 0.95) -> tuple[float, float]:
+    """Confidence interval of a share."""
+    z = float(norm.ppf(0.5 + level / 2))
+    middle = (inside + z**2 / 2) / (count + z**2)
+    half = z / (count + z**2) * np.sqrt(inside * (count - inside) / count + z**2 / 4)
+    return float(middle - half), float(middle + half)
+
+
+def summary(truths: Sequence[float], answers: Sequence[dict[str, Any]]) -> dict[str, Any]:
+    """Errors and coverage of the trusted answers."""
+    used = [(truth, one) for truth, one in zip(truths, answers, strict=True) if one.get("trusted")]
+    flags = [flag for one in answers for flag in one.get("flags", ())]
+    told = {
+        "cases": len(answers),
+        "trusted": len(used),
+        "refused": sum("refused" in one for one in answers),
+        "flags": {flag: flags.count(flag) for flag in sorted(set(flags))},
+    }
+    if not used:
+        return told
+    error = np.array([one["mean"] / truth - 1 for truth, one in used])
+    told |= {"mean_relative_error": float(np.abs(error).mean()), "bias": float(error.mean())}
+    told["median_relative_error"] = float(np.median(np.abs(error)))
+    for name, level in (("half", "50"), ("most", "90")):
+        inside = sum(one[name][0] <= truth <= one[name][1] for truth, one in used)
+        told[f"coverage_{level}"] = inside / len(used)
+        told[f"coverage_{level}_wilson"] = wilson(inside, len(used))
+    return told
+
+
+def run(
+    probe: Probe, count: int, rigs: int, seed: int, progress: Callable[[int, int], None] | None = None
+) -> dict[str, Any]:
+    """All cases of one probe, judged."""
+    ball = SolvedSphere(
+        probe=probe, radius_mm=BALL.radius_mm, poisson=BALL.poisson, young_kpa=(BALL.young_kpa,), forces_n=FORCES_N
+    )
+    cases, unsolved = list[Case](), 0
+    for index, bank in enumerate(spheres(probe, count, seed)):
+        if progress is not None:
+            progress(index, count + len(PRINTED))
+        try:
+            cases += [case_of(probe, bank, ball, [seed, index, rig], None) for rig in range(rigs)]
+        except TsisError as error:
+            print(f"sphere {index} of {bank.young_kpa[0]:.1f} kPa: {error}", file=sys.stderr)
+            unsolved += 1
+    told: dict[str, Any] = {"probe": probe.name, "unsolved": unsolved, "seed": seed}
+    told["all"] = _both(cases)
+    for low, high in pairwise(BANDS_KPA):
+        told[f"{low:g} to {high:g} kPa"] = _both([case for case in cases if low <= case.young_kpa < high])
+    for place, name in enumerate(PRINTED):
+        if progress is not None:
+            progress(count + place, count + len(PRINTED))
+        told[name] = _both(material(probe, ball, name, seed)) | {"printed_relative_error": PRINTED[name]}
+    seconds = [case.alone["seconds"] for case in cases if "seconds" in case.alone]
+    told["seconds_an_estimate"] = float(np.median(seconds)) if seconds else None
+    return told
+
+
+def material(probe: Probe, ball: SolvedSphere, name: str, seed: int) -> list[Case]:
+    """Rigs that press one of the source's materials."""
+    sphere = load_sphere(name)
+    young = tuple(factor * sphere.young_kpa for factor in NEIGHBOURS)
+    bank = SolvedSphere(
+        probe=probe, radius_mm=sphere.radius_mm, poisson=sphere.poisson, young_kpa=young, forces_n=FORCES_N
+    )
+    return [
+        case_of(probe, bank, ball, [seed, place, len(name), round(sphere.young_kpa)], sphere.young_kpa)
+        for place in range(REPEATS)
+    ]
+
+
+def _both(cases: Sequence[Case]) -> dict[str, Any]:
+    truths = [case.young_kpa for case in cases]
+    return {
+        "alone": summary(truths, [case.alone for case in cases]),
+        "with_ball": summary(truths, [case.with_ball for case in cases]),
+    }
+
+
+def show(told: dict[str, Any]) -> None:
+    """Print the judgement as a Markdown table."""
+    print(f"{told['probe']}: presses of {FORCES_N[0]:g} and {FORCES_N[1]:g} N, seed {told['seed']}")
+    print(f"spheres that the fine model does not reach: {told['unsolved']}")
+    print(f"seconds an estimate (median): {told['seconds_an_estimate']:.2f}")
+    print(
+        "| spheres | ball | cases | trusted | mean error | bias | 50 % interval holds | 90 % interval holds | flags |"
+    )
+    print("|---|---|---|---|---|---|---|---|---|")
+    for name, both in told.items():
+        if not isinstance(both, dict):
+            continue
+        printed = f" (printed {100 * both['printed_relative_error']:.2f} %)" if "printed_relative_error" in both else ""
+        for ball in ("alone", "with_ball"):
+            print(_row(f"{name}{printed}", ball, both[ball]))
+
+
+def _row(name: str, ball: str, one: dict[str, Any]) -> str:
+    if "bias" not in one:
+        return f"| {name} | {ball} | {one['cases']} | {one['trusted']} | | | | | {one['flags']} |"
+
+    def held(level: str) -> str:
+        low, high = one[f"coverage_{level}_wilson"]
+        return f"{100 * one[f'coverage_{level}']:.1f} % ({100 * low:.1f} to {100 * high:.1f})"
+
+    flags = ", ".join(f"{flag} {count}" for flag, count in one["flags"].items()) or "none"
+    error, bias = (f"{100 * one[key]:+.2f} %" for key in ("mean_relative_error", "bias"))
+    told = (name, "yes" if ball == "with_ball" else "no", one["cases"], one["trusted"], error[1:], bias)
+    return "| " + " | ".join(str(part) for part in (*told, held("50"), held("90"), flags)) + " |"
+
+
+def main() -> int:
+    """Print the judgement."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--probe", default="tsis-direct")
+    parser.add_argument("--spheres", type=int, default=100)
+    parser.add_argument("--rigs", type=int, default=2)
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--json", action="store_true")
+    options = parser.parse_args()
+    with progress_bar("pressing spheres") as progress:
+        told = run(tsis.load_probe(options.probe), options.spheres, options.rigs, options.seed, progress)
+    if options.json:
+        print(json.dumps(told, indent=2))
+    else:
+        show(told)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

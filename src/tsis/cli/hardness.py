@@ -1,0 +1,154 @@
+"""``tsis hardness``: how stiff an object is that the bare probe touches."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.cli.calibration_file import calibration_document, read_calibration
+from tsis.cli.console_output import Outcome, progress_bar, publish, waiting
+from tsis.cli.demo import LARGEST_SEED
+from tsis.cli.examine import _scale as scale_of
+from tsis.cli.press_forces import target_forces
+from tsis.cli.targets import AsJson
+from tsis.hardness import build_contact_table, estimate, shore
+from tsis.instrument import png_bytes, read_image
+from tsis.model import list_probes, load_probe, load_sphere
+from tsis.model.errors import InputError
+from tsis.report.document import envelope, estimate_document, json_bytes
+from tsis.report.hardness import hardness_notes, hardness_report, hardness_rows
+from tsis.virtual import DirectContactRig
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tsis.model import Calibration, Probe, TactileImage
+
+DEMO, DEMO_FORCES = "cl2000x", [0.7, 1.2]
+UNNAMED = "tsis-direct"  # the probe of calibrations that name none of the catalog
+
+
+def hardness(
+    images: Annotated[
+        list[Path] | None, typer.Argument(help="Frames of the probe pressed on the object itself: PNG, BMP or TIFF.")
+    ] = None,
+    *,
+    force_n: Annotated[
+        list[float] | None, typer.Option("--force-n", "--force", help="Force in newtons, one for each image.")
+    ] = None,
+    radius_mm: Annotated[
+        float | None, typer.Option("--radius-mm", "--radius", help="Radius of the object in millimetres.")
+    ] = None,
+    radius_sd_mm: Annotated[
+        float | None, typer.Option(help="Standard deviation of that radius.", show_default="0.03")
+    ] = None,
+    scale_mm: Annotated[
+        str | None, typer.Option(help="Millimetres per pixel on the face: one number, or x,y when they differ.")
+    ] = None,
+    calibration: Annotated[Path | None, typer.Option(help="Calibration file of the probe.")] = None,
+    ball: Annotated[
+        list[Path] | None, typer.Option(help="Press of a rigid ball with the same probe; repeat it for more.")
+    ] = None,
+    ball_force_n: Annotated[
+        list[float] | None, typer.Option("--ball-force-n", help="Force of each of them, in their order.")
+    ] = None,
+    ball_radius_mm: Annotated[float | None, typer.Option(help="Radius of that ball.")] = None,
+    probe: Annotated[
+        str | None,
+        typer.Option(help="Name in the catalog.", show_default=f"the calibration's, else {UNNAMED}"),
+    ] = None,
+    virtual: Annotated[
+        str | None, typer.Option(help="Press a sphere of the catalog virtually instead: cl2000x or cl2003x.")
+    ] = None,
+    demo: Annotated[bool, typer.Option("--demo", help=f"The same as --virtual {DEMO}.")] = False,
+    seed: Annotated[int, typer.Option(help="Seed of the virtual rig's errors.", min=0, max=LARGEST_SEED)] = 1,
+    out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path(
+        "tsis-hardness"
+    ),
+    as_json: AsJson = False,
+) -> None:
+    """Estimate Young's modulus of a touched object from two presses, with its interval and as Shore hardness."""
+    paths = images or []
+    if demo or virtual is not None:
+        given = [*paths, *(ball or ()), calibration, scale_mm, radius_mm, radius_sd_mm, ball_radius_mm]
+        if any(value is not None for value in given):
+            raise InputError("--virtual and --demo press by themselves: give no images, scale, radius or calibration")
+        _virtual(virtual or DEMO, load_probe(probe or UNNAMED), force_n or DEMO_FORCES, seed, out, as_json=as_json)
+        return
+    if not paths:
+        raise InputError("give the images of two presses, or --demo for a run without hardware")
+    if calibration is None or scale_mm is None or not force_n:
+        raise InputError("a hardness needs --calibration, --scale-mm and --force-n for each image")
+    known, scale = read_calibration(calibration), scale_of(scale_mm)
+    chosen = load_probe(probe or (known.probe if known.probe in list_probes() else UNNAMED))
+    frames = _read(paths, target_forces(force_n, len(paths)), scale)
+    balls = ball or []
+    if len(ball_force_n or ()) != len(balls):
+        raise InputError(f"--ball-force-n must be given once for each --ball; got it {len(ball_force_n or ())} times")
+    options = {
+        "radius_mm": radius_mm,
+        "radius_sd_mm": radius_sd_mm,
+        "reference": _read(balls, ball_force_n or (), scale),
+        "reference_radius_mm": ball_radius_mm,
+    }
+    publish(_outcome(frames, chosen, known, options), out, as_json=as_json)
+
+
+def _virtual(name: str, probe: Probe, forces: Sequence[float], seed: int, out: Path, *, as_json: bool) -> None:
+    sphere = load_sphere(name)
+    rig = DirectContactRig(probe, rng=np.random.default_rng(seed))
+    with waiting(f"squeezing {name} with the virtual rig"):
+        frames = rig.press_path(sphere, forces_n=forces)
+    files = {"calibration.json": json_bytes(calibration_document(rig.calibration))}
+    files |= {f"press-{frame.force_n:g}N.png": png_bytes(frame) for frame in frames}
+    simulated = {"seed": seed, "sphere": asdict(sphere), "command": "tsis hardness"}
+    publish(
+        _outcome(frames, probe, rig.calibration, {}, truth_kpa=sphere.young_kpa, simulated=simulated, files=files),
+        out,
+        as_json=as_json,
+    )
+
+
+def _outcome(
+    frames: Sequence[TactileImage],
+    probe: Probe,
+    calibration: Calibration,
+    options: dict[str, Any],
+    *,
+    truth_kpa: float | None = None,
+    simulated: dict[str, Any] | None = None,
+    files: dict[str, bytes] | None = None,
+) -> Outcome:
+    with progress_bar("solving the contact of this probe (kept for next time)") as progress:
+        table = build_contact_table(probe, progress=progress)
+    found = estimate(frames, probe=probe, calibration=calibration, **options)
+    title = f"Hardness by direct contact with {probe.name}"
+    shown = Table("quantity", "value", title=escape(title))
+    rows = hardness_rows(found)
+    for row in rows if truth_kpa is None else (*rows, ("true modulus", f"{truth_kpa:g} kPa")):
+        shown.add_row(*(escape(cell) for cell in row))
+    provenance = {"notice": RESEARCH_USE_ONLY, "tsis": __version__, "simulated": simulated}
+    truth = None if truth_kpa is None else {"young_kpa": truth_kpa}
+    readings = asdict(shore(found.mean["young_kpa"])) if found.trusted else None
+    return Outcome(
+        document=envelope(
+            "hardness", estimate=estimate_document(found, truth), shore_converted=readings, provenance=provenance
+        ),
+        page=hardness_report(
+            found, title=title, images=frames, table=table, provenance=provenance, truth_kpa=truth_kpa
+        ),
+        tables=(shown,),
+        notes=hardness_notes(found),
+        files=files or {},
+    )
+
+
+def _read(paths: Sequence[Path], forces: Sequence[float], scale: tuple[float, float]) -> list[TactileImage]:
+    return [read_image(path, mm_per_pixel=scale, force_n=force) for path, force in zip(paths, forces, strict=True)]

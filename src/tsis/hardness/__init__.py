@@ -1,0 +1,19 @@
+"""How stiff a touched object is: contact mechanics without the probe's own compliance."""
+
+from tsis.hardness.contact_table import ContactTable
+from tsis.hardness.posterior import estimate
+from tsis.hardness.prior import HardnessPrior
+from tsis.hardness.reading import ContactReading, read_contact
+from tsis.hardness.shore import ShoreHardness, shore
+from tsis.hardness.table_build import build_contact_table
+
+__all__ = [
+    "ContactReading",
+    "ContactTable",
+    "HardnessPrior",
+    "ShoreHardness",
+    "build_contact_table",
+    "estimate",
+    "read_contact",
+    "shore",
+]

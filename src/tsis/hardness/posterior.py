@@ -1,0 +1,153 @@
+"""Young's modulus of a touched sphere from the contact of one or more presses."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+from threadpoolctl import threadpool_limits
+
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.hardness.exploration import explore
+from tsis.hardness.frames import as_frames, ball_radius, check_belonging, check_frames, radius_belief
+from tsis.hardness.likelihood import DRIFT_SD, Likelihood, Press
+from tsis.hardness.prior import HardnessPrior
+from tsis.hardness.reading import read_contact
+from tsis.hardness.table_build import build_contact_table
+from tsis.hardness.verdict import DISTRUSTED, findings, identifiability
+from tsis.model import Calibration, Estimate, Probe, TactileImage, check
+from tsis.model.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from tsis.hardness.contact_table import ContactTable
+
+
+def estimate(
+    images: TactileImage | Sequence[TactileImage],
+    *,
+    probe: Probe,
+    calibration: Calibration,
+    radius_mm: float | None = None,
+    radius_sd_mm: float | None = None,
+    reference: TactileImage | Sequence[TactileImage] | None = None,
+    reference_radius_mm: float | None = None,
+    prior: HardnessPrior | None = None,
+    blur_mm: float = 0.05,
+    drift_sd: float = DRIFT_SD,
+    progress: Callable[[int, int], None] | None = None,
+) -> Estimate:
+    """Estimate Young's modulus of a soft sphere that was pressed on the bare probe.
+
+    Each frame tells how wide the contact is and how much force its light carries; the gauge tells the force. A
+    finite-strain model of sphere and layered probe says how wide the contact is for a modulus, so the probe's own
+    compliance is not taken for the object's. Gain, lamps, forces, probe moduli, radius and Poisson's ratio are
+    nuisances, unknown within their stated errors and integrated out.
+
+    Two presses at different forces are best: the second tests the model. One press is accepted and flagged, for with a
+    known radius it tells the modulus nearly as well.
+
+    Parameters
+    ----------
+    images
+        Presses on one object as the camera delivered them, each with ``force_n`` and ``mm_per_pixel``.
+    probe
+        What pressed.
+    calibration
+        Answer of grey level to pressure and the sizes of the errors.
+    radius_mm
+        Radius of the object, in [1, 0.55 of the face's radius]; by default what the images' ``settings`` say. Where
+        nobody knows it the estimate says little, and says so.
+    radius_sd_mm
+        Its standard deviation; by default that of the ``settings``, else 0.03 mm.
+    reference
+        Presses of a RIGID ball on the same probe: they pin the probe's own compliance, which a soft probe needs.
+    reference_radius_mm
+        Radius of that ball; by default what the references' ``settings`` say.
+    prior
+        Ranges of modulus and Poisson's ratio; `HardnessPrior` by default.
+    blur_mm
+        Standard deviation of the lens's point spread on the face, in [0, 1].
+    drift_sd
+        Relative standard deviation of the lamps from press to press, in [0, 0.5].
+    progress
+        Called with (done, all) while the contact of a new probe is solved, which takes some minutes once.
+
+    Returns
+    -------
+    Estimate
+        Of ``young_kpa``, with flags for what the data cannot tell.
+
+    Raises
+    ------
+    InputError
+        When there is no image, one has no force, no scale or no contact, a contact leaves the picture or the face, or
+        the object is larger than the probe can measure.
+    NotCalibratedError
+        When no calibration is given, or that of another probe.
+    ImageMismatchError
+        When images differ in scale, shape, axis or range of values, were taken with another probe, or carry different
+        radii.
+    """
+    frames, balls = as_frames("images", images), as_frames("reference", reference)
+    if not frames:
+        raise InputError("images must hold at least one TactileImage; got none")
+    check_belonging(probe, calibration)
+    prior = HardnessPrior() if prior is None else prior
+    check.kind("prior", prior, HardnessPrior)
+    check.number("blur_mm", blur_mm, 0.0, 1.0, hint="millimetres")
+    check.number("drift_sd", drift_sd, 0.0, 0.5, hint="a share of one")
+    digests = check_frames(frames + balls, probe)
+    radius = radius_belief(probe, frames, radius_mm, radius_sd_mm)
+    ball_mm, ball_sd = ball_radius(probe, balls, reference_radius_mm) if balls else (None, 0.0)
+    seen = [read_contact(frame, probe=probe, calibration=calibration, blur_mm=blur_mm) for frame in frames + balls]
+    presses = [
+        Press(
+            force_n=frame.force_n or 0.0,
+            seen=one,
+            ball_radius_mm=ball_mm if place >= len(frames) else None,
+            ball_radius_sd=ball_sd,
+        )
+        for place, (frame, one) in enumerate(zip(frames + balls, seen, strict=True))
+    ]
+    table = _table(probe) if progress is None else build_contact_table(probe, progress=progress)
+    with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
+        likelihood = Likelihood(presses, table=table, calibration=calibration, drift_sd=drift_sd)
+        found = explore(likelihood, prior, radius)
+    said = findings(presses, likelihood, found, prior, radius)
+    return Estimate(
+        samples={"young_kpa": found.young_kpa},
+        prior_sd={"young_kpa": prior.young_sd_kpa},
+        identifiability=identifiability(found, prior),
+        prior=str(prior),
+        trusted=not DISTRUSTED.intersection(flag for flag, _ in said),
+        flags=tuple(flag for flag, _ in said),
+        notes=tuple(note for _, note in said),
+        provenance={
+            "notice": RESEARCH_USE_ONLY,
+            "tsis": __version__,
+            "method": "contact radius and force of a soft sphere on the layered probe at finite strain",
+            "probe": asdict(probe),
+            "calibration": _described(calibration),
+            "prior": asdict(prior),
+            "radius": asdict(radius),
+            "table": {"key": table.key, "error": table.error},
+            "presses": [
+                {"name": frame.name, "sha256": digest, "settings": dict(frame.settings), **asdict(press)}
+                for frame, digest, press in zip(frames + balls, digests, presses, strict=True)
+            ],
+        },
+    )
+
+
+@lru_cache(maxsize=8)  # reading it from disk takes as long as an estimate
+def _table(probe: Probe) -> ContactTable:
+    return build_contact_table(probe)
+
+
+def _described(calibration: Calibration) -> dict[str, Any]:
+    """A calibration with the hash of its light instead of the map, which would be longer than all else."""
+    light = None if calibration.light is None else calibration.light.sha256
+    return asdict(replace(calibration, light=None)) | {"light": light}

@@ -1,0 +1,152 @@
+"""What the reader of a hardness must know: one flag and one sentence each."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.stats import chi2
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tsis.hardness.exploration import Posterior, RadiusBelief
+    from tsis.hardness.likelihood import Likelihood, Press
+    from tsis.hardness.prior import HardnessPrior
+
+    Finding = tuple[str, str]
+
+NOT_IDENTIFIED = 0.85  # posterior over prior standard deviation from which the data told next to nothing
+WIDE = 2.0  # ratio of the 90 % interval's ends from which a modulus is not told as a number
+CUT_OFF, EDGE = 0.2, 0.02  # share of the samples within this share of the prior's range at one of its ends
+UNLIKELY = 1e-4  # chance of a misfit this large if the model were true
+CLIPPED = 1e-3  # share of the contact's pixels
+NOT_ROUND = 1.1  # long over short axis: a sphere on a round probe lights a round patch
+BEYOND = 0.05  # share of the moduli for which a press lies outside the table
+SAME_FORCE = 0.02  # relative difference of forces that are one force
+DISTRUSTED = frozenset(("model_does_not_fit", "saturated", "not_round", "outside_table"))
+
+
+def findings(
+    presses: Sequence[Press], likelihood: Likelihood, found: Posterior, prior: HardnessPrior, radius: RadiusBelief
+) -> list[Finding]:
+    """Everything to be said about an estimate."""
+    objects = [press for press in presses if press.ball_radius_mm is None]
+    return [
+        *_about_frames(presses),
+        *_about_modulus(found, prior),
+        *_about_presses(objects, radius),
+        *_about_table(objects, likelihood, found),
+        *_about_fit(presses, found, radius),
+    ]
+
+
+def identifiability(found: Posterior, prior: HardnessPrior) -> str:
+    """One sentence on what the data tell."""
+    low, high = np.quantile(found.young_kpa, [0.05, 0.95])
+    narrowing = float(found.young_kpa.std()) / prior.young_sd_kpa
+    return (
+        f"The modulus lies between {low:.3g} and {high:.3g} kPa with a probability of 90 %; "
+        f"its standard deviation is {narrowing:.2g} of the prior's."
+    )
+
+
+def _about_frames(presses: Sequence[Press]) -> list[Finding]:
+    said = []
+    clipped = max(press.seen.clipped_share for press in presses)
+    if clipped > CLIPPED:
+        said.append(
+            (
+                "saturated",
+                f"{100 * clipped:.2g} % of a contact's pixels clip, so its pressure is not seen: expose shorter.",
+            )
+        )
+    oval = max(press.seen.axis_ratio for press in presses)
+    if oval > NOT_ROUND:
+        said.append(
+            (
+                "not_round",
+                f"A contact is {oval:.2f} times as long as wide: this is no sphere on the probe's axis, which the "
+                "model takes for granted.",
+            )
+        )
+    return said
+
+
+def _about_modulus(found: Posterior, prior: HardnessPrior) -> list[Finding]:
+    low, high = np.quantile(found.young_kpa, [0.05, 0.95])
+    said = []
+    if found.young_kpa.std() > NOT_IDENTIFIED * prior.young_sd_kpa or high > WIDE * low:
+        said.append(
+            (
+                "young_kpa_not_identified",
+                f"The modulus is not identifiable from these presses: {low:.3g} to {high:.3g} kPa.",
+            )
+        )
+    ends = np.log(prior.young_kpa)
+    place = (np.log(found.young_kpa) - ends[0]) / (ends[1] - ends[0])
+    for share, side, end in (
+        (np.mean(place < EDGE), "lower", prior.young_kpa[0]),
+        (np.mean(place > 1 - EDGE), "upper", prior.young_kpa[1]),
+    ):
+        if share > CUT_OFF:
+            said.append(
+                (
+                    "young_kpa_cut_off",
+                    f"The modulus piles up at the prior's {side} end of {end:g} kPa: it may lie beyond.",
+                )
+            )
+    return said
+
+
+def _about_presses(objects: Sequence[Press], radius: RadiusBelief) -> list[Finding]:
+    said = []
+    forces = [press.force_n for press in objects]
+    if max(forces) < (1 + SAME_FORCE) * min(forces):
+        said.append(
+            (
+                "one_force",
+                "All presses have one force: a second one would test whether the contact grows as that of a sphere.",
+            )
+        )
+    if radius.radius_mm is None:
+        said.append(
+            (
+                "radius_unknown",
+                "The object's radius is not known: force and contact radius tell the modulus over the radius, little "
+                "of either alone (give radius_mm).",
+            )
+        )
+    return said
+
+
+def _about_table(objects: Sequence[Press], likelihood: Likelihood, found: Posterior) -> list[Finding]:
+    _, poisson, radius = found.best
+    table = likelihood.table
+    outside = 0.0
+    for press in objects:
+        softness, depth = table.place(found.young_kpa, poisson, radius, press.force_n)
+        outside = max(outside, float(np.mean(depth > table.deepest_at(softness))))
+    if outside <= BEYOND:
+        return []
+    return [
+        (
+            "outside_table",
+            f"For {100 * outside:.0f} % of the moduli a force flattens the sphere further than the mechanics were "
+            "solved for: press less.",
+        )
+    ]
+
+
+def _about_fit(presses: Sequence[Press], found: Posterior, radius: RadiusBelief) -> list[Finding]:
+    fitted = 2 if radius.radius_mm is None else 1
+    chance = float(chi2.sf(found.misfit, 2 * len(presses) - fitted))
+    if chance >= UNLIKELY:
+        return []
+    return [
+        (
+            "model_does_not_fit",
+            f"Forces, light and contact radii contradict each other (chance {chance:.1e}): this is no homogeneous "
+            "sphere of that radius, or force, calibration or probe are wrong.",
+        )
+    ]
