@@ -90,3 +90,11 @@ def test_places_without_a_target_have_no_match(warped: Warped) -> None:
     matched = found.matches[found.matches >= 0]
     assert len(set(matched)) == len(matched) <= len(kept) < len(warped.source)
     assert np.all(found.trust[found.matches < 0] == 0)
+
+
+@pytest.mark.parametrize("number", [1, 2, 5])
+def test_points_in_one_place_are_matched_once(number: int) -> None:
+    points = np.zeros((number, 2))
+    found = cpd.fit(points, points[:1], rng=np.random.default_rng(0))
+    assert sorted(found.matches.tolist()) == [-1] * (number - 1) + [0]
+    np.testing.assert_allclose(found.move(points), points, atol=1e-9)

@@ -51,6 +51,8 @@ def test_a_target_point_is_taken_once_and_trust_says_how_clear_the_choice_was() 
     assert trust[1] == trust[3] == 0
 
 
-def test_spacing_is_the_step_of_a_grid() -> None:
-    assert spacing(np.array([[0.3 * i, 0.3 * j] for i in range(4) for j in range(5)])) == pytest.approx(0.3)
+def test_spacing_is_the_step_of_a_grid_however_often_a_point_is_there() -> None:
+    grid = np.array([[0.3 * i, 0.3 * j] for i in range(4) for j in range(5)])
+    assert spacing(grid) == pytest.approx(0.3)
+    assert spacing(np.repeat(grid, 3, axis=0)) == pytest.approx(0.3)
     assert spacing(np.array([[1.0, 2.0]])) == 0

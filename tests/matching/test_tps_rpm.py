@@ -66,3 +66,11 @@ def test_few_points_are_matched() -> None:
     corners = np.array([[1.0, 0.0], [-0.5, 0.8], [-0.5, -0.8]])
     found = tps_rpm.fit(corners, corners[[2, 0, 1]], rng=RNG)
     assert found.matches.tolist() == [1, 2, 0]
+
+
+def test_points_given_twice_are_matched_once_each() -> None:
+    source = np.repeat(np.random.default_rng(5).normal(size=(12, 2)), 2, axis=0)
+    found = tps_rpm.fit(source, source[::2] + 0.01, rng=RNG)
+    matched = found.matches[found.matches >= 0]
+    assert sorted(matched.tolist()) == list(range(12))
+    np.testing.assert_allclose(found.move(source), source + 0.01, atol=0.05)

@@ -26,7 +26,7 @@ WIDTH = 2.0  # beta of the paper, in root-mean-square radii of the points
 STIFFNESS = 2.0  # lambda of the paper
 OUTLIERS = 0.1  # w of the paper: share of target points that belong to none
 ROUNDS = 150
-SETTLED = 0.02  # relative change of the variance below which it has ended; going on only follows the noise
+SETTLED = 0.02  # relative change of the variance below which it has ended; going on follows outliers
 SHARPEST = 1e-6  # least variance: places are not better known than a thousandth of the points' radius
 NEGLIGIBLE = 37.0  # exp(-37) is lost beside 1
 KERNEL_ROUNDING = 1e-12
@@ -104,7 +104,7 @@ def drift(
     factor, control, triangle = _kernel_factor(source)
     dimension, moved = source.shape[1], source
     coordinates = np.zeros((factor.shape[1], dimension))
-    variance = float(cdist(source, target, "sqeuclidean").mean() / dimension)
+    variance = max(float(cdist(source, target, "sqeuclidean").mean() / dimension), SHARPEST)
     for _ in range(rounds):
         of_source, of_target, drawn = expect(moved, target, variance, outliers)
         seen = Explained(source=of_source, target=of_target, drawn=drawn)

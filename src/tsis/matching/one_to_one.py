@@ -70,9 +70,10 @@ def assign(cost: NDArray[np.float64], *, dummy: float) -> NDArray[np.int64]:
 
 
 def spacing(points: NDArray[np.float64]) -> float:
-    """Median distance of the points, shape (n, d), to their nearest neighbours; 0 for a single one."""
-    distance, _ = KDTree(points).query(points, k=[2])
-    return float(np.median(distance)) if len(points) > 1 else 0.0
+    """Median distance of the points, shape (n, d), to the nearest one elsewhere; 0 where there is none."""
+    places = np.unique(points, axis=0)
+    distance, _ = KDTree(places).query(places, k=[2])
+    return float(np.median(distance)) if len(places) > 1 else 0.0
 
 
 __all__ = ["assign", "nearest_pairs", "spacing"]
