@@ -16,16 +16,14 @@ from tsis.optics.asperities import ERF_SLOPE
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.imaging import Features
     from tsis.model import Calibration, Probe, TactileImage
 
-RING_MM = 0.1
 REACH = 1.35  # radii of the bright patch within which all pressure lies: a patch cut at half of the peak spans 0.87
 FURTHER_MM = 0.3  # of the ring around it that tells the stray light
 RIM_MM = 1.0  # width of the face's edge that is not looked at
 BLUR_DOUBT = 0.3  # relative standard deviation of the point spread
 STRAY_GREY = 0.01  # standard deviation in grey levels of stray light that is not even
-FULLEST = 0.98  # of the light of full real contact; beyond it grey no longer tells pressure
+FULLEST, BRIGHTEST = 0.95, 0.999  # of the light of full contact: what a patch may reach, and what noise is cut at
 DARKEST = 0.05  # of the brightest light, where a division would only raise noise
 ROUNDING = 1 / 12  # variance of rounding to whole grey levels
 
@@ -64,8 +62,8 @@ class ContactReading:
 def read_contact(image: TactileImage, *, probe: Probe, calibration: Calibration, blur_mm: float) -> ContactReading:
     """Read the contact off a frame.
 
-    Rings around the contact's centre give mean grey levels, less the stray light of the face around; each becomes a
-    pressure by the inverse of ``grey = light * gain * saturation * erf(0.886 p / saturation)``.
+    Each pixel's grey level, less the stray light of the face around the contact, becomes a pressure by the inverse of
+    ``grey = light * gain * saturation * erf(0.886 p / saturation)``.
 
     Parameters
     ----------
@@ -96,64 +94,79 @@ def read_contact(image: TactileImage, *, probe: Probe, calibration: Calibration,
         )
     extent = REACH * float(np.sqrt((found.area_mm2 or 0.0) / np.pi))
     _check_place(image, probe, circle.centre_px, extent)
-    edges = np.linspace(0.0, extent, max(8, round(extent / RING_MM)) + 1)
-    rings = radial_profile(level, edges_mm=edges, centre_px=circle.centre_px)
     stray, stray_sd = _stray(level, probe, circle.centre_px, extent, calibration)
-    grey = rings.mean_grey - stray
-    pressure, slope = _pressure(grey, calibration, label)
-    noise = (
-        calibration.read_noise_grey**2 + ROUNDING + calibration.shot_noise_grey * np.maximum(grey, 0)
-    ) / np.maximum(rings.count, 1)
-    ring_sd = np.sqrt(noise) / slope
-    return _moments(
-        edges,
-        pressure,
-        ring_sd,
-        offset_sd=stray_sd / slope,
+    _check_light(found.peak - stray, calibration, label)
+    seen = _moments(
+        *_disc(level, circle.centre_px, extent, stray),
+        pixel_mm2=float(np.prod(image.scale())),
+        stray_sd=stray_sd,
         calibration=calibration,
         blur_mm=blur_mm,
-        image=image,
-        found=found,
     )
-
-
-def _moments(
-    edges: NDArray[np.float64],
-    pressure: NDArray[np.float64],
-    ring_sd: NDArray[np.float64],
-    *,
-    offset_sd: NDArray[np.float64],
-    calibration: Calibration,
-    blur_mm: float,
-    image: TactileImage,
-    found: Features,
-) -> ContactReading:
-    """Second moment and integral of the pressure, with what noise, patterns, stray light and blur do to them."""
-    area = np.pi * np.diff(edges**2)
-    square = (edges[1:] ** 2 + edges[:-1] ** 2) / 2
-    middle = (edges[1:] + edges[:-1]) / 2
-    force = area * pressure
-    total = float(force.sum())
-    spread = float((square * force).sum() / total)
-    own = spread - 2 * blur_mm**2  # a point spread adds its own second moment
-    # Derivatives of both logarithms by the pressure of each ring.
-    by_spread, by_total = area * (square - spread) / (total * own), area / total
-    pattern = float(np.hypot(calibration.pattern_sd, calibration.repeatability_sd))
-    alike = np.maximum(0.0, 1 - np.abs(middle[:, None] - middle) / calibration.grain_mm)
-    covariance = np.diag(ring_sd**2) + np.outer(offset_sd, offset_sd)
-    covariance += pattern**2 * alike * np.outer(pressure, pressure)
-    blurred = 4 * BLUR_DOUBT * blur_mm**2 / own
-    spread_sd = float(np.sqrt(by_spread @ covariance @ by_spread + blurred**2))
     long, short = found.semi_axes_mm or (1.0, 1.0)
     return ContactReading(
-        radius_mm=float(np.sqrt(2.5 * max(own, 1e-12))),
-        radius_sd=spread_sd / 2,
-        light_force_n=total / MN_PER_N,
-        light_force_sd=float(np.sqrt(by_total @ covariance @ by_total)),
-        extent_mm=float(edges[-1]),
+        radius_mm=float(np.sqrt(2.5 * max(seen.spread, 1e-12))),
+        radius_sd=seen.spread_sd / 2,
+        light_force_n=seen.total / MN_PER_N,
+        light_force_sd=seen.total_sd,
+        extent_mm=extent,
         clipped_share=float(np.mean(image.grey[found.patch.mask] >= image.full_scale)),
         axis_ratio=long / short,
     )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Moments:
+    """Force in mN and mean square radius in mm² of a pressure, each with its relative standard deviation."""
+
+    total: float
+    total_sd: float
+    spread: float
+    spread_sd: float
+
+
+def _moments(
+    grey: NDArray[np.float64],
+    square: NDArray[np.float64],
+    *,
+    pixel_mm2: float,
+    stray_sd: float,
+    calibration: Calibration,
+    blur_mm: float,
+) -> _Moments:
+    """Integrate the pressure, pixel by pixel: rings would take what falls inside each of them for even."""
+    pressure, slope = _pressure(grey, calibration)
+    force = pixel_mm2 * pressure
+    total = float(force.sum())
+    seen = float((square * force).sum() / total)
+    own = seen - 2 * blur_mm**2  # a point spread adds its own second moment
+    noise = (calibration.read_noise_grey**2 + ROUNDING + calibration.shot_noise_grey * np.maximum(grey, 0)) / slope**2
+    pattern = float(np.hypot(calibration.pattern_sd, calibration.repeatability_sd))
+    grains = np.floor(np.sqrt(square) / calibration.grain_mm).astype(int)
+
+    def relative_sd(by_pressure: NDArray[np.float64]) -> float:
+        """Of a quantity whose logarithm has these derivatives: noise a pixel, stray light, and patterns a grain."""
+        stray = stray_sd * float((by_pressure / slope).sum())
+        grained = pattern * np.bincount(grains, weights=by_pressure * pressure)
+        return float(np.sqrt((by_pressure**2 * noise).sum() + stray**2 + (grained**2).sum()))
+
+    blurred = 4 * BLUR_DOUBT * blur_mm**2 / own
+    return _Moments(
+        total=total,
+        total_sd=relative_sd(np.full(len(grey), pixel_mm2 / total)),
+        spread=own,
+        spread_sd=float(np.hypot(relative_sd(pixel_mm2 * (square - seen) / (total * own)), blurred)),
+    )
+
+
+def _disc(
+    level: TactileImage, centre: tuple[float, float], extent: float, stray: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Grey levels above the stray light, and squared distances from the centre in mm², of the pixels of a disc."""
+    (width, height), (rows, columns) = level.scale(), level.grey.shape
+    square = ((np.arange(columns) - centre[0]) * width) ** 2 + ((np.arange(rows)[:, None] - centre[1]) * height) ** 2
+    inside = square <= extent**2
+    return level.grey[inside] - stray, square[inside]
 
 
 def _evened(image: TactileImage, calibration: Calibration) -> TactileImage:
@@ -199,16 +212,19 @@ def _stray(
     return float(ring.mean_grey[0]), float(np.hypot(noise, STRAY_GREY))
 
 
-def _pressure(
-    grey: NDArray[np.float64], calibration: Calibration, label: str
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Pressure in kPa and grey levels a kPa, ring by ring."""
-    share = grey / (calibration.gain_grey_per_kpa * calibration.saturation_kpa)
-    if share.max() > FULLEST:
+def _check_light(peak: float, calibration: Calibration, label: str) -> None:
+    """Refuse a contact so bright that grey no longer tells pressure."""
+    share = peak / (calibration.gain_grey_per_kpa * calibration.saturation_kpa)
+    if share > FULLEST:
         raise InputError(
-            f"light must still tell pressure; in {label!r} it reaches {share.max():.2g} of that of full contact at "
+            f"light must still tell pressure; in {label!r} it reaches {share:.2g} of that of full contact at "
             f"saturation_kpa = {calibration.saturation_kpa:g}: direct contact needs a rougher skin or less force"
         )
-    argument = erfinv(share)
+
+
+def _pressure(grey: NDArray[np.float64], calibration: Calibration) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Pressure in kPa and grey levels a kPa of every pixel."""
+    share = grey / (calibration.gain_grey_per_kpa * calibration.saturation_kpa)
+    argument = erfinv(np.clip(share, -BRIGHTEST, BRIGHTEST))
     slope = calibration.gain_grey_per_kpa * np.exp(-(argument**2))
     return np.asarray(calibration.saturation_kpa * argument / ERF_SLOPE), np.asarray(slope)
