@@ -58,7 +58,7 @@ def estimate(
     calibration
         Answer of grey level to pressure and the sizes of the errors.
     radius_mm
-        Radius of the object, in [1, 0.55 of the face's radius]; by default what the images' ``settings`` say. Where
+        Radius of the object, in [1, 0.6 of the face's radius] mm; by default what the images' ``settings`` say. Where
         nobody knows it the estimate says little, and says so.
     radius_sd_mm
         Its standard deviation; by default that of the ``settings``, else 0.03 mm.

@@ -19,7 +19,7 @@ class HardnessPrior:
     young_kpa
         Least and greatest modulus, within [1, 1e5] kPa.
     poisson
-        Least and greatest Poisson's ratio, within [0.4, 0.495].
+        Least and greatest Poisson's ratio, within [0.45, 0.495].
 
     Raises
     ------
@@ -36,7 +36,7 @@ class HardnessPrior:
     poisson: tuple[float, float] = (0.45, 0.495)
 
     def __post_init__(self) -> None:
-        for name, low, high in (("young_kpa", 1.0, 1e5), ("poisson", 0.4, 0.495)):
+        for name, low, high in (("young_kpa", 1.0, 1e5), ("poisson", 0.45, 0.495)):
             least, most = check.pair(name, getattr(self, name))
             check.number(f"{name}[0]", least, low, high)
             check.number(f"{name}[1]", most, low, high)
