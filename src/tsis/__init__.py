@@ -49,7 +49,7 @@ __all__ = [
 ]
 
 _ROOMS = frozenset(
-    {"hardness", "imaging", "inclusion", "instrument", "mechanics", "optics", "plots", "report", "virtual"}
+    {"hardness", "imaging", "inclusion", "instrument", "matching", "mechanics", "optics", "plots", "report", "virtual"}
 )
 
 

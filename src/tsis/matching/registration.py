@@ -1,0 +1,199 @@
+"""The one entry to point matching: checks, normalises, calls a method, and says how far its answer can be relied on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.matching import cpd, rpm_lns, shape_context, tprl, tps_rpm
+from tsis.matching.fit import UNMATCHED
+from tsis.matching.frame import Frame
+from tsis.matching.reliability import RELIABLE, confidence_of
+from tsis.matching.sampled import MOST_POINTS, is_large, match_sample
+from tsis.model import check
+from tsis.model.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from tsis.matching.fit import Method, Move
+
+FEWEST = 4  # points: three in the plane fit any affine map
+BLOCK = 20_000  # points that are moved at once
+THIN = 1e-6  # extent of points across a line or plane, of that along it, that rounding could make
+
+METHODS: Mapping[str, Method] = MappingProxyType(
+    {
+        "tprl": tprl.fit,
+        "cpd": cpd.fit,
+        "tps-rpm": tps_rpm.fit,
+        "rpm-lns": rpm_lns.fit,
+        "shape-context": shape_context.fit,
+    }
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Registration:
+    """How one point set goes over into another.
+
+    Attributes
+    ----------
+    method
+        Name of the method.
+    moved
+        The source's points after the transform, shape (n, d).
+    matches
+        Index of each source point's target point, -1 where it has none, shape (n,).
+    trust
+        How sure each match is, in [0, 1], shape (n,); 0 where there is none.
+    confidence
+        How sure the whole is, in [0, 1].
+    reliable
+        Whether the confidence suffices. Where it does not, nothing is matched and the transform leaves points alone.
+    notes
+        What the reader must know, a sentence each.
+    """
+
+    method: str
+    moved: NDArray[np.float64]
+    matches: NDArray[np.int64]
+    trust: NDArray[np.float64]
+    confidence: float
+    reliable: bool
+    notes: tuple[str, ...]
+    move: Move
+
+    def transform(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Where points of the source's space, shape (k, d), go.
+
+        Raises
+        ------
+        InputError
+            When the points are not finite or of another dimension.
+        """
+        checked = check.array("points", points, ndim=2)
+        dimension = self.moved.shape[1]
+        if checked.shape[1] != dimension:
+            raise InputError(f"points must have {dimension} coordinates each, as the source; got shape {checked.shape}")
+        blocks = [self.move(checked[start : start + BLOCK]) for start in range(0, len(checked), BLOCK)]
+        return np.concatenate(blocks)
+
+    @property
+    def outliers(self) -> NDArray[np.bool_]:
+        """Which source points have no match, shape (n,)."""
+        return np.asarray(self.matches == UNMATCHED)
+
+
+def register(
+    source: ArrayLike, target: ArrayLike, *, method: str = "tprl", rng: np.random.Generator | None = None
+) -> Registration:
+    """Match two point sets that differ by a smooth deformation, of which either may lack or add points.
+
+    Parameters
+    ----------
+    source, target
+        Points, shapes (n, d) and (m, d), d being 2 or 3, in any one unit; at least 4 each, not all in a line or plane.
+        Above some thousands of points a sample of both is matched and the note says so; above two millions they are
+        refused.
+    method
+        ``"tprl"``, ``"cpd"``, ``"tps-rpm"``, ``"rpm-lns"`` or ``"shape-context"``. All but the first expect the
+        sets to be turned little against each other.
+    rng
+        Source of chance, for the sample of large sets and for methods that draw; seeded with 0 by default.
+
+    Raises
+    ------
+    UnknownNameError
+        When there is no such method.
+    InputError
+        When shapes do not fit, values are not finite, or the points are too few, too many, or in a line or plane.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> angle = np.linspace(0, 5, 40)
+    >>> spiral = np.column_stack([angle * np.cos(angle), angle * np.sin(angle)])
+    >>> found = register(spiral, 2 * spiral[::-1] + [3.0, 1.0])
+    >>> bool((found.matches == np.arange(40)[::-1]).all()), found.reliable
+    (True, True)
+    >>> found.transform([[0.0, 0.0]]).round(0).tolist()
+    [[3.0, 1.0]]
+    """
+    match = METHODS[check.known("method", method, METHODS)]
+    source, target = _points("source", source), _points("target", target)
+    if source.shape[1] != target.shape[1]:
+        raise InputError(
+            f"source and target must have as many coordinates; got {source.shape[1]} and {target.shape[1]}"
+        )
+    rng = np.random.default_rng(0) if rng is None else rng
+    check.kind("rng", rng, np.random.Generator)
+    start, end = Frame.of(source), Frame.of(target)
+    here, there = start.inward(source), end.inward(target)
+    notes = []
+    if is_large(here, there):
+        fit, note = match_sample(match, here, there, rng=rng)
+        notes.append(note)
+    else:
+        fit = match(here, there, rng=rng)
+    confidence = confidence_of(fit, here, there)
+    if confidence < RELIABLE:
+        notes.append(
+            f"no reliable match: confidence {confidence:.2f} lies below {RELIABLE:g}; the points were left alone"
+        )
+        return Registration(
+            method=method,
+            moved=source,
+            matches=np.full(len(source), UNMATCHED),
+            trust=np.zeros(len(source)),
+            confidence=confidence,
+            reliable=False,
+            notes=tuple(notes),
+            move=_stay,
+        )
+
+    def move(points: NDArray[np.float64], /) -> NDArray[np.float64]:
+        return end.outward(fit.move(start.inward(points)))
+
+    found = Registration(
+        method=method,
+        moved=source,
+        matches=fit.matches,
+        trust=fit.trust,
+        confidence=confidence,
+        reliable=True,
+        notes=tuple(notes),
+        move=move,
+    )
+    return replace(found, moved=found.transform(source))
+
+
+def _stay(points: NDArray[np.float64], /) -> NDArray[np.float64]:
+    return points.copy()
+
+
+def _points(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    points = check.array(name, value, ndim=2)
+    dimension = points.shape[1]
+    if dimension not in (2, 3):
+        raise InputError(f"{name} must have 2 or 3 coordinates a point; got shape {points.shape}")
+    if len(points) > MOST_POINTS:
+        raise InputError(
+            f"{name} must hold at most {MOST_POINTS:,} points; got {len(points):,}, which would take about "
+            f"{len(points) * 1e-6:.0f} GB (match a sample and transform the rest with Registration.transform)"
+        )
+    places = np.unique(points, axis=0) if len(points) <= 10_000 else points
+    if len(places) < FEWEST:
+        raise InputError(f"{name} must hold at least {FEWEST} points in different places; got {len(places)}")
+    extent = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
+    if extent[-1] <= THIN * extent[0]:
+        raise InputError(
+            f"{name} must not lie in a {'line' if dimension == 2 else 'plane'}; got {len(places)} points that do"
+            + ("" if dimension == 2 else " (match them in two dimensions)")
+        )
+    return points

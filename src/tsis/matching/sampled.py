@@ -1,0 +1,58 @@
+"""Matching of point sets too large for tables of all pairs: a sample of both is matched, all points are moved."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from tsis.matching.fit import UNMATCHED, Fit
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.matching.fit import Method
+
+MOST_PAIRS = 16_000_000  # 128 MB a table; a method holds a few of them
+SAMPLE = 2000  # points of each set
+MOST_POINTS = 2_000_000
+REACH = 0.5  # of the target's spacing, up to which a moved point has found its partner
+BLOCK = 20_000
+
+
+def is_large(source: NDArray[np.float64], target: NDArray[np.float64]) -> bool:
+    """Whether a table of all pairs would not fit."""
+    return len(source) * len(target) > MOST_PAIRS
+
+
+def match_sample(
+    method: Method, source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator
+) -> tuple[Fit, str]:
+    """Match a sample of normalised points, shapes (n, d) and (m, d), and say so.
+
+    The samples hold few true partners, so what is found is the map; the matches are then read off it, between moved
+    source points and target points that are each other's nearest.
+    """
+    fewer = [one[np.sort(rng.permutation(len(one))[:SAMPLE])] for one in (source, target)]
+    fit = method(fewer[0], fewer[1], rng=rng)
+    moved = np.concatenate([fit.move(source[start : start + BLOCK]) for start in range(0, len(source), BLOCK)])
+    matches, trust = mutual_nearest(moved, target)
+    note = (
+        f"{len(source):,} and {len(target):,} points are too many for tables of all pairs; "
+        f"{len(fewer[0]):,} and {len(fewer[1]):,} drawn from them were matched, and all were moved"
+    )
+    return Fit(move=fit.move, matches=matches, trust=trust), note
+
+
+def mutual_nearest(
+    moved: NDArray[np.float64], target: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Pairs that are each other's nearest within `REACH` of the target's spacing, and their trust, shapes (n,)."""
+    tree = KDTree(target)
+    away, nearest = tree.query(moved)
+    _, back = KDTree(moved).query(target)
+    spacing = np.median(tree.query(target, k=[2])[0])
+    found = (back[nearest] == np.arange(len(moved))) & (away <= REACH * spacing)
+    matches = np.where(found, nearest, UNMATCHED).astype(np.int64)
+    return matches, np.where(found, 1 - away / max(REACH * spacing, 1e-300) / 2, 0.0)

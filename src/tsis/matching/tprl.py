@@ -1,0 +1,5 @@
+"""Topology-preserving relaxation labelling."""
+
+from tsis.matching.tps_rpm import fit
+
+__all__ = ["fit"]
