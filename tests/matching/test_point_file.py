@@ -12,6 +12,7 @@ from hypothesis.extra import numpy as hnp
 
 from tsis.matching import point_file
 from tsis.matching.point_file import csv_text, read_points
+from tsis.matching.sampled import MOST_POINTS
 from tsis.model.errors import FileInputError
 
 if TYPE_CHECKING:
@@ -130,12 +131,12 @@ def npy_header(shape: str, descr: str = "'<f8'") -> bytes:
         (b"1,2\n3\n", "line 2 must have 2 columns"),
         (b"1,2\n3,4,5\n", "line 2 must have 2 columns as the first one; got 3"),
         (b"0,5;1,5\n2,5;3,5\n", "line 1 must hold finite numbers; got '0,5'"),
-        (b"x,y\n", "1 to 100000 points; got 0"),
+        (b"x,y\n", "1 to 2000000 points; got 0"),
         (b"# nothing\n\n", "must hold points; got none"),
         (b"\xff\xfe\x00\x01", "must be CSV, NPY or PLY"),
         (pickle.dumps([1.0, 2.0]), "must be CSV, NPY or PLY"),
         (b"PK\x03\x04\xff\xff", "must be CSV, NPY or PLY"),
-        (npy_header("(1000000000000, 2)") + bytes(64), "1 to 100000 points; got 1000000000000"),
+        (npy_header("(1000000000000, 2)") + bytes(64), "1 to 2000000 points; got 1000000000000"),
         (npy_header("(5, 2)") + bytes(64), "5 points take 80 bytes; got 64"),
         (npy_header("(4, 2)") + bytes(80), "4 points take 64 bytes; got 80"),
         (npy_header("(-4, 2)") + bytes(64), "got -4"),
@@ -146,7 +147,7 @@ def npy_header(shape: str, descr: str = "'<f8'") -> bytes:
         (b"\x93NUMPY\x01\x00\xff\xff{", "NPY header must be whole"),
         (b"\x93NUMPY\x09\x00\xff\xff{", "NPY header must be whole"),
         (npy_header("(1, 2)") + np.array([1.0, np.nan]).tobytes(), "row 0 must be finite"),
-        (ply_bytes(POINTS, "ascii", count=10**12), "1 to 100000 points; got 1000000000000"),
+        (ply_bytes(POINTS, "ascii", count=10**12), "1 to 2000000 points; got 1000000000000"),
         (ply_bytes(POINTS, "binary_little_endian", count=10**12), "got 1000000000000"),
         (ply_bytes(POINTS, "binary_little_endian", count=4), "4 vertices of its header take 100 bytes; got 75"),
         (ply_bytes(POINTS, "ascii", count=5), "vertex 3 must hold"),
@@ -190,10 +191,10 @@ def test_missing_empty_and_huge_files_and_folders(tmp_path: Path) -> None:
         read_points(tmp_path)
     with (tmp_path / "huge.csv").open("wb") as file:
         file.truncate(10**12)  # sparse: it takes no room on the disk
-    with pytest.raises(FileInputError, match="at most 64 MiB"):
+    with pytest.raises(FileInputError, match="at most 256 MiB"):
         read_points(tmp_path / "huge.csv")
-    (tmp_path / "many.csv").write_text("1,2\n" * (point_file.MOST_POINTS + 1))
-    with pytest.raises(FileInputError, match="got 100001"):
+    (tmp_path / "many.csv").write_text("1,2\n" * (MOST_POINTS + 1))
+    with pytest.raises(FileInputError, match="got 2000001"):
         read_points(tmp_path / "many.csv")
 
 

@@ -30,6 +30,17 @@ def test_without_matches_there_are_no_lines() -> None:
     assert not ax.lines
 
 
+def test_of_many_points_a_part_is_drawn_and_all_are_counted() -> None:
+    many = np.random.default_rng(2).normal(size=(12_000, 2))
+    ax = point_sets(many, many[:100], Figure().subplots(), matches=np.full(12_000, 99))
+    first, second = ax.collections
+    assert (len(np.asarray(first.get_offsets())), len(np.asarray(second.get_offsets()))) == (4000, 100)
+    assert len(np.asarray(ax.lines[0].get_xdata())) == 3 * 4000
+    legend = ax.get_legend()
+    assert legend is not None
+    assert legend.get_texts()[0].get_text() == "source (12000)"
+
+
 def summary(method: str, level: str, *, median: float, mean: float) -> Summary:
     return Summary(
         group="fish/noise",

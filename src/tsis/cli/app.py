@@ -13,6 +13,7 @@ from tsis.cli.demo import demo
 from tsis.cli.design import design
 from tsis.cli.examine import examine
 from tsis.cli.hardness import hardness
+from tsis.cli.match import app as match
 from tsis.cli.optics import app as optics
 from tsis.cli.simulate import simulate
 from tsis.cli.sweep import app as sweep
@@ -32,6 +33,7 @@ app.command(epilog="Example: tsis examine press.png --reference untouched.png --
 app.command(epilog="Example: tsis simulate --phantom depth-8 --force-n 0.7 --json")(simulate)
 app.command(epilog="Example: tsis design --probe tsis-domed --compare dome --compare forces --out design")(design)
 app.command(epilog="Example: tsis hardness --demo --out first-touch")(hardness)
+app.add_typer(match)
 app.add_typer(optics)
 app.add_typer(sweep)
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from tsis.instrument.file_bytes import as_path, file_size, read_bytes, shown
 from tsis.matching.ply import parse_ply
+from tsis.matching.sampled import MOST_POINTS
 from tsis.model.errors import FileInputError
 
 if TYPE_CHECKING:
@@ -18,8 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-LARGEST_BYTES = 64 * 2**20
-MOST_POINTS = 100_000
+LARGEST_BYTES = 256 * 2**20
 AXES = ("x", "y", "z")
 NPY_MAGIC = b"\x93NUMPY"
 
@@ -177,4 +177,4 @@ def _countable(count: int) -> None:
         raise FileInputError(f"it must hold 1 to {MOST_POINTS} points; got {count} (thin them out)")
 
 
-__all__ = ["LARGEST_BYTES", "MOST_POINTS", "csv_text", "read_points"]
+__all__ = ["LARGEST_BYTES", "csv_text", "read_points"]

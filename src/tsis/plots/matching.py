@@ -20,6 +20,7 @@ CURVE_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000", "#56b4e9
 CURVE_MARKS = "ovs^Dp*Xhd<>"
 NAMES = {"failures": "share of failures", "seconds": "median time / s"}
 FEW, LARGE, SMALL = 300, 18.0, 4.0  # points up to which the dots are large
+MOST_DRAWN = 5000  # of each set: more of them only make a blot
 
 
 def point_sets(
@@ -33,6 +34,8 @@ def point_sets(
 ) -> Axes:
     """Draw two point sets over each other, with a line from each source point to its match.
 
+    Of more than `MOST_DRAWN` points every second, third, ... is drawn.
+
     Parameters
     ----------
     source, target
@@ -45,16 +48,20 @@ def point_sets(
         What the legend calls them.
     """
     first, second = np.asarray(source, dtype=float), np.asarray(target, dtype=float)
+    rows, others = (np.arange(0, len(each), -(-len(each) // MOST_DRAWN)) for each in (first, second))
     surface: Any = ax  # axes in space take three coordinates, which the declared class does not know
     size = LARGE if max(len(first), len(second)) <= FEW else SMALL
     if matches is not None:
         partner = np.asarray(matches)
-        ends = np.full((np.count_nonzero(partner >= 0), 3, first.shape[1]), np.nan)  # a NaN ends a line
-        ends[:, 0], ends[:, 1] = first[partner >= 0], second[partner[partner >= 0]]
+        paired = rows[partner[rows] >= 0]
+        ends = np.full((len(paired), 3, first.shape[1]), np.nan)  # a NaN ends a line
+        ends[:, 0], ends[:, 1] = first[paired], second[partner[paired]]
         surface.plot(*ends.reshape(-1, first.shape[1]).T, color=PAIR, linewidth=0.7, zorder=1)
     hollow = {"facecolors": "none", "edgecolors": SOURCE}
-    surface.scatter(*first.T, s=2 * size, label=f"{source_label} ({len(first)})", linewidths=1.0, zorder=3, **hollow)
-    surface.scatter(*second.T, s=size / 2, label=f"{target_label} ({len(second)})", color=TARGET, zorder=2)
+    surface.scatter(
+        *first[rows].T, s=2 * size, label=f"{source_label} ({len(first)})", linewidths=1.0, zorder=3, **hollow
+    )
+    surface.scatter(*second[others].T, s=size / 2, label=f"{target_label} ({len(second)})", color=TARGET, zorder=2)
     ax.set_aspect("equal")
     ax.set(xlabel="x", ylabel="y")
     if first.shape[1] == 3:

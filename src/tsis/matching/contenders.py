@@ -1,0 +1,50 @@
+"""Methods under one call, those of this package and those of others, so that one run can judge them all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from tsis.matching.peers import PEERS, peer
+from tsis.matching.registration import METHODS, register
+from tsis.matching.trial_runs import Matched
+from tsis.model import check
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+OWN = tuple(METHODS)
+RIVALS = ("cpd", *PEERS)  # every way of coherent point drift: a method is compared with the best of them
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Contender:
+    """A method by its name; a value, so that it can be handed to another process.
+
+    Attributes
+    ----------
+    name
+        One of `OWN`, or of `tsis.matching.peers.PEERS`.
+    """
+
+    name: str
+
+    def __post_init__(self) -> None:
+        check.known("method", self.name, (*OWN, *PEERS))
+
+    def absent(self) -> str:
+        """Why it cannot be run here; empty when it can."""
+        return peer(self.name).absent() if self.name in PEERS else ""
+
+    def __call__(
+        self, source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator
+    ) -> Matched:
+        """Match two point sets, shapes (n, d) and (m, d)."""
+        if self.name in PEERS:
+            return Matched(moved=peer(self.name).moved(source, target), reliable=None)
+        found = register(source, target, method=self.name, rng=rng)
+        return Matched(moved=found.moved, reliable=found.reliable)
+
+
+__all__ = ["OWN", "RIVALS", "Contender"]
