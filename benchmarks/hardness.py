@@ -153,7 +153,10 @@ def run(
     for place, name in enumerate(PRINTED):
         if progress is not None:
             progress(count + place, count + len(PRINTED))
-        told[name] = _both(material(probe, ball, name, seed)) | {"printed_relative_error": PRINTED[name]}
+        try:
+            told[name] = _both(material(probe, ball, name, seed)) | {"printed_relative_error": PRINTED[name]}
+        except TsisError as error:
+            print(f"{name}: {error}", file=sys.stderr)
     seconds = [case.alone["seconds"] for case in cases if "seconds" in case.alone]
     told["seconds_an_estimate"] = float(np.median(seconds)) if seconds else None
     return told

@@ -23,13 +23,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 KIND = "hardness-bank"
-AROUND = 0.07  # logarithm by which the solved forces lie below and above the commanded one
+AROUND = (-0.06, 0.02)  # logarithms of the solved forces over the commanded one, which may be as large as it can be
 SCALED = np.linspace(0.0, 3.0, 301)  # radii over the contact radius
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SolvedSphere:
-    """Presses of one sphere at two forces around each commanded one, at one or more moduli; solved once and kept."""
+    """Presses of one sphere at two forces near each commanded one, at one or more moduli; solved once and kept."""
 
     probe: Probe
     radius_mm: float
@@ -43,12 +43,12 @@ class SolvedSphere:
             "probe": probe_content(self.probe),
             "sphere": [self.radius_mm, self.poisson, list(self.young_kpa), list(self.forces_n)],
             "resolution": asdict(FINE),
-            "scaled": [AROUND, len(SCALED)],
+            "scaled": [*AROUND, len(SCALED)],
         }
         return remembered(KIND, disk_cache.content_key(content), self._solve)
 
     def _nodes(self) -> list[float]:
-        return [force * float(np.exp(side * AROUND)) for force in self.forces_n for side in (-1, 1)]
+        return [force * float(np.exp(side)) for force in self.forces_n for side in AROUND]
 
     def _solve(self) -> dict[str, NDArray[np.float64]]:
         found: dict[str, list[Any]] = {"log_radius": [], "pressure": [], "moved": []}

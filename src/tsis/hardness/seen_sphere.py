@@ -49,7 +49,7 @@ def press_fields(
     forces_n
         Ascending forces in newtons.
     resolution
-        Mesh density.
+        Mesh density; a press that does not converge is tried again on meshes a little finer.
     stop_at_limit
         End the path where the mechanics cannot follow, instead of an error; at least one force must be reached.
 
@@ -58,16 +58,33 @@ def press_fields(
     InputError
         When the sphere is too large for the face, or the forces do not ascend.
     MechanicsError
-        When a force cannot be reached.
+        When a force cannot be reached on any of four meshes.
     """
     check.kind("probe", probe, Probe)
     check_size(probe, sphere.radius_mm)
     check_forces(forces_n)
     softer = min(sphere.young_kpa, probe.layers[0].young_kpa)
     refuse_light(forces_n[0], softer, sphere.radius_mm, lightest=LIGHTEST)
+    failure: MechanicsError | None = None
     with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
-        press = SeenSphere(probe, sphere.radius_mm, sphere.young_kpa, sphere.poisson, resolution)
-        return press.fields(forces_n, stop_at_limit=stop_at_limit)
+        for mesh in (resolution, *_neighbours(resolution)):
+            press = SeenSphere(probe, sphere.radius_mm, sphere.young_kpa, sphere.poisson, mesh)
+            try:
+                return press.fields(forces_n, stop_at_limit=stop_at_limit)
+            except MechanicsError as error:
+                failure = failure or error
+    assert failure is not None
+    raise failure
+
+
+def _neighbours(resolution: SphereResolution) -> list[SphereResolution]:
+    """Meshes to try next: where the contact's edge meets a node of one mesh, Newton's method may stall on it alone."""
+    cells, face_cells = resolution.cells, resolution.face_cells
+    return [
+        replace(resolution, cells=cells + 1),
+        replace(resolution, face_cells=face_cells + 1),
+        replace(resolution, cells=cells + 2, face_cells=face_cells + 1),
+    ]
 
 
 def check_size(probe: Probe, radius_mm: float) -> None:
