@@ -42,6 +42,7 @@ def test_a_summary_by_hand() -> None:
     assert tprl.mean == pytest.approx(0.31)
     assert tprl.failures == pytest.approx(1 / 3)
     assert tprl.unannounced == pytest.approx(1 / 3)
+    assert tprl.withheld == 0.0
     assert tprl.refused == pytest.approx(1 / 3)
     assert tprl.seconds == pytest.approx(0.2)
     assert tprl.ratio is not None
@@ -50,7 +51,7 @@ def test_a_summary_by_hand() -> None:
     assert 0.01 / 0.02 <= tprl.ratio.low < tprl.ratio.value < tprl.ratio.high <= 0.9 / 0.06
     assert found["2", "tprl"].rival == "pycpd"  # another level, another best rival
     assert found["2", "cpd"].failures == pytest.approx(2 / 3)  # 0.1 itself is no failure
-    assert found["1", "cpd"].unannounced is None
+    assert found["1", "cpd"].unannounced is found["1", "cpd"].withheld is None
     best = found["1", "cpd"].ratio
     assert best is not None
     assert (best.value, best.low, best.high) == (1.0, 1.0, 1.0)
@@ -66,6 +67,14 @@ def test_pooled_levels_meet_the_best_rival_of_each() -> None:
         assert summary.ratio.value == pytest.approx(np.mean(errors) / against)
     assert pycpd.ratio is not None
     assert pycpd.ratio.value > 1
+
+
+def test_answers_that_a_method_does_not_trust_are_counted() -> None:
+    rows = rows_of("fish/noise", 1, "tprl", [0.01, 0.2], reliable="no")
+    rows += rows_of("fish/noise", 1, "cpd", [0.01, 0.2], reliable="yes")
+    withheld, told = summarise(rows, rivals=("cpd",))
+    assert (withheld.failures, withheld.withheld, withheld.unannounced) == (0.5, 1.0, 0.0)
+    assert (told.failures, told.withheld, told.unannounced) == (0.5, 0.0, 0.5)
 
 
 def test_without_a_rival_there_is_no_ratio() -> None:

@@ -51,6 +51,7 @@ def summary(method: str, level: str, *, median: float, mean: float) -> Summary:
         mean=mean,
         failures=0.25,
         unannounced=None,
+        withheld=None,
         refused=0.0,
         seconds=0.01,
         ratio=None,

@@ -57,6 +57,8 @@ class Summary:
         Share of the trials whose error exceeds the limit, in [0, 1].
     unannounced
         Share of the trials that failed although the method trusted its answer; None where it never says.
+    withheld
+        Share of the trials whose answer the method did not trust; None where it never says.
     refused
         Share of the trials that it gave no answer to.
     seconds
@@ -75,6 +77,7 @@ class Summary:
     mean: float
     failures: float
     unannounced: float | None
+    withheld: float | None
     refused: float
     seconds: float
     ratio: Ratio | None
@@ -200,6 +203,7 @@ def _summary(
     errors = np.array([row.error for row in rows])
     failed = errors > failure
     told = [bool(wrong) and row.reliable == "yes" for wrong, row in zip(failed, rows, strict=True)]
+    says = any(row.reliable for row in rows)
     other = {row.trial: row.error for row in against}
     shared = [row for row in rows if row.trial in other]
     ratio = None
@@ -214,7 +218,8 @@ def _summary(
         median=float(np.median(errors)),
         mean=float(errors.mean()),
         failures=float(failed.mean()),
-        unannounced=float(np.mean(told)) if any(row.reliable for row in rows) else None,
+        unannounced=float(np.mean(told)) if says else None,
+        withheld=float(np.mean([row.reliable == "no" for row in rows])) if says else None,
         refused=float(np.mean([bool(row.refused) for row in rows])),
         seconds=float(np.median([row.seconds for row in rows])),
         ratio=ratio,

@@ -32,7 +32,8 @@ ROWS = "rows.csv"
 HOTEL_FAILURE_PX = 5.0
 MEANING = (
     f"RMS errors over all shapes and levels. Failed: above {FAILURE:g}, hotel above {HOTEL_FAILURE_PX:g} px; silent: "
-    "failed, and the method trusted its answer. Ratio of means to the best coherent point drift of each level, with "
+    "failed, and the method trusted its answer. Answers that it does not trust are judged, too, though tsis match "
+    "withholds them. Ratio of means to the best coherent point drift of each level, with "
     "the bootstrap interval of 95 %."
 )
 

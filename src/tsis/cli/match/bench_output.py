@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 HOTEL, HIDDEN_KIND = "hotel", "hidden"
 QUANTITIES: tuple[Literal["error", "failures", "seconds"], ...] = ("error", "failures", "seconds")
 COLUMNS = (
-    *("group", "level", "method", "trials", "median", "mean", "failures", "unannounced", "refused", "seconds"),
+    *("group", "level", "method", "trials", "median", "mean", "failures", "unannounced", "withheld", "refused"),
+    "seconds",
     *("ratio", "ratio_low", "ratio_high", "rival"),
 )
 
@@ -135,6 +136,7 @@ def _csv(levels: Sequence[Summary]) -> bytes:
     writer.writerow(COLUMNS)
     for each in levels:
         ratio = ["", "", ""] if each.ratio is None else [each.ratio.value, each.ratio.low, each.ratio.high]
-        numbers = [each.trials, each.median, each.mean, each.failures, each.unannounced, each.refused, each.seconds]
+        shares = [each.failures, each.unannounced, each.withheld, each.refused]
+        numbers = [each.trials, each.median, each.mean, *shares, each.seconds]
         writer.writerow([each.group, each.level, each.method, *numbers, *ratio, each.rival])
     return text.getvalue().encode()
