@@ -7,6 +7,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
+from threadpoolctl import threadpool_limits
 
 from tsis.matching import cpd, rpm_lns, shape_context, tprl, tps_rpm
 from tsis.matching.fit import UNMATCHED
@@ -125,7 +126,7 @@ def register(
     >>> found.transform([[0.0, 0.0]]).round(0).tolist()
     [[3.0, 1.0]]
     """
-    match = METHODS[check.known("method", method, METHODS)]
+    check.known("method", method, METHODS)
     source, target = _points("source", source), _points("target", target)
     if source.shape[1] != target.shape[1]:
         raise InputError(
@@ -133,6 +134,14 @@ def register(
         )
     rng = np.random.default_rng(0) if rng is None else rng
     check.kind("rng", rng, np.random.Generator)
+    with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
+        return _register(method, source, target, rng)
+
+
+def _register(
+    method: str, source: NDArray[np.float64], target: NDArray[np.float64], rng: np.random.Generator
+) -> Registration:
+    match = METHODS[method]
     start, end = Frame.of(source), Frame.of(target)
     here, there = start.inward(source), end.inward(target)
     notes = []

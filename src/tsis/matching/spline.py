@@ -11,7 +11,7 @@ sum of their squares, so that a fit is a ridge regression, and no rotation of th
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -90,7 +90,16 @@ class SplineBasis:
     @property
     def bent(self) -> int:
         """How many coordinates bend."""
-        return self.weights_of.shape[1]
+        return int(self.weights_of.shape[1])
+
+    @property
+    def rest(self) -> NDArray[np.float64]:
+        """Coordinates of the map that leaves all points where they are, shape (k, d)."""
+        return np.eye(self.design.shape[1], self.points.shape[1], -(self.bent + 1))
+
+    def at(self, rows: NDArray[np.int64]) -> SplineBasis:
+        """The same splines, fitted at some of the points."""
+        return replace(self, points=self.points[rows], design=self.design[rows])
 
     def coordinates(
         self, targets: NDArray[np.float64], *, bending: float, weights: NDArray[np.float64] | None = None
@@ -221,6 +230,11 @@ def _kernel_rate(distance: NDArray[np.float64], dimension: int) -> NDArray[np.fl
 
 def spread_out(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
     """At most ``count`` of the points, no two in one place, each the farthest from those before it."""
+    return points[far_apart(points, count)]
+
+
+def far_apart(points: NDArray[np.float64], count: int) -> NDArray[np.int64]:
+    """Indices of at most ``count`` of the points, no two in one place, each the farthest from those before it."""
     first = int(np.argmin(np.linalg.norm(points - points.mean(axis=0), axis=1)))
     chosen, nearest = [first], np.linalg.norm(points - points[first], axis=1)
     while len(chosen) < min(count, len(points)):
@@ -229,7 +243,7 @@ def spread_out(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
             break
         chosen.append(farthest)
         nearest = np.minimum(nearest, np.linalg.norm(points - points[farthest], axis=1))
-    return points[chosen]
+    return np.array(chosen)
 
 
 def _points(name: str, value: ArrayLike, dimension: int | None = None) -> NDArray[np.float64]:
@@ -240,4 +254,4 @@ def _points(name: str, value: ArrayLike, dimension: int | None = None) -> NDArra
     return points
 
 
-__all__ = ["CONTROL_POINTS", "SplineBasis", "ThinPlateSpline", "fit_spline", "kernel", "spline_basis", "spread_out"]
+__all__ = ["CONTROL_POINTS", "SplineBasis", "ThinPlateSpline", "far_apart", "fit_spline", "kernel", "spline_basis", "spread_out"]
