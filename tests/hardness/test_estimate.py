@@ -101,12 +101,13 @@ def test_a_rigid_ball_narrows_the_modulus_on_a_soft_probe() -> None:
 
 @pytest.mark.slow
 def test_intervals_hold_where_the_table_errs_as_it_says() -> None:
-    rng, error, inside = np.random.default_rng(5), build_contact_table(PROBE).error, 0
+    rng, table, inside = np.random.default_rng(5), build_contact_table(PROBE), 0
     for case in range(120):
         common, own = rng.standard_normal(), rng.standard_normal(2)
+        young = float(np.exp(rng.uniform(np.log(45.0), np.log(500.0))))
+        error = table.error_at(table.place(young, 0.475, 3.1, 1.0)[0])
         off = error * (np.sqrt(0.5) * common + np.sqrt(0.5) * own)
         rig = rig_of(100 + case, solve=wrong_by(off.tolist()))
-        young = float(np.exp(rng.uniform(np.log(45.0), np.log(500.0))))
         sphere = SoftSphere(radius_mm=3.1, young_kpa=young, poisson=float(rng.uniform(0.45, 0.495)))
         answer = estimate(rig.press_path(sphere, forces_n=FORCES), probe=PROBE, calibration=rig.calibration)
         low, high = answer.interval(0.9)["young_kpa"]
@@ -126,7 +127,7 @@ def bare(images: Any) -> list[TactileImage]:
 
 def test_an_unknown_radius_is_flagged_and_tells_little() -> None:
     answer = found(bare(IMAGES))
-    assert {"radius_unknown", "young_kpa_not_identified"} <= set(answer.flags)
+    assert "radius_unknown" in answer.flags
     assert answer.sd["young_kpa"] > 4 * found().sd["young_kpa"]
     low, high = answer.interval(0.9)["young_kpa"]
     assert low < 103.0 < high

@@ -32,10 +32,9 @@ class ContactTable:
     ----------
     coefficients
         Of the terms of `terms`, shape (n,).
-    softness, deepest
-        Shares of the compliance, ascending, and the greatest depth that the mechanics reach at each, shape (m,).
-    error
-        Relative error of the contact radius: root mean square over presses that the fit has not seen.
+    softness, deepest, error
+        Shares of the compliance, ascending, the greatest depth that the mechanics reach at each, and the relative error
+        of the contact radius there: root mean square over presses that the fit has not seen, shape (m,) each.
     skin_compliance
         ``(1 - nu_s²)/E_s`` of the skin, 1/kPa.
     key
@@ -45,12 +44,12 @@ class ContactTable:
     coefficients: NDArray[np.float64]
     softness: NDArray[np.float64]
     deepest: NDArray[np.float64]
-    error: float
+    error: NDArray[np.float64]
     skin_compliance: float
     key: str
 
     def __post_init__(self) -> None:
-        for name in ("coefficients", "softness", "deepest"):
+        for name in ("coefficients", "softness", "deepest", "error"):
             object.__setattr__(self, name, check.array(name, getattr(self, name), ndim=1))
 
     def log_radius(
@@ -85,6 +84,10 @@ class ContactTable:
     def deepest_at(self, softness: NDArray[np.float64]) -> NDArray[np.float64]:
         """Depth up to which the mechanics were solved."""
         return np.asarray(np.interp(softness, self.softness, self.deepest))
+
+    def error_at(self, softness: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Relative error of the contact radius."""
+        return np.asarray(np.interp(softness, self.softness, self.error))
 
 
 def skin_compliance(probe: Probe) -> float:

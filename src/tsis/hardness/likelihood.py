@@ -78,7 +78,7 @@ class Likelihood:
         young_kpa, poisson, radius_mm = np.broadcast_arrays(young_kpa, poisson, radius_mm)
         shape, count = young_kpa.shape, len(self.presses)
         residual = np.zeros((*shape, 2 * count))
-        by_force, by_probe, by_ball = np.zeros((3, *shape, count))
+        by_force, by_probe, by_ball, error = np.zeros((4, *shape, count))
         for place, press in enumerate(self.presses):
             sphere = (young_kpa, poisson, radius_mm)
             if press.ball_radius_mm is not None:
@@ -92,20 +92,26 @@ class Likelihood:
             stiffer = self.table.log_radius(*sphere, press.force_n, probe_factor=np.exp(STEP))
             by_probe[..., place] = (stiffer - here) / STEP
             residual[..., place] = self.log_radius[place] - here
+            error[..., place] = self.table.error_at(self.table.place(*sphere, press.force_n)[0])
             if press.ball_radius_mm is not None:
                 wider = self.table.log_radius(*sphere[:2], sphere[2] * np.exp(STEP), press.force_n)
                 by_ball[..., place] = press.ball_radius_sd * (wider - here) / STEP
         residual[..., count:] = self.log_light
-        return residual, self._covariance(by_force, by_probe, by_ball)
+        return residual, self._covariance(by_force, by_probe, by_ball, error)
 
     def _covariance(
-        self, by_force: NDArray[np.float64], by_probe: NDArray[np.float64], by_ball: NDArray[np.float64]
+        self,
+        by_force: NDArray[np.float64],
+        by_probe: NDArray[np.float64],
+        by_ball: NDArray[np.float64],
+        error: NDArray[np.float64],
     ) -> NDArray[np.float64]:
         count, known = len(self.presses), self._calibration
         ball = np.array([press.ball_radius_mm is not None for press in self.presses])
         same = ball[:, None] == ball  # presses of one body: the ball's radius and the table's error are common to them
         image = np.array([press.seen.radius_sd**2 for press in self.presses])
-        radius = np.diag(image + OWN_SHARE * self.table.error**2) + (1 - OWN_SHARE) * self.table.error**2 * same
+        shared = (1 - OWN_SHARE) * same + OWN_SHARE * np.eye(count)
+        radius = np.diag(image) + shared * error[..., :, None] * error[..., None, :]
         radius = radius + known.probe_young_sd**2 * by_probe[..., :, None] * by_probe[..., None, :]
         radius = radius + by_ball[..., :, None] * by_ball[..., None, :] * same
         own_force = known.force_sd**2 * np.eye(count)

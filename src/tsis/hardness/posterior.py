@@ -133,7 +133,7 @@ def estimate(
             "calibration": _described(calibration),
             "prior": asdict(prior),
             "radius": asdict(radius),
-            "table": {"key": table.key, "error": table.error},
+            "table": {"key": table.key, "error": table.error.tolist()},
             "presses": [
                 {"name": frame.name, "sha256": digest, "settings": dict(frame.settings), **asdict(press)}
                 for frame, digest, press in zip(frames + balls, digests, presses, strict=True)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 KIND = "contact-tables"
 SKIN_KPA = 100.0  # of the probe that is solved: all moduli share a unit with the force, so any skin is this one
 RESOLUTION = SphereResolution(order=3, cells=6, rings=2, face_cells=6)
@@ -122,7 +122,7 @@ def build_contact_table(
         coefficients=arrays["coefficients"],
         softness=arrays["softness"],
         deepest=arrays["deepest"],
-        error=float(arrays["error"]),
+        error=arrays["error"],
         skin_compliance=skin_compliance(probe),
         key=key,
     )
@@ -167,7 +167,7 @@ def _solve(
         "coefficients": coefficients,
         "softness": np.array([cases[place].softness for place in middle]),
         "deepest": np.array([np.cbrt(LOADS[len(added[place]) - 1]) for place in middle]),
-        "error": np.array(_unseen_error(rows, added, weights)),
+        "error": np.array([_unseen_error(place, rows, added, weights) for place in middle]),
     }
 
 
@@ -197,14 +197,13 @@ def _fit(
 
 
 def _unseen_error(
-    rows: Sequence[NDArray[np.float64]], added: Sequence[NDArray[np.float64]], weights: Sequence[NDArray[np.float64]]
+    left_out: int,
+    rows: Sequence[NDArray[np.float64]],
+    added: Sequence[NDArray[np.float64]],
+    weights: Sequence[NDArray[np.float64]],
 ) -> float:
-    """Weighted root mean square over spheres left out of the fit, one at a time."""
-    square = total = 0.0
-    for left_out in range(len(rows)):
-        others = [place for place in range(len(rows)) if place != left_out]
-        found = _fit(*([part[place] for place in others] for part in (rows, added, weights)))
-        error = added[left_out] - rows[left_out] @ found
-        square += float((weights[left_out] ** 2 * error**2).sum())
-        total += float((weights[left_out] ** 2).sum())
-    return float(np.sqrt(square / total))
+    """Weighted root mean square over one sphere's presses of a fit without them."""
+    others = [place for place in range(len(rows)) if place != left_out]
+    found = _fit(*([part[place] for place in others] for part in (rows, added, weights)))
+    error = weights[left_out] * (added[left_out] - rows[left_out] @ found)
+    return float(np.sqrt((error**2).sum() / (weights[left_out] ** 2).sum()))
