@@ -113,8 +113,8 @@ def _about_presses(objects: Sequence[Press], radius: RadiusBelief) -> list[Findi
         said.append(
             (
                 "radius_unknown",
-                f"The object's radius is not known, only that it lies in [1, {radius.largest_mm:.3g}] mm: small contacts "
-                "tell the modulus over the radius, and large ones little more (give radius_mm).",
+                f"The object's radius is not known, only that it lies in [1, {radius.largest_mm:.3g}] mm: small "
+                "contacts tell the modulus over the radius, and large ones little more (give radius_mm).",
             )
         )
     return said
