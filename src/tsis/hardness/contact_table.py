@@ -17,6 +17,7 @@ MIDDLE_RADIUS_MM, RADIUS_STEP_MM = 3.3, 3.0
 MIDDLE_POISSON, POISSON_STEP = 0.475, 0.025
 BASE_DEGREES, BASE_TOTAL = (4, 3), 5  # in depth and softness, of what a sphere of the middle radius and ratio adds
 CHANGE_DEGREES, CHANGE_TOTAL, CHANGE_ORDER = (3, 1), 4, 2  # of what another radius or ratio changes
+FIRM_DEPTH = 0.6  # from which on a contact is many elements wide
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -85,9 +86,14 @@ class ContactTable:
         """Depth up to which the mechanics were solved."""
         return np.asarray(np.interp(softness, self.softness, self.deepest))
 
-    def error_at(self, softness: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Relative error of the contact radius."""
-        return np.asarray(np.interp(softness, self.softness, self.error))
+    def error_at(self, softness: NDArray[np.float64], depth: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Relative error of the contact radius; more where the contact is shallow and few elements wide."""
+        return np.asarray(np.interp(softness, self.softness, self.error) / firmness(depth))
+
+
+def firmness(depth: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Weight of a press in the fit: 1, less where the contact is so shallow that it is few elements wide."""
+    return np.asarray(np.minimum(1.0, depth / FIRM_DEPTH) ** 2)
 
 
 def skin_compliance(probe: Probe) -> float:

@@ -92,7 +92,7 @@ class Likelihood:
             stiffer = self.table.log_radius(*sphere, press.force_n, probe_factor=np.exp(STEP))
             by_probe[..., place] = (stiffer - here) / STEP
             residual[..., place] = self.log_radius[place] - here
-            error[..., place] = self.table.error_at(self.table.place(*sphere, press.force_n)[0])
+            error[..., place] = self.table.error_at(*self.table.place(*sphere, press.force_n))
             if press.ball_radius_mm is not None:
                 wider = self.table.log_radius(*sphere[:2], sphere[2] * np.exp(STEP), press.force_n)
                 by_ball[..., place] = press.ball_radius_sd * (wider - here) / STEP

@@ -14,6 +14,7 @@ from tsis.hardness.contact_table import (
     MIDDLE_RADIUS_MM,
     POISSON_STEP,
     ContactTable,
+    firmness,
     skin_compliance,
     terms,
 )
@@ -33,7 +34,6 @@ KIND = "contact-tables"
 SKIN_KPA = 100.0  # of the probe that is solved: all moduli share a unit with the force, so any skin is this one
 RESOLUTION = SphereResolution(order=3, cells=6, rings=2, face_cells=6)
 LOADS = np.array([0.04, 0.07, 0.11, 0.19, 0.31, 0.5, 0.8, 1.2, 1.6, 2.0, 2.4, 2.6, 2.8, 3.2])  # depth cubed
-FIRM_DEPTH = 0.6  # shallower contacts are few elements wide: they weigh as the square of their depth over this
 SMALLEST_RADIUS_MM, WIDEST_SHARE = 1.65, 0.55  # of the spheres; the widest as a share of the face's radius
 
 
@@ -185,7 +185,7 @@ def added_log_radius(probe: Probe, case: SphereCase, resolution: SphereResolutio
 def _rows(case: SphereCase, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Terms and weights of the presses of one sphere."""
     depth = np.cbrt(LOADS[:count])
-    return terms(depth, case.softness, case.radius_mm, case.poisson), np.minimum(1.0, depth / FIRM_DEPTH) ** 2
+    return terms(depth, case.softness, case.radius_mm, case.poisson), firmness(depth)
 
 
 def _fit(
