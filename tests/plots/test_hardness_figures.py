@@ -67,3 +67,5 @@ def test_the_needed_strain_is_stress_over_modulus(answers: list[PrintedHardness]
     np.testing.assert_allclose(np.asarray(found.get_ydata()), [one.mean_strain for one in answers])
     np.testing.assert_allclose(np.asarray(needed.get_ydata()), answers[0].stress_kpa / 50.0)
     assert ax.get_xscale() == "log"
+    strain_over_depth(DEPTHS_MM, answers, ax, truth_kpa=10.0, label="soft")
+    assert ax.get_ylim()[1] > answers[0].stress_kpa / 10.0, "what is drawn later stays in sight"

@@ -94,7 +94,8 @@ def strain_over_depth(
     (drawn,) = ax.plot(depth_mm_per_grey, [abs(one.mean_strain) for one in answers], "o-", markersize=4, label=label)
     needed = float(np.mean([one.stress_kpa for one in answers])) / truth_kpa
     ax.axhline(needed, color=drawn.get_color(), linestyle="--", linewidth=1, label=f"{label}: stress / E")
-    ax.set(xscale="log", xlabel="depth of a grey level / mm", ylabel="mean strain", ylim=(0.0, None))
+    highest = max(float(ax.dataLim.y1), needed)
+    ax.set(xscale="log", xlabel="depth of a grey level / mm", ylabel="mean strain", ylim=(0.0, 1.1 * highest))
     ax.grid(visible=True, alpha=0.3)
     ax.legend(frameon=False, fontsize="small")
     return ax

@@ -1,0 +1,260 @@
+"""Figures 5.22 and 5.23: the printed pipeline of hardness on spheres of 103 and 62 kPa, contact mechanics beside it.
+
+The source presses spheres of 3 mm radius of CL2000X (103 kPa) and CL2003X (62 kPa) with 0.7 and 1.2 N, takes pixel
+values for depths, matches 200 control points, divides force over area by the mean strain of the map, and prints errors
+of 4.23 % and 5.38 %. It prints no depth of a grey level, nor which of the two presses the stress is that of.
+
+Here virtual rigs press the same spheres on the catalog's stiff probe, with all errors that a rig has: gain, drift,
+missed forces, probe moduli, patterns, stray light, noise, a radius written down wrongly, a place beside the axis.
+Presses are solved at large strains on a mesh finer than that of any estimate, and kept in the cache.
+
+Found: the mean strain is about a quarter for both spheres, for it tells how much brighter the second contact is, and
+Hertz's contact brightens with the cube root of the force whatever it consists of. What is divided by it is a contact's
+mean pressure, which grows with less than the modulus. So the readings lie far off whichever press the stress is that
+of, and those of the two spheres overlap. The depth of a grey level cannot be calibrated: from some hundredths of a
+millimetre upwards it changes next to nothing, and below that the surfaces are so flat that the strain across them is
+mostly the scatter of the matching. A factor that makes one sphere right leaves the other some tens of per cent off.
+Contact mechanics needs no such factor.
+"""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from benchmarks.hardness import FORCES_N, NEIGHBOURS, PRINTED
+from benchmarks.hardness_bank import SolvedSphere
+
+import tsis
+from tsis.hardness import PrintedHardness, estimate, printed_estimate
+from tsis.hardness.printed import STRESSES
+from tsis.model import SoftSphere, load_sphere
+from tsis.virtual import DirectContactRig
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis import Estimate, PressField, TactileImage
+
+    Solve = Callable[..., Sequence[PressField]]
+
+PROBE = tsis.load_probe("tsis-direct")
+SPHERES = {name: load_sphere(name) for name in PRINTED}
+RIGS = 12
+RADIUS_SD_MM = 0.03
+DEPTHS_MM = np.geomspace(0.002, 0.5, 9)  # of a grey level; a pixel is 0.034 mm wide, the sphere 6 mm
+VARIANTS: dict[str, dict[str, Any]] = {
+    "printed formula": {"formula": "printed"},
+    "spline through matches": {"spline": "matches"},
+    "points matched by drift": {"method": "cpd"},
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Result:
+    """Readings of both spheres by both ways, one a rig.
+
+    Attributes
+    ----------
+    example
+        The printed pipeline on the first rig's frames of the stiffer sphere, as figure 5.22 shows it.
+    strain
+        Mean strain by sphere, shape (rigs,).
+    printed
+        Moduli in kPa of the printed pipeline, by sphere and then by the press that the stress is that of, or by what
+        else was taken literally; shape (rigs,).
+    over_depth
+        The printed pipeline at each of `DEPTHS_MM` on the first rig's frames, by sphere.
+    contact
+        Estimates by contact mechanics, by sphere.
+    """
+
+    example: PrintedHardness
+    strain: Mapping[str, NDArray[np.float64]]
+    printed: Mapping[str, Mapping[str, NDArray[np.float64]]]
+    over_depth: Mapping[str, list[PrintedHardness]]
+    contact: Mapping[str, list[Estimate]]
+
+    def printed_error(self, name: str, choice: str) -> float:
+        """Mean relative error of the printed pipeline."""
+        return _mean_error(self.printed[name][choice], SPHERES[name])
+
+    def contact_kpa(self, name: str) -> NDArray[np.float64]:
+        """Means of the estimates by contact mechanics."""
+        return np.array([one.mean["young_kpa"] for one in self.contact[name]])
+
+    def contact_error(self, name: str) -> float:
+        """Mean relative error of contact mechanics."""
+        return _mean_error(self.contact_kpa(name), SPHERES[name])
+
+    def held(self, name: str) -> int:
+        """How many 90 % intervals of contact mechanics hold the modulus."""
+        ends = [one.interval(0.9)["young_kpa"] for one in self.contact[name]]
+        return sum(low <= SPHERES[name].young_kpa <= high for low, high in ends)
+
+    def calibrated(self, known: str, name: str, choice: str) -> NDArray[np.float64]:
+        """Moduli of a sphere, multiplied by what makes the same rig's reading of the known one right."""
+        return SPHERES[known].young_kpa / self.printed[known][choice] * self.printed[name][choice]
+
+    def calibrated_error(self, known: str, name: str, choice: str) -> float:
+        """Mean relative error after that."""
+        return _mean_error(self.calibrated(known, name, choice), SPHERES[name])
+
+    def nearest_depth(self, known: str) -> int:
+        """Which of `DEPTHS_MM` brings a sphere's modulus nearest to the true one."""
+        found = np.array([one.young_kpa for one in self.over_depth[known]])
+        return int(np.argmin(np.abs(np.log(found / SPHERES[known].young_kpa))))
+
+
+def _mean_error(young_kpa: NDArray[np.float64], sphere: SoftSphere) -> float:
+    return float(np.mean(np.abs(young_kpa / sphere.young_kpa - 1)))
+
+
+def run(
+    rng: np.random.Generator | None = None,
+    *,
+    rigs: int = RIGS,
+    solve_of: Callable[[SoftSphere], Solve] | None = None,
+    method: str = "tprl",
+) -> Result:
+    """Press both spheres with each of ``rigs`` rigs and read them both ways.
+
+    ``solve_of`` gives what solves a sphere's presses, by default the fine model near the sphere's modulus; ``method``
+    matches the control points.
+    """
+    rng = rng or np.random.default_rng(54)
+    banks = {name: (solve_of or solved)(sphere) for name, sphere in SPHERES.items()}
+    frames: dict[str, list[tuple[TactileImage, ...]]] = {name: [] for name in SPHERES}
+    contact: dict[str, list[Estimate]] = {name: [] for name in SPHERES}
+    for _ in range(rigs):
+        rig = DirectContactRig(PROBE, rng=rng)
+        for name, sphere in SPHERES.items():
+            pressing = rig.solved_by(banks[name], radius_sd_mm=RADIUS_SD_MM)
+            frames[name].append(pressing.press_path(sphere, forces_n=FORCES_N))
+            contact[name].append(estimate(frames[name][-1], probe=PROBE, calibration=rig.calibration))
+    plain = {name: [printed_estimate(pair, method=method) for pair in pairs] for name, pairs in frames.items()}
+    return Result(
+        example=plain[next(iter(SPHERES))][0],
+        strain={name: np.array([one.mean_strain for one in answers]) for name, answers in plain.items()},
+        printed={name: moduli(pairs, plain[name], method) for name, pairs in frames.items()},
+        over_depth={
+            name: [printed_estimate(pairs[0], method=method, depth_mm_per_grey=float(depth)) for depth in DEPTHS_MM]
+            for name, pairs in frames.items()
+        },
+        contact=contact,
+    )
+
+
+def moduli(
+    pairs: Sequence[tuple[TactileImage, ...]], plain: Sequence[PrintedHardness], method: str
+) -> dict[str, NDArray[np.float64]]:
+    """Moduli in kPa by choice, one a pair of frames."""
+    found: dict[str, list[float]] = {choice: [] for choice in (*STRESSES, *VARIANTS)}
+    for pair, answer in zip(pairs, plain, strict=True):
+        first, second = (1000.0 * force / area for force, area in zip(answer.force_n, answer.area_mm2, strict=True))
+        for stress, choice in zip((first, second, second - first), STRESSES, strict=True):
+            found[choice].append(stress / abs(answer.mean_strain))
+        for choice, options in VARIANTS.items():
+            found[choice].append(printed_estimate(pair, **{"method": method} | options).young_kpa)
+    return {choice: np.array(values) for choice, values in found.items()}
+
+
+def solved(sphere: SoftSphere) -> SolvedSphere:
+    """A sphere's presses by the fine model, at moduli near its own: a rig's probe may be stiffer or softer."""
+    return SolvedSphere(
+        probe=PROBE,
+        radius_mm=sphere.radius_mm,
+        poisson=sphere.poisson,
+        young_kpa=tuple(factor * sphere.young_kpa for factor in NEIGHBOURS),
+        forces_n=FORCES_N,
+    )
+
+
+def draw(result: Result, path: Path) -> None:
+    """Control points before and after matching, readings of both ways, and what the depth of a grey level does."""
+    from matplotlib.figure import Figure
+
+    from tsis.plots.hardness_figures import modulus_readings, strain_over_depth
+    from tsis.plots.matching import point_sets
+
+    figure = Figure(figsize=(14.0, 9.0), layout="constrained")
+    example = result.example
+    for place, (source, title) in enumerate(((example.before, "before"), (example.registration.moved, "after")), 1):
+        ax = figure.add_subplot(2, 3, place, projection="3d")
+        point_sets(source, example.after, ax, source_label="0.7 N", target_label="1.2 N")
+        sides = np.ptp([ax.get_xlim3d(), ax.get_ylim3d(), ax.get_zlim3d()], axis=1)
+        ax.set_box_aspect(tuple(sides), zoom=0.85)
+        ax.set(xlabel="x / mm", ylabel="y / mm", zlabel="")  # depth is light: its unit is a choice
+        ax.locator_params(axis="z", nbins=3)
+        ax.set_title(f"control points {title} matching (figure 5.22)", fontsize=10)
+    scan = figure.add_subplot(2, 3, 3)
+    for name, answers in result.over_depth.items():
+        strain_over_depth(DEPTHS_MM, answers, scan, truth_kpa=SPHERES[name].young_kpa, label=name)
+    scan.set_title("the depth of a grey level, first rig", fontsize=10)
+    columns = {
+        "as printed (figure 5.23)": {name: result.printed[name]["second"] for name in SPHERES},
+        "as printed, one factor from the other sphere": {
+            name: result.calibrated(_other(name), name, "second") for name in SPHERES
+        },
+        "contact mechanics": {name: result.contact_kpa(name) for name in SPHERES},
+    }
+    for place, (title, readings) in enumerate(columns.items(), 4):
+        ax = figure.add_subplot(2, 3, place)
+        for series, (name, sphere) in enumerate(SPHERES.items()):
+            modulus_readings(readings[name], ax, truth_kpa=sphere.young_kpa, label=name, series=series)
+        ax.set_title(title, fontsize=10)
+    figure.savefig(path, dpi=100)
+
+
+def _other(name: str) -> str:
+    return next(other for other in SPHERES if other != name)
+
+
+def report(result: Result) -> None:
+    """Print the numbers."""
+    for name, sphere in SPHERES.items():
+        rigs, strain = len(result.strain[name]), result.strain[name]
+        print(f"{name}, {sphere.young_kpa:g} kPa, {rigs} rigs: mean strain {strain.mean():.3f} +- {strain.std():.3f}")
+        for choice, young in result.printed[name].items():
+            error = result.printed_error(name, choice)
+            print(f"  as printed, {choice:<23} {young.mean():7.1f} +- {young.std():5.1f} kPa, mean error {error:7.1%}")
+        for choice in STRESSES:
+            error = result.calibrated_error(_other(name), name, choice)
+            young = result.calibrated(_other(name), name, choice).mean()
+            print(f"  {choice} stress, one factor from {_other(name)}: {young:.1f} kPa, mean error {error:.1%}")
+        found = result.over_depth[name]
+        least, most = min(one.young_kpa for one in found), max(one.young_kpa for one in found)
+        print(f"  a grey level {DEPTHS_MM[0]:g} to {DEPTHS_MM[-1]:g} mm deep: {least:.1f} to {most:.1f} kPa")
+        place = result.nearest_depth(_other(name))
+        told = found[place].young_kpa
+        print(
+            f"  {DEPTHS_MM[place]:.3g} mm, nearest for {_other(name)}: {told:.1f} kPa, "
+            f"error {told / sphere.young_kpa - 1:+.1%}"
+        )
+        mean, held = result.contact_kpa(name).mean(), result.held(name)
+        print(f"  contact mechanics {mean:.1f} kPa, mean error {result.contact_error(name):.2%}", end="")
+        print(f", {held} of {rigs} intervals of 90 % hold it")
+        print(f"  printed error {PRINTED[name]:.2%}")
+
+
+def main() -> None:
+    """Print the numbers, and draw them where asked."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--figure", type=Path, help="picture to write, e.g. hardness_printed.png")
+    parser.add_argument("--rigs", type=int, default=RIGS)
+    parser.add_argument("--seed", type=int, default=54)
+    arguments = parser.parse_args()
+    result = run(np.random.default_rng(arguments.seed), rigs=arguments.rigs)
+    report(result)
+    print("Research use only")
+    if arguments.figure is not None:
+        draw(result, arguments.figure)
+
+
+if __name__ == "__main__":
+    main()
