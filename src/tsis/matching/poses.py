@@ -7,22 +7,22 @@ within reach of the shape contexts, and the pose is the affine map that the most
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
 from tsis.matching.log_polar import ANGLE_BINS, chi_squared, histograms, mean_distance
-from tsis.matching.relaxation import TARGET_NEIGHBOURS, Neighbourhood, label
 from tsis.matching.relaxation import NEIGHBOURS as SOURCE_NEIGHBOURS
+from tsis.matching.relaxation import TARGET_NEIGHBOURS, Neighbourhood, label
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 ALONE = 0.07  # support for having no partner
 UPDATES = 20
-LABELLED = 4  # rotations, the likeliest by their shape contexts, that are labelled
+LABELLED = 6  # rotations, the likeliest by their shape contexts, that are labelled
 DRAWS = 400  # of as many pairs as fix an affine map
 CLOSE = 0.25  # root-mean-square radii: a pair farther from an affine map does not agree with it
 LEAST_VOLUME, MOST_VOLUME = 0.1, 6.0  # by which a pose may scale areas or volumes
@@ -38,9 +38,7 @@ class Pose:
     agreement: float
 
 
-def poses(
-    source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator
-) -> list[Pose]:
+def poses(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator) -> list[Pose]:
     """Poses of the source on the target, the best agreed on first; normalised points, shapes (n, d) and (m, d)."""
     scale = mean_distance(target)
     contexts = histograms(target, scale=scale)
@@ -58,6 +56,24 @@ def poses(
         pose = agreed(source, target[labels.best], labels.trust**2, rng=rng)
         found.append(Pose(affine=pose.affine, agreement=pose.agreement * float(labels.trust.mean())))
     return sorted(found, key=lambda pose: -pose.agreement)
+
+
+def rounded_poses(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator) -> list[Pose]:
+    """The same, found on both shapes made as wide as long.
+
+    That takes away whatever affine part lies between whole shapes; where a part is missing, or points are added, it
+    may as well bring one in.
+    """
+    here, there = _rounding(source), _rounding(target)
+    back = np.linalg.inv(there)
+    found = poses(source @ here, target @ there, rng=rng)
+    return [replace(pose, affine=np.vstack([pose.affine[0] @ back, here @ pose.affine[1:] @ back])) for pose in found]
+
+
+def _rounding(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Matrix that gives points, shape (n, d), the same spread in all directions, turning them least."""
+    value, axis = np.linalg.eigh(np.cov(points, rowvar=False))
+    return np.asarray((axis / np.sqrt(value * len(value))) @ axis.T)
 
 
 def rotations(dimension: int) -> NDArray[np.float64]:

@@ -68,7 +68,7 @@ class Neighbourhood:
 
     @property
     def nearness(self) -> NDArray[np.float64]:
-        """gamma of each neighbour, summing to one over those of a point, shape (n, k)."""
+        """Gamma of each neighbour, summing to one over those of a point, shape (n, k)."""
         distance = np.exp(self.log_distance)
         gamma = 1 - distance / (FARTHEST * distance.max(axis=1, keepdims=True))
         return np.asarray(gamma / gamma.sum(axis=1, keepdims=True))

@@ -254,4 +254,13 @@ def _points(name: str, value: ArrayLike, dimension: int | None = None) -> NDArra
     return points
 
 
-__all__ = ["CONTROL_POINTS", "SplineBasis", "ThinPlateSpline", "far_apart", "fit_spline", "kernel", "spline_basis", "spread_out"]
+__all__ = [
+    "CONTROL_POINTS",
+    "SplineBasis",
+    "ThinPlateSpline",
+    "far_apart",
+    "fit_spline",
+    "kernel",
+    "spline_basis",
+    "spread_out",
+]

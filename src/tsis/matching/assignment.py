@@ -1,0 +1,93 @@
+"""The last step: partners one to one, and a spline as stiff as the pairs themselves say."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial.distance import cdist
+
+from tsis.matching.fit import UNMATCHED
+from tsis.matching.one_to_one import assign
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.matching.spline import SplineBasis
+
+REACHES = (
+    0.5,
+    0.35,
+    0.25,
+    0.18,
+    0.12,
+    0.08,
+    0.0,
+)  # distances beyond which there is no partner, unless the spacing is more
+NEAREST = 1.5  # spacings up to which there always may be one
+SPREADS = 4.0  # standard deviations beyond which a pair is taken for a false one
+BEYOND_DOUBT = 0.2  # root-mean-square distance of partners, of the spacing, below which none is taken for another
+BENDINGS = np.logspace(-7, 2, 28)
+
+
+def assigned(
+    basis: SplineBasis, coordinates: NDArray[np.float64], target: NDArray[np.float64], spacing: float
+) -> NDArray[np.float64]:
+    """Coordinates of the spline through partners one to one, found from those of a spline that comes near.
+
+    One-to-one pairs of the least sum of squares undo what soft pairs leave when points slid along a line: many small
+    steps are cheaper than the one large one at its end.
+    """
+    for reach in REACHES:
+        moved = basis.design @ coordinates
+        squared = cdist(moved, target, "sqeuclidean")
+        pairs = assign(squared, dummy=max(reach, NEAREST * spacing) ** 2)
+        rows = np.flatnonzero(pairs != UNMATCHED)
+        if len(rows) <= 2 * basis.points.shape[1] + 2:
+            return coordinates
+        for _ in range(2):
+            bending = likeliest_bending(basis.design[rows], basis.bent, target[pairs[rows]])
+            coordinates = basis.at(rows).coordinates(target[pairs[rows]], bending=bending)
+            away = ((basis.design[rows] @ coordinates - target[pairs[rows]]) ** 2).sum(axis=1)
+            kept = away <= SPREADS**2 * max(float(np.median(away)), 1e-8)
+            if kept.all() or kept.sum() <= 2 * basis.points.shape[1] + 2:
+                break
+            rows = rows[kept]
+    return coordinates
+
+
+def interpolated(
+    basis: SplineBasis, coordinates: NDArray[np.float64], target: NDArray[np.float64], spacing: float
+) -> NDArray[np.float64]:
+    """Coordinates of the spline that takes points onto their partners, where these are beyond doubt; else as given.
+
+    What is left between points and partners is noise, that a spline should pass by, or deformation too fine for it,
+    that it should follow. Nothing in the points tells which; but where it is small against their spacing, the partner
+    is the better guess of where the point belongs.
+    """
+    squared = cdist(basis.design @ coordinates, target, "sqeuclidean")
+    pairs = assign(squared, dummy=(NEAREST * spacing) ** 2)
+    rows = np.flatnonzero(pairs != UNMATCHED)
+    away = squared[rows, pairs[rows]]
+    if len(rows) <= basis.points.shape[1] or np.mean(away) > (BEYOND_DOUBT * spacing) ** 2:
+        return coordinates
+    return basis.at(rows).coordinates(target[pairs[rows]], bending=BENDINGS[0])
+
+
+def likeliest_bending(design: NDArray[np.float64], bent: int, values: NDArray[np.float64]) -> float:
+    """Ridge on the bending coordinates that makes the values, shape (n, d), likeliest.
+
+    Restricted maximum likelihood: bending coordinates normal with one variance, errors normal with another, any affine
+    part; the ridge is the ratio of the two.
+    """
+    affine, _ = np.linalg.qr(design[:, bent:])
+    bends = design[:, :bent] - affine @ (affine.T @ design[:, :bent])
+    values = values - affine @ (affine.T @ values)
+    axes, singular, _ = np.linalg.svd(bends, full_matrices=False)
+    along = (axes.T @ values) ** 2
+    beyond = max(float((values**2).sum() - along.sum()), 0.0)
+    free = (len(values) - affine.shape[1]) * values.shape[1]
+    spread = singular[None, :] ** 2 / BENDINGS[:, None] + 1
+    variance = ((along.sum(axis=1) / spread).sum(axis=1) + beyond) / free + 1e-12
+    surprise = values.shape[1] * np.log(spread).sum(axis=1) + free * np.log(variance)
+    return float(BENDINGS[int(np.argmin(surprise))])
