@@ -1,10 +1,12 @@
-"""Evidence for a map between two point sets, by which maps that began differently are compared."""
+"""Evidence for a map between two point sets: by it maps that began differently are compared, and all with none."""
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 
 from tsis.optics.compiled import fused
 
@@ -13,20 +15,44 @@ if TYPE_CHECKING:
 
     from tsis.matching.spline import SplineBasis
 
-BENT = 0.01  # prior variance of a bending coordinate, of normalised points
+STIFFNESSES = (1e-4, 1e-3, 1e-2)  # prior variances of a bending coordinate, of normalised points, the likeliest counts
+FIRST_SPREAD, FIRST_OUTLIERS = 0.1, 0.1
 NARROWEST = 1e-3  # standard deviation of a pair, of normalised points
-UPRIGHT = 20.0  # log odds of sets the same way up against those turned by half a turn, before they are seen
-ROUNDS = 12
+ROUNDS = 6
 FEWEST_OUTLIERS, MOST_OUTLIERS = 0.01, 0.95
+UPRIGHT = 20.0  # log odds of sets the same way up against those turned by half a turn, before they are seen
+SLACK = 1e-6  # ridge that draws the affine part to rest, lest no responsibility at all leaves it undetermined
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Explained:
+    """How moved source points explain the target.
+
+    Attributes
+    ----------
+    likelihood
+        Log of the target's probability.
+    paired
+        Sum of each source point's responsibilities, shape (n,).
+    drawn
+        Sum of the targets that they weigh, shape (n, d).
+    squared
+        Sum of the squared distances that they weigh.
+    """
+
+    likelihood: float
+    paired: NDArray[np.float64]
+    drawn: NDArray[np.float64]
+    squared: float
 
 
 def log_evidence(basis: SplineBasis, coordinates: NDArray[np.float64], target: NDArray[np.float64]) -> float:
     """Log probability of the target, over that of points spread evenly, when the moved source explains it.
 
-    Each target point is an outlier anywhere in the target's box, or lies about a moved source point; the outliers'
-    share and the common standard deviation are those that explain the target best. The bending coordinates are normal
-    with variance `BENT` before the data are seen, and integrated over by Laplace's method. Sets are likelier the same
-    way up than turned (`UPRIGHT`), which decides only where the points themselves hardly do.
+    Each target point is an outlier anywhere in the target's box, or lies about a moved source point. The spline, the
+    outliers' share and the common standard deviation are those that explain the target best near the spline that is
+    given; the bending coordinates are normal before the data are seen, and integrated over by Laplace's method. Sets
+    are likelier the same way up than turned (`UPRIGHT`), which decides only where the points themselves hardly do.
 
     Parameters
     ----------
@@ -35,23 +61,40 @@ def log_evidence(basis: SplineBasis, coordinates: NDArray[np.float64], target: N
     target
         Shape (m, d).
     """
+    upright = UPRIGHT * (_cosine_of_turn(coordinates[basis.bent + 1 :]) - 1) / 2
+    return upright + max(_evidence(basis, coordinates, target, stiffness) for stiffness in STIFFNESSES)
+
+
+def _evidence(
+    basis: SplineBasis, coordinates: NDArray[np.float64], target: NDArray[np.float64], stiffness: float
+) -> float:
     count, dimension = target.shape
     box = float(np.prod(np.ptp(target, axis=0)))
-    moved = basis.design @ coordinates
-    outliers, variance = 0.1, 0.05**2
+    outliers, variance = FIRST_OUTLIERS, FIRST_SPREAD**2
     for _ in range(ROUNDS):
-        likelihood, paired, squared = _explained(moved, target, variance, outliers, 1 / box)
-        total = paired.sum()
+        now = explained(basis.design @ coordinates, target, variance, outliers, 1 / box)
+        total = max(float(now.paired.sum()), 1e-9)
         outliers = float(np.clip(1 - total / count, FEWEST_OUTLIERS, MOST_OUTLIERS))
-        variance = max(squared / (dimension * max(total, 1e-9)), NARROWEST**2)
-    likelihood, paired, _ = _explained(moved, target, variance, outliers, 1 / box)
+        variance = max(now.squared / (dimension * total), NARROWEST**2)
+        coordinates = _follow(basis, now, variance / stiffness)
+    now = explained(basis.design @ coordinates, target, variance, outliers, 1 / box)
     bends = basis.design[:, : basis.bent]
-    precision = (bends * paired[:, None]).T @ bends * (BENT / variance)
+    precision = (bends * now.paired[:, None]).T @ bends * (stiffness / variance)
     precision[np.diag_indices_from(precision)] += 1
     _, volume = np.linalg.slogdet(precision)
-    bending = float((coordinates[: basis.bent] ** 2).sum()) / BENT
-    turned = UPRIGHT * (1 - _cosine_of_turn(coordinates[basis.bent + 1 :])) / 2
-    return float(likelihood + count * np.log(box) - 0.5 * bending - 0.5 * dimension * volume - turned)
+    bending = float((coordinates[: basis.bent] ** 2).sum()) / stiffness
+    return float(now.likelihood + count * np.log(box) - 0.5 * bending - 0.5 * dimension * volume)
+
+
+def _follow(basis: SplineBasis, now: Explained, bending: float) -> NDArray[np.float64]:
+    """Coordinates of the spline that follows the weighed targets."""
+    normal = basis.design.T @ (now.paired[:, None] * basis.design)
+    right = basis.design.T @ now.drawn
+    ridge = np.full(len(normal), bending)
+    ridge[basis.bent :] = SLACK
+    right[basis.bent :] += SLACK * basis.rest[basis.bent :]
+    normal[np.diag_indices_from(normal)] += ridge
+    return np.asarray(cho_solve(cho_factor(normal, check_finite=False), right, check_finite=False))
 
 
 def _cosine_of_turn(matrix: NDArray[np.float64]) -> float:
@@ -61,14 +104,25 @@ def _cosine_of_turn(matrix: NDArray[np.float64]) -> float:
     return float(np.clip(trace / 2 if len(matrix) == 2 else (trace - 1) / 2, -1.0, 1.0))
 
 
+def explained(
+    moved: NDArray[np.float64], target: NDArray[np.float64], variance: float, outliers: float, even: float
+) -> Explained:
+    """How moved source points, shape (n, d), explain the target, shape (m, d), at a common variance.
+
+    ``outliers`` is the share of targets that lie anywhere, with the density ``even``; the others lie normally about one
+    of the source points, each as likely as another.
+    """
+    likelihood, paired, drawn, squared = _explained(moved, target, variance, outliers, even)
+    return Explained(likelihood=likelihood, paired=paired, drawn=drawn, squared=squared)
+
+
 @fused
 def _explained(
     moved: NDArray[np.float64], target: NDArray[np.float64], variance: float, outliers: float, even: float
-) -> tuple[float, NDArray[np.float64], float]:
-    """Log likelihood, sum of each source point's responsibilities, and the squared distances weighed by them."""
+) -> tuple[float, NDArray[np.float64], NDArray[np.float64], float]:
     n, dimension = moved.shape
     near = (1 - outliers) / n * (2 * np.pi * variance) ** (-dimension / 2)
-    paired, weights, away = np.zeros(n), np.empty(n), np.empty(n)
+    paired, drawn, weights, away = np.zeros(n), np.zeros((n, dimension)), np.empty(n), np.empty(n)
     likelihood, squared = 0.0, 0.0
     for j in range(len(target)):
         total = outliers * even
@@ -81,6 +135,9 @@ def _explained(
         likelihood += np.log(total)
         for i in range(n):
             if weights[i] > 0:
-                paired[i] += weights[i] / total
-                squared += weights[i] / total * away[i]
-    return likelihood, paired, squared
+                share = weights[i] / total
+                paired[i] += share
+                squared += share * away[i]
+                for axis in range(dimension):
+                    drawn[i, axis] += share * target[j, axis]
+    return likelihood, paired, drawn, squared

@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 ALONE = 0.07  # support for having no partner
 UPDATES = 20
 LABELLED = 6  # rotations, the likeliest by their shape contexts, that are labelled
-DRAWS = 400  # of as many pairs as fix an affine map
+CLEAR = 0.65  # agreement that ends the search
+DRAWS = 250  # of as many pairs as fix an affine map
 CLOSE = 0.25  # root-mean-square radii: a pair farther from an affine map does not agree with it
 LEAST_VOLUME, MOST_VOLUME = 0.1, 6.0  # by which a pose may scale areas or volumes
 MOST_SHEAR = 3.2  # sum of the squared singular values over d times their geometric mean's square, at most half of it
@@ -55,6 +56,8 @@ def poses(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.r
         labels = label(around, about, cost, alone=ALONE, updates=UPDATES)
         pose = agreed(source, target[labels.best], labels.trust**2, rng=rng)
         found.append(Pose(affine=pose.affine, agreement=pose.agreement * float(labels.trust.mean())))
+        if found[-1].agreement > CLEAR:
+            break
     return sorted(found, key=lambda pose: -pose.agreement)
 
 

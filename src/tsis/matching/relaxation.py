@@ -57,7 +57,7 @@ class Neighbourhood:
     def of(cls, points: NDArray[np.float64], count: int) -> Neighbourhood:
         """Neighbours of points, shape (n, d)."""
         _, index = KDTree(points).query(points, k=min(count + 1, len(points)))
-        return cls.among(points, index[:, 1:])
+        return cls.among(points, np.asarray(index)[:, 1:])
 
     @classmethod
     def among(cls, points: NDArray[np.float64], index: NDArray[np.int64]) -> Neighbourhood:
@@ -241,3 +241,41 @@ def _rows_to_one(probability: NDArray[np.float64], none: NDArray[np.float64]) ->
         total = none[i] + probability[i].sum()
         none[i] /= total
         probability[i] /= total
+
+
+def plain_supports(source: Neighbourhood, target: Neighbourhood) -> NDArray[np.float64]:
+    """Support ``[i, j, a, b]`` that pair (a, b) gives pair (i, j), shape (n, m, n, m): the sum in (5.12), in full."""
+    apart = np.abs(source.log_distance[:, None, :, None] - target.log_distance[None, :, None, :])
+    alpha = np.maximum(1 - apart / SAME_DISTANCE, 0)
+    beta = np.maximum(np.einsum("iad,jbd->ijab", source.direction, target.direction), 0)
+    n, m = len(source.index), len(target.index)
+    i, j = np.arange(n)[:, None, None, None], np.arange(m)[None, :, None, None]
+    supports = np.zeros((n, m, n, m))
+    supports[i, j, source.index[:, None, :, None], target.index[None, :, None, :]] = (
+        alpha * beta * source.nearness[:, None, :, None]
+    )
+    return supports
+
+
+def plain_label(
+    source: Neighbourhood, target: Neighbourhood, cost: NDArray[np.float64], *, alone: float, updates: int = UPDATES
+) -> NDArray[np.float64]:
+    """The probabilities of `label` as a whole matrix, shape (n, m), from products of whole matrices."""
+    supports, candidates = plain_supports(source, target), cheapest(cost, CANDIDATES)
+    weighed = np.zeros(cost.shape)
+    none = np.full((len(cost), 1), 1 / (candidates.shape[1] + 1))
+    np.put_along_axis(weighed, candidates, 1.0, axis=1)
+    probability = weighed * np.exp((cost.min(axis=1, keepdims=True) - cost) / SHARPNESS)
+    probability *= (1 - none) / probability.sum(axis=1, keepdims=True)
+    for _ in range(updates):
+        before = probability
+        probability, none = probability * np.tensordot(supports, probability, axes=2), none * alone
+        for normalisation in range(NORMALISATIONS + 1):
+            total = none + probability.sum(axis=1, keepdims=True)
+            probability, none = probability / total, none / total
+            if normalisation < NORMALISATIONS:
+                probability = probability / np.maximum(probability.sum(axis=0), 1)
+        probability[probability < NOTHING] = 0
+        if np.max(np.abs(probability - before)) < SETTLED:
+            break
+    return np.asarray(probability)

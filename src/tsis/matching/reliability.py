@@ -6,17 +6,35 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.matching.fit import UNMATCHED
+from tsis.matching.evidence import log_evidence
+from tsis.matching.spline import far_apart, spline_basis
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.matching.fit import Fit
 
-RELIABLE = 0.1
+RELIABLE = 0.5
+EVEN = 12.0  # log evidence at which a match is as likely as chance: unrelated shapes of one size reach it now and then,
+SCALE = 3.0  # for shapes have outlines, and methods look for the pose that explains most
+MOST = 600  # points of each set that are looked at
+PASSING = 1e-6  # bending that is held back when the spline is read back from the moved points
 
 
 def confidence_of(fit: Fit, source: NDArray[np.float64], target: NDArray[np.float64]) -> float:
-    """Confidence in [0, 1]: mean trust of as many matches as there could be."""
-    possible = min(len(source), len(target))
-    return float(min(1.0, np.sum(fit.trust[fit.matches != UNMATCHED]) / possible))
+    """Confidence in [0, 1] that an answer says more than chance: from the evidence for it, over that for no relation.
+
+    A wrong answer that explains much, as half of a shape that lies on another, is not told from a right one.
+
+    Parameters
+    ----------
+    fit
+        What a method found.
+    source, target
+        The normalised points that it was given.
+    """
+    seen = source[far_apart(source, MOST)] if len(source) > MOST else source
+    there = target[far_apart(target, MOST)] if len(target) > MOST else target
+    basis = spline_basis(seen)
+    coordinates = basis.coordinates(fit.move(seen), bending=PASSING)
+    return float(1 / (1 + np.exp(np.clip((EVEN - log_evidence(basis, coordinates, there)) / SCALE, -50, 50))))

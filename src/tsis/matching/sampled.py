@@ -8,6 +8,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from tsis.matching.fit import UNMATCHED, Fit
+from tsis.matching.one_to_one import spacing
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -49,10 +50,9 @@ def mutual_nearest(
     moved: NDArray[np.float64], target: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
     """Pairs that are each other's nearest within `REACH` of the target's spacing, and their trust, shapes (n,)."""
-    tree = KDTree(target)
-    away, nearest = tree.query(moved)
+    away, nearest = KDTree(target).query(moved)
     _, back = KDTree(moved).query(target)
-    spacing = np.median(tree.query(target, k=[2])[0])
-    found = (back[nearest] == np.arange(len(moved))) & (away <= REACH * spacing)
+    reach = REACH * spacing(target)
+    found = (np.asarray(back)[nearest] == np.arange(len(moved))) & (away <= reach)
     matches = np.where(found, nearest, UNMATCHED).astype(np.int64)
-    return matches, np.where(found, 1 - away / max(REACH * spacing, 1e-300) / 2, 0.0)
+    return matches, np.where(found, 1 - away / reach / 2, 0.0)

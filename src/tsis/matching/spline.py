@@ -18,6 +18,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial.distance import cdist
 
+from tsis.matching.frame import Frame
 from tsis.model import check
 from tsis.model.errors import InputError
 
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
 
 CONTROL_POINTS = 300  # more of them only cost time: between them a smooth deformation has nothing left to tell
 JITTER = 1e-12  # of the largest eigenvalue, lest rounding makes the bending energy negative
+ABSENT = 1e-12  # of the largest weight: a pair of less could not be told from rounding
 ANCHOR = 1e-12  # ridge on the affine part, of the whole weight: no weight at all leaves the points where they are
 
 
@@ -136,7 +138,8 @@ def spline_basis(points: ArrayLike, *, control: ArrayLike | None = None) -> Spli
     Parameters
     ----------
     points
-        Shape (n, d), d being 2 or 3, n at least d + 1, not all in a line or plane.
+        Shape (n, d), d being 2 or 3, n at least d + 1, not all in a line or plane; normalised, as by `Frame`, for the
+        bounds on rounding are meant for numbers near 1.
     control
         Control points, shape (k, d); by default the points, or `CONTROL_POINTS` of them that lie far apart.
 
@@ -183,17 +186,19 @@ def fit_spline(
     points, targets
         Shape (n, d) each, d being 2 or 3, in any unit.
     bending
-        How much bending is held back, in [0, 1e12], in units of the points squared; 0 interpolates, where every point
-        is a control point.
+        How much bending is held back, in [0, 1e12], in units of the points, in the plane squared; 0 interpolates,
+        where every point is a control point.
     weights
-        Trust in each pair, shape (n,), not negative; 1 by default.
+        Trust in each pair, shape (n,), not negative; 1 by default. A pair of weight 0 is as good as absent.
     control
-        Control points, shape (k, d); by default the points, or `CONTROL_POINTS` of them that lie far apart.
+        Control points, shape (k, d); by default the points, or `CONTROL_POINTS` of them that lie far apart. Where
+        bending is 0, no more than there are places of points.
 
     Raises
     ------
     InputError
-        When the shapes do not fit, a value is out of range, or the points lie in a line or plane.
+        When the shapes do not fit, a value is out of range, the points lie in a line or plane, or they do not
+        determine the spline.
 
     Examples
     --------
@@ -202,15 +207,41 @@ def fit_spline(
     >>> spline([[0.5, 0.5]]).round(6).tolist()
     [[1.0, 0.5]]
     """
-    basis = spline_basis(points, control=control)
-    targets = _points("targets", targets, basis.points.shape[1])
-    if len(targets) != len(basis.points):
-        raise InputError(f"targets must be as many as the points, {len(basis.points)}; got {len(targets)}")
+    at = _points("points", points)
+    to = _points("targets", targets, at.shape[1])
+    if len(to) != len(at):
+        raise InputError(f"targets must be as many as the points, {len(at)}; got {len(to)}")
     check.number("bending", bending, 0.0, 1e12)
-    trust = None if weights is None else check.array("weights", weights, ndim=1)
-    if trust is not None and (len(trust) != len(targets) or trust.min() < 0 or trust.max() == 0):
-        raise InputError(f"weights must be {len(targets)} numbers that are not negative, one of them positive")
-    return basis.spline(basis.coordinates(targets, bending=bending, weights=trust))
+    trust = np.ones(len(at)) if weights is None else check.array("weights", weights, ndim=1)
+    if len(trust) != len(at) or trust.min() < 0 or trust.max() == 0:
+        raise InputError(f"weights must be {len(at)} numbers that are not negative, one of them positive")
+    kept = trust > ABSENT * trust.max()
+    at, to, trust = at[kept], to[kept], trust[kept]
+    here = Frame.of(at)
+    if here.size == 0:
+        raise InputError(f"points must lie in at least {at.shape[1] + 1} places; got {len(at)} in one")
+    there = Frame(centre=to.mean(axis=0), size=here.size)
+    chosen = None if control is None else here.inward(_points("control", control, at.shape[1]))
+    basis = spline_basis(here.inward(at), control=chosen)
+    places = len(np.unique(at, axis=0))
+    if bending == 0 and places < len(basis.control):
+        raise InputError(
+            f"bending must be positive where control points are more than the places of points; got "
+            f"{len(basis.control)} and {places}"
+        )
+    stiffness = bending / here.size ** (4 - at.shape[1])
+    return _outward(basis.spline(basis.coordinates(there.inward(to), bending=stiffness, weights=trust)), here, there)
+
+
+def _outward(spline: ThinPlateSpline, here: Frame, there: Frame) -> ThinPlateSpline:
+    """The same map from the unit of one frame to that of another, which is as large."""
+    weights, shift = spline.weights, there.outward(spline.affine[0]) - here.centre @ spline.affine[1:]
+    if spline.control.shape[1] == 2:
+        # Of (r / size)**2 log(r / size), r**2 log(size) is left, which sums to a constant over all control points.
+        shift = shift - here.size * np.log(here.size) * ((spline.control**2).sum(axis=1) @ weights)
+        weights = weights / here.size
+    affine = np.vstack([shift, spline.affine[1:]])
+    return ThinPlateSpline(control=here.outward(spline.control), weights=weights, affine=affine)
 
 
 def kernel(points: NDArray[np.float64], control: NDArray[np.float64]) -> NDArray[np.float64]:

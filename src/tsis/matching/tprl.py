@@ -23,18 +23,19 @@ from tsis.matching.poses import poses, rounded_poses
 from tsis.matching.spline import spline_basis
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     from numpy.typing import NDArray
 
     from tsis.matching.poses import Pose
     from tsis.matching.spline import SplineBasis
 
-POSES = 3  # that are followed, the best agreed on, unless
+POSES = 2  # of each kind that are followed, the best agreed on
 SAME = 0.15  # a pose moves points as one before it does, within so many root-mean-square radii
 FACTOR, ROUNDS = 0.85, 3
 WARM = 0.15  # temperature from which a pose is followed
 COLDEST = 0.35  # last standard deviation, of the distance between neighbours
-PLAIN = 2.0  # log evidence a target point from which neither the unturned start nor rounded shapes are tried besides
-ASSIGNED = 2  # of the annealed starts, by evidence, get partners one to one
+ENOUGH = 2.0  # log evidence a target point that ends the search
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -55,31 +56,37 @@ def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.
 
     def followed(coordinates: NDArray[np.float64], start: float) -> Found:
         cooling = Cooling(factor=FACTOR, start=start, end=(COLDEST * step) ** 2, rounds=ROUNDS)
-        return judged(anneal(basis, coordinates, target, cooling))
+        cooled = judged(anneal(basis, coordinates, target, cooling))
+        paired = judged(assigned(basis, cooled.coordinates, target, step))
+        return max(cooled, paired, key=lambda one: one.evidence)
 
-    enough = PLAIN * len(target)
-    found = [followed(start, WARM) for start in _starts(basis, poses(source, target, rng=rng))]
-    if max(one.evidence for one in found) < enough:
-        found.append(followed(basis.rest, START))
-    if max(one.evidence for one in found) < enough:
-        found += [followed(start, WARM) for start in _starts(basis, rounded_poses(source, target, rng=rng))]
-    found.sort(key=lambda one: -one.evidence)
-    found += [judged(assigned(basis, one.coordinates, target, step)) for one in found[:ASSIGNED]]
+    found: list[Found] = []
+    for coordinates, start in _starts(basis, source, target, rng):
+        found.append(followed(coordinates, start))
+        if found[-1].evidence >= ENOUGH * len(target):
+            break
     best = max(found, key=lambda one: one.evidence).coordinates
     best = interpolated(basis, best, target, step)
     matches, trust = nearest_pairs(basis.design @ best, target, tolerance=step)
     return Fit(move=basis.spline(best), matches=matches, trust=trust)
 
 
-def _starts(basis: SplineBasis, found: list[Pose]) -> list[NDArray[np.float64]]:
+def _starts(
+    basis: SplineBasis, source: NDArray[np.float64], target: NDArray[np.float64], rng: np.random.Generator
+) -> Iterator[tuple[NDArray[np.float64], float]]:
+    """Coordinates to begin with and their temperatures: the best poses, no pose at all, the best of rounded shapes."""
+    yield from ((start, WARM) for start in _unlike(basis, poses(source, target, rng=rng)))
+    yield basis.rest, START
+    yield from ((start, WARM) for start in _unlike(basis, rounded_poses(source, target, rng=rng)))
+
+
+def _unlike(basis: SplineBasis, found: list[Pose]) -> Iterator[NDArray[np.float64]]:
     """Coordinates of the best poses, none of them much like another."""
-    starts: list[NDArray[np.float64]] = []
     placed: list[NDArray[np.float64]] = []
     for pose in found[:POSES]:
         start = np.zeros_like(basis.rest)
         start[basis.bent :] = pose.affine
         moved = basis.design @ start
         if all(((moved - other) ** 2).sum(axis=1).mean() > SAME**2 for other in placed):
-            starts.append(start)
             placed.append(moved)
-    return starts
+            yield start
