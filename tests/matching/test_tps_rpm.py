@@ -1,11 +1,10 @@
-"""Robust point matching: soft pairs against the plain matrix, known deformations, and what must hold of any method."""
+"""Robust point matching: known deformations, and what must hold of any method."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
 import numpy as np
-import pytest
 
 from tsis.matching import tps_rpm
 
@@ -13,25 +12,6 @@ if TYPE_CHECKING:
     from tests.matching.conftest import Warped
 
 RNG = np.random.default_rng(0)
-
-
-@pytest.mark.parametrize("temperature", [1.0, 0.05, 1e-4])
-def test_soft_pairs_equal_the_whole_matrix(warped: Warped, temperature: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    target = warped.target[:40]
-    plain = tps_rpm.plain_soft_pairs(warped.source, target, temperature)
-    start = np.exp(np.random.default_rng(1).normal(size=40))
-    near, _ = tps_rpm.soft_pairs(warped.source, target, temperature, start)
-    np.testing.assert_allclose(near, plain, atol=5 * tps_rpm.BALANCED)
-    monkeypatch.setattr(tps_rpm, "BALANCED", 1e-12)
-    monkeypatch.setattr(tps_rpm, "BALANCINGS", 2000)
-    exact, _ = tps_rpm.soft_pairs(warped.source, target, temperature, start)
-    np.testing.assert_allclose(exact, plain, atol=1e-9)
-
-
-def test_a_point_far_from_all_has_no_pair() -> None:
-    moved, target = np.array([[0.0, 0.0], [1.0, 0.0], [9.0, 9.0]]), np.array([[0.0, 0.1], [1.0, 0.1]])
-    weights, _ = tps_rpm.soft_pairs(moved, target, 1e-3, np.ones(2))
-    np.testing.assert_allclose(weights, [[1, 0], [0, 1], [0, 0]], atol=0.05)
 
 
 def test_finds_a_smooth_deformation(warped: Warped) -> None:

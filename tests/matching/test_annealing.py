@@ -1,0 +1,122 @@
+"""Soft pairs against the whole matrix, and the spline that follows them as they harden."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from tsis.matching import annealing
+from tsis.matching.annealing import Cooling, anneal, plain_soft_pairs, soft_pairs
+from tsis.matching.spline import spline_basis
+
+if TYPE_CHECKING:
+    from tests.matching.conftest import Warped
+
+COOLING = Cooling(factor=0.9, start=annealing.START, end=0.003, rounds=4)
+
+
+@pytest.fixture
+def to_the_end(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Nothing is left out and balancing goes on until nothing changes."""
+    monkeypatch.setattr(annealing, "BALANCED", 1e-12)
+    monkeypatch.setattr(annealing, "BALANCINGS", 5000)
+    monkeypatch.setattr(annealing, "REACH", 100.0)
+
+
+@pytest.mark.parametrize("temperature", [1.0, 0.05, 1e-4])
+@pytest.mark.usefixtures("to_the_end")
+def test_soft_pairs_equal_the_whole_matrix(warped: Warped, temperature: float) -> None:
+    target = warped.target[:40]
+    plain = plain_soft_pairs(warped.source, target, temperature)
+    start = np.exp(np.random.default_rng(1).normal(size=40))
+    paired, drawn, _ = soft_pairs(warped.source, target, temperature, start)
+    np.testing.assert_allclose(paired, plain.sum(axis=1), atol=1e-9)
+    np.testing.assert_allclose(drawn, plain @ target, atol=1e-9)
+
+
+@pytest.mark.parametrize("temperature", [1.0, 0.05, 1e-4])
+@pytest.mark.parametrize("balancings", [1, 10])
+def test_so_do_those_of_a_few_balancings(
+    warped: Warped, temperature: float, balancings: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(annealing, "BALANCED", 0.0)
+    monkeypatch.setattr(annealing, "BALANCINGS", balancings)
+    monkeypatch.setattr(annealing, "REACH", 100.0)
+    paired, drawn, _ = soft_pairs(warped.source, warped.target, temperature, np.ones(len(warped.target)))
+    plain = plain_soft_pairs(warped.source, warped.target, temperature, balancings=balancings)
+    np.testing.assert_allclose(paired, plain.sum(axis=1), atol=1e-9)
+    np.testing.assert_allclose(drawn, plain @ warped.target, atol=1e-9)
+
+
+@pytest.mark.usefixtures("to_the_end")
+def test_every_pair_within_reach_is_kept_however_many_there_are() -> None:
+    moved, target = np.random.default_rng(3).normal(size=(2, 90, 2)) * 0.2
+    paired, drawn, _ = soft_pairs(moved, target, 3.0, np.ones(90))
+    plain = plain_soft_pairs(moved, target, 3.0, balancings=5000)
+    np.testing.assert_allclose(paired, plain.sum(axis=1), atol=1e-9)
+    np.testing.assert_allclose(drawn, plain @ target, atol=1e-9)
+
+
+def test_the_last_balance_saves_work_and_is_not_changed_in_place(warped: Warped) -> None:
+    plain = plain_soft_pairs(warped.source, warped.target, 0.1).sum(axis=1)
+    balance, wrong = np.ones(len(warped.target)), []
+    for _ in range(5):
+        before = balance.copy()
+        paired, _, after = soft_pairs(warped.source, warped.target, 0.1, balance)
+        np.testing.assert_array_equal(balance, before)
+        wrong.append(float(np.max(np.abs(paired - plain))))
+        balance = after
+    assert wrong[-1] < wrong[0]
+    assert np.all(np.diff(wrong) <= 0)
+
+
+def test_a_point_far_from_all_has_no_pair() -> None:
+    moved, target = np.array([[0.0, 0.0], [1.0, 0.0], [9.0, 9.0]]), np.array([[0.0, 0.1], [1.0, 0.1]])
+    paired, drawn, _ = soft_pairs(moved, target, 1e-3, np.ones(2))
+    assert paired[:2].min() > 0.9 > 1e-9 > paired[2]
+    np.testing.assert_allclose(drawn[:2] / paired[:2, None], target, atol=1e-9)
+
+
+def test_cooling_finds_a_smooth_deformation(warped: Warped) -> None:
+    basis = spline_basis(warped.source)
+    found = basis.spline(anneal(basis, basis.rest, warped.target, COOLING))
+    assert warped.rms(found(warped.source)) < 0.2 * warped.rms(warped.source)
+
+
+def test_a_start_near_the_truth_needs_no_heat(warped: Warped) -> None:
+    turn = np.eye(warped.source.shape[1])
+    turn[:2, :2] = [[0.0, 1.0], [-1.0, 0.0]]
+    basis = spline_basis(warped.source)
+    start = basis.rest
+    start[basis.bent + 1 :] = turn
+    cooling = Cooling(factor=0.9, start=0.15, end=0.003, rounds=4)
+    found = basis.design @ anneal(basis, start, warped.target @ turn, cooling)
+    assert warped.rms(found @ turn.T) < 0.2 * warped.rms(warped.source)
+
+
+def test_the_coarse_path_ends_near_the_fine_one(warped: Warped, monkeypatch: pytest.MonkeyPatch) -> None:
+    basis = spline_basis(warped.source)
+    fine = basis.design @ anneal(basis, basis.rest, warped.target, COOLING)
+    monkeypatch.setattr(annealing, "COARSE", (40, 50))
+    coarse = basis.design @ anneal(basis, basis.rest, warped.target, COOLING)
+    assert 0 < np.sqrt(np.mean(np.sum((coarse - fine) ** 2, axis=1))) < 0.02
+
+
+def test_few_points_of_many_are_far_apart_and_of_both_sets(monkeypatch: pytest.MonkeyPatch, warped: Warped) -> None:
+    monkeypatch.setattr(annealing, "COARSE", (20, 30))
+    seen = []
+
+    def watched(
+        moved: np.ndarray, target: np.ndarray, temperature: float, balance: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        seen.append((len(moved), len(target), temperature))
+        return soft_pairs(moved, target, temperature, balance)
+
+    monkeypatch.setattr(annealing, "soft_pairs", watched)
+    basis = spline_basis(warped.source)
+    anneal(basis, basis.rest, warped.target, COOLING)
+    sizes = [(points, places) for points, places, _ in seen]
+    assert list(dict.fromkeys(sizes)) == [(20, 30), (len(warped.source), len(warped.target))]
+    assert min(hot for points, _, hot in seen if points == 20) > max(cold for points, _, cold in seen if points > 20)
