@@ -37,7 +37,7 @@ REFUSED = (
         "needs a calibration of this probe (--calibration), the forces (--force-n) and the scale (--scale-mm)",
     ),
     ("force", "needs a force calibration of this probe and camera"),
-    ("hardness of a touched object", "needs a force calibration and two presses; not part of this version"),
+    ("hardness of a touched object", "needs a calibration of this probe and two presses on the object: tsis hardness"),
 )
 
 
@@ -95,7 +95,7 @@ def examine(
         raise InputError("--match-light needs --reference, the frame that it scales")
     if calibration is None and force_n:
         raise InputError("--force-n needs --calibration: without it a force tells nothing")
-    scale = None if scale_mm is None else _scale(scale_mm)
+    scale = None if scale_mm is None else scale_of(scale_mm)
     known = None if calibration is None else read_calibration(calibration)
     if known is not None and (scale is None or not force_n):
         raise InputError("an estimate with --calibration needs --scale-mm and --force-n as well")
@@ -192,7 +192,7 @@ def _inclusion(
     return Outcome(document=document, page=page, tables=(table,), notes=sentences(result))
 
 
-def _scale(text: str) -> tuple[float, float]:
+def scale_of(text: str) -> tuple[float, float]:
     """Read ``0.05`` or ``0.05,0.06`` as mm per pixel."""
     try:
         parts = [float(part) for part in text.split(",")]

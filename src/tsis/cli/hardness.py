@@ -15,7 +15,7 @@ from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.cli.calibration_file import calibration_document, read_calibration
 from tsis.cli.console_output import Outcome, progress_bar, publish, waiting
 from tsis.cli.demo import LARGEST_SEED
-from tsis.cli.examine import _scale as scale_of
+from tsis.cli.examine import scale_of
 from tsis.cli.press_forces import target_forces
 from tsis.cli.targets import AsJson
 from tsis.hardness import build_contact_table, estimate, shore
