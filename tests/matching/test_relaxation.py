@@ -88,11 +88,24 @@ def test_identical_sets_support_their_own_pairs_fully(warped: Warped) -> None:
 
 @pytest.mark.parametrize("seed", range(4))
 @pytest.mark.parametrize("dimension", [2, 3], ids=["plane", "space"])
-def test_rows_sum_to_one_at_most_and_nothing_is_negative(dimension: int, seed: int) -> None:
+@pytest.mark.parametrize("updates", [1, 3, 30])
+def test_no_point_of_either_set_is_given_away_more_than_once(dimension: int, seed: int, updates: int) -> None:
     source, target = _cluttered(dimension, seed)
-    probability = _labels(source, target).probability
+    probability = _whole(_labels(source, target, updates), len(target))
     assert probability.min() >= 0
     assert probability.sum(axis=1).max() <= 1 + 1e-9
+    assert probability.sum(axis=0).max() <= 1 + 1e-9
+
+
+def test_two_points_that_want_one_partner_share_it() -> None:
+    source = np.random.default_rng(0).normal(size=(12, 2))
+    target = np.delete(source, 1, axis=0)
+    source[1] = source[0] + 1e-3
+    cost = np.where(np.linalg.norm(source[:, None] - target, axis=2) < 0.01, 0.0, 5.0)
+    found = label(Neighbourhood.of(source, 6), Neighbourhood.of(target, 6), cost, alone=ALONE)
+    assert found.best[:2].tolist() == [0, 0]
+    assert found.trust[:2].sum() <= 1 + 1e-9
+    assert found.trust[2:].min() > 0.9
 
 
 def test_a_smooth_deformation_is_labelled(warped: Warped) -> None:

@@ -225,7 +225,8 @@ def _relax(
                 for s in range(c):
                     if taken[candidates[i, s]] > 1:
                         probability[i, s] /= taken[candidates[i, s]]
-        _rows_to_one(probability, none)
+        for i in range(n):
+            none[i] = max(1 - probability[i].sum(), 0.0)  # what two points wanted, and one of them did not get
         change = 0.0
         for at in range(n * c):
             if flat[at] < NOTHING:
@@ -270,11 +271,11 @@ def plain_label(
     for _ in range(updates):
         before = probability
         probability, none = probability * np.tensordot(supports, probability, axes=2), none * alone
-        for normalisation in range(NORMALISATIONS + 1):
+        for _ in range(NORMALISATIONS):
             total = none + probability.sum(axis=1, keepdims=True)
             probability, none = probability / total, none / total
-            if normalisation < NORMALISATIONS:
-                probability = probability / np.maximum(probability.sum(axis=0), 1)
+            probability = probability / np.maximum(probability.sum(axis=0), 1)
+        none = np.maximum(1 - probability.sum(axis=1, keepdims=True), 0)
         probability[probability < NOTHING] = 0
         if np.max(np.abs(probability - before)) < SETTLED:
             break
