@@ -7,7 +7,7 @@ to where it began, by ``TURNING T``, both times the number of points. Then T fal
 
 Nobody needs the weights themselves: only their sum a source point, and the sum of the targets that they weigh. Pairs
 farther apart than `REACH` are left out, and where points are many the first temperatures, which see nothing fine, are
-passed on a sample of them.
+passed on samples of them, the larger the cooler: each point then always has a few pairs.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial.distance import cdist
 
-from tsis.matching.spline import far_apart
+from tsis.matching.spline import spread_order
 from tsis.optics.compiled import fused
 
 if TYPE_CHECKING:
@@ -34,8 +34,8 @@ SETTLED = 0.03  # a round ends when no point moved by so much of a standard devi
 BALANCED = 1e-2  # to which the weights of a point sum to one; the next round goes on from there
 BALANCINGS = 10
 REACH = 24.0  # of T, squared distance beyond which exp(-12) counts as nothing
-COARSE = (110, 220)  # points of source and target in the first temperatures, of sets that have more
-FINE = 1.5  # of the coarse target's spacing: the standard deviation below which all points take part
+COARSE = (120, 350)  # points of source and target in the first temperatures, of sets that have more
+FINE = 0.5  # of the spacing of the target's points that take part: the standard deviation falls no farther below it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,24 +64,27 @@ def anneal(
     cooling
         The temperatures.
     """
-    few, reduced, spacing = _coarse(basis, target)
-    hold = coordinates[basis.bent + 1 :]
-    balance, temperature = np.ones(len(reduced)), cooling.start
+    rows, columns = spread_order(basis.points), spread_order(target)
+    spread = FINE * _spacing(target, columns)
+    hold, balance = coordinates[basis.bent + 1 :], np.ones(len(target))
+    temperature = cooling.start
     while temperature > cooling.end:
-        if len(reduced) < len(target) and temperature < (FINE * spacing) ** 2:
-            few, reduced, balance = basis, target, np.ones(len(target))
-        coordinates, balance = _settle(few, coordinates, reduced, temperature, balance, hold, cooling.rounds)
+        finer = max(spread**2 / temperature, 1.0) ** (target.shape[1] / 2)
+        here, there = rows[: int(COARSE[0] * finer)], columns[: int(COARSE[1] * finer)]
+        some = basis if len(here) == len(rows) else basis.at(here)
+        coordinates, balance[there] = _settle(
+            some, coordinates, target[there], temperature, balance[there], hold, cooling.rounds
+        )
         temperature *= cooling.factor
     return coordinates
 
 
-def _coarse(basis: SplineBasis, target: NDArray[np.float64]) -> tuple[SplineBasis, NDArray[np.float64], float]:
-    """Fewer points of both sets, far apart, and the spacing of the fewer targets; all where they are few."""
-    if len(basis.points) <= COARSE[0] and len(target) <= COARSE[1]:
-        return basis, target, 0.0
-    rows = far_apart(basis.points, COARSE[0])
-    places = far_apart(target, COARSE[1])
-    return basis.at(rows), target[places], float(np.median(np.sort(cdist(target[places], target[places]))[:, 1]))
+def _spacing(target: NDArray[np.float64], order: NDArray[np.int64]) -> float:
+    """Median distance between neighbours in the coarsest sample of the target; 0 where that is all of it."""
+    if len(target) <= COARSE[1]:
+        return 0.0
+    few = target[order[: COARSE[1]]]
+    return float(np.median(np.sort(cdist(few, few))[:, 1]))
 
 
 def _settle(
@@ -128,8 +131,14 @@ def soft_pairs(
     balance
         Factors of the target's points, shape (m,).
     """
+    order = np.argsort(target[:, 0], kind="stable")
     alone, stray = outlier_weights(moved), outlier_weights(target)
-    return _balanced(moved, target, temperature, balance.copy(), alone, stray, BALANCINGS, BALANCED, REACH)
+    paired, drawn, sorted_balance = _balanced(
+        moved, target[order], temperature, balance[order], alone, stray[order], BALANCINGS, BALANCED, REACH
+    )
+    balance = np.empty_like(balance)
+    balance[order] = sorted_balance
+    return paired, drawn, balance
 
 
 @fused
@@ -144,13 +153,18 @@ def _balanced(
     enough: float,
     reach: float,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """The parts of `soft_pairs`; the target ascends along the first axis, so that near points lie in one run."""
     n, dimension = moved.shape
+    first_axis = np.ascontiguousarray(target[:, 0])
+    farthest = np.sqrt(reach * temperature)
     start = np.zeros(n + 1, dtype=np.int64)
     column = np.empty(4 * (n + len(target)), dtype=np.int64)
     near = np.empty(len(column))
     pairs = 0
     for i in range(n):
-        for j in range(len(target)):
+        first = np.searchsorted(first_axis, moved[i, 0] - farthest)
+        last = np.searchsorted(first_axis, moved[i, 0] + farthest)
+        for j in range(first, last):
             away = 0.0
             for axis in range(dimension):
                 away += (moved[i, axis] - target[j, axis]) ** 2

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
+from scipy.spatial import KDTree
 
 from tsis.optics.compiled import fused
 
@@ -16,9 +17,10 @@ if TYPE_CHECKING:
     from tsis.matching.spline import SplineBasis
 
 STIFFNESSES = (1e-4, 1e-3, 1e-2)  # prior variances of a bending coordinate, of normalised points, the likeliest counts
-FIRST_SPREAD, FIRST_OUTLIERS = 0.1, 0.1
+FIRST_OUTLIERS = 0.1
 NARROWEST = 1e-3  # standard deviation of a pair, of normalised points
 ROUNDS = 6
+REACH = 50.0  # variances, squared distance beyond which nothing is explained
 FEWEST_OUTLIERS, MOST_OUTLIERS = 0.01, 0.95
 UPRIGHT = 20.0  # log odds of sets the same way up against those turned by half a turn, before they are seen
 SLACK = 1e-6  # ridge that draws the affine part to rest, lest no responsibility at all leaves it undetermined
@@ -70,7 +72,8 @@ def _evidence(
 ) -> float:
     count, dimension = target.shape
     box = float(np.prod(np.ptp(target, axis=0)))
-    outliers, variance = FIRST_OUTLIERS, FIRST_SPREAD**2
+    nearest, _ = KDTree(target).query(basis.design @ coordinates)
+    outliers, variance = FIRST_OUTLIERS, max(float(np.mean(nearest**2)) / dimension, NARROWEST**2)
     for _ in range(ROUNDS):
         now = explained(basis.design @ coordinates, target, variance, outliers, 1 / box)
         total = max(float(now.paired.sum()), 1e-9)
@@ -112,7 +115,10 @@ def explained(
     ``outliers`` is the share of targets that lie anywhere, with the density ``even``; the others lie normally about one
     of the source points, each as likely as another.
     """
-    likelihood, paired, drawn, squared = _explained(moved, target, variance, outliers, even)
+    order = np.argsort(moved[:, 0], kind="stable")
+    likelihood, inner, outer, squared = _explained(moved[order], target, variance, outliers, even)
+    paired, drawn = np.empty_like(inner), np.empty_like(outer)
+    paired[order], drawn[order] = inner, outer
     return Explained(likelihood=likelihood, paired=paired, drawn=drawn, squared=squared)
 
 
@@ -120,20 +126,25 @@ def explained(
 def _explained(
     moved: NDArray[np.float64], target: NDArray[np.float64], variance: float, outliers: float, even: float
 ) -> tuple[float, NDArray[np.float64], NDArray[np.float64], float]:
+    """The parts of `Explained`; the moved points ascend along the first axis, so that the near ones lie in one run."""
     n, dimension = moved.shape
     near = (1 - outliers) / n * (2 * np.pi * variance) ** (-dimension / 2)
     paired, drawn, weights, away = np.zeros(n), np.zeros((n, dimension)), np.empty(n), np.empty(n)
     likelihood, squared = 0.0, 0.0
+    reach = np.sqrt(REACH * variance)
+    first_axis = np.ascontiguousarray(moved[:, 0])
     for j in range(len(target)):
         total = outliers * even
-        for i in range(n):
+        first = np.searchsorted(first_axis, target[j, 0] - reach)
+        last = np.searchsorted(first_axis, target[j, 0] + reach)
+        for i in range(first, last):
             away[i] = 0.0
             for axis in range(dimension):
                 away[i] += (moved[i, axis] - target[j, axis]) ** 2
-            weights[i] = near * np.exp(-0.5 * away[i] / variance) if away[i] < 50 * variance else 0.0
+            weights[i] = near * np.exp(-0.5 * away[i] / variance) if away[i] < REACH * variance else 0.0
             total += weights[i]
         likelihood += np.log(total)
-        for i in range(n):
+        for i in range(first, last):
             if weights[i] > 0:
                 share = weights[i] / total
                 paired[i] += share

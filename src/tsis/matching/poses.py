@@ -16,13 +16,16 @@ from scipy.spatial.transform import Rotation
 from tsis.matching.log_polar import ANGLE_BINS, chi_squared, histograms, mean_distance
 from tsis.matching.relaxation import NEIGHBOURS as SOURCE_NEIGHBOURS
 from tsis.matching.relaxation import TARGET_NEIGHBOURS, Neighbourhood, label
+from tsis.matching.spline import far_apart
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 ALONE = 0.07  # support for having no partner
 UPDATES = 20
-LABELLED = 6  # rotations, the likeliest by their shape contexts, that are labelled
+COMPARED = 150  # source points whose shape contexts choose the rotations
+LABELLED = 6  # rotations that are labelled
+MANY, LABELLED_OF_MANY = 200_000, 2  # pairs beyond which fewer are
 CLEAR = 0.65  # agreement that ends the search
 DRAWS = 250  # of as many pairs as fix an affine map
 CLOSE = 0.25  # root-mean-square radii: a pair farther from an affine map does not agree with it
@@ -43,15 +46,12 @@ def poses(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.r
     """Poses of the source on the target, the best agreed on first; normalised points, shapes (n, d) and (m, d)."""
     scale = mean_distance(target)
     contexts = histograms(target, scale=scale)
+    likely = _likely_rotations(source, contexts, scale)
     about = Neighbourhood.of(target, TARGET_NEIGHBOURS)
-    turned = []
-    for rotation in rotations(source.shape[1]):
-        cost = chi_squared(histograms(source @ rotation.T, scale=scale), contexts)
-        turned.append((float(cost.min(axis=1).mean()), rotation, cost))
-    turned.sort(key=lambda one: one[0])
     here = Neighbourhood.of(source, SOURCE_NEIGHBOURS)
-    found = []
-    for _, rotation, cost in turned[:LABELLED]:
+    found: list[Pose] = []
+    for rotation in likely[: LABELLED if len(source) * len(target) < MANY else LABELLED_OF_MANY]:
+        cost = chi_squared(histograms(source @ rotation.T, scale=scale), contexts)
         around = Neighbourhood.among(source @ rotation.T, here.index)
         labels = label(around, about, cost, alone=ALONE, updates=UPDATES)
         pose = agreed(source, target[labels.best], labels.trust**2, rng=rng)
@@ -59,6 +59,22 @@ def poses(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.r
         if found[-1].agreement > CLEAR:
             break
     return sorted(found, key=lambda pose: -pose.agreement)
+
+
+def _likely_rotations(
+    source: NDArray[np.float64], contexts: NDArray[np.float64], scale: float
+) -> list[NDArray[np.float64]]:
+    """All rotations, those first under which some source points have the likest shape contexts among the target's."""
+    some = far_apart(source, COMPARED)
+    turned = []
+    plain = histograms(source, scale=scale)[some]
+    for number, rotation in enumerate(rotations(source.shape[1])):
+        if source.shape[1] == 2:  # a turn by whole angle bins only shifts them
+            shifted = np.roll(plain.reshape(len(some), -1, ANGLE_BINS), number, axis=-1).reshape(plain.shape)
+        else:
+            shifted = histograms(source @ rotation.T, scale=scale)[some]
+        turned.append((float(chi_squared(shifted, contexts).min(axis=1).mean()), number, rotation))
+    return [rotation for _, _, rotation in sorted(turned, key=lambda one: one[:2])]
 
 
 def rounded_poses(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator) -> list[Pose]:

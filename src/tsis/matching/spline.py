@@ -277,6 +277,12 @@ def far_apart(points: NDArray[np.float64], count: int) -> NDArray[np.int64]:
     return np.array(chosen)
 
 
+def spread_order(points: NDArray[np.float64]) -> NDArray[np.int64]:
+    """All indices, ordered so that the first ones of any number lie far apart."""
+    first = far_apart(points, len(points))
+    return np.concatenate([first, np.setdiff1d(np.arange(len(points)), first)])
+
+
 def _points(name: str, value: ArrayLike, dimension: int | None = None) -> NDArray[np.float64]:
     points = check.array(name, value, ndim=2)
     if points.shape[1] not in ((2, 3) if dimension is None else (dimension,)):

@@ -19,7 +19,7 @@ from tsis.matching.assignment import assigned, interpolated
 from tsis.matching.evidence import log_evidence
 from tsis.matching.fit import Fit
 from tsis.matching.one_to_one import nearest_pairs, spacing
-from tsis.matching.poses import poses, rounded_poses
+from tsis.matching.poses import MANY, poses, rounded_poses
 from tsis.matching.spline import spline_basis
 
 if TYPE_CHECKING:
@@ -30,11 +30,12 @@ if TYPE_CHECKING:
     from tsis.matching.poses import Pose
     from tsis.matching.spline import SplineBasis
 
-POSES = 2  # of each kind that are followed, the best agreed on
+POSES = 2  # of each kind that are followed, the best agreed on; of very many points one
 SAME = 0.15  # a pose moves points as one before it does, within so many root-mean-square radii
 FACTOR, ROUNDS = 0.85, 3
 WARM = 0.15  # temperature from which a pose is followed
 COLDEST = 0.35  # last standard deviation, of the distance between neighbours
+VAGUE = 0.3  # agreement on a pose below which none is tried first
 ENOUGH = 2.0  # log evidence a target point that ends the search
 
 
@@ -75,15 +76,22 @@ def _starts(
     basis: SplineBasis, source: NDArray[np.float64], target: NDArray[np.float64], rng: np.random.Generator
 ) -> Iterator[tuple[NDArray[np.float64], float]]:
     """Coordinates to begin with and their temperatures: the best poses, no pose at all, the best of rounded shapes."""
-    yield from ((start, WARM) for start in _unlike(basis, poses(source, target, rng=rng)))
-    yield basis.rest, START
-    yield from ((start, WARM) for start in _unlike(basis, rounded_poses(source, target, rng=rng)))
+    found = poses(source, target, rng=rng)
+    many = len(source) * len(target) >= MANY
+    if found[0].agreement < VAGUE:
+        yield basis.rest, START
+    yield from ((start, WARM) for start in _unlike(basis, found[: 1 if many else POSES]))
+    if found[0].agreement >= VAGUE:
+        yield basis.rest, START
+    if not many:
+        rounded = rounded_poses(source, target, rng=rng)
+        yield from ((start, WARM) for start in _unlike(basis, rounded[:POSES]))
 
 
 def _unlike(basis: SplineBasis, found: list[Pose]) -> Iterator[NDArray[np.float64]]:
-    """Coordinates of the best poses, none of them much like another."""
+    """Coordinates of poses, leaving out those much like one before."""
     placed: list[NDArray[np.float64]] = []
-    for pose in found[:POSES]:
+    for pose in found:
         start = np.zeros_like(basis.rest)
         start[basis.bent :] = pose.affine
         moved = basis.design @ start
