@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from tsis.matching.fit import Fit
 
 RELIABLE = 0.5
-EVEN = 12.0  # log evidence at which a match is as likely as chance: unrelated shapes of one size reach it now and then,
+EVEN = 15.0  # log evidence at which a match is as likely as chance: unrelated shapes of one size reach it now and then,
 SCALE = 3.0  # for shapes have outlines, and methods look for the pose that explains most
 MOST = 600  # points of each set that are looked at
 PASSING = 1e-6  # bending that is held back when the spline is read back from the moved points
