@@ -41,6 +41,9 @@ benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, o
 	$(BIN)/python -m benchmarks.rays
 	$(BIN)/python -m benchmarks.camera
 	$(BIN)/python -m benchmarks.sweep_overhead
+	$(BIN)/python -m benchmarks.matching
+	$(BIN)/python -m benchmarks.hardness --probe tsis-direct --spheres 40 --rigs 5
+	$(BIN)/python -m benchmarks.hardness --probe tsis-2011 --spheres 20 --rigs 5 --ball
 	$(BIN)/python benchmarks/real_frames.py || test $$? = 2  # 2: the real frames are not on this machine
 
 lint: $(VENV)/.dev  ## style, room boundaries and types
