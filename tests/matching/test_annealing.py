@@ -104,7 +104,7 @@ def test_the_coarse_path_ends_near_the_fine_one(warped: Warped, monkeypatch: pyt
     assert 0 < np.sqrt(np.mean(np.sum((coarse - fine) ** 2, axis=1))) < 0.02
 
 
-def test_few_points_of_many_are_far_apart_and_of_both_sets(monkeypatch: pytest.MonkeyPatch, warped: Warped) -> None:
+def test_more_points_take_part_the_cooler_it_is(monkeypatch: pytest.MonkeyPatch, warped: Warped) -> None:
     monkeypatch.setattr(annealing, "COARSE", (20, 30))
     seen = []
 
@@ -112,11 +112,14 @@ def test_few_points_of_many_are_far_apart_and_of_both_sets(monkeypatch: pytest.M
         moved: np.ndarray, target: np.ndarray, temperature: float, balance: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         seen.append((len(moved), len(target), temperature))
+        assert len(balance) == len(target)
         return soft_pairs(moved, target, temperature, balance)
 
     monkeypatch.setattr(annealing, "soft_pairs", watched)
     basis = spline_basis(warped.source)
     anneal(basis, basis.rest, warped.target, COOLING)
-    sizes = [(points, places) for points, places, _ in seen]
-    assert list(dict.fromkeys(sizes)) == [(20, 30), (len(warped.source), len(warped.target))]
-    assert min(hot for points, _, hot in seen if points == 20) > max(cold for points, _, cold in seen if points > 20)
+    points, places, temperature = np.array(seen).T
+    assert (points[0], places[0]) == (20, 30)
+    assert (points[-1], places[-1]) == (len(warped.source), len(warped.target))
+    for falling in (-points, -places, temperature):
+        assert np.all(np.diff(falling) <= 0)

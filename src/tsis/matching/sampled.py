@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from tsis.matching.fit import Method
 
 MOST_PAIRS = 16_000_000  # 128 MB a table; a method holds a few of them
-SAMPLE = 2000  # points of each set
+SAMPLE = 2000  # points of the source; of the target, as many as a table of all pairs has room for
 MOST_POINTS = 2_000_000
 REACH = 0.5  # of the target's spacing, up to which a moved point has found its partner
 BLOCK = 20_000
@@ -32,10 +32,14 @@ def match_sample(
 ) -> tuple[Fit, str]:
     """Match a sample of normalised points, shapes (n, d) and (m, d), and say so.
 
-    The samples hold few true partners, so what is found is the map; the matches are then read off it, between moved
-    source points and target points that are each other's nearest.
+    More of the target are drawn, so that most points drawn of the source have their partners among them, up to some
+    8000 points; where fewer have, the outlines and densities must do. What is found is the map; the matches are then
+    read off it, between moved source points and target points that are each other's nearest.
     """
-    fewer = [one[np.sort(rng.permutation(len(one))[:SAMPLE])] for one in (source, target)]
+    counts = (SAMPLE, MOST_PAIRS // SAMPLE)
+    fewer = [
+        one[np.sort(rng.permutation(len(one))[:count])] for one, count in zip((source, target), counts, strict=True)
+    ]
     fit = method(fewer[0], fewer[1], rng=rng)
     moved = np.concatenate([fit.move(source[start : start + BLOCK]) for start in range(0, len(source), BLOCK)])
     matches, trust = mutual_nearest(moved, target)

@@ -1,0 +1,140 @@
+"""Poses: any rotation is found while the rest of the affine map distorts, and false pairs are outvoted."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from tsis.matching.frame import Frame
+from tsis.matching.poses import Pose, agreed, poses, rotations, rounded_poses
+from tsis.matching.shapes import even_texture, strokes
+
+Search = Callable[..., list[Pose]]
+FOUND = 0.15  # root-mean-square radii from where the points belong, from which soft pairs find the rest
+
+
+def _turn(dimension: int, angle: float, seed: int) -> np.ndarray:
+    """Rotation by ``angle``, in space about any axis."""
+    if dimension == 2:
+        return np.array([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    axis = np.random.default_rng(seed).normal(size=3)
+    return np.asarray(Rotation.from_rotvec(angle * axis / np.linalg.norm(axis)).as_matrix())
+
+
+def _away(pose: Pose, source: np.ndarray, truth: np.ndarray) -> float:
+    moved = source @ pose.affine[1:] + pose.affine[0]
+    return float(np.sqrt(np.mean(np.sum((moved - truth) ** 2, axis=1))))
+
+
+def _inside(points: np.ndarray) -> np.ndarray:
+    return Frame.of(points).inward(points)
+
+
+@settings(deadline=None, max_examples=15, derandomize=True)
+@given(angle=st.floats(0, 2 * np.pi), seed=st.integers(0, 1000))
+def test_any_rotation_of_the_plane_is_found_while_the_shape_is_stretched(angle: float, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    source = _inside(even_texture(60, rng=rng))
+    stretched = np.eye(2) + rng.uniform(-0.12, 0.12, (2, 2))
+    truth = _inside(source @ _turn(2, angle, seed) @ stretched + 0.04 * np.sin(2 * source[:, ::-1]))
+    assert _away(poses(source, truth[rng.permutation(60)], rng=rng)[0], source, truth) < FOUND
+
+
+def test_most_rotations_of_space_are_found_while_the_shape_is_stretched() -> None:
+    found = 0
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        source = _inside(rng.normal(size=(60, 3)))
+        stretched = np.eye(3) + rng.uniform(-0.12, 0.12, (3, 3))
+        truth = _inside(source @ _turn(3, rng.uniform(0, np.pi), seed) @ stretched + 0.04 * np.sin(2 * source[:, ::-1]))
+        found += _away(poses(source, truth[rng.permutation(60)], rng=rng)[0], source, truth) < FOUND
+    assert found >= 10
+
+
+@pytest.mark.parametrize("find", [poses, rounded_poses])
+@pytest.mark.parametrize("angle", [0.0, 1.0, np.pi])
+def test_so_are_those_of_strokes_with_outliers(find: Search, angle: float) -> None:
+    rng = np.random.default_rng(3)
+    source = _inside(strokes(80, rng=rng))
+    truth = source @ _turn(2, angle, 0)
+    target = np.vstack([truth, rng.uniform(-1.5, 1.5, (20, 2))])[rng.permutation(100)]
+    assert min(_away(one, source, truth) for one in find(source, target, rng=rng)[:2]) < FOUND
+
+
+def test_rounding_finds_what_is_stretched_to_twice_its_width() -> None:
+    rng = np.random.default_rng(0)
+    source = _inside(even_texture(70, rng=rng))
+    truth = _inside(source * [2.0, 1.0])
+    assert _away(rounded_poses(source, truth[rng.permutation(70)], rng=rng)[0], source, truth) < FOUND
+
+
+def test_they_come_best_first_and_the_same_draws_give_the_same() -> None:
+    rng = np.random.default_rng(1)
+    source, target = rng.normal(size=(2, 40, 2))
+    one, other = (poses(source, target, rng=np.random.default_rng(7)) for _ in range(2))
+    agreement = [pose.agreement for pose in one]
+    assert agreement == sorted(agreement, reverse=True)
+    assert all(0 <= each <= 1 for each in agreement)
+    for first, second in zip(one, other, strict=True):
+        np.testing.assert_array_equal(first.affine, second.affine)
+
+
+@pytest.mark.parametrize("dimension", [2, 3], ids=["plane", "space"])
+def test_rotations_are_proper_and_lie_close_to_any(dimension: int) -> None:
+    known = rotations(dimension)
+    np.testing.assert_allclose(
+        known @ np.swapaxes(known, 1, 2), np.tile(np.eye(dimension), (len(known), 1, 1)), atol=1e-12
+    )
+    np.testing.assert_allclose(np.linalg.det(known), 1.0)
+    rng = np.random.default_rng(0)
+    reach = {2: np.radians(15.1), 3: np.radians(44.5)}[dimension]
+    for seed in range(100):
+        turn = _turn(dimension, rng.uniform(0, 2 * np.pi), seed)
+        trace = np.max(np.einsum("kij,ij->k", known, turn))
+        angle = np.arccos(np.clip(trace / 2 if dimension == 2 else (trace - 1) / 2, -1, 1))
+        assert angle < reach
+
+
+@pytest.mark.parametrize("dimension", [2, 3], ids=["plane", "space"])
+@settings(deadline=None, max_examples=15, derandomize=True)
+@given(seed=st.integers(0, 10_000))
+def test_half_of_the_pairs_being_false_changes_nothing(dimension: int, seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    source = _inside(rng.normal(size=(80, dimension)))
+    matrix = _turn(dimension, rng.uniform(0, 2 * np.pi), seed) @ (np.eye(dimension) * rng.uniform(0.7, 1.4))
+    truth = source @ matrix + rng.normal(size=dimension)
+    partners = truth + 0.01 * rng.normal(size=truth.shape)
+    false = rng.permutation(80)[:40]
+    partners[false] = partners[rng.permutation(false)] + rng.normal(size=(40, dimension))
+    found = agreed(source, partners, np.ones(80), rng=rng)
+    assert _away(found, source, truth) < 0.1
+    assert 0.4 < found.agreement < 0.7
+
+
+def test_trust_decides_between_two_halves() -> None:
+    rng = np.random.default_rng(2)
+    source = rng.normal(size=(60, 2))
+    first = np.arange(60) < 30
+    partners = np.where(first[:, None], source + 2.0, source @ _turn(2, 2.0, 0))
+    for half, truth in ((first, source + 2.0), (~first, source @ _turn(2, 2.0, 0))):
+        found = agreed(source, partners, np.where(half, 1.0, 0.05), rng=rng)
+        assert _away(found, source, truth) < 1e-6
+
+
+def test_no_pose_mirrors_or_flattens() -> None:
+    rng = np.random.default_rng(3)
+    source = rng.normal(size=(50, 2))
+    for partners in (source * [1.0, -1.0], source * [1.0, 0.01]):
+        assert np.linalg.det(agreed(source, partners, np.ones(50), rng=rng).affine[1:]) > 0.1
+
+
+def test_where_no_draw_is_plausible_the_source_is_only_moved() -> None:
+    source = np.random.default_rng(4).normal(size=(20, 2))
+    found = agreed(source, np.full((20, 2), 3.0), np.ones(20), rng=np.random.default_rng(0))
+    np.testing.assert_allclose(found.affine[1:], np.eye(2))
+    np.testing.assert_allclose(source.mean(axis=0) + found.affine[0], 3.0)

@@ -1,0 +1,265 @@
+"""The one entry: what it refuses, and what must hold whatever the method."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from tsis.matching import METHODS, Registration, register, registration
+from tsis.matching.fit import UNMATCHED
+from tsis.matching.shapes import even_texture, tactile_surface
+from tsis.model.errors import InputError, UnknownNameError
+
+EVERY_METHOD = pytest.mark.parametrize("method", METHODS)
+SEEDS = st.integers(0, 10_000)
+SOME = settings(deadline=None, max_examples=4, derandomize=True)
+LARGEST_SHIFT = 0.02  # of the shape's extent; the points lie some 0.1 apart
+
+
+@dataclass(frozen=True)
+class Task:
+    """Points, where each of them went, and those places shuffled."""
+
+    source: np.ndarray
+    truth: np.ndarray
+    order: np.ndarray
+
+    @property
+    def target(self) -> np.ndarray:
+        return np.asarray(self.truth[self.order])
+
+    def right(self, found: Registration) -> float:
+        own = np.where(found.matches == UNMATCHED, UNMATCHED, self.order[found.matches])
+        return float(np.mean(own == np.arange(len(own))))
+
+    def rms(self, found: Registration) -> float:
+        return float(np.sqrt(np.mean(np.sum((found.moved - self.truth) ** 2, axis=1))))
+
+
+def _goes(points: np.ndarray) -> np.ndarray:
+    return np.asarray(points + LARGEST_SHIFT * np.sin(4 * points[:, ::-1] + np.arange(points.shape[1])))
+
+
+def _task(seed: int, dimension: int = 2, count: int = 40) -> Task:
+    rng = np.random.default_rng(seed)
+    source = (even_texture if dimension == 2 else tactile_surface)(count, rng=rng)
+    return Task(source, _goes(source), rng.permutation(count))
+
+
+POINTS = np.random.default_rng(0).normal(size=(20, 2))
+SOLID = np.random.default_rng(0).normal(size=(20, 3))
+LINE = np.outer(np.arange(9.0), [1.0, -2.0])
+
+
+@pytest.mark.parametrize(
+    ("source", "target", "message"),
+    [
+        (POINTS[:3], POINTS, "source must hold at least 4 points in different places; got 3"),
+        (POINTS, POINTS[:1], "target must hold at least 4 points in different places; got 1"),
+        (np.repeat(POINTS[:3], 9, axis=0), POINTS, "source must hold at least 4 points in different places; got 3"),
+        (np.zeros((50, 2)), POINTS, "source must hold at least 4 points in different places; got 1"),
+        (POINTS, LINE, "target must not lie in a line; got 9 points that do"),
+        (POINTS, 1e6 + LINE, "target must not lie in a line"),
+        (SOLID, np.column_stack([POINTS, POINTS.sum(axis=1)]), "target must not lie in a plane.*two dimensions"),
+        (SOLID, np.outer(np.arange(9.0), [1.0, 2.0, 3.0]), "target must not lie in a plane"),
+        (np.where(POINTS > 1, np.nan, POINTS), POINTS, "source must be finite; got [1-9].* NaN or infinite values"),
+        (POINTS, np.where(POINTS > 1, np.inf, POINTS), "target must be finite"),
+        (POINTS, SOLID, "as many coordinates; got 2 and 3"),
+        (np.zeros((9, 4)), np.zeros((9, 4)), "source must have 2 or 3 coordinates a point; got shape"),
+        (np.arange(9.0)[:, None], np.arange(9.0)[:, None], "source must have 2 or 3 coordinates"),
+        (np.arange(9.0), POINTS, "source must have 2 axes"),
+        (POINTS, POINTS[None], "target must have 2 axes"),
+        ([["a", "b"]] * 5, POINTS, "source must be an array of numbers"),
+        ("points.csv", POINTS, "source must be an array of numbers"),
+        (None, POINTS, "source must be an array of numbers"),
+        ([[1.0, 2.0], [3.0]], POINTS, "source must be an array of numbers"),
+        (POINTS + 1j, POINTS, "source must be an array of numbers"),
+        ([], POINTS, "source must have 2 axes"),
+        (np.empty((0, 2)), POINTS, "source must not be empty"),
+    ],
+)
+def test_what_cannot_be_matched_is_refused(source: object, target: object, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        register(source, target)  # type: ignore[arg-type]
+
+
+def test_an_unknown_method_is_answered_with_the_nearest() -> None:
+    with pytest.raises(UnknownNameError, match="did you mean 'tps-rpm'"):
+        register(POINTS, POINTS, method="tps_rpm")
+
+
+def test_chance_must_come_from_a_generator() -> None:
+    with pytest.raises(InputError, match="rng must be a Generator"):
+        register(POINTS, POINTS, rng=3)  # type: ignore[arg-type]
+
+
+def test_too_many_points_are_refused_and_told_what_they_would_take(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(registration, "MOST_POINTS", 19)
+    with pytest.raises(InputError, match=r"source must hold at most 19 points; got 20, which would take .* GB"):
+        register(POINTS, POINTS)
+
+
+@EVERY_METHOD
+@pytest.mark.parametrize("dimension", [2, 3], ids=["plane", "space"])
+def test_a_small_deformation_is_found(method: str, dimension: int) -> None:
+    task = _task(1, dimension, 70)
+    found = register(task.source, task.target, method=method)
+    assert found.method == method
+    assert found.reliable
+    assert found.notes == ()
+    assert task.right(found) > 0.95
+    assert task.rms(found) < LARGEST_SHIFT / 2
+    assert np.all((found.trust >= 0) & (found.trust <= 1))
+    assert 0.5 < found.confidence <= 1
+    np.testing.assert_array_equal(found.outliers, found.matches == UNMATCHED)
+
+
+@EVERY_METHOD
+@pytest.mark.parametrize("dimension", [2, 3], ids=["plane", "space"])
+def test_the_transform_moves_the_source_and_takes_new_points_where_their_neighbours_go(
+    method: str, dimension: int
+) -> None:
+    task = _task(2, dimension, 70)
+    found = register(task.source, task.target, method=method)
+    np.testing.assert_allclose(found.transform(task.source), found.moved, atol=1e-12)
+    between = (task.source[:, None] + task.source[None]).reshape(-1, dimension) / 2
+    inside = between[np.linalg.norm(between - task.source.mean(axis=0), axis=1) < 0.25]
+    wrong = found.transform(inside) - _goes(inside)
+    assert np.sqrt(np.mean(np.sum(wrong**2, axis=1))) < 0.6 * LARGEST_SHIFT
+
+
+@EVERY_METHOD
+def test_the_transform_goes_over_many_points_in_blocks(method: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    task = _task(3)
+    found = register(task.source, task.target, method=method)
+    points = np.random.default_rng(0).uniform(0.3, 0.9, (100, 2))
+    whole = found.transform(points)
+    monkeypatch.setattr(registration, "BLOCK", 7)
+    np.testing.assert_allclose(found.transform(points), whole, atol=1e-12)
+    with pytest.raises(InputError, match="points must have 2 coordinates each, as the source"):
+        found.transform(SOLID)
+    with pytest.raises(InputError, match="points must be finite"):
+        found.transform([[np.nan, 0.0]])
+
+
+@EVERY_METHOD
+@SOME
+@given(seed=SEEDS)
+def test_permuting_either_set_permutes_the_matches(method: str, seed: int) -> None:
+    task = _task(seed)
+    one = register(task.source, task.target, method=method)
+    order = np.random.default_rng(seed + 1).permutation(len(task.source))
+    other = register(task.source, task.target[order], method=method)
+    np.testing.assert_array_equal(np.where(other.matches < 0, UNMATCHED, order[other.matches]), one.matches)
+    np.testing.assert_allclose(other.moved, one.moved, atol=1e-3 * LARGEST_SHIFT)
+    turned = register(task.source[order], task.target, method=method)
+    assert np.mean(turned.matches == one.matches[order]) > 0.9  # other pairs may be drawn: not all need be the same
+
+
+@EVERY_METHOD
+@SOME
+@given(seed=SEEDS, size=st.sampled_from([1e-9, 0.1, 7.0, 1e9]), x=st.floats(-3, 3), y=st.floats(-3, 3))
+def test_moving_and_scaling_carry_over(method: str, seed: int, size: float, x: float, y: float) -> None:
+    task, shift = _task(seed), np.array([x, y])
+    one = register(task.source, task.target, method=method)
+    here = register(size * (task.source + shift), task.target, method=method)
+    np.testing.assert_array_equal(here.matches, one.matches)
+    np.testing.assert_allclose(here.moved, one.moved, atol=1e-3 * LARGEST_SHIFT)
+    there = register(task.source, size * (task.target + shift), method=method)
+    np.testing.assert_array_equal(there.matches, one.matches)
+    np.testing.assert_allclose(there.moved / size, one.moved + shift, atol=1e-3 * LARGEST_SHIFT)
+    assert there.confidence == pytest.approx(one.confidence, abs=1e-3)
+
+
+@EVERY_METHOD
+@SOME
+@given(seed=SEEDS, missing=st.integers(0, 20), stray=st.integers(0, 25))
+def test_no_target_is_matched_twice_and_nothing_unmatched_is_trusted(
+    method: str, seed: int, missing: int, stray: int
+) -> None:
+    task, rng = _task(seed), np.random.default_rng(seed)
+    target = np.vstack([task.target[missing:], rng.uniform(0.2, 1.0, (stray, 2))])
+    found = register(task.source, target, method=method)
+    matched = found.matches[found.matches != UNMATCHED]
+    assert len(set(matched)) == len(matched)
+    assert np.all((matched >= 0) & (matched < len(target)))
+    assert np.all(found.trust[found.outliers] == 0)
+    assert np.all(np.isfinite(found.moved))
+    if not found.reliable:
+        assert found.outliers.all()
+        assert "no reliable match" in found.notes[-1]
+        np.testing.assert_array_equal(found.moved, task.source)
+        np.testing.assert_array_equal(found.transform(task.source), task.source)
+
+
+@EVERY_METHOD
+def test_the_same_chance_gives_the_same_answer(method: str) -> None:
+    task = _task(4)
+    one, other = (register(task.source, task.target, method=method, rng=np.random.default_rng(5)) for _ in range(2))
+    np.testing.assert_array_equal(one.moved, other.moved)
+    np.testing.assert_array_equal(one.matches, other.matches)
+    seeded = register(task.source, task.target, method=method, rng=np.random.default_rng(0))
+    np.testing.assert_array_equal(seeded.moved, register(task.source, task.target, method=method).moved)
+
+
+@EVERY_METHOD
+def test_whole_numbers_lists_and_what_is_not_contiguous_do_as_well(method: str) -> None:
+    task = _task(5)
+    source, target = np.round(1e4 * task.source).astype(int), np.round(1e4 * task.target).astype(int)
+    whole = register(source, target, method=method)
+    floats = register(source.astype(float), target.astype(float), method=method)
+    lists = register(source.tolist(), target.tolist(), method=method)
+    strided = register(np.asfortranarray(source), np.repeat(target, 2, axis=0)[::2], method=method)
+    for found in (whole, lists, strided):
+        np.testing.assert_array_equal(found.matches, floats.matches)
+        np.testing.assert_allclose(found.moved, floats.moved, atol=1e-6)
+
+
+@EVERY_METHOD
+def test_what_it_is_given_is_not_changed(method: str) -> None:
+    task = _task(6)
+    source, target = task.source.copy(), task.target.copy()
+    register(source, target, method=method)
+    np.testing.assert_array_equal(source, task.source)
+    np.testing.assert_array_equal(target, task.target)
+
+
+@EVERY_METHOD
+def test_identical_sets_stay_where_they_are(method: str) -> None:
+    source = even_texture(60, rng=np.random.default_rng(1))
+    found = register(source, source, method=method)
+    np.testing.assert_array_equal(found.matches, np.arange(60))
+    np.testing.assert_allclose(found.moved, source, atol=0.01)
+
+
+@EVERY_METHOD
+def test_a_point_given_twice_is_matched_as_often(method: str) -> None:
+    task = _task(7)
+    source, target = np.repeat(task.source, 2, axis=0), np.repeat(task.truth, 2, axis=0)
+    found = register(source, target, method=method)
+    assert np.mean(found.matches // 2 == np.arange(len(source)) // 2) > 0.9
+    np.testing.assert_allclose(found.moved[::2], found.moved[1::2], atol=1e-9)
+
+
+@EVERY_METHOD
+@pytest.mark.parametrize("count", [4, 5, 6])
+def test_the_fewest_points_are_answered(method: str, count: int) -> None:
+    rng = np.random.default_rng(count)
+    source = np.array([[0.0, 0.0], [3.0, 0.2], [2.8, 1.9], [0.3, 2.2], [1.4, 5.0], [-2.0, 1.0]])[:count]
+    found = register(source, source[rng.permutation(count)], method=method)
+    assert found.moved.shape == source.shape
+    assert np.all(np.isfinite(found.moved))
+
+
+@EVERY_METHOD
+def test_sets_of_very_different_numbers_are_answered(method: str) -> None:
+    rng = np.random.default_rng(8)
+    few, many = even_texture(10, rng=rng), even_texture(150, rng=rng)
+    for source, target in ((few, many), (many, few)):
+        found = register(source, target, method=method)
+        matched = found.matches[found.matches != UNMATCHED]
+        assert len(set(matched)) == len(matched) <= 10
