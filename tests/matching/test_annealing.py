@@ -104,8 +104,11 @@ def test_the_coarse_path_ends_near_the_fine_one(warped: Warped, monkeypatch: pyt
     assert 0 < np.sqrt(np.mean(np.sum((coarse - fine) ** 2, axis=1))) < 0.02
 
 
-def test_more_points_take_part_the_cooler_it_is(monkeypatch: pytest.MonkeyPatch, warped: Warped) -> None:
-    monkeypatch.setattr(annealing, "COARSE", (20, 30))
+@pytest.mark.parametrize("coarse", [(20, 30), (20, 500), (500, 30)])
+def test_more_points_take_part_the_cooler_it_is(
+    monkeypatch: pytest.MonkeyPatch, warped: Warped, coarse: tuple[int, int]
+) -> None:
+    monkeypatch.setattr(annealing, "COARSE", coarse)
     seen = []
 
     def watched(
@@ -119,7 +122,8 @@ def test_more_points_take_part_the_cooler_it_is(monkeypatch: pytest.MonkeyPatch,
     basis = spline_basis(warped.source)
     anneal(basis, basis.rest, warped.target, COOLING)
     points, places, temperature = np.array(seen).T
-    assert (points[0], places[0]) == (20, 30)
-    assert (points[-1], places[-1]) == (len(warped.source), len(warped.target))
+    number = len(warped.source)
+    assert (points[0], places[0]) == (min(coarse[0], number), min(coarse[1], number))
+    assert (points[-1], places[-1]) == (number, number)
     for falling in (-points, -places, temperature):
         assert np.all(np.diff(falling) <= 0)

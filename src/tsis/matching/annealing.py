@@ -65,7 +65,8 @@ def anneal(
         The temperatures.
     """
     rows, columns = spread_order(basis.points), spread_order(target)
-    spread = FINE * _spacing(target, columns)
+    all_at_once = len(rows) <= COARSE[0] and len(columns) <= COARSE[1]
+    spread = 0.0 if all_at_once else FINE * _spacing(target, columns)
     hold, balance = coordinates[basis.bent + 1 :], np.ones(len(target))
     temperature = cooling.start
     while temperature > cooling.end:
@@ -80,9 +81,7 @@ def anneal(
 
 
 def _spacing(target: NDArray[np.float64], order: NDArray[np.int64]) -> float:
-    """Median distance between neighbours in the coarsest sample of the target; 0 where that is all of it."""
-    if len(target) <= COARSE[1]:
-        return 0.0
+    """Median distance between neighbours in the coarsest sample of the target, which may be all of it."""
     few = target[order[: COARSE[1]]]
     return float(np.median(np.sort(cdist(few, few))[:, 1]))
 
