@@ -58,7 +58,7 @@ def anneal(
     basis
         Of the source's points, normalised.
     coordinates
-        The spline to begin with; its affine part is what bending is held to.
+        The spline to begin with; its matrix is what the affine part is held to.
     target
         Normalised points, shape (m, d).
     cooling

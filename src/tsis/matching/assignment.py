@@ -15,15 +15,8 @@ if TYPE_CHECKING:
 
     from tsis.matching.spline import SplineBasis
 
-REACHES = (
-    0.5,
-    0.35,
-    0.25,
-    0.18,
-    0.12,
-    0.08,
-    0.0,
-)  # distances beyond which there is no partner, unless the spacing is more
+# Distances beyond which there is no partner, unless the spacing is more.
+REACHES = (0.5, 0.3, 0.18, 0.1, 0.0)
 NEAREST = 1.5  # spacings up to which there always may be one
 SPREADS = 4.0  # standard deviations beyond which a pair is taken for a false one
 BEYOND_DOUBT = 0.2  # root-mean-square distance of partners, of the spacing, below which none is taken for another
@@ -83,7 +76,7 @@ def likeliest_bending(design: NDArray[np.float64], bent: int, values: NDArray[np
     affine, _ = np.linalg.qr(design[:, bent:])
     bends = design[:, :bent] - affine @ (affine.T @ design[:, :bent])
     values = values - affine @ (affine.T @ values)
-    # The eigenvalues of the small normal matrix are the squared singular values, found in a tenth of the time.
+    # The eigenvalues of the small normal matrix are the squared singular values.
     strength, axes = np.linalg.eigh(bends.T @ bends)
     strength = np.maximum(strength, 1e-14 * strength[-1])
     along = (axes.T @ (bends.T @ values)) ** 2 / strength[:, None]

@@ -5,10 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tsis.matching.frame import Frame
 from tsis.matching.peers import PEERS, peer
-from tsis.matching.registration import METHODS
-from tsis.matching.reliability import RELIABLE, confidence_of
+from tsis.matching.registration import METHODS, guess
 from tsis.matching.trial_runs import Matched
 from tsis.model import check
 
@@ -49,10 +47,8 @@ class Contender:
         """
         if self.name in PEERS:
             return Matched(moved=peer(self.name).moved(source, target), reliable=None)
-        start, end = Frame.of(source), Frame.of(target)
-        here, there = start.inward(source), end.inward(target)
-        fit = METHODS[self.name](here, there, rng=rng)
-        return Matched(moved=end.outward(fit.move(here)), reliable=confidence_of(fit, here, there) >= RELIABLE)
+        found = guess(source, target, method=self.name, rng=rng)
+        return Matched(moved=found.moved, reliable=found.reliable)
 
 
 __all__ = ["OWN", "RIVALS", "Contender"]

@@ -16,13 +16,14 @@ if TYPE_CHECKING:
 
     from tsis.matching.spline import SplineBasis
 
-STIFFNESSES = (1e-4, 1e-3, 1e-2)  # prior variances of a bending coordinate, of normalised points, the likeliest counts
+BENDING_VARIANCES = (1e-4, 1e-3, 1e-2)  # prior, of a bending coordinate of normalised points; the likeliest counts
 FIRST_OUTLIERS = 0.1
 NARROWEST = 1e-3  # standard deviation of a pair, of normalised points
 ROUNDS = 6
 REACH = 50.0  # variances, squared distance beyond which nothing is explained
 FEWEST_OUTLIERS, MOST_OUTLIERS = 0.01, 0.95
-UPRIGHT = 20.0  # log odds of sets the same way up against those turned by half a turn, before they are seen
+UPRIGHT, UPRIGHT_A_POINT = 20.0, 0.2  # log odds of sets the same way up against those turned by half a turn: at most,
+# and a target point, lest it overrules the few points of small sets
 SLACK = 1e-6  # ridge that draws the affine part to rest, lest no responsibility at all leaves it undetermined
 
 
@@ -53,8 +54,7 @@ def log_evidence(basis: SplineBasis, coordinates: NDArray[np.float64], target: N
 
     Each target point is an outlier anywhere in the target's box, or lies about a moved source point. The spline, the
     outliers' share and the common standard deviation are those that explain the target best near the spline that is
-    given; the bending coordinates are normal before the data are seen, and integrated over by Laplace's method. Sets
-    are likelier the same way up than turned (`UPRIGHT`), which decides only where the points themselves hardly do.
+    given; the bending coordinates are normal before the data are seen, and integrated over by Laplace's method.
 
     Parameters
     ----------
@@ -63,12 +63,19 @@ def log_evidence(basis: SplineBasis, coordinates: NDArray[np.float64], target: N
     target
         Shape (m, d).
     """
-    upright = UPRIGHT * (_cosine_of_turn(coordinates[basis.bent + 1 :]) - 1) / 2
-    return upright + max(_evidence(basis, coordinates, target, stiffness) for stiffness in STIFFNESSES)
+    return max(_evidence(basis, coordinates, target, bending_variance) for bending_variance in BENDING_VARIANCES)
+
+
+def upright_prior(matrix: NDArray[np.float64], points: int) -> float:
+    """Log prior of a pose's matrix, shape (d, d), of 0 for one that turns nothing; `points` of the target are to judge.
+
+    Sets are likelier the same way up than turned. That decides between poses that the points hardly tell apart.
+    """
+    return min(UPRIGHT, UPRIGHT_A_POINT * points) * (_cosine_of_turn(matrix) - 1) / 2
 
 
 def _evidence(
-    basis: SplineBasis, coordinates: NDArray[np.float64], target: NDArray[np.float64], stiffness: float
+    basis: SplineBasis, coordinates: NDArray[np.float64], target: NDArray[np.float64], bending_variance: float
 ) -> float:
     count, dimension = target.shape
     box = float(np.prod(np.ptp(target, axis=0)))
@@ -79,13 +86,13 @@ def _evidence(
         total = max(float(now.paired.sum()), 1e-9)
         outliers = float(np.clip(1 - total / count, FEWEST_OUTLIERS, MOST_OUTLIERS))
         variance = max(now.squared / (dimension * total), NARROWEST**2)
-        coordinates = _follow(basis, now, variance / stiffness)
+        coordinates = _follow(basis, now, variance / bending_variance)
     now = explained(basis.design @ coordinates, target, variance, outliers, 1 / box)
     bends = basis.design[:, : basis.bent]
-    precision = (bends * now.paired[:, None]).T @ bends * (stiffness / variance)
+    precision = (bends * now.paired[:, None]).T @ bends * (bending_variance / variance)
     precision[np.diag_indices_from(precision)] += 1
     _, volume = np.linalg.slogdet(precision)
-    bending = float((coordinates[: basis.bent] ** 2).sum()) / stiffness
+    bending = float((coordinates[: basis.bent] ** 2).sum()) / bending_variance
     return float(now.likelihood + count * np.log(box) - 0.5 * bending - 0.5 * dimension * volume)
 
 

@@ -24,13 +24,13 @@ if TYPE_CHECKING:
 ALONE = 0.07  # support for having no partner
 UPDATES = 20
 COMPARED = 150  # source points whose shape contexts choose the rotations
-LABELLED = 6  # rotations that are labelled
+LABELLED = {2: 6, 3: 30}  # rotations that are labelled, by dimension
 MANY, LABELLED_OF_MANY = 200_000, 2  # pairs beyond which fewer are
 CLEAR = 0.65  # agreement that ends the search
 DRAWS = 250  # of as many pairs as fix an affine map
 CLOSE = 0.25  # root-mean-square radii: a pair farther from an affine map does not agree with it
 LEAST_VOLUME, MOST_VOLUME = 0.1, 6.0  # by which a pose may scale areas or volumes
-MOST_SHEAR = 3.2  # sum of the squared singular values over d times their geometric mean's square, at most half of it
+MOST_SHEAR = 1.6  # mean squared singular value over their squared geometric mean; 1 for a similarity
 LEAST_SPREAD = 0.1  # area or volume of the drawn points
 
 
@@ -50,7 +50,7 @@ def poses(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.r
     about = Neighbourhood.of(target, TARGET_NEIGHBOURS)
     here = Neighbourhood.of(source, SOURCE_NEIGHBOURS)
     found: list[Pose] = []
-    for rotation in likely[: LABELLED if len(source) * len(target) < MANY else LABELLED_OF_MANY]:
+    for rotation in likely[: LABELLED[source.shape[1]] if len(source) * len(target) < MANY else LABELLED_OF_MANY]:
         cost = chi_squared(histograms(source @ rotation.T, scale=scale), contexts)
         around = Neighbourhood.among(source @ rotation.T, here.index)
         labels = label(around, about, cost, alone=ALONE, updates=UPDATES)
@@ -110,7 +110,9 @@ def agreed(
     *,
     rng: np.random.Generator,
 ) -> Pose:
-    """The affine map that most pairs agree on, of those through d + 1 of them drawn by trust.
+    """The affine map that most pairs agree on, of those through d + 1 of them drawn by trust (random sample consensus).
+
+    Where no draw gives a plausible map, it is a shift alone.
 
     Parameters
     ----------
@@ -131,7 +133,7 @@ def agreed(
     volume = np.linalg.det(matrix)
     size = np.maximum(volume, 1e-12) ** (2 / dimension)
     plausible = (volume > LEAST_VOLUME) & (volume < MOST_VOLUME)
-    plausible &= (matrix**2).sum(axis=(1, 2)) < MOST_SHEAR * dimension / 2 * size
+    plausible &= (matrix**2).sum(axis=(1, 2)) < MOST_SHEAR * dimension * size
     matrix = np.concatenate([matrix[plausible], np.eye(dimension)[None]])
     origin_from = np.concatenate([from_[wide, 0][plausible], source.mean(axis=0)[None]])
     origin_to = np.concatenate([to[wide, 0][plausible], partners.mean(axis=0)[None]])

@@ -13,7 +13,8 @@ from tsis.matching import cpd, rpm_lns, shape_context, tprl, tps_rpm
 from tsis.matching.fit import UNMATCHED
 from tsis.matching.frame import Frame
 from tsis.matching.reliability import RELIABLE, confidence_of
-from tsis.matching.sampled import MOST_POINTS, is_large, match_sample
+from tsis.matching.sampled import MOST_POINTS, drawn, matched_all
+from tsis.matching.spline import spread_out
 from tsis.model import check
 from tsis.model.errors import InputError
 
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from tsis.matching.fit import Method, Move
 
 FEWEST = 4  # points: three in the plane fit any affine map
+LARGEST = 1e100  # coordinate whose square is a number
 BLOCK = 20_000  # points that are moved at once
 THIN = 1e-6  # extent of points across a line or plane, of that along it, that rounding could make
 
@@ -59,6 +61,8 @@ class Registration:
         Whether the confidence suffices. Where it does not, nothing is matched and the transform leaves points alone.
     notes
         What the reader must know, a sentence each.
+    move
+        The transform without checks of its points; `transform` is the one to call.
     """
 
     method: str
@@ -126,6 +130,17 @@ def register(
     >>> found.transform([[0.0, 0.0]]).round(0).tolist()
     [[3.0, 1.0]]
     """
+    found = guess(source, target, method=method, rng=rng)
+    return found if found.reliable else _withheld(found, np.array(source, dtype=float))
+
+
+def guess(
+    source: ArrayLike, target: ArrayLike, *, method: str = "tprl", rng: np.random.Generator | None = None
+) -> Registration:
+    """What a method finds, however little it can be relied on; the rest is as `register` says.
+
+    For comparisons with programs that withhold nothing.
+    """
     check.known("method", method, METHODS)
     source, target = _points("source", source), _points("target", target)
     if source.shape[1] != target.shape[1]:
@@ -135,35 +150,23 @@ def register(
     rng = np.random.default_rng(0) if rng is None else rng
     check.kind("rng", rng, np.random.Generator)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
-        return _register(method, source, target, rng)
+        return _guess(method, source, target, rng)
 
 
-def _register(
+def _guess(
     method: str, source: NDArray[np.float64], target: NDArray[np.float64], rng: np.random.Generator
 ) -> Registration:
-    match = METHODS[method]
     start, end = Frame.of(source), Frame.of(target)
     here, there = start.inward(source), end.inward(target)
+    some, others = drawn(here, there, rng=rng)
+    fit = METHODS[method](some, others, rng=rng)
+    confidence = confidence_of(fit, some, others)
     notes = []
-    if is_large(here, there):
-        fit, note = match_sample(match, here, there, rng=rng)
-        notes.append(note)
-    else:
-        fit = match(here, there, rng=rng)
-    confidence = confidence_of(fit, here, there)
-    if confidence < RELIABLE:
+    if len(some) < len(here) or len(others) < len(there):
+        fit = matched_all(fit, here, there)
         notes.append(
-            f"no reliable match: confidence {confidence:.2f} lies below {RELIABLE:g}; the points were left alone"
-        )
-        return Registration(
-            method=method,
-            moved=source,
-            matches=np.full(len(source), UNMATCHED),
-            trust=np.zeros(len(source)),
-            confidence=confidence,
-            reliable=False,
-            notes=tuple(notes),
-            move=_stay,
+            f"{len(source):,} and {len(target):,} points are too many for tables of all pairs; "
+            f"{len(some):,} and {len(others):,} drawn from them were matched"
         )
 
     def move(points: NDArray[np.float64], /) -> NDArray[np.float64]:
@@ -175,11 +178,24 @@ def _register(
         matches=fit.matches,
         trust=fit.trust,
         confidence=confidence,
-        reliable=True,
+        reliable=confidence >= RELIABLE,
         notes=tuple(notes),
         move=move,
     )
     return replace(found, moved=found.transform(source))
+
+
+def _withheld(found: Registration, source: NDArray[np.float64]) -> Registration:
+    """The registration that leaves points alone and matches none."""
+    note = f"no reliable match: confidence {found.confidence:.2f} lies below {RELIABLE:g}; the points were left alone"
+    return replace(
+        found,
+        moved=source,
+        matches=np.full(len(source), UNMATCHED),
+        trust=np.zeros(len(source)),
+        notes=(*found.notes, note),
+        move=_stay,
+    )
 
 
 def _stay(points: NDArray[np.float64], /) -> NDArray[np.float64]:
@@ -196,13 +212,15 @@ def _points(name: str, value: ArrayLike) -> NDArray[np.float64]:
             f"{name} must hold at most {MOST_POINTS:,} points; got {len(points):,}, which would take about "
             f"{len(points) * 1e-6:.0f} GB (match a sample and transform the rest with Registration.transform)"
         )
-    places = np.unique(points, axis=0) if len(points) <= 10_000 else points
+    if np.abs(points).max() > LARGEST:
+        raise InputError(f"{name} must lie within {LARGEST:g} of the origin; got {np.abs(points).max():g}")
+    places = spread_out(points, FEWEST)
     if len(places) < FEWEST:
         raise InputError(f"{name} must hold at least {FEWEST} points in different places; got {len(places)}")
-    extent = np.linalg.svd(places - places.mean(axis=0), compute_uv=False)
+    extent = np.linalg.svd(points - points.mean(axis=0), full_matrices=False, compute_uv=False)
     if extent[-1] <= THIN * extent[0]:
         raise InputError(
-            f"{name} must not lie in a {'line' if dimension == 2 else 'plane'}; got {len(places)} points that do"
+            f"{name} must not lie in a {'line' if dimension == 2 else 'plane'}; got {len(points)} points that do"
             + ("" if dimension == 2 else " (match them in two dimensions)")
         )
     return points

@@ -15,8 +15,10 @@ if TYPE_CHECKING:
     from tsis.matching.fit import Fit
 
 RELIABLE = 0.5
-EVEN = 15.0  # log evidence at which a match is as likely as chance: unrelated shapes of one size reach it now and then,
-SCALE = 3.0  # for shapes have outlines, and methods look for the pose that explains most
+# Log evidence, by dimension, at which a match is as likely as chance. Unrelated shapes of one size reach it now and
+# then, for all shapes have outlines, and methods look for the pose that explains most.
+EVEN = {2: 15.0, 3: 60.0}
+SCALE = 3.0
 MOST = 600  # points of each set that are looked at
 PASSING = 1e-6  # bending that is held back when the spline is read back from the moved points
 
@@ -37,4 +39,6 @@ def confidence_of(fit: Fit, source: NDArray[np.float64], target: NDArray[np.floa
     there = target[far_apart(target, MOST)] if len(target) > MOST else target
     basis = spline_basis(seen)
     coordinates = basis.coordinates(fit.move(seen), bending=PASSING)
-    return float(1 / (1 + np.exp(np.clip((EVEN - log_evidence(basis, coordinates, there)) / SCALE, -50, 50))))
+    return float(
+        1 / (1 + np.exp(np.clip((EVEN[source.shape[1]] - log_evidence(basis, coordinates, there)) / SCALE, -50, 50)))
+    )

@@ -13,8 +13,6 @@ from tsis.matching.one_to_one import spacing
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.matching.fit import Method
-
 MOST_PAIRS = 16_000_000  # 128 MB a table; a method holds a few of them
 SAMPLE = 2000  # points of the source; of the target, as many as a table of all pairs has room for
 MOST_POINTS = 2_000_000
@@ -22,32 +20,32 @@ REACH = 0.5  # of the target's spacing, up to which a moved point has found its 
 BLOCK = 20_000
 
 
-def is_large(source: NDArray[np.float64], target: NDArray[np.float64]) -> bool:
-    """Whether a table of all pairs would not fit."""
-    return len(source) * len(target) > MOST_PAIRS
-
-
-def match_sample(
-    method: Method, source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator
-) -> tuple[Fit, str]:
-    """Match a sample of normalised points, shapes (n, d) and (m, d), and say so.
+def drawn(
+    source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Samples of two normalised sets, shapes (n, d) and (m, d), whose table has room; the sets where theirs has.
 
     More of the target are drawn, so that most points drawn of the source have their partners among them, up to some
-    8000 points; where fewer have, the outlines and densities must do. What is found is the map; the matches are then
-    read off it, between moved source points and target points that are each other's nearest.
+    8000 points; where fewer have, the outlines and densities must do.
     """
-    counts = (SAMPLE, MOST_PAIRS // SAMPLE)
-    fewer = [
-        one[np.sort(rng.permutation(len(one))[:count])] for one, count in zip((source, target), counts, strict=True)
-    ]
-    fit = method(fewer[0], fewer[1], rng=rng)
+    if len(source) * len(target) <= MOST_PAIRS:
+        return source, target
+
+    def some(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+        return points[np.sort(rng.permutation(len(points))[:count])]
+
+    return some(source, SAMPLE), some(target, MOST_PAIRS // SAMPLE)
+
+
+def matched_all(fit: Fit, source: NDArray[np.float64], target: NDArray[np.float64]) -> Fit:
+    """The fit of samples, with matches of all normalised points, shapes (n, d) and (m, d).
+
+    What samples tell is the map. The matches are read off it, between moved source points and target points that are
+    each other's nearest.
+    """
     moved = np.concatenate([fit.move(source[start : start + BLOCK]) for start in range(0, len(source), BLOCK)])
     matches, trust = mutual_nearest(moved, target)
-    note = (
-        f"{len(source):,} and {len(target):,} points are too many for tables of all pairs; "
-        f"{len(fewer[0]):,} and {len(fewer[1]):,} drawn from them were matched, and all were moved"
-    )
-    return Fit(move=fit.move, matches=matches, trust=trust), note
+    return Fit(move=fit.move, matches=matches, trust=trust)
 
 
 def mutual_nearest(

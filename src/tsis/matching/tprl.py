@@ -16,7 +16,7 @@ import numpy as np
 
 from tsis.matching.annealing import START, Cooling, anneal
 from tsis.matching.assignment import assigned, interpolated
-from tsis.matching.evidence import log_evidence
+from tsis.matching.evidence import log_evidence, upright_prior
 from tsis.matching.fit import Fit
 from tsis.matching.one_to_one import nearest_pairs, spacing
 from tsis.matching.poses import MANY, poses, rounded_poses
@@ -30,18 +30,18 @@ if TYPE_CHECKING:
     from tsis.matching.poses import Pose
     from tsis.matching.spline import SplineBasis
 
-POSES = 2  # of each kind that are followed, the best agreed on; of very many points one
+POSES = {2: 2, 3: 6}  # of each kind that are followed, the best agreed on, by dimension; of very many points one
 SAME = 0.15  # a pose moves points as one before it does, within so many root-mean-square radii
 FACTOR, ROUNDS = 0.85, 3
 WARM = 0.15  # temperature from which a pose is followed
 COLDEST = 0.35  # last standard deviation, of the distance between neighbours
-VAGUE = 0.3  # agreement on a pose below which none is tried first
-ENOUGH = 2.0  # log evidence a target point that ends the search
+VAGUE = 0.3  # agreement below which no pose at all is tried first
+ENOUGH = {2: 2.0, 3: 5.0}  # log evidence a target point that ends the search, by dimension
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Found:
-    """A spline's coordinates, and its log evidence."""
+    """A spline's coordinates, and the evidence for it, with the prior of its pose."""
 
     coordinates: NDArray[np.float64]
     evidence: float
@@ -53,7 +53,8 @@ def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.
     step = max(spacing(source), spacing(target))
 
     def judged(coordinates: NDArray[np.float64]) -> Found:
-        return Found(coordinates=coordinates, evidence=log_evidence(basis, coordinates, target))
+        prior = upright_prior(coordinates[basis.bent + 1 :], len(target))
+        return Found(coordinates=coordinates, evidence=prior + log_evidence(basis, coordinates, target))
 
     def followed(coordinates: NDArray[np.float64], start: float) -> Found:
         cooling = Cooling(factor=FACTOR, start=start, end=(COLDEST * step) ** 2, rounds=ROUNDS)
@@ -64,7 +65,7 @@ def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.
     found: list[Found] = []
     for coordinates, start in _starts(basis, source, target, rng):
         found.append(followed(coordinates, start))
-        if found[-1].evidence >= ENOUGH * len(target):
+        if found[-1].evidence >= ENOUGH[source.shape[1]] * len(target):
             break
     best = max(found, key=lambda one: one.evidence).coordinates
     best = interpolated(basis, best, target, step)
@@ -75,17 +76,20 @@ def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.
 def _starts(
     basis: SplineBasis, source: NDArray[np.float64], target: NDArray[np.float64], rng: np.random.Generator
 ) -> Iterator[tuple[NDArray[np.float64], float]]:
-    """Coordinates to begin with and their temperatures: the best poses, no pose at all, the best of rounded shapes."""
+    """Coordinates to begin with and their temperatures.
+
+    The best poses and no pose at all, the latter first where poses are vague; then the best poses of rounded shapes.
+    """
     found = poses(source, target, rng=rng)
     many = len(source) * len(target) >= MANY
     if found[0].agreement < VAGUE:
         yield basis.rest, START
-    yield from ((start, WARM) for start in _unlike(basis, found[: 1 if many else POSES]))
+    yield from ((start, WARM) for start in _unlike(basis, found[: 1 if many else POSES[source.shape[1]]]))
     if found[0].agreement >= VAGUE:
         yield basis.rest, START
     if not many:
         rounded = rounded_poses(source, target, rng=rng)
-        yield from ((start, WARM) for start in _unlike(basis, rounded[:POSES]))
+        yield from ((start, WARM) for start in _unlike(basis, rounded[: POSES[source.shape[1]]]))
 
 
 def _unlike(basis: SplineBasis, found: list[Pose]) -> Iterator[NDArray[np.float64]]:

@@ -67,6 +67,8 @@ def distorted_set(
     check.whole("count", count, 1, MOST_TRIALS)
     for family in families:
         check.known("family of trials", family, FAMILIES)
+    if not families:
+        raise InputError("families must name at least one kind of trials; got none")
     deepest = max(len(PUBLIC_LEVELS[family]) for family in families)
     for level in levels or ():
         check.whole("level", level, 1, deepest)

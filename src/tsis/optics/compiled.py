@@ -23,7 +23,7 @@ def compiled(function: Function) -> Function:
 
 
 def fused(function: Function) -> Function:
-    """The same, rounding less often and faster: for rays, whose chance is a far larger error."""
+    """The same, rounding less often and faster: for loops whose own error is far larger than rounding."""
     return cast("Function", _stamped(numba.njit(**_FUSED)(function), function))
 
 
