@@ -9,7 +9,7 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from tsis.matching.evidence import explained, log_evidence
+from tsis.matching.evidence import explained, log_evidence, upright_prior
 from tsis.matching.frame import Frame
 from tsis.matching.spline import spline_basis
 
