@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tsis.matching import METHODS, Registration, register, registration
-from tsis.matching.fit import UNMATCHED
+from tsis.matching import METHODS, Registration, guess, register, registration
+from tsis.matching.fit import UNMATCHED, Fit
 from tsis.matching.shapes import even_texture, tactile_surface
 from tsis.model.errors import InputError, UnknownNameError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 EVERY_METHOD = pytest.mark.parametrize("method", METHODS)
 SEEDS = st.integers(0, 10_000)
@@ -263,3 +267,45 @@ def test_sets_of_very_different_numbers_are_answered(method: str) -> None:
         found = register(source, target, method=method)
         matched = found.matches[found.matches != UNMATCHED]
         assert len(set(matched)) == len(matched) <= 10
+
+
+def test_masked_values_are_refused_rather_than_used() -> None:
+    points = np.random.default_rng(0).uniform(size=(20, 2))
+    hidden = np.ma.masked_array(points, mask=np.arange(40).reshape(20, 2) < 6)
+    with pytest.raises(InputError, match="source must not hold masked values"):
+        register(hidden, points)
+
+
+def test_an_answer_without_matches_is_not_reliable(monkeypatch: pytest.MonkeyPatch) -> None:
+    def nothing(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator) -> Fit:
+        del target, rng
+        return Fit(move=lambda points, /: points, matches=np.full(len(source), -1), trust=np.zeros(len(source)))
+
+    monkeypatch.setattr(registration, "METHODS", {"nothing": nothing})
+    points = np.random.default_rng(0).uniform(size=(40, 2))
+    found = register(points, points, method="nothing")
+    assert (found.confidence, found.reliable) == (0.0, False)
+
+
+@pytest.mark.parametrize("dimension", [2, 3])
+def test_unrelated_clouds_are_not_matched(dimension: int) -> None:
+    kept = [
+        register(*(np.random.default_rng([seed, part]).normal(size=(60, dimension)) for part in (0, 1))).reliable
+        for seed in range(4)
+    ]
+    assert not any(kept)
+
+
+def test_what_is_withheld_can_be_asked_for() -> None:
+    clouds = [np.random.default_rng(seed).normal(size=(60, 2)) for seed in (0, 1)]
+    withheld, found = register(*clouds), guess(*clouds)
+    assert not withheld.reliable
+    np.testing.assert_array_equal(withheld.moved, clouds[0])
+    assert found.confidence == withheld.confidence
+    assert np.any(found.moved != clouds[0])
+    assert np.count_nonzero(~found.outliers) > 0
+
+
+def test_few_points_are_said_to_tell_little() -> None:
+    points = np.random.default_rng(0).uniform(size=(6, 2))
+    assert any("so few points" in note for note in register(points, points[::-1]).notes)

@@ -88,7 +88,13 @@ def radius_belief(
         return RadiusBelief(radius_mm=None, sd_mm=0.0, largest_mm=largest)
     sd = RADIUS_SD_MM if radius_sd_mm is None else radius_sd_mm
     _check_radius("radius_mm", probe, radius_mm)
-    check.number("radius_sd_mm", sd, 0.0, radius_mm / 2, hint="millimetres, up to half of the radius")
+    check.number(
+        "radius_sd_mm",
+        sd,
+        0.0,
+        radius_mm / 10,
+        hint="millimetres, up to a tenth of the radius; leave both out where it is unknown",
+    )
     return RadiusBelief(radius_mm=radius_mm, sd_mm=sd, largest_mm=largest)
 
 

@@ -103,7 +103,7 @@ def _npy(content: bytes) -> NDArray[np.float64]:
         raise FileInputError(f"its NPY header must be whole; got: {error!s:.80}") from error
     if dtype.kind not in "fiu":
         raise FileInputError(f"the array must hold numbers; got {dtype!s:.40} (objects are never unpickled)")
-    if len(shape) != 2 or shape[1] not in (2, 3):
+    if len(shape) != 2 or any(type(each) is not int for each in shape) or shape[1] not in (2, 3):
         raise FileInputError(f"the array must have the shape (n, 2) or (n, 3); got {shape!s:.60}")
     _countable(shape[0])
     left = len(content) - stream.tell()

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from tsis.matching.fit import Method, Move
 
 FEWEST = 4  # points: three in the plane fit any affine map
+FEW = {2: 9, 3: 16}  # points, by dimension, that a bent map takes close to unrelated ones
 LARGEST = 1e100  # coordinate whose square is a number
 BLOCK = 20_000  # points that are moved at once
 THIN = 1e-6  # extent of points across a line or plane, of that along it, that rounding could make
@@ -162,6 +163,8 @@ def _guess(
     fit = METHODS[method](some, others, rng=rng)
     confidence = confidence_of(fit, some, others)
     notes = []
+    if min(len(some), len(others)) < FEW[source.shape[1]]:
+        notes.append("so few points fit almost any others; the confidence says little")
     if len(some) < len(here) or len(others) < len(there):
         fit = matched_all(fit, here, there)
         notes.append(
@@ -218,6 +221,8 @@ def _points(name: str, value: ArrayLike) -> NDArray[np.float64]:
     if len(places) < FEWEST:
         raise InputError(f"{name} must hold at least {FEWEST} points in different places; got {len(places)}")
     extent = np.linalg.svd(points - points.mean(axis=0), full_matrices=False, compute_uv=False)
+    if extent[0] < 1 / LARGEST:
+        raise InputError(f"{name} must extend over at least {1 / LARGEST:g}; got {extent[0]:g}")
     if extent[-1] <= THIN * extent[0]:
         raise InputError(
             f"{name} must not lie in a {'line' if dimension == 2 else 'plane'}; got {len(points)} points that do"

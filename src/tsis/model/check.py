@@ -62,6 +62,8 @@ def pair(name: str, value: Any) -> tuple[float, float]:
 
 def array(name: str, value: Any, *, ndim: int, dtype: type = float) -> NDArray[Any]:
     """Return a read-only copy of ``value`` with ``ndim`` axes, not empty, all finite."""
+    if np.ma.is_masked(value):
+        raise InputError(f"{name} must not hold masked values; leave them out before")
     try:
         # "same_kind" takes integers for floats, and neither text nor complex numbers.
         result: NDArray[Any] = np.array(value).astype(dtype, casting="same_kind")

@@ -50,6 +50,8 @@ def points(
     check.known("method", method, METHODS)
     for file in (out, figure):
         _refuse_existing(file)
+    if out is not None and out == figure:
+        raise InputError(f"--out and --figure must be two files; got {shown(out)} for both")
     first, second = read_points(source), read_points(target)
     if first.shape[1] != second.shape[1]:
         raise InputError(
