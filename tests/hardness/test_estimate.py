@@ -135,7 +135,12 @@ def test_an_unknown_radius_is_flagged_and_tells_little() -> None:
 
 def test_the_argument_goes_before_what_the_frames_say() -> None:
     assert found(radius_mm=3.3).mean["young_kpa"] > found(radius_mm=3.0).mean["young_kpa"]
-    assert found(radius_sd_mm=0.3).sd["young_kpa"] > 2 * found().sd["young_kpa"]
+    assert found(radius_sd_mm=0.25).sd["young_kpa"] > 2 * found().sd["young_kpa"]
+
+
+def test_a_radius_known_too_poorly_is_refused() -> None:
+    with pytest.raises(InputError, match="radius_sd_mm must lie in .* a tenth of the radius"):
+        found(radius_mm=4.0, radius_sd_mm=1.9)
 
 
 def test_contacts_that_do_not_grow_as_a_spheres_do_not_fit() -> None:
