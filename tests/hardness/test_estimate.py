@@ -139,7 +139,7 @@ def test_the_argument_goes_before_what_the_frames_say() -> None:
 
 
 def test_a_radius_known_too_poorly_is_refused() -> None:
-    with pytest.raises(InputError, match="radius_sd_mm must lie in .* a tenth of the radius"):
+    with pytest.raises(InputError, match=r"radius_sd_mm must lie in .* a tenth of the radius"):
         found(radius_mm=4.0, radius_sd_mm=1.9)
 
 
