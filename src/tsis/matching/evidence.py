@@ -22,8 +22,8 @@ NARROWEST = 1e-3  # standard deviation of a pair, of normalised points
 ROUNDS = 6
 REACH = 50.0  # variances, squared distance beyond which nothing is explained
 FEWEST_OUTLIERS, MOST_OUTLIERS = 0.01, 0.95
-UPRIGHT, UPRIGHT_A_POINT = 20.0, 0.2  # log odds of sets the same way up against those turned by half a turn: at most,
-# and a target point, lest it overrules the few points of small sets
+UPRIGHT = 0.2  # log odds a target point of sets the same way up against those turned by half a turn: a true pose
+# explains each point by more, a false one of many points does not
 SLACK = 1e-6  # ridge that draws the affine part to rest, lest no responsibility at all leaves it undetermined
 
 
@@ -71,7 +71,7 @@ def upright_prior(matrix: NDArray[np.float64], points: int) -> float:
 
     Sets are likelier the same way up than turned. That decides between poses that the points hardly tell apart.
     """
-    return min(UPRIGHT, UPRIGHT_A_POINT * points) * (_cosine_of_turn(matrix) - 1) / 2
+    return UPRIGHT * points * (_cosine_of_turn(matrix) - 1) / 2
 
 
 def _evidence(
