@@ -2,8 +2,8 @@
 
 At a temperature T (a squared length) pairs are weighed by ``exp(-|y - f(x)|**2 / 2T) / T``, beside an outlier of each
 set as wide as the points at the start; alternating normalisation (Sinkhorn) makes the weights of every point, its
-outlier's among them, sum to one. The spline follows the weighed targets, held back by ``BENDING T``, its affine part,
-to where it began, by ``TURNING T``, both times the number of points. Then T falls.
+outlier's among them, sum to one. The spline follows the weighed targets; its bending is held back by ``BENDING T``, and
+its affine part, to where it began, by ``TURNING T``, both times the number of points. Then T falls.
 
 Nobody needs the weights themselves: only their sum a source point, and the sum of the targets that they weigh. Pairs
 farther apart than `REACH` are left out, and where points are many the first temperatures, which see nothing fine, are
