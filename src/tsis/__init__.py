@@ -49,7 +49,19 @@ __all__ = [
 ]
 
 _ROOMS = frozenset(
-    {"hardness", "imaging", "inclusion", "instrument", "matching", "mechanics", "optics", "plots", "report", "virtual"}
+    {
+        "calibration",
+        "hardness",
+        "imaging",
+        "inclusion",
+        "instrument",
+        "matching",
+        "mechanics",
+        "optics",
+        "plots",
+        "report",
+        "virtual",
+    }
 )
 
 

@@ -1,6 +1,6 @@
 """Cameras and image files: where frames come from. Knows values, no science."""
 
-from tsis.instrument.camera import Camera, Frame, Mode, Setting
+from tsis.instrument.camera import Camera, Frame, Mode, Setting, named_mode
 from tsis.instrument.file_bytes import read_bytes, shown
 from tsis.instrument.image_file import read_colour, read_image
 from tsis.instrument.png import png_bytes
@@ -14,6 +14,7 @@ __all__ = [
     "OpenCVDevice",
     "Setting",
     "VideoFile",
+    "named_mode",
     "png_bytes",
     "read_bytes",
     "read_colour",

@@ -18,7 +18,7 @@ import numpy as np
 from tsis.model import TactileImage, check
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
     from numpy.typing import NDArray
 
@@ -35,12 +35,20 @@ class Mode:
         Grey level at which the source clips, 255 for 8 bits.
     frames_per_s
         Nominal rate; None when the source has no clock.
+    pixel_format
+        What the source calls the pixels, e.g. ``"Mono8"``; empty when it has no name for them.
+
+    Examples
+    --------
+    >>> Mode(width_px=768, height_px=492, frames_per_s=30, pixel_format="Mono8").label
+    'Mono8-768x492@30'
     """
 
     width_px: int
     height_px: int
     full_scale: float = 255.0
     frames_per_s: float | None = None
+    pixel_format: str = ""
 
     def __post_init__(self) -> None:
         check.number("width_px", self.width_px, 1, 65535, hint="pixels")
@@ -48,6 +56,26 @@ class Mode:
         check.number("full_scale", self.full_scale, 1.0, 65535.0)
         if self.frames_per_s is not None:
             check.number("frames_per_s", self.frames_per_s, 1e-3, 1e5)
+        check.kind("pixel_format", self.pixel_format, str)
+
+    @property
+    def label(self) -> str:
+        """How lists name it and a user chooses it."""
+        kind = f"{self.pixel_format}-" if self.pixel_format else ""
+        rate = "" if self.frames_per_s is None else f"@{self.frames_per_s:g}"
+        return f"{kind}{self.width_px}x{self.height_px}{rate}"
+
+
+def named_mode(modes: Iterable[Mode], label: str) -> Mode:
+    """The mode of that label.
+
+    Raises
+    ------
+    UnknownNameError
+        When there is none; the nearest is suggested.
+    """
+    by_label = {mode.label: mode for mode in modes}
+    return by_label[check.known("mode", label, by_label)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -11,7 +11,9 @@
     ├── MechanicsError      a press that the chosen model cannot describe
     ├── SweepError          a sweep that cannot go on; what it has computed is kept
     ├── MissingExtraError   (also an ImportError) an optional library is not installed
-    └── CameraError         a camera that cannot be opened or was lost
+    ├── CalibrationError    a calibration that cannot be made, or that may not be used
+    ├── CameraError         a camera that cannot be opened or was lost
+    └── GaugeError          a force gauge that cannot be opened, is silent, or says what is no force
 
 A message is one sentence: the name, the requirement, the value received and, where there is one, a cure.
 """
@@ -53,5 +55,13 @@ class MissingExtraError(TsisError, ImportError):
     """An optional library is not installed; the message names it and the feature that needs it."""
 
 
+class CalibrationError(TsisError):
+    """A calibration that cannot be made from what was given, or that may not be used: expired, foreign, tampered."""
+
+
 class CameraError(TsisError):
     """A camera that cannot be opened or was lost."""
+
+
+class GaugeError(TsisError):
+    """A force gauge that cannot be opened, is silent, or says what is no force."""
