@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import pytest
@@ -28,6 +29,6 @@ def test_interval_of_a_mean_of_five_holds_the_truth_as_often_as_it_says() -> Non
 @pytest.mark.parametrize(
     "wrong", [{"value": math.nan}, {"sd": -1.0}, {"sd": math.inf}, {"degrees_of_freedom": 0.5}, {"unit": 3}]
 )
-def test_numbers_out_of_range_are_refused(wrong: dict[str, float]) -> None:
+def test_numbers_out_of_range_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(InputError, match=next(iter(wrong))):
         Measured(**{"value": 1.0, "sd": 1.0, **wrong})
