@@ -7,6 +7,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 import cv2
+import numpy as np
 
 from tsis.instrument.camera import Frame, Mode, Setting
 from tsis.instrument.luma import grey_of_opencv
@@ -25,8 +26,9 @@ _UNSUPPORTED = -1.0  # what OpenCV answers for a property that the driver does n
 class OpenCVDevice:
     """A live camera that OpenCV can open.
 
-    OpenCV tells neither the modes nor the ranges of a camera, nor how many frames its driver dropped: one mode (the
-    present one) is listed, ranges are infinite, and sequence numbers count the frames received.
+    Colour becomes grey by the Rec. 709 luma, rounded to whole levels. OpenCV tells neither the modes nor the ranges of
+    a camera, nor how many frames its driver dropped: one mode (the present one) is listed, ranges are infinite, and
+    sequence numbers count the frames received.
 
     Parameters
     ----------
@@ -48,6 +50,7 @@ class OpenCVDevice:
         self._index = int(check.number("index", index, 0, 9999))
         self._open_capture, self._clock = capture, clock
         self._capture: Any = None
+        self._one_call = threading.Lock()  # OpenCV's captures belong to one thread at a time
         self._running = threading.Event()
         self._lost = False
 
@@ -84,8 +87,9 @@ class OpenCVDevice:
 
     def settings(self) -> tuple[Setting, ...]:
         """Brightness, gain and exposure where the driver has them, in the driver's own units."""
-        capture = self._opened()
-        values = {name: float(capture.get(number)) for name, number in _PROPERTIES.items()}
+        with self._one_call:
+            capture = self._opened()
+            values = {name: float(capture.get(number)) for name, number in _PROPERTIES.items()}
         return tuple(Setting(name=name, value=value) for name, value in values.items() if value != _UNSUPPORTED)
 
     def adjust(self, name: str, value: float) -> None:
@@ -102,7 +106,9 @@ class OpenCVDevice:
         if not present:
             raise CameraError(f"{self.name} has no setting called {name!r}; it has none at all")
         wanted = present[check.known("setting", name, present)].checked(value)
-        if not self._opened().set(_PROPERTIES[name], wanted):
+        with self._one_call:
+            taken = self._opened().set(_PROPERTIES[name], wanted)
+        if not taken:
             raise CameraError(f"{self.name} does not take {name} = {wanted:g}")
 
     def start(self, mode: Mode | None = None) -> None:
@@ -129,14 +135,16 @@ class OpenCVDevice:
         settings = {setting.name: setting.value for setting in self.settings()}
         sequence, first_s = 0, None
         while self._running.is_set():
-            present, pixels = self._opened().read()
+            present, pixels = self._read()
             now_s = self._clock()
+            if not self._running.is_set():
+                return
             if not present or pixels is None:
                 self._lost = True
                 raise CameraError(f"{self.name} was lost after {sequence} frames; check its cable and open it again")
             first_s = now_s if first_s is None else first_s
             yield Frame(
-                pixels=grey_of_opencv(pixels),
+                pixels=np.rint(grey_of_opencv(pixels)).astype(pixels.dtype),  # whole, so that it can be stored
                 sequence=sequence,
                 time_s=now_s - first_s,
                 name=f"{self.name}#{sequence}",
@@ -147,9 +155,14 @@ class OpenCVDevice:
     def stop(self) -> None:
         """End the stream and let go of the camera."""
         self._running.clear()
-        if self._capture is not None:
-            self._capture.release()
-            self._capture = None
+        with self._one_call:
+            if self._capture is not None:
+                self._capture.release()
+                self._capture = None
+
+    def _read(self) -> tuple[bool, Any]:
+        with self._one_call:
+            return (False, None) if self._capture is None else self._capture.read()
 
     def _opened(self) -> Any:
         if self._capture is None:

@@ -1,0 +1,81 @@
+"""The last frames, in a bounded ring that any number of readers follow at their own pace."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from typing import TYPE_CHECKING
+
+from tsis.model import check
+
+if TYPE_CHECKING:
+    from tsis.instrument.acquisition.arrival import Arrival
+
+LARGEST_RING = 100_000
+
+
+class FrameRing:
+    """Holds the newest frames; the oldest give way, and a reader that was too slow is told how many it missed.
+
+    Safe for several threads.
+
+    Parameters
+    ----------
+    capacity
+        Frames held, in [1, 100000]. 64 frames of 768 x 492 at 8 bits take 24 MB.
+    """
+
+    def __init__(self, capacity: int = 64) -> None:
+        self.capacity = check.whole("capacity", capacity, 1, LARGEST_RING, hint="frames")
+        self._held: deque[Arrival] = deque(maxlen=self.capacity)
+        self._put = 0
+        self._closed = False
+        self._changed = threading.Condition()
+
+    @property
+    def end(self) -> int:
+        """How many frames were ever put in: the place of the next one, where a reader starts to follow."""
+        with self._changed:
+            return self._put
+
+    @property
+    def closed(self) -> bool:
+        """True when no frame will be added any more."""
+        return self._closed
+
+    def put(self, arrival: Arrival) -> None:
+        """Add a frame and wake who waits for it."""
+        with self._changed:
+            self._held.append(arrival)
+            self._put += 1
+            self._changed.notify_all()
+
+    def close(self) -> None:
+        """Say that no frame will be added any more, and wake who waits."""
+        with self._changed:
+            self._closed = True
+            self._changed.notify_all()
+
+    def latest(self) -> Arrival | None:
+        """The newest frame; None before the first."""
+        with self._changed:
+            return self._held[-1] if self._held else None
+
+    def wait(self, place: int, timeout_s: float) -> bool:
+        """Wait until a frame lies at or after ``place``, the ring is closed or the time is over; True for a frame."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._put > place or self._closed, timeout_s)
+            return self._put > place
+
+    def read(self, place: int) -> tuple[tuple[Arrival, ...], int, int]:
+        """Read everything from ``place`` on.
+
+        Returns
+        -------
+        The frames in order, the place to read from next, and how many frames had given way before they were read.
+        """
+        with self._changed:
+            oldest = self._put - len(self._held)
+            skipped = max(0, oldest - place)
+            fresh = tuple(self._held)[max(0, place - oldest) :]
+            return fresh, self._put, skipped

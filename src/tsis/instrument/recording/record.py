@@ -1,0 +1,217 @@
+"""Record a sequence: every frame is kept or accounted for, whatever happens to camera, disk or program."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import time
+from contextlib import closing, suppress
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.instrument.file_bytes import as_path, shown
+from tsis.model.durable import write_durably
+from tsis.model.errors import TsisError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from pathlib import Path
+
+    from tsis.instrument.acquisition import Acquisition, Arrival, Interruption
+    from tsis.instrument.recording.frame_sink import FrameSink
+
+FORMAT, VERSION = "tsis-recording", 1
+INDEX, SUMMARY = "frames.csv", "recording.json"
+COLUMNS = ("number", "kept_in", "connection", "sequence", "time_s", "arrived_s")
+WAIT_S = 0.2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordingReport:
+    """What became of the frames while a recording ran: the camera's are ``kept + missed + overrun``.
+
+    Attributes
+    ----------
+    kept
+        Frames on the disk.
+    missed
+        Frames that the camera numbered and that never came whole, on the way to this computer.
+    overrun
+        Frames that came and gave way to newer ones before the disk had taken them.
+    interruptions
+        How often the camera was lost meanwhile.
+    seconds
+        From the first frame kept to the last.
+    frames_per_s
+        Kept frames over that time; 0 for fewer than two.
+    ended_by
+        One sentence where the recording ended before its time; empty else.
+    """
+
+    kept: int
+    missed: int
+    overrun: int
+    interruptions: int
+    seconds: float
+    frames_per_s: float
+    ended_by: str = ""
+
+
+def record(
+    acquisition: Acquisition,
+    sink: FrameSink,
+    folder: str | os.PathLike[str],
+    *,
+    frames: int | None = None,
+    seconds: float | None = None,
+    stopped: Callable[[], bool] = lambda: False,
+    progress: Callable[[int, float], None] = lambda kept, seconds: None,
+    extra: Mapping[str, Callable[[Arrival], Any]] | None = None,
+    about: Mapping[str, Any] | None = None,
+    clock: Callable[[], float] = time.monotonic,
+) -> RecordingReport:
+    """Keep the frames that come from now on.
+
+    Beside the frames the folder gets ``frames.csv``, a line a frame, and at the end ``recording.json`` with the report.
+    When the disk fills or the program is interrupted, what was kept stays and the report says what is missing.
+
+    Parameters
+    ----------
+    acquisition
+        A running acquisition.
+    sink
+        Keeps frames.
+    folder
+        Existing folder for index and report.
+    frames, seconds
+        When to end; a recording without either ends with the source or by ``stopped``.
+    stopped
+        Asked between frames whether to end.
+    progress
+        Told (frames kept, seconds) after each batch.
+    extra
+        Further columns of the index, e.g. the force at each frame.
+    about
+        What else the report's file should hold, e.g. the identity of the calibration.
+    clock
+        Seconds, monotonic.
+    """
+    place = as_path(folder)
+    tally, end = _Tally(most=frames), _End(clock() + seconds if seconds is not None else None, stopped, clock)
+    columns = dict(extra or {})
+    begun_s, ended_by = clock(), ""
+    try:
+        with (place / INDEX).open("x", newline="", encoding="utf-8") as index, closing(sink):
+            rows = csv.writer(index)
+            rows.writerow((*COLUMNS, *columns))
+            for batch, overrun in _batches(acquisition, lambda: end.reached() or tally.full):
+                tally.overrun += overrun
+                for arrival in batch[: tally.left]:
+                    where = sink.keep(arrival.frame, tally.kept)
+                    rows.writerow((*_row(arrival, tally.kept, where), *(made(arrival) for made in columns.values())))
+                    tally.add(arrival)
+                index.flush()
+                progress(tally.kept, clock() - begun_s)
+            os.fsync(index.fileno())
+        ended_by = "" if end.reached() or tally.full else _end_of(acquisition)
+    except OSError as error:
+        ended_by = f"{shown(place)} took no more frames after {tally.kept}: {error.strerror or error}"
+    except TsisError as error:
+        ended_by = str(error)
+    report = tally.report(acquisition.account().interruptions, begun_s, ended_by)
+    _write_summary(place, report, acquisition, about or {})
+    return report
+
+
+def _batches(acquisition: Acquisition, ended: Callable[[], bool]) -> Iterator[tuple[tuple[Arrival, ...], int]]:
+    """Frames as they come, with how many gave way before they were read; until ``ended`` or the source's end."""
+    place = acquisition.ring.end
+    while not ended():
+        acquisition.ring.wait(place, WAIT_S)
+        closed = acquisition.ring.closed  # asked before reading, so that the last frames are not left behind
+        batch, place, overrun = acquisition.ring.read(place)
+        yield batch, overrun
+        if closed:
+            return
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    """When a recording is over by its own terms."""
+
+    at_s: float | None
+    stopped: Callable[[], bool]
+    clock: Callable[[], float]
+
+    def reached(self) -> bool:
+        return self.stopped() or (self.at_s is not None and self.clock() >= self.at_s)
+
+
+@dataclass(slots=True, kw_only=True)
+class _Tally:
+    """Counts frames by their numbers."""
+
+    most: int | None
+    kept: int = 0
+    overrun: int = 0
+    gaps: int = 0
+    first_s: float = 0.0
+    last: Arrival | None = None
+
+    @property
+    def full(self) -> bool:
+        return self.most is not None and self.kept >= self.most
+
+    @property
+    def left(self) -> int | None:
+        return None if self.most is None else self.most - self.kept
+
+    def add(self, arrival: Arrival) -> None:
+        if self.last is None:
+            self.first_s = arrival.arrived_s
+        elif self.last.connection == arrival.connection:
+            self.gaps += arrival.frame.sequence - self.last.frame.sequence - 1
+        else:
+            self.gaps += arrival.frame.sequence
+        self.kept += 1
+        self.last = arrival
+
+    def report(self, interruptions: Iterable[Interruption], begun_s: float, ended_by: str) -> RecordingReport:
+        seconds = 0.0 if self.last is None else self.last.arrived_s - self.first_s
+        return RecordingReport(
+            kept=self.kept,
+            missed=max(0, self.gaps - self.overrun),
+            overrun=self.overrun,
+            interruptions=sum(gone.at_s + gone.noticed_after_s >= begun_s for gone in interruptions),
+            seconds=seconds,
+            frames_per_s=(self.kept - 1) / seconds if seconds > 0 else 0.0,
+            ended_by=ended_by,
+        )
+
+
+def _row(arrival: Arrival, number: int, where: str) -> tuple[Any, ...]:
+    frame = arrival.frame
+    return number, where, arrival.connection, frame.sequence, frame.time_s, f"{arrival.arrived_s:.6f}"
+
+
+def _end_of(acquisition: Acquisition) -> str:
+    """Why the source ended: nothing to say of stored frames, the loss of a camera that is not connected anew."""
+    return "" if acquisition.failure is None else str(acquisition.failure)
+
+
+def _write_summary(place: Path, report: RecordingReport, acquisition: Acquisition, about: Mapping[str, Any]) -> None:
+    document = {
+        "format": FORMAT,
+        "version": VERSION,
+        "notice": RESEARCH_USE_ONLY,
+        "tsis": __version__,
+        "camera": acquisition.name,
+        "mode": None if acquisition.mode is None else asdict(acquisition.mode),
+        "report": asdict(report),
+        "interruptions": [asdict(gone) for gone in acquisition.account().interruptions],
+        **about,
+    }
+    with suppress(OSError):  # of a disk that is full; the report is returned as well
+        write_durably(place / SUMMARY, (json.dumps(document, indent=2, default=str) + "\n").encode())

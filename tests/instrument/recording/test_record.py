@@ -1,0 +1,157 @@
+from __future__ import annotations
+
+import csv
+import json
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from tests.instrument.scripted_camera import BREAK, END, ScriptedCamera, until
+
+from tsis.instrument import Frame, ImageFiles, VideoFile
+from tsis.instrument.acquisition import Acquisition
+from tsis.instrument.recording import FrameFolder, LosslessVideo, record
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def _noise(sequence: int, *, full_scale: float = 255.0) -> Frame:
+    levels = np.random.default_rng(sequence).integers(0, int(full_scale) + 1, (16, 24))
+    kind: Any = np.uint8 if full_scale == 255 else np.uint16
+    return Frame(pixels=levels.astype(kind), sequence=sequence, time_s=sequence / 30, full_scale=full_scale)
+
+
+def _recorded(tmp_path: Path, sequences: list[int | str], sink: Any = None, **options: Any) -> tuple[Any, Path]:
+    """Record what a scripted camera delivers after the recording has begun."""
+    camera = ScriptedCamera()
+    asked = False
+
+    def feed() -> bool:
+        nonlocal asked
+        if not asked:
+            asked = True
+            for item in sequences:
+                camera.script.put(item if isinstance(item, str) else _noise(item))
+        return False
+
+    with Acquisition(lambda: camera, reconnect=False) as acquisition:
+        report = record(acquisition, sink or FrameFolder(tmp_path), tmp_path, stopped=feed, **options)
+    return report, tmp_path
+
+
+def test_a_folder_gives_back_every_frame_and_its_index(tmp_path: Path) -> None:
+    report, folder = _recorded(tmp_path, [0, 1, 4, END])
+    assert (report.kept, report.missed, report.overrun, report.ended_by) == (3, 2, 0, "")
+    source = ImageFiles(folder)
+    source.open()
+    source.start()
+    for stored, sequence in zip(source.frames(), (0, 1, 4), strict=True):
+        np.testing.assert_array_equal(stored.pixels, _noise(sequence).pixels)
+    with (folder / "frames.csv").open() as index:
+        rows = list(csv.DictReader(index))
+    assert [int(row["sequence"]) for row in rows] == [0, 1, 4]
+    assert [row["kept_in"] for row in rows] == [f"frame-{number:06d}.png" for number in range(3)]
+    told = json.loads((folder / "recording.json").read_text())
+    assert told["report"]["kept"] == 3
+    assert told["camera"] == "scripted"
+
+
+def test_a_video_is_lossless(tmp_path: Path) -> None:
+    report, folder = _recorded(tmp_path, [0, 1, 2, 3, END], LosslessVideo(tmp_path, frames_per_s=30.0))
+    assert (report.kept, report.ended_by) == (4, "")
+    video = VideoFile(folder / "frames.mkv")
+    video.open()
+    video.start()
+    for stored, sequence in zip(video.frames(), range(4), strict=True):
+        np.testing.assert_array_equal(stored.pixels, _noise(sequence).pixels)
+    video.stop()
+
+
+def test_sixteen_bits_fit_a_folder_and_no_video(tmp_path: Path) -> None:
+    (tmp_path / "a").mkdir()
+    (tmp_path / "b").mkdir()
+    camera = ScriptedCamera()
+    deep = _noise(0, full_scale=4095.0)
+    with Acquisition(lambda: camera, reconnect=False) as acquisition:
+        place = acquisition.ring.end
+        camera.script.put(deep)
+        camera.script.put(END)
+        acquisition.ring.wait(place, 10.0)
+        kept = FrameFolder(tmp_path / "a").keep(deep, 0)
+        report = record(acquisition, LosslessVideo(tmp_path / "b"), tmp_path / "b", frames=1)
+    source = ImageFiles(tmp_path / "a" / kept)
+    source.open()
+    source.start()
+    np.testing.assert_array_equal(next(iter(source.frames())).pixels, deep.pixels)
+    assert report.kept == 0
+    with pytest.raises(ValueError, match="at most 8 bits; got full scale 4095"):
+        LosslessVideo(tmp_path / "b").keep(deep, 0)
+
+
+def test_a_full_disk_keeps_what_there_is_and_says_so(tmp_path: Path) -> None:
+    class Full(FrameFolder):
+        def keep(self, frame: Frame, number: int) -> str:
+            if number == 2:
+                raise OSError(28, "No space left on device")
+            return super().keep(frame, number)
+
+    report, folder = _recorded(tmp_path, [0, 1, 2, 3, END], Full(tmp_path))
+    assert report.kept == 2
+    assert "took no more frames after 2: No space left on device" in report.ended_by
+    assert len(list(folder.glob("*.png"))) == 2
+    assert json.loads((folder / "recording.json").read_text())["report"]["ended_by"] == report.ended_by
+
+
+def test_a_lost_camera_ends_the_recording_with_its_reason(tmp_path: Path) -> None:
+    report, _ = _recorded(tmp_path, [0, 1, BREAK])
+    assert report.kept == 2
+    assert "bulk transfer failed" in report.ended_by
+    assert report.interruptions == 1
+
+
+def test_a_disk_too_slow_for_the_ring_is_counted(tmp_path: Path) -> None:
+    camera = ScriptedCamera()
+
+    class Slow(FrameFolder):
+        """While it keeps the first frame, nine more come into a ring of four."""
+
+        def keep(self, frame: Frame, number: int) -> str:
+            if number == 0:
+                for sequence in range(1, 10):
+                    camera.script.put(_noise(sequence))
+                camera.script.put(END)
+                until(lambda: acquisition.ring.end == 10)
+            return super().keep(frame, number)
+
+    def begin() -> bool:
+        if camera.script.empty() and acquisition.ring.end == 0:
+            camera.script.put(_noise(0))
+        return False
+
+    with Acquisition(lambda: camera, reconnect=False, ring_frames=4) as acquisition:
+        report = record(acquisition, Slow(tmp_path), tmp_path, stopped=begin)
+    assert (report.kept, report.overrun, report.missed) == (5, 5, 0)
+
+
+@pytest.mark.parametrize("most", [1, 3])
+def test_it_ends_after_so_many_frames(tmp_path: Path, most: int) -> None:
+    report, folder = _recorded(tmp_path, list(range(8)), frames=most)
+    assert report.kept == most == len(list(folder.glob("*.png")))
+
+
+def test_further_columns_stand_beside_each_frame(tmp_path: Path) -> None:
+    _, folder = _recorded(
+        tmp_path, [0, 1, END], extra={"mean": lambda arrival: float(arrival.frame.pixels.mean())}, about={"probe": "x"}
+    )
+    with (folder / "frames.csv").open() as index:
+        means = [float(row["mean"]) for row in csv.DictReader(index)]
+    assert means == [pytest.approx(_noise(number).pixels.mean()) for number in range(2)]
+    assert json.loads((folder / "recording.json").read_text())["probe"] == "x"
+
+
+def test_an_index_is_never_written_over(tmp_path: Path) -> None:
+    (tmp_path / "frames.csv").write_text("an older recording")
+    report, folder = _recorded(tmp_path, [0, END])
+    assert "took no more frames after 0: File exists" in report.ended_by
+    assert (folder / "frames.csv").read_text() == "an older recording"
