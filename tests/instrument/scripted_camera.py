@@ -35,7 +35,8 @@ class ScriptedCamera:
     def __init__(self, *, fails_to_open: bool = False, deaf: bool = False) -> None:
         self.script: queue.Queue[Frame | str] = queue.Queue()
         self.fails_to_open, self.deaf = fails_to_open, deaf
-        self.gain, self.started_in, self.stops = 1.0, None, 0
+        self.gain, self.stops = 1.0, 0
+        self.started_in: Mode | None = None
         self.lost = False
         self._running = threading.Event()
 

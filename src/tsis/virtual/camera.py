@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import threading
-from typing import TYPE_CHECKING
+import time
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from tsis.imaging.sensor import expose
 from tsis.instrument import Frame, Mode, Setting
@@ -11,21 +15,23 @@ from tsis.model import check
 from tsis.model.errors import CameraError, InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
 
-    import numpy as np
+    from numpy.typing import NDArray
 
     from tsis.model import Phantom
     from tsis.virtual.probe import VirtualProbe
 
 LARGEST_FORCE_N = 5.0
+USUAL_MS = 20.0  # exposure under which the light is that of the probe's calibration
 
 
 class VirtualCamera:
     """A camera that looks at a virtual probe while it is held on a phantom.
 
-    Frames come as fast as they are asked for; their times are those of a camera of ``frames_per_s``. The one setting is
-    the force of the press, 0 for no contact.
+    Its settings are the force of the press (0 for no contact) and those of a camera: ``exposure_ms``, to which light
+    is proportional, ``gain`` in decibels, which amplifies light and noise alike, and ``brightness``, the black level.
+    At 20 ms, 0 dB and the sensor's own black level it sees what `VirtualProbe` sees.
 
     Parameters
     ----------
@@ -38,7 +44,11 @@ class VirtualCamera:
     force_n
         Force at the start, in newtons.
     frames_per_s
-        Nominal rate.
+        Rate, in [0.1, 1000].
+    paced
+        Whether a frame comes when a camera of that rate would bring it, or else as soon as it is asked for.
+    clock
+        Seconds, monotonic.
 
     Examples
     --------
@@ -61,17 +71,36 @@ class VirtualCamera:
         rng: np.random.Generator,
         force_n: float = 1.0,
         frames_per_s: float = 30.0,
+        paced: bool = False,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._probe, self._phantom, self._rng = probe, phantom, rng
-        self._force_n = check.number("force_n", force_n, 0.0, LARGEST_FORCE_N, hint="newtons")
+        rate = check.number("frames_per_s", frames_per_s, 0.1, 1000.0)
+        self._paced, self._clock = paced, clock
+        self._settings = {
+            one.name: one
+            for one in (
+                Setting(name="force_n", value=force_n, low=0.0, high=LARGEST_FORCE_N, unit="newtons"),
+                Setting(name="exposure_ms", value=min(USUAL_MS, 1000 / rate), low=0.01, high=1000 / rate, unit="ms"),
+                Setting(name="gain", value=0.0, low=0.0, high=24.0, unit="dB"),
+                Setting(
+                    name="brightness",
+                    value=probe.sensor.background_grey,
+                    low=0.0,
+                    high=0.25 * probe.sensor.full_scale,
+                    unit="grey levels",
+                ),
+            )
+        }
+        check.number("force_n", force_n, 0.0, LARGEST_FORCE_N, hint="newtons")
         self._mode = Mode(
             width_px=probe.sensor.columns,
             height_px=probe.sensor.rows,
             full_scale=probe.sensor.full_scale,
-            frames_per_s=frames_per_s,
+            frames_per_s=rate,
         )
         self._opened = False
-        self._running = threading.Event()
+        self._running, self._stopped = threading.Event(), threading.Event()
 
     @property
     def name(self) -> str:
@@ -92,14 +121,13 @@ class VirtualCamera:
         return (self._mode,)
 
     def settings(self) -> tuple[Setting, ...]:
-        """The force of the press."""
-        return (Setting(name="force_n", value=self._force_n, low=0.0, high=LARGEST_FORCE_N, unit="newtons"),)
+        """The force of the press, and the camera's exposure, gain and black level."""
+        return tuple(self._settings.values())
 
     def adjust(self, name: str, value: float) -> None:
-        """Change the force; the next frame shows it."""
-        (force,) = self.settings()
-        check.known("setting", name, [force.name])
-        self._force_n = force.checked(value)
+        """Change a setting; the next frame shows it."""
+        setting = self._settings[check.known("setting", name, self._settings)]
+        self._settings[name] = replace(setting, value=setting.checked(value))
 
     def start(self, mode: Mode | None = None) -> None:
         """Begin to deliver frames."""
@@ -107,6 +135,7 @@ class VirtualCamera:
             raise CameraError(f"{self.name} must be opened first; call open()")
         if mode not in (None, self._mode):
             raise InputError(f"mode must be {self._mode}; got {mode}")
+        self._stopped.clear()
         self._running.set()
 
     def frames(self) -> Iterator[Frame]:
@@ -114,21 +143,39 @@ class VirtualCamera:
         if not self._running.is_set():
             raise CameraError(f"{self.name} must be started before frames are read; call start()")
         sequence, held, light = 0, None, None
+        begun_s = self._clock()
         while self._running.is_set():
-            if light is None or held != self._force_n:
-                held = self._force_n
+            values = {name: setting.value for name, setting in self._settings.items()}
+            if light is None or held != values["force_n"]:
+                held = values["force_n"]
                 light = self._probe.light(self._phantom, force_n=held)
+            due_s = sequence / (self._mode.frames_per_s or 1.0)
+            if self._paced and self._stopped.wait(max(0.0, begun_s + due_s - self._clock())):
+                return
             yield Frame(
-                pixels=expose(light, self._probe.sensor, self._rng),
+                pixels=self._exposed(light, values),
                 sequence=sequence,
-                time_s=sequence / (self._mode.frames_per_s or 1.0),
+                time_s=due_s,
                 full_scale=self._mode.full_scale,
                 name=f"{self.name}#{sequence}",
-                settings={"source": "virtual", "force_n": held},
+                settings={"source": "virtual", **values},
             )
             sequence += 1
+
+    def _exposed(self, light: NDArray[np.float64], values: dict[str, float]) -> NDArray[Any]:
+        sensor = self._probe.sensor
+        amplified = 10 ** (values["gain"] / 20)
+        seen = replace(
+            sensor,
+            background_grey=values["brightness"],
+            read_noise_grey=min(amplified * sensor.read_noise_grey, sensor.full_scale),
+            shot_noise_grey=min(amplified * sensor.shot_noise_grey, sensor.full_scale),
+        )
+        grey = expose(light * (amplified * values["exposure_ms"] / USUAL_MS), seen, self._rng)
+        return grey.astype(np.uint8 if sensor.full_scale <= 255 else np.uint16)
 
     def stop(self) -> None:
         """End the stream."""
         self._running.clear()
+        self._stopped.set()
         self._opened = False
