@@ -1,0 +1,247 @@
+"""A GigE Vision or USB3 Vision camera behind the camera protocol."""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+from tsis.instrument.camera import Frame
+from tsis.instrument.sources.aravis import features
+from tsis.instrument.sources.aravis.connection import Connection
+from tsis.instrument.sources.aravis.library import load
+from tsis.instrument.sources.aravis.numbering import Numbering
+from tsis.instrument.sources.aravis.stream import Stream
+from tsis.instrument.sources.aravis.watch import Watch
+from tsis.model import check
+from tsis.model.errors import CameraError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+
+    from numpy.typing import NDArray
+
+    from tsis.instrument.camera import Mode, Setting
+    from tsis.instrument.sources.aravis.library import Aravis
+    from tsis.instrument.sources.aravis.stream import Arrival
+
+POLL_S = 0.05  # a reader notices stop() within it
+RELEASE_S = 0.5  # that stop() waits for a camera to let go
+
+
+@dataclass(slots=True, eq=False)
+class _Reading:
+    """What one reader of frames remembers."""
+
+    numbering: Numbering = field(default_factory=Numbering)
+    first_ns: int | None = None
+    delivered: int = 0
+
+
+class AravisCamera:
+    """A camera that Aravis can reach over the network or USB 3.
+
+    A camera's own control of exposure and gain is switched off when it starts, so that each frame carries what it was
+    taken with; a change counts for the frames that arrive after it. Frames of which a part was lost on the way are not
+    delivered, and leave a gap in the sequence.
+
+    Parameters
+    ----------
+    identity
+        What `found` calls it, or its network address; None takes the first camera that answers.
+    library
+        Gives the library; tests give one that fails.
+    clock
+        Seconds, monotonic.
+
+    Raises
+    ------
+    InputError
+        When the identity is no text.
+
+    Examples
+    --------
+    >>> AravisCamera("Basler-acA1300-22334455").name
+    'Basler-acA1300-22334455'
+    """
+
+    def __init__(
+        self,
+        identity: str | None = None,
+        *,
+        library: Callable[[], Aravis] = load,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        if identity is not None:
+            check.kind("identity", identity, str)
+        self._identity = identity or None
+        self._library, self._clock = library, clock
+        self._connection: Connection | None = None
+        self._stream: Stream | None = None
+        self._mode: Mode | None = None
+        self._taken: list[tuple[int, Mapping[str, float]]] = []  # settings, each with the time from which it counts
+        self._running = threading.Event()
+        self._controlling, self._popping = threading.RLock(), threading.Lock()
+        self._lost = False
+
+    @property
+    def name(self) -> str:
+        """What a person calls it."""
+        if self._connection is not None:
+            return self._connection.identity
+        return self._identity or "the first camera of Aravis"
+
+    @property
+    def lost(self) -> bool:
+        """True when frames ended before the camera was stopped."""
+        return self._lost
+
+    def open(self) -> None:
+        """Take hold of the camera with a new handle.
+
+        Raises
+        ------
+        MissingExtraError
+            When Aravis is not installed.
+        CameraError
+            When no camera of this identity answers, or another program holds it.
+        """
+        self.stop()
+        self._connection = Connection.made(self._library(), self._identity)
+        self._lost = False
+
+    def modes(self) -> tuple[Mode, ...]:
+        """Present size and whole sensor in each grey format, the present one first."""
+        with self._controlling:
+            connection = self._opened()
+            return features.modes(connection.aravis, connection.camera)
+
+    def settings(self) -> tuple[Setting, ...]:
+        """Exposure in ms, gain, brightness (black level) and frame rate, as far as the camera has them."""
+        with self._controlling:
+            connection = self._opened()
+            return features.settings(connection.aravis, connection.camera)
+
+    def adjust(self, name: str, value: float) -> None:
+        """Change one of `settings`; the camera may round the value to a step of its own.
+
+        Raises
+        ------
+        UnknownNameError
+            When it has none of that name.
+        InputError
+            When the value lies outside its range.
+        CameraError
+            When the camera does not take it.
+        """
+        with self._controlling:
+            connection = self._opened()
+            by_name = {setting.name: setting for setting in self.settings()}
+            wanted = by_name[check.known("setting", name, by_name)].checked(value)
+            features.adjust(connection.aravis, connection.camera, name, wanted)
+            if self._running.is_set():
+                self._taken = [*self._taken[-1:], (time.time_ns(), features.values(self.settings()))]
+
+    def start(self, mode: Mode | None = None) -> None:
+        """Begin to deliver frames in ``mode``, or in the present one.
+
+        Raises
+        ------
+        CameraError
+            When the camera has no such mode, or does not start.
+        """
+        with self._controlling:
+            connection = self._opened()
+            if self._running.is_set():
+                raise CameraError(f"{self.name} runs already; call stop() and open() before another start()")
+            chosen = _offered(mode, self.modes(), self.name)
+            aravis, camera = connection.aravis, connection.camera
+            features.choose(aravis, camera, chosen)
+            self._stream = connection.stream = Stream(aravis, camera, chosen)
+            self._mode, self._taken = chosen, [(0, features.values(self.settings()))]
+            aravis.call("camera_start_acquisition", camera)
+            self._running.set()
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield whole frames as they come, until the camera is stopped.
+
+        Raises
+        ------
+        CameraError
+            When the camera falls silent for a second (three frame times of a slow one), or sends nothing but parts of
+            frames for ten; frames already yielded stay valid.
+        """
+        if not self._running.is_set():
+            raise CameraError(f"{self.name} must be started before frames are read; call start()")
+        reading = _Reading()
+        while (frame := self._awaited(reading)) is not None:
+            yield frame
+            reading.delivered += 1
+
+    def stop(self) -> None:
+        """End the stream and let go of the camera."""
+        self._running.clear()
+        with self._controlling, self._popping:
+            connection, self._connection, self._stream = self._connection, None, None
+        if connection is not None:
+            # a lost camera answers nothing, and its driver waits for answers
+            connection.close(wait_s=0.0 if self._lost else RELEASE_S)
+
+    def _awaited(self, reading: _Reading) -> Frame | None:
+        """The next whole frame; None once the camera is stopped."""
+        watch = Watch(self._clock, None if self._mode is None else self._mode.frames_per_s)
+        while self._running.is_set():
+            heard, frame = self._popped(reading)
+            if frame is not None:
+                return frame
+            reason = watch.reason(heard=heard)
+            if reason and self._running.is_set():
+                name, self._lost = self.name, True
+                self.stop()
+                raise CameraError(
+                    f"{name} was lost after {reading.delivered} frames: {reason}; check its cable and open it again"
+                )
+        return None
+
+    def _popped(self, reading: _Reading) -> tuple[bool, Frame | None]:
+        """Whether anything came within a short time, and the frame if it was whole."""
+        with self._popping:
+            if self._stream is None:
+                return False, None
+            with self._stream.next(POLL_S) as arrival:
+                if arrival is None:
+                    return False, None
+                if arrival.pixels is None:
+                    reading.numbering.begin(arrival.number)
+                    return True, None
+                return True, self._frame(arrival, arrival.pixels, reading)
+
+    def _frame(self, arrival: Arrival, pixels: NDArray[Any], reading: _Reading) -> Frame:
+        """The frame of a whole arrival, with a copy of its pixels."""
+        if reading.first_ns is None:
+            reading.first_ns = arrival.device_ns
+        sequence = reading.numbering.of(arrival.number)
+        return Frame(
+            pixels=pixels,
+            sequence=sequence,
+            time_s=(arrival.device_ns - reading.first_ns) / 1e9,
+            full_scale=255.0 if self._mode is None else self._mode.full_scale,
+            name=f"{self.name}#{sequence}",
+            settings=next(taken for since_ns, taken in reversed(self._taken) if since_ns <= arrival.arrived_ns),
+        )
+
+    def _opened(self) -> Connection:
+        if self._connection is None:
+            raise CameraError(f"{self.name} must be opened first; call open()")
+        return self._connection
+
+
+def _offered(mode: Mode | None, modes: tuple[Mode, ...], name: str) -> Mode:
+    """The mode wanted, whose rate may be any; the first when none is."""
+    if mode is None:
+        return modes[0]
+    for present in modes:
+        if replace(mode, frames_per_s=present.frames_per_s) == present:
+            return mode
+    raise CameraError(f"{name} has no mode {mode.label}; it has {', '.join(present.label for present in modes)}")
