@@ -1,0 +1,137 @@
+"""A series that fades towards a level: how much of it is still to come, whatever time constants make it.
+
+The series is ``y(t) = level + sum of a_k exp(-t / tau_k)`` plus noise, a Prony series with amplitudes of one sign: what
+relaxes falls and what creeps rises. The time constants lie on a dense grid up to the longest that is reckoned with; the
+fit takes of them what it needs, mostly two or three. How much may still fade is bounded by the profile of the sum of
+squares: the greatest and the least that fits hardly worse than the best. So a plateau that is short beside the longest
+time constant leaves much open, and the interval says so; no belief about amplitudes goes in.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import nnls
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+PER_DECADE = 6  # time constants: between two of them the two together fit to 1e-4 of the amplitude
+STIFF = 1e3  # over the noise of the mean: how hard the profile pulls what is to fade to a given value
+STEPS = 14  # of the bisections
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Decay:
+    """The best fit of a fading series, and the interval of what is still to fade at its end.
+
+    Attributes
+    ----------
+    tau_s
+        Time constants, s, shape (k,).
+    amplitude
+        Amplitudes at ``end_s``, shape (k,), of one sign.
+    level
+        Towards which the series fades.
+    end_s
+        Time of the last value.
+    low, high
+        Ends of the interval of the sum of amplitudes at ``end_s``.
+    misfit
+        Sum of squared residuals.
+    """
+
+    tau_s: NDArray[np.float64]
+    amplitude: NDArray[np.float64]
+    level: float
+    end_s: float
+    low: float
+    high: float
+    misfit: float
+
+    def fading(self, after_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What is still to fade at times after the end, shape (t,)."""
+        return np.asarray(np.exp(-after_s[:, None] / self.tau_s) @ self.amplitude)
+
+
+class DecayFit:
+    """The fit at given times, prepared for any noise: projections of the exponentials on the series.
+
+    Parameters
+    ----------
+    time_s, value
+        The series, shape (n,); times ascend.
+    tau_range_s
+        Shortest and longest time constant.
+    """
+
+    def __init__(
+        self, time_s: NDArray[np.float64], value: NDArray[np.float64], *, tau_range_s: tuple[float, float]
+    ) -> None:
+        count = 2 + int(np.ceil(PER_DECADE * np.log10(tau_range_s[1] / tau_range_s[0])))
+        self.tau_s = np.geomspace(*tau_range_s, count)
+        self._end = float(time_s[-1])
+        # Amplitudes count from the start: there no exponential is beyond one.
+        basis = np.exp(-(time_s - time_s[0])[:, None] / self.tau_s)
+        self._at_end = basis[-1]
+        self._means, self._middle = basis.mean(axis=0), float(value.mean())
+        # With the means taken away the level is free; of the rest only the triangle matters.
+        orthogonal, self._triangle = np.linalg.qr(basis - self._means)
+        self._seen = orthogonal.T @ (value - self._middle)
+        self._rest = max(float(np.square(value - self._middle).sum() - np.square(self._seen).sum()), 0.0)
+
+    def best(self) -> tuple[float, float]:
+        """Sign of the amplitudes that fits better, and the sum of squared residuals."""
+        misfits = {sign: self._solved(sign)[1] for sign in (1.0, -1.0)}
+        sign = min(misfits, key=lambda one: misfits[one])
+        return sign, misfits[sign]
+
+    def decay(self, noise: float, *, deviations: float) -> Decay:
+        """The fit with the interval of so many standard ``deviations`` for values of that ``noise``."""
+        sign, least = self.best()
+        amplitude = self._solved(sign)[0]
+        now = float(self._at_end @ amplitude)
+        allowed = least + (deviations * noise) ** 2
+        ends = [self._end_of(side, sign, now, allowed, noise) for side in (-1.0, 1.0)]
+        return Decay(
+            tau_s=self.tau_s,
+            amplitude=self._at_end * amplitude,
+            level=self._middle - float(self._means @ amplitude),
+            end_s=self._end,
+            low=ends[0],
+            high=ends[1],
+            misfit=least,
+        )
+
+    def _end_of(self, side: float, sign: float, now: float, allowed: float, noise: float) -> float:
+        """Largest (side 1) or smallest (side -1) sum of amplitudes at the end that is allowed."""
+        if sign != side:  # towards zero: beyond it the other sign's exponentials go on
+            if self._pulled(sign, 0.0, noise) > allowed:
+                return self._boundary(sign, now, 0.0, allowed, noise)
+            if self._pulled(side, 0.0, noise) > allowed:
+                return 0.0
+            now = 0.0
+        far = now + side * noise
+        while self._pulled(side, far, noise) <= allowed and abs(far) < 1e6 * noise:
+            far = now + 4.0 * (far - now)
+        return self._boundary(side, now, far, allowed, noise)
+
+    def _boundary(self, sign: float, inside: float, outside: float, allowed: float, noise: float) -> float:
+        for _ in range(STEPS):
+            middle = (inside + outside) / 2
+            fits = self._pulled(sign, middle, noise) <= allowed
+            inside, outside = (middle, outside) if fits else (inside, middle)
+        return outside
+
+    def _pulled(self, sign: float, fading: float, noise: float) -> float:
+        """Sum of squared residuals with what is to fade held near a value; the pull itself counts."""
+        return self._solved(sign, pull=STIFF, fading=fading)[1]
+
+    def _solved(self, sign: float, *, pull: float = 0.0, fading: float = 0.0) -> tuple[NDArray[np.float64], float]:
+        """Amplitudes of that sign, and the sum of squared residuals."""
+        matrix = np.vstack([self._triangle, pull * self._at_end]) if pull else self._triangle
+        wanted = np.append(self._seen, pull * fading) if pull else self._seen
+        amplitude, norm = nnls(sign * matrix, wanted, maxiter=50 * len(self.tau_s))
+        return sign * amplitude, norm**2 + self._rest

@@ -1,0 +1,165 @@
+"""Drift of the lamps, read off a part of the frame that no press reaches, and taken out of the frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.calibration.measured import Measured
+from tsis.imaging.correct import check_image, check_same_frame
+from tsis.imaging.patch import pixel_noise
+from tsis.model import check
+from tsis.model.errors import InputError
+
+if TYPE_CHECKING:
+    from tsis.model import TactileImage
+
+LEAST_LIT = 0.02  # of full scale: a patch darker than this measures the black level and not the lamps
+LEAST_PIXELS = 16
+ROUNDING = 12.0**-0.5  # standard deviation of rounding to whole grey levels
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReferencePatch:
+    """A rectangle of the frame that the lamps light and no press reaches.
+
+    Parameters
+    ----------
+    first_row, last_row, first_column, last_column
+        Its ends in pixels, the last ones not included; at least 16 pixels together.
+
+    Raises
+    ------
+    InputError
+        When the ends do not ascend or hold too few pixels.
+
+    Examples
+    --------
+    >>> ReferencePatch(first_row=0, last_row=20, first_column=700, last_column=768).pixels
+    1360
+    """
+
+    first_row: int
+    last_row: int
+    first_column: int
+    last_column: int
+
+    def __post_init__(self) -> None:
+        for first, last in (("first_row", "last_row"), ("first_column", "last_column")):
+            start = check.whole(first, getattr(self, first), 0, 65534, hint="pixels")
+            object.__setattr__(self, first, start)
+            object.__setattr__(
+                self, last, check.whole(last, getattr(self, last), start + 1, 65535, hint="pixels, beyond the first")
+            )
+        if self.pixels < LEAST_PIXELS:
+            raise InputError(f"a reference patch must hold at least {LEAST_PIXELS} pixels; got {self.pixels}")
+
+    @property
+    def pixels(self) -> int:
+        """Number of pixels."""
+        return (self.last_row - self.first_row) * (self.last_column - self.first_column)
+
+    def of(self, image: TactileImage) -> TactileImage:
+        """The patch of a frame.
+
+        Raises
+        ------
+        InputError
+            When it reaches beyond the frame.
+        """
+        check_image("image", image)
+        rows, columns = image.grey.shape
+        if self.last_row > rows or self.last_column > columns:
+            raise InputError(
+                f"reference patch must lie inside the frame of {rows} x {columns} pixels; it ends at row "
+                f"{self.last_row}, column {self.last_column}"
+            )
+        return replace(image, grey=image.grey[self.first_row : self.last_row, self.first_column : self.last_column])
+
+
+def patch_ratio(
+    image: TactileImage, reference: TactileImage, *, patch: ReferencePatch, dark_grey: float = 0.0
+) -> Measured:
+    """How bright the lamps are, as a ratio to what they were in the reference.
+
+    Parameters
+    ----------
+    image, reference
+        Frames as the camera delivered them, of one camera and mode; the patch is untouched in both.
+    patch
+        Where both are compared.
+    dark_grey
+        What the camera reads without light, grey levels; ambient light falls under it when it is the same in both.
+
+    Returns
+    -------
+    Measured
+        Ratio of the patch's means above ``dark_grey``; its deviation is that of the pixels' noise, rounding included.
+
+    Raises
+    ------
+    InputError
+        When the patch leaves the frame, is clipped, or is so dark that it shows the black level and not the lamps.
+    ImageMismatchError
+        When the frames differ in size, scale or full scale.
+
+    Examples
+    --------
+    >>> from tsis.model import TactileImage
+    >>> before, after = (TactileImage(grey=np.full((40, 40), grey)) for grey in (100.0, 103.0))
+    >>> corner = ReferencePatch(first_row=0, last_row=10, first_column=0, last_column=10)
+    >>> round(patch_ratio(after, before, patch=corner).value, 4)
+    1.03
+    """
+    check_same_frame(image, reference, "reference")
+    check.number("dark_grey", dark_grey, 0.0, image.full_scale)
+    levels = [_level("image", image, patch, dark_grey), _level("reference", reference, patch, dark_grey)]
+    (now, now_sd), (before, before_sd) = levels
+    if before < LEAST_LIT * reference.full_scale:
+        raise InputError(
+            f"reference patch must be lit by at least {LEAST_LIT:.0%} of full scale to follow the lamps; it is "
+            f"{before:.3g} grey levels above dark: choose a part of the frame that the lamps light"
+        )
+    ratio = now / before
+    return Measured(value=ratio, sd=float(np.hypot(now_sd, ratio * before_sd)) / before)
+
+
+def _level(name: str, image: TactileImage, patch: ReferencePatch, dark_grey: float) -> tuple[float, float]:
+    """Mean of the patch above dark and its standard deviation."""
+    grey = patch.of(image).grey
+    clipped = int(np.count_nonzero(grey >= image.full_scale))
+    if clipped:
+        raise InputError(f"reference patch of the {name} must not be clipped; {clipped} of {grey.size} pixels are")
+    noise = max(pixel_noise(grey), ROUNDING)
+    return float(grey.mean()) - dark_grey, noise / float(np.sqrt(grey.size))
+
+
+def drift_corrected(image: TactileImage, ratio: Measured | float, *, dark_grey: float = 0.0) -> TactileImage:
+    """The frame as the lamps of the reference would have shown it: its light over the ratio of `patch_ratio`.
+
+    Parameters
+    ----------
+    image
+        A frame as the camera delivered it.
+    ratio
+        Of the lamps to those of the reference, in [0.05, 20].
+    dark_grey
+        What the camera reads without light, grey levels; it does not drift with the lamps and stays.
+
+    Returns
+    -------
+    TactileImage
+        ``dark_grey + (image - dark_grey) / ratio``. Clipped pixels were clipped before: look for them in the original.
+
+    Examples
+    --------
+    >>> from tsis.model import TactileImage
+    >>> float(drift_corrected(TactileImage(grey=np.full((8, 8), 103.0)), 1.03).grey.max())
+    100.0
+    """
+    check_image("image", image)
+    value = check.number("ratio", ratio.value if isinstance(ratio, Measured) else ratio, 0.05, 20.0)
+    check.number("dark_grey", dark_grey, 0.0, image.full_scale)
+    return replace(image, grey=dark_grey + (image.grey - dark_grey) / value)
