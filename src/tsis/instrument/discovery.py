@@ -1,0 +1,149 @@
+"""Which cameras answer, by which source, and what is missing for the sources that cannot look; and how to reach one.
+
+A source's library is imported when that source is asked, never before, so a plain install knows all of them by name.
+"""
+
+from __future__ import annotations
+
+import importlib
+import threading
+from collections.abc import Mapping  # noqa: TC003 - read when the dataclass is made
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from tsis.model import check
+from tsis.model.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable
+
+    from tsis.instrument.camera import Camera
+    from tsis.instrument.found import FoundCamera
+
+_SOURCES = "tsis.instrument.sources"
+# each module has found(), missing() and the camera class of that name
+_SEARCHED = {
+    "aravis": ("aravis", "AravisCamera"),
+    "genicam": ("genicam", "HarvestersCamera"),
+    "pylon": ("pylon", "PylonCamera"),
+    "vimba": ("vimba", "VimbaCamera"),
+}
+_STORED = {"files": ("files", "ImageFiles"), "video": ("video", "VideoFile")}
+SOURCES = (*_SEARCHED, "opencv", *_STORED)
+LIVE_SOURCES = (*_SEARCHED, "opencv")
+_PATIENCE_S = 20.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Findings:
+    """What a search found.
+
+    Parameters
+    ----------
+    found
+        The cameras that answered, source by source.
+    missing
+        For each source that could not look, one sentence that says why and what to do.
+    """
+
+    found: tuple[FoundCamera, ...]
+    missing: Mapping[str, str]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "missing", MappingProxyType(dict(self.missing)))
+
+
+def find_cameras(
+    sources: Iterable[str] = LIVE_SOURCES,
+    *,
+    module: Callable[[str], Any] | None = None,
+    patience_s: float = _PATIENCE_S,
+) -> Findings:
+    """Ask every source for its cameras; one that fails or hangs is named among the missing and stops no other.
+
+    Parameters
+    ----------
+    sources
+        Names of the sources to ask.
+    module
+        Gives the module of a source by its name; the imported one when None.
+    patience_s
+        How long one source may take, in [0.01, 600] s.
+
+    Raises
+    ------
+    UnknownNameError
+        When a source has another name.
+    """
+    check.number("patience_s", patience_s, 0.01, 600.0, hint="seconds")
+    names = [check.known("camera source", name, LIVE_SOURCES) for name in sources]
+    found: list[FoundCamera] = []
+    missing: dict[str, str] = {}
+    for name in names:
+        answer = _asked(name, module or _searching_module, patience_s)
+        if isinstance(answer, str):
+            missing[name] = answer
+        else:
+            found.extend(answer)
+    return Findings(found=tuple(found), missing=missing)
+
+
+def connect(spec: str) -> Camera:
+    """The camera that ``spec`` names, not yet opened.
+
+    Parameters
+    ----------
+    spec
+        ``"SOURCE:ID"``: aravis, genicam, pylon or vimba with what `find_cameras` calls the camera (nothing after the
+        colon for the first found); ``"opencv:0"``; ``"files:PATH"`` or ``"video:PATH"``.
+
+    Raises
+    ------
+    UnknownNameError
+        When there is no such source; the nearest is suggested.
+    InputError
+        When what follows the colon names nothing.
+
+    Examples
+    --------
+    >>> connect("files:frames").name
+    'frames'
+    """
+    check.kind("spec", spec, str)
+    name, _, identity = spec.partition(":")
+    check.known("camera source", name, SOURCES)
+    if name in _SEARCHED:
+        return _class(*_SEARCHED[name])(identity)  # type: ignore[no-any-return]
+    if name == "opencv":
+        if not identity.isdecimal() and identity:
+            raise InputError(f"opencv cameras go by their number, as in opencv:0; got {spec!r:.80}")
+        return _class("opencv_device", "OpenCVDevice")(int(identity or 0))  # type: ignore[no-any-return]
+    if not identity:
+        raise InputError(f"{name}: must be followed by a path, as in {name}:frames; got {spec!r}")
+    return _class(*_STORED[name])(identity)  # type: ignore[no-any-return]
+
+
+def _class(module: str, name: str) -> Any:
+    return getattr(importlib.import_module(f"{_SOURCES}.{module}"), name)
+
+
+def _searching_module(source: str) -> Any:
+    return importlib.import_module(f"{_SOURCES}.{'opencv_search' if source == 'opencv' else _SEARCHED[source][0]}")
+
+
+def _asked(source: str, module: Callable[[str], Any], patience_s: float) -> tuple[FoundCamera, ...] | str:
+    """The cameras of one source, or why it cannot look; asked in a thread, for a driver may never answer."""
+    answers: list[tuple[FoundCamera, ...] | str] = []
+
+    def ask() -> None:
+        try:
+            searching = module(source)
+            answers.append(searching.missing() or tuple(searching.found()))
+        except Exception as error:  # a driver may raise anything, and one must not hide the cameras of the others
+            answers.append(f"the camera source {source} failed: {' '.join(str(error).split()) or type(error).__name__}")
+
+    thread = threading.Thread(target=ask, name=f"search for {source} cameras", daemon=True)
+    thread.start()
+    thread.join(patience_s)
+    return answers[0] if answers else f"the camera source {source} did not answer within {patience_s:g} s"
