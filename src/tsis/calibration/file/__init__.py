@@ -1,0 +1,21 @@
+"""A probe's calibration as one value and one file: versioned, hashed, readable, refused when it may not serve."""
+
+from tsis.calibration.file.content import (
+    FORMAT,
+    VERSION,
+    calibration_bytes,
+    identity,
+    read_calibration,
+    write_calibration,
+)
+from tsis.calibration.file.probe_calibration import ProbeCalibration
+
+__all__ = [
+    "FORMAT",
+    "VERSION",
+    "ProbeCalibration",
+    "calibration_bytes",
+    "identity",
+    "read_calibration",
+    "write_calibration",
+]

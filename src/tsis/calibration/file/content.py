@@ -1,0 +1,127 @@
+"""The calibration file: JSON with a version and the hash of its content."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import TYPE_CHECKING, Any
+
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.calibration.file.plain_values import from_plain, to_plain
+from tsis.calibration.file.probe_calibration import ProbeCalibration
+from tsis.instrument import read_bytes, shown
+from tsis.instrument.file_bytes import as_path
+from tsis.model.durable import write_durably
+from tsis.model.errors import CalibrationError, FileInputError, InputError
+
+if TYPE_CHECKING:
+    import os
+    from pathlib import Path
+
+FORMAT, VERSION = "tsis-calibration", 2
+
+
+def identity(known: ProbeCalibration) -> str:
+    """SHA-256 of the content: the name under which results cite the calibration."""
+    return _sealed(to_plain(known))
+
+
+def calibration_bytes(known: ProbeCalibration) -> bytes:
+    """Content of the calibration file."""
+    content = to_plain(known)
+    document = {
+        "format": FORMAT,
+        "version": VERSION,
+        "notice": RESEARCH_USE_ONLY,
+        "tsis": __version__,
+        "sha256": _sealed(content),
+        "calibration": content,
+    }
+    return (json.dumps(document, indent=2, allow_nan=False) + "\n").encode()
+
+
+def write_calibration(known: ProbeCalibration, path: str | os.PathLike[str]) -> str:
+    """Write the file so that it is whole or absent, over nothing that exists; return its identity.
+
+    Raises
+    ------
+    FileInputError
+        When there is such a file already, or it cannot be written.
+    """
+    target = as_path(path)
+    try:
+        if target.exists():
+            raise FileInputError(f"{shown(target)} must be a new file; it exists already (choose another name)")
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write_durably(target, calibration_bytes(known))
+    except OSError as error:
+        reason = error.strerror or error
+        raise FileInputError(f"{shown(target)} must be a file that can be written; got: {reason}") from error
+    return identity(known)
+
+
+def read_calibration(path: str | os.PathLike[str]) -> ProbeCalibration:
+    """Read a calibration file; whether it may be used is asked of the value.
+
+    Raises
+    ------
+    FileInputError
+        When it is missing, not such a file, of another version or holds a value out of range.
+    CalibrationError
+        When its content is not what was written: it was changed or damaged.
+    """
+    source = as_path(path)
+    document = _read_object(source)
+    if document.get("format") != FORMAT:
+        raise FileInputError(f"{shown(source)} must be a file of {FORMAT}; got {document.get('format')!r:.60}")
+    if document.get("version") != VERSION:
+        raise FileInputError(
+            f"{shown(source)} must be of version {VERSION}; got {document.get('version')!r:.20} "
+            "(calibrate again, or read it with the release of tsis that wrote it)"
+        )
+    content = document.get("calibration")
+    expected = _hash(content)
+    if expected is None or document.get("sha256") != expected:
+        raise CalibrationError(
+            f"{shown(source)} must be as it was written; its content does not match its hash, so it was changed or "
+            "damaged (take the original, or calibrate again)"
+        )
+    try:
+        known: ProbeCalibration = from_plain(ProbeCalibration, content, "calibration")
+    except InputError as error:
+        raise FileInputError(f"{shown(source)}: {error}") from error
+    return known
+
+
+def _sealed(content: Any) -> str:
+    found = _hash(content)
+    assert found is not None  # values hold neither NaN nor endless nesting
+    return found
+
+
+def _hash(content: Any) -> str | None:
+    try:
+        canonical = json.dumps(_as_floats(content), sort_keys=True, separators=(",", ":"), allow_nan=False)
+    except (ValueError, OverflowError, RecursionError):  # NaN or nesting without end, which nothing here ever wrote
+        return None
+    return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+def _as_floats(content: Any) -> Any:
+    """The content with 60 and 60.0 made alike, which mean the same to every value."""
+    if isinstance(content, dict):
+        return {name: _as_floats(each) for name, each in content.items()}
+    if isinstance(content, list):
+        return [_as_floats(each) for each in content]
+    return float(content) if type(content) is int else content
+
+
+def _read_object(path: Path) -> dict[str, Any]:
+    data = read_bytes(path)
+    try:
+        content = json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise FileInputError(f"{shown(path)} must be a readable JSON file; got: {error}") from error
+    if not isinstance(content, dict):
+        raise FileInputError(f"{shown(path)} must hold a JSON object; got {type(content).__name__}")
+    return content

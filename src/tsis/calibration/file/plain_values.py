@@ -1,0 +1,177 @@
+"""Frozen values as plain ones for JSON, and back, by the types that their fields declare.
+
+Numbers, text and small arrays stay readable; large maps become compressed text. Both ways are exact, but for maps,
+which keep 24 bits of each number.
+"""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import math
+import types
+import typing
+import zlib
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from datetime import datetime
+from typing import Any, get_args, get_origin, get_type_hints
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsis.model.errors import InputError
+
+READABLE = 64  # numbers in an array that is written out
+LARGEST_ARRAY = 16_000_000
+_MAP_KEYS = {"shape", "kind", "zlib"}
+_KINDS = {"f": np.dtype("<f4"), "b": np.dtype("?")}
+
+
+def to_plain(value: Any) -> Any:
+    """What JSON can hold of a value; infinities become words.
+
+    Examples
+    --------
+    >>> to_plain((1.5, float("inf"), np.eye(2)))
+    [1.5, 'infinity', [[1.0, 0.0], [0.0, 1.0]]]
+    """
+    if value is None or isinstance(value, (str, bool)):
+        return value
+    if isinstance(value, datetime):
+        return value.isoformat()
+    if isinstance(value, np.ndarray):
+        return _array_to_plain(value)
+    if isinstance(value, (int, np.integer)):
+        return int(value)
+    if isinstance(value, (float, np.floating)):
+        return _number_to_plain(float(value))
+    if isinstance(value, Mapping):
+        return {str(name): to_plain(each) for name, each in value.items()}
+    if isinstance(value, (tuple, list)):
+        return [to_plain(each) for each in value]
+    assert is_dataclass(value), value
+    return {field.name: to_plain(getattr(value, field.name)) for field in fields(value)}
+
+
+def from_plain(wanted: Any, plain: Any, where: str) -> Any:
+    """The value of the declared type ``wanted`` that `to_plain` made ``plain`` of; ``where`` names it in errors.
+
+    Raises
+    ------
+    InputError
+        When it is no such value; whatever the value itself refuses is refused here too.
+    """
+    origin = get_origin(wanted)
+    if origin in (types.UnionType, typing.Union):
+        if plain is None and type(None) in get_args(wanted):
+            return None
+        (only,) = (each for each in get_args(wanted) if each is not type(None))
+        return from_plain(only, plain, where)
+    if origin is np.ndarray:
+        return _array_from_plain(plain, where)
+    if origin is tuple:
+        return _tuple_from_plain(get_args(wanted), plain, where)
+    if origin is not None and issubclass(origin, Mapping):
+        _require(isinstance(plain, dict), where, "a mapping", plain)
+        return {name: from_plain(get_args(wanted)[1], each, f"{where}.{name}") for name, each in plain.items()}
+    if wanted is float:
+        return _number_from_plain(plain, where)
+    if wanted is datetime:
+        return _time_from_plain(plain, where)
+    if wanted in (int, str, bool):
+        _require(type(plain) is wanted, where, f"of type {wanted.__name__}", plain)
+        return plain
+    return _dataclass_from_plain(wanted, plain, where)
+
+
+def _dataclass_from_plain(wanted: Any, plain: Any, where: str) -> Any:
+    _require(isinstance(plain, dict), where, "an object with named values", plain)
+    hints = _declared(wanted)
+    if unknown := sorted(set(plain) - set(hints)):
+        raise InputError(f"{where} must hold only known values; got {unknown!r:.200}")
+    values = {name: from_plain(hints[name], each, f"{where}.{name}") for name, each in plain.items()}
+    try:
+        return wanted(**values)
+    except TypeError as error:
+        raise InputError(f"{where} must hold all of {', '.join(hints)}; got {sorted(plain)!r:.200}") from error
+
+
+def _declared(wanted: Any) -> dict[str, Any]:
+    """Types of a class's fields; names that are imported for type checkers alone are arrays and mappings here."""
+    hints = get_type_hints(wanted, localns={"NDArray": NDArray, "Mapping": Mapping})
+    return {field.name: hints[field.name] for field in fields(wanted)}
+
+
+def _number_to_plain(value: float) -> float | str:
+    if math.isfinite(value):
+        return value
+    if math.isnan(value):
+        raise InputError("a calibration must hold numbers; got NaN")
+    return "infinity" if value > 0 else "-infinity"
+
+
+def _number_from_plain(plain: Any, where: str) -> float:
+    words = {"infinity": math.inf, "-infinity": -math.inf}
+    if isinstance(plain, str) and plain in words:
+        return words[plain]
+    _require(isinstance(plain, (int, float)) and not isinstance(plain, bool), where, "a number", plain)
+    try:
+        return float(plain)
+    except OverflowError as error:
+        raise InputError(f"{where} must be a number; got one of {len(str(plain))} digits") from error
+
+
+def _time_from_plain(plain: Any, where: str) -> datetime:
+    _require(isinstance(plain, str), where, "a date and time", plain)
+    try:
+        return datetime.fromisoformat(plain)
+    except ValueError as error:
+        raise InputError(f"{where} must be a date and time as 2026-11-22T10:00:00+00:00; got {plain!r:.60}") from error
+
+
+def _tuple_from_plain(kinds: tuple[Any, ...], plain: Any, where: str) -> tuple[Any, ...]:
+    _require(isinstance(plain, list), where, "a list", plain)
+    each = kinds[:1] * len(plain) if len(kinds) == 2 and kinds[1] is Ellipsis else kinds
+    _require(len(each) == len(plain), where, f"a list of {len(each)}", plain)
+    return tuple(from_plain(kind, plain[at], f"{where}[{at}]") for at, kind in enumerate(each))
+
+
+def _array_to_plain(values: np.ndarray[Any, Any]) -> Any:
+    if values.size <= READABLE:
+        return to_plain(values.tolist())
+    kind = "b" if values.dtype == bool else "f"
+    packed = zlib.compress(np.ascontiguousarray(values, dtype=_KINDS[kind]).tobytes(), 6)
+    return {"shape": list(values.shape), "kind": kind, "zlib": base64.b64encode(packed).decode()}
+
+
+def _array_from_plain(plain: Any, where: str) -> np.ndarray[Any, Any]:
+    if isinstance(plain, list):
+        try:
+            return np.array(plain)
+        except ValueError as error:
+            raise InputError(f"{where} must be an array of numbers; its rows differ in length") from error
+    _require(isinstance(plain, dict) and set(plain) == _MAP_KEYS, where, "an array", plain)
+    shape, kind = plain["shape"], plain["kind"]
+    sound = isinstance(shape, list) and all(type(side) is int and 0 < side <= LARGEST_ARRAY for side in shape)
+    _require(sound and math.prod(shape) <= LARGEST_ARRAY and kind in _KINDS, where, "a map of sensible size", shape)
+    size = math.prod(shape) * _KINDS[kind].itemsize
+    values = np.frombuffer(_unpacked(plain["zlib"], size, where), dtype=_KINDS[kind]).reshape(shape)
+    return values.astype(bool if kind == "b" else float)
+
+
+def _unpacked(packed: Any, size: int, where: str) -> bytes:
+    """Exactly ``size`` bytes; more than that is never unpacked."""
+    try:
+        unpacker = zlib.decompressobj()
+        content = unpacker.decompress(base64.b64decode(packed, validate=True), size)
+    except (TypeError, ValueError, binascii.Error, zlib.error) as error:
+        raise InputError(f"{where} must be a whole map; it is damaged: {error}") from error
+    if len(content) != size or not unpacker.eof:
+        raise InputError(f"{where} must be a whole map of {size} bytes; got another number")
+    return content
+
+
+def _require(sound: bool, where: str, what: str, got: Any) -> None:
+    if not sound:
+        raise InputError(f"{where} must be {what}; got {got!r:.80}")

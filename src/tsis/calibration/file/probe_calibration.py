@@ -1,0 +1,170 @@
+"""All that is known of a probe with its camera, for whom it holds, and until when."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from tsis.calibration.force_line import ForceLine
+from tsis.calibration.reference import Reference
+from tsis.calibration.scale import Scale
+from tsis.calibration.specification import Specification
+from tsis.model import Calibration, check
+from tsis.model.errors import CalibrationError, InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+SETTING_TOLERANCE = 1e-3  # share by which a camera may round what it was set to
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ProbeCalibration:
+    """A probe and its camera as they were calibrated; parts that were not measured are None.
+
+    Parameters
+    ----------
+    name
+        What people call this calibration.
+    probe, camera
+        Whose it is; empty when nobody wrote it down, and then nothing is compared.
+    settings
+        Camera settings under which it holds, by name.
+    made, expires
+        When it was made and until when it may be used, with their time zone; None for a simulated one, which does not
+        age.
+    scale
+        Size of a pixel on the face.
+    reference
+        What the camera sees without contact.
+    force_line
+        Force by the sum of grey levels.
+    response
+        Grey level by pressure, for the estimates.
+    specification
+        The specification sheet.
+
+    Raises
+    ------
+    InputError
+        When a part is of the wrong kind, or a time has no zone or the wrong order.
+
+    Examples
+    --------
+    >>> known = ProbeCalibration(name="bench", probe="tsis-2011", made=datetime(2026, 11, 22, tzinfo=UTC),
+    ...     expires=datetime(2027, 5, 22, tzinfo=UTC))
+    >>> known.require_usable(datetime(2027, 6, 1, tzinfo=UTC))
+    Traceback (most recent call last):
+    ...
+    tsis.model.errors.CalibrationError: calibration 'bench' must not be expired; it was good until 2027-05-22 (make a \
+new one: tsis calibrate)
+    """
+
+    name: str
+    probe: str = ""
+    camera: str = ""
+    settings: Mapping[str, float] = field(default_factory=dict)
+    made: datetime | None = None
+    expires: datetime | None = None
+    scale: Scale | None = None
+    reference: Reference | None = None
+    force_line: ForceLine | None = None
+    response: Calibration | None = None
+    specification: Specification | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("name", "probe", "camera"):
+            check.kind(name, getattr(self, name), str)
+        for name, kind in PARTS.items():
+            if getattr(self, name) is not None:
+                check.kind(name, getattr(self, name), kind)
+        values = {name: check.number(f"settings.{name}", value, -1e12, 1e12) for name, value in self.settings.items()}
+        object.__setattr__(self, "settings", MappingProxyType(values))
+        for name in ("made", "expires"):
+            moment = getattr(self, name)
+            if moment is not None and (not isinstance(moment, datetime) or moment.tzinfo is None):
+                raise InputError(f"{name} must be a time with its zone; got {moment!r:.60}")
+        if self.expires is not None and (self.made is None or self.expires <= self.made):
+            raise InputError(f"expires must lie after made; got {self.expires} and {self.made}")
+
+    def require_usable(
+        self,
+        now: datetime,
+        *,
+        probe: str | None = None,
+        camera: str | None = None,
+        settings: Mapping[str, float] | None = None,
+    ) -> None:
+        """Refuse a calibration that is expired, made in the future, or that of another probe, camera or setting.
+
+        Parameters
+        ----------
+        now
+            The present time, with its zone.
+        probe, camera, settings
+            What it is to be used with; None is not compared.
+
+        Raises
+        ------
+        CalibrationError
+            Naming what differs and the cure.
+        """
+        if self.expires is not None and now > self.expires:
+            raise CalibrationError(
+                f"calibration {self.name!r} must not be expired; it was good until {self.expires:%Y-%m-%d} "
+                "(make a new one: tsis calibrate)"
+            )
+        if self.made is not None and self.made.astimezone(UTC) > now.astimezone(UTC):
+            raise CalibrationError(
+                f"calibration {self.name!r} must not come from the future; it was made {self.made:%Y-%m-%d %H:%M} "
+                "(is this computer's clock right?)"
+            )
+        for what, ours, theirs in (("probe", self.probe, probe), ("camera", self.camera, camera)):
+            if theirs is not None and ours and theirs and ours != theirs:
+                raise CalibrationError(
+                    f"calibration {self.name!r} must be of the {what} in use, {theirs!r}; it is of {ours!r} "
+                    "(choose its own calibration, or make one: tsis calibrate)"
+                )
+        self._require_settings(settings or {})
+
+    def _require_settings(self, present: Mapping[str, float]) -> None:
+        for name, value in self.settings.items():
+            if name in present and abs(present[name] - value) > SETTING_TOLERANCE * max(abs(value), 1e-9):
+                raise CalibrationError(
+                    f"calibration {self.name!r} holds at {name} = {value:g}; the camera is at {present[name]:g} "
+                    "(set it back, or calibrate at this setting)"
+                )
+
+    def need(self, part: str, purpose: str) -> object:
+        """A part that ``purpose`` cannot do without.
+
+        Raises
+        ------
+        CalibrationError
+            When it was not measured.
+        """
+        found: object = getattr(self, check.known("part of a calibration", part, PARTS))
+        if found is None:
+            raise CalibrationError(
+                f"{purpose} needs the part {part!r}, which calibration {self.name!r} does not hold (tsis calibrate)"
+            )
+        return found
+
+    def known_response(self, identity: str) -> Calibration:
+        """The response, under a name that tells which file it came from."""
+        response = self.need("response", "an estimate")
+        assert isinstance(response, Calibration)
+        return replace(response, name=f"{self.name or response.name} ({identity[:12]})")
+
+
+PARTS: Mapping[str, type] = MappingProxyType(
+    {
+        "scale": Scale,
+        "reference": Reference,
+        "force_line": ForceLine,
+        "response": Calibration,
+        "specification": Specification,
+    }
+)

@@ -1,0 +1,263 @@
+from __future__ import annotations
+
+import json
+import math
+import re
+from datetime import UTC, datetime, timedelta, timezone
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from tsis.calibration import Measured
+from tsis.calibration.file import ProbeCalibration, calibration_bytes, identity, read_calibration, write_calibration
+from tsis.calibration.reference import Reference
+from tsis.calibration.scale import Scale
+from tsis.model import Calibration, LightMap
+from tsis.model.errors import CalibrationError, FileInputError, InputError, TsisError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+MADE = datetime(2026, 11, 22, 10, 0, tzinfo=UTC)
+LATER = MADE + timedelta(days=180)
+
+
+def _measured(value: float, unit: str = "") -> Measured:
+    return Measured(value=value, sd=0.01 * abs(value), unit=unit)
+
+
+def _scale(x: float = 0.0336, y: float = 0.0392) -> Scale:
+    return Scale(
+        mm_per_pixel_x=Measured(value=x, sd=1e-5, degrees_of_freedom=40.5, unit="mm/px"),
+        mm_per_pixel_y=Measured(value=y, sd=1e-5, degrees_of_freedom=40.5, unit="mm/px"),
+        shape=(30, 40),
+        at_px=(19.5, 14.5),
+        method="dots",
+        count=63,
+    )
+
+
+def _reference() -> Reference:
+    rng = np.random.default_rng(3)
+    usable = np.ones((30, 40), dtype=bool)
+    usable[2, 3] = False
+    return Reference(
+        dark_grey=rng.normal(8.0, 0.1, (30, 40)),
+        untouched_grey=rng.normal(2.0, 0.1, (30, 40)),
+        relative_light=np.ones((30, 40)),
+        usable=usable,
+        full_scale=255.0,
+        mm_per_pixel=(0.0336, 0.0392),
+        dark_frames=16,
+        untouched_frames=16,
+        flat_frames=0,
+        read_noise_grey=_measured(0.5),
+        shot_noise_grey=_measured(0.017),
+        stray_grey=_measured(2.0),
+    )
+
+
+def _known(**changes: Any) -> ProbeCalibration:
+    light = LightMap.uniform()
+    parts: dict[str, Any] = {
+        "name": "bench",
+        "probe": "tsis-2011",
+        "camera": "Aravis-TSIS01",
+        "settings": {"exposure_ms": 20.0, "gain": 0.0},
+        "made": MADE,
+        "expires": LATER,
+        "scale": _scale(),
+        "reference": _reference(),
+        "response": Calibration(gain_grey_per_kpa=60, saturation_kpa=20.0, light=light, probe="tsis-2011"),
+    }
+    return ProbeCalibration(**{**parts, **changes})
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    return tmp_path / "bench.json"
+
+
+def test_everything_comes_back(path: Path) -> None:
+    known = _known()
+    cited = write_calibration(known, path)
+    again = read_calibration(path)
+    assert cited == identity(known) == identity(again)
+    assert again.scale == known.scale
+    assert again.scale is not None
+    assert again.scale.mm_per_pixel_x.degrees_of_freedom == 40.5
+    assert again.response == known.response
+    assert (again.made, again.expires, dict(again.settings)) == (MADE, LATER, {"exposure_ms": 20.0, "gain": 0.0})
+    assert again.reference is not None
+    assert known.reference is not None
+    np.testing.assert_allclose(again.reference.dark_grey, known.reference.dark_grey, rtol=1e-6)
+    np.testing.assert_array_equal(again.reference.usable, known.reference.usable)
+    assert again.force_line is None
+    assert math.isinf(again.reference.read_noise_grey.degrees_of_freedom)
+
+
+def test_people_can_read_it(path: Path) -> None:
+    write_calibration(_known(), path)
+    text = path.read_text()
+    assert '"gain_grey_per_kpa": 60' in text
+    assert '"expires": "2027-05-21T10:00:00+00:00"' in text
+    assert "Research use only" in text
+
+
+def test_it_is_named_by_its_content_alone(path: Path) -> None:
+    assert identity(_known()) == identity(_known())
+    assert identity(_known()) != identity(_known(name="other"))
+    assert identity(_known()) != identity(_known(scale=_scale(x=0.0337)))
+    assert _known().known_response("0123456789abcdef").name == "bench (0123456789ab)"
+    assert path.name == "bench.json"
+
+
+def _leaves(value: Any, at: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
+    if isinstance(value, dict):
+        return [leaf for name, each in value.items() for leaf in _leaves(each, (*at, name))]
+    if isinstance(value, list):
+        return [leaf for number, each in enumerate(value) for leaf in _leaves(each, (*at, number))]
+    return [at]
+
+
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_any_changed_value_is_noticed(path: Path, data: st.DataObject) -> None:
+    document = json.loads(calibration_bytes(_known()))
+    at = data.draw(st.sampled_from(_leaves(document["calibration"])))
+    place: Any = document["calibration"]
+    for step in at[:-1]:
+        place = place[step]
+    old = place[at[-1]]
+    new: Any = data.draw(st.one_of(st.none(), st.floats(allow_nan=False), st.text(max_size=5), st.booleans(), st.just([])))
+    if (type(new) is type(old) and new == old) or (isinstance(old, (int, float)) and new == old):
+        return
+    place[at[-1]] = new
+    path.write_text(json.dumps(document))
+    with pytest.raises(CalibrationError, match="changed or damaged"):
+        read_calibration(path)
+
+
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@given(at=st.floats(0, 1), new=st.binary(max_size=4), cut=st.booleans())
+def test_damaged_files_are_one_sentence_never_another_calibration(path: Path, at: float, new: bytes, cut: bool) -> None:
+    whole = calibration_bytes(_known())
+    place = int(at * len(whole))
+    path.write_bytes(whole[:place] + (b"" if cut else new + whole[place + len(new) :]))
+    try:
+        again = read_calibration(path)
+    except TsisError:
+        return
+    assert identity(again) == identity(_known())  # what was hit lies outside the calibration: notice, spaces
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (b"", "must hold data"),
+        (b"[]", "must hold a JSON object"),
+        (b'{"format": "else"}', "must be a file of tsis-calibration; got 'else'"),
+        (b'{"format": "tsis-calibration", "version": 1}', r"must be of version 2; got 1 \(calibrate again"),
+        (b'{"format": "tsis-calibration", "version": 2, "calibration": {}, "sha256": null}', "changed or damaged"),
+        (b'{"format": "tsis-calibration", "version": 2, "calibration": NaN, "sha256": ""}', "changed|must be"),
+        (b"[" * 100_000, "readable JSON"),
+        (b"\xff\xfe\x00", "readable JSON"),
+    ],
+)
+def test_other_files_are_refused(path: Path, wrong: bytes, said: str) -> None:
+    path.write_bytes(wrong)
+    with pytest.raises((FileInputError, CalibrationError), match=said):
+        read_calibration(path)
+
+
+def _resealed(path: Path, change: Any) -> None:
+    """A file whose hash is right and whose content is not what this program writes."""
+    from tsis.calibration.file import content as room
+
+    document = json.loads(calibration_bytes(_known()))
+    change(document["calibration"])
+    document["sha256"] = room._hash(document["calibration"])
+    path.write_text(json.dumps(document))
+
+
+def test_values_out_of_range_are_refused_even_when_the_hash_is_right(path: Path) -> None:
+    bomb = {"shape": [4000, 4000], "kind": "f", "zlib": "eJxjYGAYBaNgFAAAAAUAAQ=="}
+    cases: list[tuple[Any, str]] = [
+        (lambda known: known["response"].update(gain_grey_per_kpa=-1.0), "gain_grey_per_kpa must lie in"),
+        (lambda known: known["response"].update(pressure=1.0), "only known values"),
+        (lambda known: known["scale"].pop("count"), "must hold all of"),
+        (lambda known: known["scale"].update(shape=[1]), "a list of 2"),
+        (lambda known: known.update(settings={"gain": "1"}), "settings.gain must be a number"),
+        (lambda known: known.update(expires="soon"), "date and time"),
+        (lambda known: known.update(expires="2026-01-01T00:00:00+00:00"), "expires must lie after made"),
+        (lambda known: known["reference"].update(dark_grey=bomb), "whole map"),
+        (lambda known: known["reference"]["dark_grey"].update(shape=[10**9, 10**9]), "sensible size"),
+        (lambda known: known["scale"].update(count=True), "count must be"),
+        (lambda known: known["scale"]["mm_per_pixel_x"].update(value=10**400), "changed or damaged"),
+    ]
+    for change, said in cases:
+        _resealed(path, change)
+        with pytest.raises(
+            (FileInputError, CalibrationError), match=f"{said}|changed or damaged" if "10**400" in said else said
+        ):
+            read_calibration(path)
+
+
+def test_nothing_is_written_over(path: Path) -> None:
+    write_calibration(_known(), path)
+    before = path.read_bytes()
+    with pytest.raises(FileInputError, match="exists already"):
+        write_calibration(_known(name="new"), path)
+    assert path.read_bytes() == before
+    (path.parent / "file").write_text("")
+    with pytest.raises(FileInputError, match="can be written"):
+        write_calibration(_known(), path.parent / "file" / "bench.json")
+
+
+@pytest.mark.parametrize(
+    ("use", "said"),
+    [
+        ({"now": LATER + timedelta(seconds=1)}, "must not be expired; it was good until 2027-05-21"),
+        ({"now": MADE - timedelta(days=1)}, "must not come from the future"),
+        ({"now": MADE, "probe": "tsis-domed"}, "must be of the probe in use, 'tsis-domed'; it is of 'tsis-2011'"),
+        ({"now": MADE, "camera": "another"}, "must be of the camera in use, 'another'"),
+        ({"now": MADE, "settings": {"exposure_ms": 10.0}}, "holds at exposure_ms = 20; the camera is at 10"),
+    ],
+)
+def test_expired_and_foreign_calibrations_are_refused(use: dict[str, Any], said: str) -> None:
+    with pytest.raises(CalibrationError, match=re.escape(said)):
+        _known().require_usable(**use)
+
+
+def test_its_own_probe_may_use_it_in_any_time_zone() -> None:
+    east = timezone(timedelta(hours=9))
+    now = (MADE + timedelta(minutes=1)).astimezone(east)
+    _known().require_usable(
+        now, probe="tsis-2011", camera="Aravis-TSIS01", settings={"exposure_ms": 20.0000001, "brightness": 3.0}
+    )
+    _known(probe="", camera="", settings={}).require_usable(now, probe="any", camera="any", settings={"gain": 9.0})
+
+
+def test_a_part_that_was_not_measured_is_named() -> None:
+    with pytest.raises(CalibrationError, match="a force needs the part 'force_line', which calibration 'bench'"):
+        _known().need("force_line", "a force")
+    assert _known().need("scale", "a size") == _scale()
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"made": datetime(2026, 1, 1)},
+        {"made": None},
+        {"expires": MADE},
+        {"settings": {"gain": math.nan}},
+        {"scale": 0.05},
+        {"name": None},
+    ],
+)
+def test_values_that_make_no_calibration_are_refused(wrong: dict[str, Any]) -> None:
+    with pytest.raises(InputError, match=next(iter(wrong)) if wrong != {"made": None} else "expires"):
+        _known(**wrong)
