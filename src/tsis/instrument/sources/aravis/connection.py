@@ -82,13 +82,13 @@ class Connection:
 
 def _chosen(aravis: Aravis, identity: str | None) -> tuple[str, str]:
     """Identity of the camera that is meant, and what the library opens it by."""
+    if identity is not None and _is_address(identity):  # perhaps on a network that a search does not reach
+        return identity, identity
     cameras = search(aravis)
     for camera, address in cameras:
-        if identity in (None, camera.identity, address):
+        if identity in (None, camera.identity):
             # Aravis may hear a camera of this machine over another network, where its frames would not come.
             return camera.identity, address if _is_loopback(address) else camera.identity
-    if identity is not None and _is_address(identity):  # on another network, where a search does not reach
-        return identity, identity
     wanted = "no camera answers" if identity is None else f"no camera called {identity!r} answers"
     names = ", ".join(camera.identity for camera, _ in cameras) or "none"
     raise CameraError(f"{wanted} through Aravis; found: {names}; check its power, cable and network, or name another")

@@ -1,0 +1,80 @@
+"""``tsis serve``: the virtual probe as a GigE Vision camera on the network."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+
+from tsis.cli.console_output import people, print_notice, waiting
+from tsis.cli.demo import LARGEST_SEED
+from tsis.cli.targets import DepthMm, DiameterMm, ForceN, PhantomName, ProbeName, YoungKpa, chosen_phantom
+from tsis.model import load_probe
+from tsis.model.errors import CameraError
+from tsis.virtual import VirtualProbe
+from tsis.virtual.camera import VirtualCamera
+from tsis.virtual.gige import GigEServer
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from types import FrameType
+
+SLOWEST = 0.1  # frames/s: lets the virtual camera expose for as long as the simulated one can be asked to
+LOOK_S = 0.5
+
+
+def serve(
+    *,
+    phantom: PhantomName = "hardness-100",
+    probe: ProbeName = "tsis-2011",
+    force_n: ForceN = 1.0,
+    diameter_mm: DiameterMm = None,
+    depth_mm: DepthMm = None,
+    young_kpa: YoungKpa = None,
+    interface: Annotated[str, typer.Option(help="Address or name of the interface to listen on.")] = "127.0.0.1",
+    serial: Annotated[str, typer.Option(help="Serial number of the camera.")] = "TSIS01",
+    frames_per_s: Annotated[float, typer.Option(help="Frames a second until a program sets another rate.")] = 30.0,
+    seed: Annotated[int, typer.Option(help="Seed of every random error.", min=0, max=LARGEST_SEED)] = 4,
+) -> None:
+    """Serve the virtual probe's frames as a GigE Vision camera, until Ctrl-C.
+
+    Any program that reads such cameras sees it, and the exposure and gain that it sets change the image.
+    """
+    rng = np.random.default_rng(seed)
+    target = chosen_phantom(phantom, diameter_mm, depth_mm, young_kpa)
+    with waiting("tracing the light of the lamps"):
+        rig = VirtualProbe(load_probe(probe), rng=rng)
+    camera = VirtualCamera(rig, target, rng=rng, force_n=force_n, frames_per_s=SLOWEST)
+    server = GigEServer(camera, interface=interface, serial=serial, frames_per_s=frames_per_s)
+    console = people()
+    with _ended_by_signals() as ended, server:
+        console.print(f"Serving {camera.name} at {force_n:g} N as {server.identity} on {interface}; Ctrl-C ends it.")
+        console.print("See it with: tsis acquire --list", markup=False)
+        console.print(f"Read it with: tsis acquire --camera aravis:{server.identity}", markup=False, soft_wrap=True)
+        print_notice(console)
+        console.file.flush()
+        while server.failure is None and not ended.wait(LOOK_S):
+            pass
+    if server.failure is not None:
+        raise CameraError(f"serving ended: {server.failure}") from server.failure
+    console.print(f"Ended; {server.sent} frames were sent.")
+
+
+@contextmanager
+def _ended_by_signals() -> Iterator[threading.Event]:
+    """Ctrl-C and the signal that ends a service set the event, so that both end this one in order."""
+    ended = threading.Event()
+
+    def end(_number: int, _frame: FrameType | None) -> None:
+        ended.set()
+
+    before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield ended
+    finally:
+        for number, action in before.items():
+            signal.signal(number, action)
