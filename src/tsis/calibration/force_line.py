@@ -180,7 +180,7 @@ class ForceLineDiagnostics:
     hysteresis
         Largest difference of loading and unloading over the range, signed (loading less unloading).
     repeatability
-        Relative standard deviation of sums of one tip and force in repeated loadings; None without repeats.
+        Standard deviation of sums of one tip and force in repeated loadings over the range; None without repeats.
     tip_difference
         Line of the widest tip over that of the second widest at 0.8 N, less one; None with one tip.
     detectable_n

@@ -28,6 +28,7 @@ BAD_FACTOR = 8.0  # robust standard deviations by which a hot or dead pixel stan
 MOST_BAD = 0.02  # share of bad pixels that a camera may have
 LAMP_RANGE = (0.8, 1.25)  # times the light at the reference, which no warm lamp leaves
 LAMPS_OFF = 0.5  # of the untouched light
+READ_AND_ROUNDING = 0.5  # variance of a pixel without light, of which photons in a bright patch make many times as much
 
 Box = tuple[int, int, int, int]
 
@@ -288,8 +289,8 @@ def _patch(
         return None, 0.0
     light = (frames - base)[:, *_inside(box)]
     mean, count = float(light.mean()), light[0].size
-    one = float(np.sqrt((shot * mean + 0.5) / count))
-    return Measured(value=mean, sd=one / np.sqrt(len(frames)), unit="grey"), one / mean * float(lamps.mean())
+    one = float(np.sqrt((shot * mean + READ_AND_ROUNDING) / count))
+    return Measured(value=mean, sd=one / float(np.sqrt(len(frames))), unit="grey"), one / mean * float(lamps.mean())
 
 
 def _bad(dark: NDArray[np.float64], flats: Sequence[NDArray[np.float64]]) -> NDArray[np.bool_]:

@@ -13,6 +13,7 @@ from tsis.model import Calibration, check
 if TYPE_CHECKING:
     from tsis.calibration.reference import Reference
 
+NORMAL_95 = 1.96  # half width of a normal interval of 95 % in standard deviations
 LEAST_SATURATION_KPA, LARGEST_SATURATION_KPA = 1e-3, 1e6
 
 
@@ -92,10 +93,12 @@ class Response:
         probe
             Name of the probe.
         """
-        check.kind("name", name, str)
+        gain = self.gain_grey_per_kpa
+        # The estimates take a normal gain: one as wide as the 95 % interval, which few tips leave wider than that.
+        gain_sd = (gain.interval()[1] / gain.value - 1) / NORMAL_95
         return Calibration(
-            gain_grey_per_kpa=self.gain_grey_per_kpa.value,
-            gain_sd=min(1.0, self.gain_grey_per_kpa.sd / self.gain_grey_per_kpa.value),
+            gain_grey_per_kpa=gain.value,
+            gain_sd=min(1.0, float(np.linalg.norm([gain_sd, self.repeatability_share, reference.lamp_sd]))),
             saturation_kpa=self.saturation.value_kpa,
             background_grey=0.0,
             force_sd=self.gauge_share,

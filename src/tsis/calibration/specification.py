@@ -135,7 +135,7 @@ def specification(
                 measured=diagnostics.repeatability,
                 fingertip="",
                 printed="good",
-                note="relative standard deviation of repeated loadings of one tip",
+                note="standard deviation of repeated loadings of one tip over the range",
             ),
         ),
     )

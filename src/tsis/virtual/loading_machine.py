@@ -1,0 +1,376 @@
+"""The loading machine of section 5.1 without hardware: tips on the bare probe, frames of its camera, a force gauge."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from tsis.imaging.contact_light import rough_contact
+from tsis.imaging.led_drift import LedDrift
+from tsis.imaging.sensor import Sensor, expose
+from tsis.mechanics.closed_form import HertzContact, effective_modulus_kpa
+from tsis.model import Calibration, Probe, TactileImage, check
+from tsis.model.errors import InputError
+from tsis.model.press import MN_PER_N
+from tsis.virtual.direct_contact import direct_contact_calibration
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+LARGEST_FORCE_N = 50.0  # what the source's gauge measures
+NOMINAL_TIP_MM, NOMINAL_N = 2.0, 2.0  # the press for which the exposure is chosen
+HEADROOM = 1.2  # light that errors of the machine may add before pixels clip
+LONGEST = 20_000  # frames that the lamps are drawn for
+PATCH_PX, PATCH_AT, PATCH_LEVEL = (
+    32,
+    4,
+    0.55,
+)  # reference patch: side and place in pixels, light as a share of the scale
+BAD_PIXELS, HOT_GREY = 8, 40.0
+FLAT_LEVELS = (0.15, 0.4, 0.65)  # of the scale
+EDGE_LEVEL = 0.6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MachineErrors:
+    """What a bench does to the numbers; each is a standard deviation from which the machine draws its own.
+
+    Parameters
+    ----------
+    probe_young_sd
+        Relative, of the probe's moduli.
+    gain_sd
+        Relative, of the answer to pressure.
+    shading_sd
+        Relative, of the unevenness of the light from the middle of the frame to its edge.
+    tip_sd
+        Relative, of the light from tip to tip.
+    repeatability_sd
+        Relative, of the light from press to press.
+    pattern_sd
+        Relative, of a pattern in rings that each press leaves anew.
+    hysteresis_sd
+        Of the light that unloading shows more or less than loading, at half of the largest force, as a share of it.
+    force_sd
+        Relative, by which the machine misses the commanded force; the gauge sees it.
+    place_sd_mm
+        Of the place where a tip is mounted.
+    stray_grey
+        Light of the untouched probe, grey levels; no standard deviation.
+    gauge_gain_sd, gauge_zero_sd_n, gauge_noise_n, gauge_resolution_n
+        Of the gauge's calibration, its zero and its readings, and the step of its display.
+    """
+
+    probe_young_sd: float = 0.03
+    gain_sd: float = 0.05
+    shading_sd: float = 0.04
+    tip_sd: float = 0.01
+    repeatability_sd: float = 0.002
+    pattern_sd: float = 0.0005
+    hysteresis_sd: float = 0.003
+    force_sd: float = 0.003
+    place_sd_mm: float = 0.2
+    stray_grey: float = 3.0
+    gauge_gain_sd: float = 0.001
+    gauge_zero_sd_n: float = 0.003
+    gauge_noise_n: float = 0.001
+    gauge_resolution_n: float = 0.001
+
+    def __post_init__(self) -> None:
+        for one in fields(self):
+            check.number(one.name, getattr(self, one.name), 0.0, 100.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MachineTruth:
+    """What this machine drew and no calibration knows.
+
+    Attributes
+    ----------
+    answer
+        Grey level to pressure under the mean light of the face and lamps of 1.
+    stiffness
+        Moduli of the probe over the nominal ones.
+    hysteresis_share
+        Light of unloading over that of loading, less one, at half of the largest force.
+    gauge_gain, gauge_zero_n
+        The gauge shows ``gain * F + zero``.
+    relative_light
+        Light over the face, shape (rows, columns), of mean 1 outside the reference patch.
+    """
+
+    answer: Calibration
+    stiffness: float
+    hysteresis_share: float
+    gauge_gain: float
+    gauge_zero_n: float
+    relative_light: NDArray[np.float64]
+
+
+class VirtualLoadingMachine:
+    """A rigid tip that presses the bare probe under a force gauge, and the probe's camera.
+
+    Pressure is Hertz's on a half-space of the probe's effective modulus, beyond his assumptions where the tip sinks in
+    deep; light is that of rough contact. Lamps warm up and wander, light is uneven, pixels are bad, the gauge has a
+    zero, a gain and noise of its own, unloading remembers loading. Every call takes a frame and some time.
+
+    Parameters
+    ----------
+    probe
+        What is pressed.
+    rng
+        Source of every error; a seed gives the same machine and the same frames.
+    sensor
+        The camera.
+    drift
+        How the lamps drift.
+    errors
+        Sizes of the errors.
+    patch
+        Whether a corner of the frame sees the lamps past the probe.
+    saturation_kpa
+        Pressure at which the skin's asperities saturate; five times the largest nominal pressure when None.
+    blur_mm
+        Standard deviation of the point spread on the face, mm, in [0, 2].
+    warm_s, frame_s
+        Seconds from switching the lamps on to the first frame, and from frame to frame.
+
+    Raises
+    ------
+    InputError
+        When an argument is of the wrong kind or outside its range.
+
+    Examples
+    --------
+    >>> import numpy, tsis
+    >>> machine = VirtualLoadingMachine(tsis.load_probe("tsis-direct"), rng=numpy.random.default_rng(1))
+    >>> image, shown_n = machine.press(2.0, 1.0)
+    >>> image.grey.shape, round(shown_n, 2)
+    ((492, 768), 1.0)
+    """
+
+    def __init__(
+        self,
+        probe: Probe,
+        *,
+        rng: np.random.Generator,
+        sensor: Sensor | None = None,
+        drift: LedDrift | None = None,
+        errors: MachineErrors | None = None,
+        patch: bool = True,
+        saturation_kpa: float | None = None,
+        blur_mm: float = 0.05,
+        warm_s: float = 1800.0,
+        frame_s: float = 10.0,
+    ) -> None:
+        check.kind("probe", probe, Probe)
+        check.kind("rng", rng, np.random.Generator)
+        self.probe, self.sensor, self.errors = probe, sensor or Sensor(), errors or MachineErrors()
+        check.kind("sensor", self.sensor, Sensor)
+        check.kind("errors", self.errors, MachineErrors)
+        self._rng, self._blur_mm = rng, check.number("blur_mm", blur_mm, 0.0, 2.0, hint="millimetres")
+        start, step = check.number("warm_s", warm_s, 0.0, 1e6), check.number("frame_s", frame_s, 1e-3, 1e4)
+        self._lamps = (drift or LedDrift()).factors(start + step * np.arange(LONGEST), rng)
+        self._seen_lamps = list[float]()
+        self._patch = patch
+        self._bad = rng.integers(0, self.sensor.rows * self.sensor.columns, (2, BAD_PIXELS))
+        self._tips: dict[float, tuple[float, NDArray[np.float64]]] = {}
+        self._largest_n = 0.0
+        self.truth = self._draw(saturation_kpa)
+
+    @property
+    def patch_px(self) -> tuple[int, int, int, int] | None:
+        """Reference patch as left, top, right, bottom; None when there is none."""
+        return (PATCH_AT, PATCH_AT, PATCH_AT + PATCH_PX, PATCH_AT + PATCH_PX) if self._patch else None
+
+    @property
+    def lamps(self) -> tuple[float, ...]:
+        """True brightness of the lamps in each frame so far, those without light too."""
+        return tuple(self._seen_lamps)
+
+    def dark(self) -> TactileImage:
+        """A frame with the lamps off."""
+        self._next_lamp()
+        return self._taken(np.zeros(self.truth.relative_light.shape), "dark", lit=0.0)
+
+    def no_contact(self) -> TactileImage:
+        """A frame of the untouched probe, the lamps on."""
+        self._largest_n = 0.0
+        return self._lit(np.zeros(self.truth.relative_light.shape), "no contact")
+
+    def flat(self, level: float = 0.4) -> TactileImage:
+        """A frame of even contact with the whole face that fills a share of the scale, in [0.02, 0.9]."""
+        check.number("level", level, 0.02, 0.9, hint="a share of the scale")
+        return self._lit(level * self._range() * self.truth.relative_light, f"flat {level:g}")
+
+    def edge(self, angle_deg: float = 5.0) -> TactileImage:
+        """A frame of a block pressed evenly on one half of the face, its straight edge tilted to the columns."""
+        check.number("angle_deg", angle_deg, -45.0, 45.0, hint="degrees")
+        x, y = self.sensor.axes_mm()
+        across = x[None, :] * np.cos(np.radians(angle_deg)) + y[:, None] * np.sin(np.radians(angle_deg))
+        # Covered shares of pixels, as the edge runs through them.
+        block = EDGE_LEVEL * self._range() * np.clip(0.5 + across / self.sensor.mm_per_pixel[0], 0.0, 1.0)
+        return self._lit(self._blurred(block) * self.truth.relative_light, "edge")
+
+    def press(self, tip_radius_mm: float, force_n: float) -> tuple[TactileImage, float]:
+        """Press a tip with a commanded force, and read the camera and the gauge.
+
+        Parameters
+        ----------
+        tip_radius_mm
+            Radius of the tip, mm, in [0.5, 100]; it keeps its place and its light as long as the machine runs.
+        force_n
+            Newtons, in [0, 50]; 0 is no contact, after which a new loading begins.
+
+        Returns
+        -------
+        The frame, and what the gauge shows in newtons.
+
+        Raises
+        ------
+        InputError
+            When a value lies outside its range, or the contact would leave the frame.
+        """
+        tip = check.number("tip_radius_mm", tip_radius_mm, 0.5, 100.0, hint="millimetres")
+        force = check.number("force_n", force_n, 0.0, LARGEST_FORCE_N, hint="newtons")
+        force *= max(0.0, 1 + self.errors.force_sd * self._rng.standard_normal())
+        if force == 0:
+            return self.no_contact(), self._shown(0.0)
+        light = self._contact(tip, force, *self._mounted(tip)) * self._once(force)
+        image = self._lit(light * self.truth.relative_light, f"{tip:g} mm tip at {force_n:g} N", force_n=force_n)
+        return image, self._shown(force)
+
+    def loading(self, tip_radius_mm: float, forces_n: Sequence[float]) -> list[tuple[TactileImage, float]]:
+        """Frames and gauge readings of forces in order of time."""
+        return [self.press(tip_radius_mm, force) for force in forces_n]
+
+    def expected_grey(self, tip_radius_mm: float, force_n: float) -> float:
+        """True sum of grey levels of loading at lamps of 1, without what tips, presses and noise add."""
+        return float(self._contact(tip_radius_mm, force_n, 0.0, np.zeros(2), patterned=False).sum())
+
+    def contact(self, tip_radius_mm: float, force_n: float) -> HertzContact:
+        """True contact of a tip: ``a**3 = 3 F R / (4 E*)``."""
+        modulus = self.truth.stiffness * _plane_strain_kpa(self.probe)
+        edge = (3 * force_n * MN_PER_N * tip_radius_mm / (4 * modulus)) ** (1 / 3)
+        peak = 1.5 * force_n * MN_PER_N / (np.pi * edge**2)
+        return HertzContact(force_mn=force_n * MN_PER_N, contact_radius_mm=edge, peak_pressure_kpa=peak)
+
+    def _draw(self, saturation_kpa: float | None) -> MachineTruth:
+        rng, errors = self._rng, self.errors
+        edge = (3 * NOMINAL_N * MN_PER_N * NOMINAL_TIP_MM / (4 * _plane_strain_kpa(self.probe))) ** (1 / 3)
+        peak = 1.5 * NOMINAL_N * MN_PER_N / (np.pi * edge**2)
+        nominal = direct_contact_calibration(self.sensor, probe=self.probe, peak_kpa=HEADROOM * peak)
+        return MachineTruth(
+            answer=Calibration(
+                gain_grey_per_kpa=nominal.gain_grey_per_kpa * float(np.exp(errors.gain_sd * rng.standard_normal())),
+                saturation_kpa=5 * peak if saturation_kpa is None else saturation_kpa,
+            ),
+            stiffness=float(np.exp(errors.probe_young_sd * rng.standard_normal())),
+            hysteresis_share=errors.hysteresis_sd * float(rng.standard_normal()),
+            gauge_gain=1 + errors.gauge_gain_sd * float(rng.standard_normal()),
+            gauge_zero_n=errors.gauge_zero_sd_n * float(rng.standard_normal()),
+            relative_light=self._shading(),
+        )
+
+    def _shading(self) -> NDArray[np.float64]:
+        """Light that leans to one side and rises or falls towards the edge, of mean 1."""
+        x, y = (axis / np.abs(axis).max() for axis in self.sensor.axes_mm())
+        lean_x, lean_y, bowl = self.errors.shading_sd * self._rng.standard_normal(3)
+        light = 1 + lean_x * x[None, :] + lean_y * y[:, None] + bowl * (x[None, :] ** 2 + y[:, None] ** 2)
+        light = np.maximum(light, 0.3) * self.sensor.vignetting()
+        field = np.ones(light.shape, dtype=bool)
+        if self.patch_px is not None:
+            field[_box(self.patch_px)] = False
+        return np.asarray(light / light[field].mean())
+
+    def _mounted(self, tip: float) -> tuple[float, NDArray[np.float64]]:
+        """Light and place in mm of a tip, drawn when it is first used."""
+        if tip not in self._tips:
+            light = self.errors.tip_sd * float(self._rng.standard_normal())
+            self._tips[tip] = light, self.errors.place_sd_mm * self._rng.standard_normal(2)
+        return self._tips[tip]
+
+    def _once(self, force: float) -> float:
+        """What this press does to the light: its own scatter, and what it remembers of the largest force."""
+        self._largest_n = max(self._largest_n, force)
+        share = force / self._largest_n
+        memory = self.truth.hysteresis_share * 4 * share * (1 - share)
+        return (1 + memory) * (1 + self.errors.repeatability_sd * self._rng.standard_normal())
+
+    def _contact(
+        self, tip: float, force: float, brighter: float, place: NDArray[np.float64], *, patterned: bool = True
+    ) -> NDArray[np.float64]:
+        """Light of a contact under even light, shape (rows, columns)."""
+        contact = self.contact(tip, force)
+        x, y = self.sensor.axes_mm()
+        reach = contact.contact_radius_mm + 4 * self._blur_mm + 2 * max(self.sensor.mm_per_pixel)
+        columns, rows = np.abs(x - place[0]) <= reach, np.abs(y - place[1]) <= reach
+        if columns[[0, -1]].any() or rows[[0, -1]].any():
+            raise InputError(
+                f"the contact must lie in the frame; a {tip:g} mm tip at {force:.2g} N touches "
+                f"{contact.contact_radius_mm:.2g} mm around its middle (press less, or see a wider field)"
+            )
+        radius = np.hypot(x[columns][None, :] - place[0], y[rows][:, None] - place[1])
+        light = rough_contact(contact.pressure_kpa(radius), self.truth.answer) * (1 + brighter)
+        if patterned:
+            knots = self.errors.pattern_sd * np.sqrt(1.5) * self._rng.standard_normal(int(2 * reach) + 3)
+            light *= 1 + np.interp(2 * radius, np.arange(len(knots)), knots)
+        picture = np.zeros((self.sensor.rows, self.sensor.columns))
+        picture[np.ix_(rows, columns)] = self._blurred(light)
+        return picture
+
+    def _blurred(self, light: NDArray[np.float64]) -> NDArray[np.float64]:
+        if self._blur_mm == 0:
+            return light
+        sigma_x, sigma_y = (self._blur_mm / size for size in self.sensor.mm_per_pixel)
+        return np.asarray(cv2.GaussianBlur(light, (0, 0), sigmaX=sigma_x, sigmaY=sigma_y), dtype=float)
+
+    def _shown(self, force: float) -> float:
+        """What the gauge displays of a force, newtons."""
+        shown = self.truth.gauge_gain * force + self.truth.gauge_zero_n
+        shown += self.errors.gauge_noise_n * float(self._rng.standard_normal())
+        step = self.errors.gauge_resolution_n
+        return shown if step == 0 else round(shown / step) * step
+
+    def _lit(self, light: NDArray[np.float64], name: str, *, force_n: float = 0.0) -> TactileImage:
+        lit = light + self.errors.stray_grey * self.truth.relative_light
+        if self.patch_px is not None:
+            lit[_box(self.patch_px)] = PATCH_LEVEL * self._range()
+        return self._taken(lit * self._next_lamp(), name, lit=1.0, force_n=force_n)
+
+    def _taken(self, light: NDArray[np.float64], name: str, *, lit: float, force_n: float = 0.0) -> TactileImage:
+        hot, dead = self._bad
+        light.ravel()[dead] = 0.0
+        light.ravel()[hot] += HOT_GREY
+        return TactileImage(
+            grey=expose(light, self.sensor, self._rng),
+            mm_per_pixel=self.sensor.mm_per_pixel,
+            full_scale=self.sensor.full_scale,
+            force_n=force_n,
+            name=name,
+            settings={"source": "virtual loading machine", "probe": self.probe.name, "lamps": lit},
+        )
+
+    def _next_lamp(self) -> float:
+        if len(self._seen_lamps) == LONGEST:
+            raise InputError(f"a loading machine takes at most {LONGEST} frames; make another")
+        self._seen_lamps.append(float(self._lamps[len(self._seen_lamps)]))
+        return self._seen_lamps[-1]
+
+    def _range(self) -> float:
+        return self.sensor.full_scale - self.sensor.background_grey
+
+
+def _plane_strain_kpa(probe: Probe) -> float:
+    """``E*`` of the half-space that stands for the probe."""
+    return effective_modulus_kpa(probe.layers) / (1 - probe.layers[0].poisson ** 2)
+
+
+def _box(patch: tuple[int, int, int, int]) -> tuple[slice, slice]:
+    left, top, right, bottom = patch
+    return slice(top, bottom), slice(left, right)
