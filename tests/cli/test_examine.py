@@ -2,18 +2,18 @@ from __future__ import annotations
 
 import json
 from dataclasses import fields, replace
-from typing import TYPE_CHECKING
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
 import pytest
 
 from tsis import Calibration
-from tsis.cli.calibration_file import calibration_document, read_calibration
+from tsis.calibration.file import ProbeCalibration, calibration_bytes, read_calibration
 from tsis.cli.press_forces import plain_forces
 from tsis.model import LightMap
 from tsis.model.errors import InputError
-from tsis.report.document import json_bytes
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
     from tsis import Probe
 
+LONG_AGO = datetime(2020, 1, 1, tzinfo=UTC)
 DISC_PX, CENTRE = 30.0, (140.0, 90.0)
 
 
@@ -156,32 +157,46 @@ def test_wrong_input_is_one_sentence_and_writes_nothing(
     assert entries(tmp_path) == before
 
 
-CALIBRATION = {"format": "tsis-calibration", "version": 1, "gain_grey_per_kpa": 60.0, "saturation_kpa": 20.0}
+def _known(**response: Any) -> bytes:
+    values = {"gain_grey_per_kpa": 60.0, "saturation_kpa": 20.0, **response}
+    return calibration_bytes(ProbeCalibration(name="bench", response=Calibration(**values)))
 
 
 @pytest.mark.usefixtures("frames")
 @pytest.mark.parametrize(
     ("content", "sentence"),
     [
-        ("{", "must be a readable JSON file"),
-        ("[" * 100_000, "must be a readable JSON file"),
-        ("[]", "must hold a JSON object; got list"),
-        ("{}", "must be a file of tsis-calibration, version 1"),
-        (json.dumps({**CALIBRATION, "version": 99}), "must be a file of tsis-calibration, version 1"),
-        (json.dumps({**CALIBRATION, "gian": 1}), "must hold only known values; got ['gian']"),
-        (json.dumps({**CALIBRATION, "gain_grey_per_kpa": -1}), "gain_grey_per_kpa must lie in"),
-        (json.dumps({**CALIBRATION, "gain_grey_per_kpa": "a"}), "gain_grey_per_kpa must be a number; got 'a'"),
-        (json.dumps({**CALIBRATION, "gain_sd": float("nan")}), "gain_sd must lie in"),
-        (json.dumps({key: CALIBRATION[key] for key in ("format", "version")}), "must hold gain_grey_per_kpa and"),
-        (json.dumps(CALIBRATION), "needs --scale-mm and --force-n as well"),
+        (b"{", "must be a readable JSON file"),
+        (b"[]", "must hold a JSON object; got list"),
+        (b"{}", "must be a file of tsis-calibration"),
+        (_known().replace(b"60.0", b"61.0"), "its content does not match its hash, so it was changed"),
+        (calibration_bytes(ProbeCalibration(name="bench")), "an estimate needs the part 'response'"),
+        (
+            calibration_bytes(
+                ProbeCalibration(
+                    name="old", made=datetime(2020, 1, 1, tzinfo=UTC), expires=datetime(2021, 1, 1, tzinfo=UTC)
+                )
+            ),
+            "calibration 'old' must not be expired; it was good until 2021-01-01",
+        ),
     ],
 )
-def test_a_wrong_calibration_is_one_sentence(run_tsis: RunTsis, tmp_path: Path, content: str, sentence: str) -> None:
-    (tmp_path / "calibration.json").write_text(content)
-    finished = run_tsis("examine", "press.png", "--calibration", "calibration.json")
+def test_a_wrong_calibration_is_one_sentence(run_tsis: RunTsis, tmp_path: Path, content: bytes, sentence: str) -> None:
+    (tmp_path / "calibration.json").write_bytes(content)
+    finished = run_tsis(
+        *("examine", "press.png", "--calibration", "calibration.json", "--scale-mm", "0.05", "--force-n", "1")
+    )
     assert finished.code == 2
     assert sentence in finished.err
     assert finished.err.count("\n") == 1
+
+
+@pytest.mark.usefixtures("frames")
+def test_an_estimate_needs_scale_and_force(run_tsis: RunTsis, tmp_path: Path) -> None:
+    (tmp_path / "calibration.json").write_bytes(_known())
+    finished = run_tsis("examine", "press.png", "--calibration", "calibration.json")
+    assert finished.code == 2
+    assert "needs --scale-mm and --force-n as well" in finished.err
 
 
 MISCOUNTED = [
@@ -202,7 +217,7 @@ MISCOUNTED = [
 def test_forces_that_match_no_frame_are_one_sentence(
     run_tsis: RunTsis, tmp_path: Path, arguments: list[str], sentence: str
 ) -> None:
-    (tmp_path / "calibration.json").write_text(json.dumps(CALIBRATION))
+    (tmp_path / "calibration.json").write_bytes(_known())
     finished = run_tsis(
         *("examine", "press.png", "untouched.png", "--calibration", "calibration.json", "--scale-mm", "0.05"),
         *arguments,
@@ -249,7 +264,7 @@ def test_the_calibration_names_the_probe(
         raise InputError("stopped here")
 
     monkeypatch.setattr("tsis.cli.examine.estimate_with_progress", stop)
-    (tmp_path / "calibration.json").write_text(json.dumps({**CALIBRATION, "probe": named, "probe_young_sd": 0.1}))
+    (tmp_path / "calibration.json").write_bytes(_known(probe=named, probe_young_sd=0.1))
     options = ("--calibration", "calibration.json", "--force-n", "1", "--scale-mm", "0.05")
     assert run_tsis("examine", "press.png", *options, *arguments).code == 2
     assert asked == [(chosen, named)]
@@ -257,7 +272,7 @@ def test_the_calibration_names_the_probe(
 
 @pytest.mark.usefixtures("frames")
 def test_a_calibration_of_another_probe_is_refused(run_tsis: RunTsis, tmp_path: Path) -> None:
-    (tmp_path / "calibration.json").write_text(json.dumps({**CALIBRATION, "probe": "tsis-domed"}))
+    (tmp_path / "calibration.json").write_bytes(_known(probe="tsis-domed"))
     options = ("--calibration", "calibration.json", "--force-n", "1", "--scale-mm", "0.05", "--probe", "tsis-2011")
     finished = run_tsis("examine", "press.png", *options)
     assert finished.code == 2
@@ -269,8 +284,9 @@ def test_a_calibration_file_keeps_every_value(tmp_path: Path) -> None:
     assert len(numbers) > 10
     named = Calibration(**numbers, light=LightMap.uniform(), name="bench", probe="tsis-domed")
     path = tmp_path / "calibration.json"
-    path.write_bytes(json_bytes(calibration_document(named)))
-    again = read_calibration(path)
+    path.write_bytes(calibration_bytes(ProbeCalibration(name="bench", response=named)))
+    again = read_calibration(path).response
+    assert again is not None
     assert again.light is not None
     assert again.light.sha256 == LightMap.uniform().sha256
     assert replace(again, light=None) == replace(named, light=None)

@@ -1,19 +1,13 @@
 from __future__ import annotations
 
-import json
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 
-from tsis.cli.calibration_file import calibration_document, read_calibration
-from tsis.model import Calibration, LightMap
-from tsis.model.errors import FileInputError, InputError
-from tsis.report.document import json_bytes
-
-if TYPE_CHECKING:
-    from pathlib import Path
+from tsis.model import LightMap
+from tsis.model.errors import InputError
 
 
 def some(seed: int = 1, **changes: Any) -> LightMap:
@@ -53,19 +47,3 @@ def test_outside_its_grid_it_is_the_nearest_value() -> None:
 def test_a_map_that_is_none_is_refused(values: dict[str, Any], sentence: str) -> None:
     with pytest.raises(InputError, match=sentence):
         some(**values)
-
-
-def test_a_calibration_file_keeps_it(tmp_path: Path) -> None:
-    light, path = some(), tmp_path / "calibration.json"
-    path.write_bytes(
-        json_bytes(calibration_document(Calibration(gain_grey_per_kpa=60, saturation_kpa=20, light=light)))
-    )
-    again = read_calibration(path).light
-    assert again == light != some(seed=2)
-    assert again is not None
-    assert again.sha256 == light.sha256 != some(seed=2).sha256
-    document = json.loads(path.read_text())
-    del document["light"]["y_mm"]
-    path.write_text(json.dumps(document))
-    with pytest.raises(FileInputError, match=r"light must hold just x_mm, .*; wrong: \['y_mm'\]"):
-        read_calibration(path)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
-from tsis.cli.calibration_file import calibration_document
+from tsis.calibration.file import ProbeCalibration, calibration_bytes
 from tsis.cli.console_output import Outcome, progress_bar, publish
 from tsis.cli.estimate_output import estimate_table, estimate_with_progress
 from tsis.cli.targets import AsJson, DepthMm, DiameterMm, ForcesN, PhantomName, ProbeName, YoungKpa, chosen_phantom
@@ -19,7 +19,7 @@ from tsis.model import load_probe
 from tsis.model.errors import InputError
 from tsis.optics import irradiance
 from tsis.report import inclusion_report
-from tsis.report.document import envelope, estimate_document, json_bytes, sentences
+from tsis.report.document import envelope, estimate_document, sentences
 from tsis.virtual import VirtualProbe
 
 if TYPE_CHECKING:
@@ -78,7 +78,9 @@ def demo(
         files={
             **{frame.name: png_bytes(frame) for frame in (*images, *references)},
             "untouched.png": png_bytes(untouched),
-            "calibration.json": json_bytes(calibration_document(virtual.calibration)),
+            "calibration.json": calibration_bytes(
+                ProbeCalibration(name=virtual.calibration.name, probe=chosen.name, response=virtual.calibration)
+            ),
         },
     )
     publish(outcome, out, as_json=as_json)

@@ -10,7 +10,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.cli.calibration_file import read_calibration
+from tsis.cli.cited_calibration import CitedCalibration, chosen_scale, cited
 from tsis.cli.console_output import Outcome, publish
 from tsis.cli.estimate_output import estimate_table, estimate_with_progress
 from tsis.cli.press_forces import plain_forces, target_forces
@@ -20,7 +20,6 @@ from tsis.inclusion import InclusionPrior, ring_edges
 from tsis.instrument import read_image
 from tsis.model import list_probes, load_probe
 from tsis.model.errors import InputError
-from tsis.model.image import pixel_scale
 from tsis.report import contact_report, inclusion_report
 from tsis.report.contact import find, finding_notes, finding_rows
 from tsis.report.document import envelope, estimate_document, features_document, sentences
@@ -95,8 +94,8 @@ def examine(
         raise InputError("--match-light needs --reference, the frame that it scales")
     if calibration is None and force_n:
         raise InputError("--force-n needs --calibration: without it a force tells nothing")
-    scale = None if scale_mm is None else scale_of(scale_mm)
-    known = None if calibration is None else read_calibration(calibration)
+    known = None if calibration is None else cited(calibration)
+    scale = chosen_scale(known, scale_mm)
     if known is not None and (scale is None or not force_n):
         raise InputError("an estimate with --calibration needs --scale-mm and --force-n as well")
     forces = target_forces(force_n, len(images)) if force_n else [None] * len(images)
@@ -110,13 +109,14 @@ def examine(
         "mm_per_pixel": None if scale is None else list(scale),
         "invert": invert,
         "match_light": match_lamps,
+        "calibration": None if known is None else known.citation(),
     }
     if known is None:
         outcome = _contacts(frames, untouched, provenance, invert=invert, match=match_lamps)
     else:
         plain = plain or []
         on_plain = _read(plain, plain_forces(plain_force_n or (), force_n or (), len(plain)), scale)
-        outcome = _inclusion(frames, on_plain, known, chosen or _calibrated_probe(known), provenance)
+        outcome = _inclusion(frames, on_plain, known, chosen or _calibrated_probe(known.response), provenance)
     publish(outcome, out, as_json=as_json)
 
 
@@ -170,12 +170,18 @@ def _contacts(
 def _inclusion(
     frames: Sequence[TactileImage],
     on_plain: Sequence[TactileImage],
-    calibration: Calibration,
+    calibration: CitedCalibration,
     probe: Probe,
     provenance: dict[str, Any],
 ) -> Outcome:
     prior = InclusionPrior()
-    result = estimate_with_progress(frames, probe=probe, calibration=calibration, reference=on_plain, prior=prior)
+    result = estimate_with_progress(
+        calibration.corrected(frames),
+        probe=probe,
+        calibration=calibration.response,
+        reference=calibration.corrected(on_plain),
+        prior=prior,
+    )
     names = ", ".join(f"{frame.name} ({frame.force_n:g} N)" for frame in frames)
     page = inclusion_report(
         result,
@@ -190,14 +196,3 @@ def _inclusion(
     document = envelope("examine", estimate=estimate_document(result), provenance=provenance)
     table = estimate_table(result, title=names)
     return Outcome(document=document, page=page, tables=(table,), notes=sentences(result))
-
-
-def scale_of(text: str) -> tuple[float, float]:
-    """Read ``0.05`` or ``0.05,0.06`` as mm per pixel."""
-    try:
-        parts = [float(part) for part in text.split(",")]
-    except ValueError:
-        parts = []
-    if len(parts) not in (1, 2):
-        raise InputError(f"--scale-mm must be one number or x,y in millimetres per pixel; got {text!r}")
-    return pixel_scale((parts[0], parts[-1]))

@@ -12,17 +12,17 @@ from rich.markup import escape
 from rich.table import Table
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.cli.calibration_file import calibration_document, read_calibration
+from tsis.calibration.file import ProbeCalibration, calibration_bytes
+from tsis.cli.cited_calibration import chosen_scale, cited
 from tsis.cli.console_output import Outcome, progress_bar, publish, waiting
 from tsis.cli.demo import LARGEST_SEED
-from tsis.cli.examine import scale_of
 from tsis.cli.press_forces import target_forces
 from tsis.cli.targets import AsJson
 from tsis.hardness import build_contact_table, estimate, shore
 from tsis.instrument import png_bytes, read_image
 from tsis.model import list_probes, load_probe, load_sphere
 from tsis.model.errors import InputError
-from tsis.report.document import envelope, estimate_document, json_bytes
+from tsis.report.document import envelope, estimate_document
 from tsis.report.hardness import hardness_notes, hardness_report, hardness_rows
 from tsis.virtual import DirectContactRig
 
@@ -84,21 +84,23 @@ def hardness(
         return
     if not paths:
         raise InputError("give the images of two presses, or --demo for a run without hardware")
-    if calibration is None or scale_mm is None or not force_n:
+    known = None if calibration is None else cited(calibration)
+    scale = chosen_scale(known, scale_mm)
+    if known is None or scale is None or not force_n:
         raise InputError("a hardness needs --calibration, --scale-mm and --force-n for each image")
-    known, scale = read_calibration(calibration), scale_of(scale_mm)
-    chosen = load_probe(probe or (known.probe if known.probe in list_probes() else UNNAMED))
-    frames = _read(paths, target_forces(force_n, len(paths)), scale)
+    response = known.response
+    chosen = load_probe(probe or (response.probe if response.probe in list_probes() else UNNAMED))
+    frames = known.corrected(_read(paths, target_forces(force_n, len(paths)), scale))
     balls = ball or []
     if len(ball_force_n or ()) != len(balls):
         raise InputError(f"--ball-force-n must be given once for each --ball; got it {len(ball_force_n or ())} times")
     options = {
         "radius_mm": radius_mm,
         "radius_sd_mm": radius_sd_mm,
-        "reference": _read(balls, ball_force_n or (), scale),
+        "reference": known.corrected(_read(balls, ball_force_n or (), scale)),
         "reference_radius_mm": ball_radius_mm,
     }
-    publish(_outcome(frames, chosen, known, options), out, as_json=as_json)
+    publish(_outcome(frames, chosen, response, options, cites=known.citation()), out, as_json=as_json)
 
 
 def _virtual(name: str, probe: Probe, forces: Sequence[float], seed: int, out: Path, *, as_json: bool) -> None:
@@ -106,7 +108,8 @@ def _virtual(name: str, probe: Probe, forces: Sequence[float], seed: int, out: P
     rig = DirectContactRig(probe, rng=np.random.default_rng(seed))
     with waiting(f"squeezing {name} with the virtual rig"):
         frames = rig.press_path(sphere, forces_n=forces)
-    files = {"calibration.json": json_bytes(calibration_document(rig.calibration))}
+    simulated_probe = ProbeCalibration(name=rig.calibration.name, probe=probe.name, response=rig.calibration)
+    files = {"calibration.json": calibration_bytes(simulated_probe)}
     files |= {f"press-{frame.force_n:g}N.png": png_bytes(frame) for frame in frames}
     simulated = {"seed": seed, "sphere": asdict(sphere), "command": "tsis hardness"}
     publish(
@@ -125,6 +128,7 @@ def _outcome(
     truth_kpa: float | None = None,
     simulated: dict[str, Any] | None = None,
     files: dict[str, bytes] | None = None,
+    cites: dict[str, Any] | None = None,
 ) -> Outcome:
     with progress_bar("solving the contact of this probe (kept for next time)") as progress:
         table = build_contact_table(probe, progress=progress)
@@ -134,7 +138,7 @@ def _outcome(
     rows = hardness_rows(found)
     for row in rows if truth_kpa is None else (*rows, ("true modulus", f"{truth_kpa:g} kPa")):
         shown.add_row(*(escape(cell) for cell in row))
-    provenance = {"notice": RESEARCH_USE_ONLY, "tsis": __version__, "simulated": simulated}
+    provenance = {"notice": RESEARCH_USE_ONLY, "tsis": __version__, "simulated": simulated, "calibration": cites}
     truth = None if truth_kpa is None else {"young_kpa": truth_kpa}
     readings = asdict(shore(found.mean["young_kpa"])) if found.trusted else None
     return Outcome(

@@ -184,7 +184,7 @@ def _resealed(path: Path, change: Any) -> None:
 
 
 def test_values_out_of_range_are_refused_even_when_the_hash_is_right(path: Path) -> None:
-    bomb = {"shape": [4000, 4000], "kind": "f", "zlib": "eJxjYGAYBaNgFAAAAAUAAQ=="}
+    bomb = {"shape": [4000, 4000], "kind": "single", "zlib": "eJxjYGAYBaNgFAAAAAUAAQ=="}
     cases: list[tuple[Any, str]] = [
         (lambda known: known["response"].update(gain_grey_per_kpa=-1.0), "gain_grey_per_kpa must lie in"),
         (lambda known: known["response"].update(pressure=1.0), "only known values"),

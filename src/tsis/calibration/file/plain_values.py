@@ -1,7 +1,6 @@
 """Frozen values as plain ones for JSON, and back, by the types that their fields declare.
 
-Numbers, text and small arrays stay readable; large maps become compressed text. Both ways are exact, but for maps,
-which keep 24 bits of each number.
+Numbers, text and small arrays stay readable; large maps become compressed text. Both ways are exact.
 """
 
 from __future__ import annotations
@@ -25,7 +24,7 @@ from tsis.model.errors import InputError
 READABLE = 64  # numbers in an array that is written out
 LARGEST_ARRAY = 16_000_000
 _MAP_KEYS = {"shape", "kind", "zlib"}
-_KINDS = {"f": np.dtype("<f4"), "b": np.dtype("?")}
+_KINDS = {"single": np.dtype("<f4"), "double": np.dtype("<f8"), "bool": np.dtype("?")}
 
 
 def to_plain(value: Any) -> Any:
@@ -140,7 +139,7 @@ def _tuple_from_plain(kinds: tuple[Any, ...], plain: Any, where: str) -> tuple[A
 def _array_to_plain(values: np.ndarray[Any, Any]) -> Any:
     if values.size <= READABLE:
         return to_plain(values.tolist())
-    kind = "b" if values.dtype == bool else "f"
+    kind = "bool" if values.dtype == bool else "single" if np.array_equal(values.astype("<f4"), values) else "double"
     packed = zlib.compress(np.ascontiguousarray(values, dtype=_KINDS[kind]).tobytes(), 6)
     return {"shape": list(values.shape), "kind": kind, "zlib": base64.b64encode(packed).decode()}
 
@@ -157,7 +156,7 @@ def _array_from_plain(plain: Any, where: str) -> np.ndarray[Any, Any]:
     _require(sound and math.prod(shape) <= LARGEST_ARRAY and kind in _KINDS, where, "a map of sensible size", shape)
     size = math.prod(shape) * _KINDS[kind].itemsize
     values = np.frombuffer(_unpacked(plain["zlib"], size, where), dtype=_KINDS[kind]).reshape(shape)
-    return values.astype(bool if kind == "b" else float)
+    return values.astype(bool if kind == "bool" else float)
 
 
 def _unpacked(packed: Any, size: int, where: str) -> bytes:
