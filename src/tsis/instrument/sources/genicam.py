@@ -6,29 +6,21 @@ The maker's software brings a GenTL producer (a ``.cti`` file) and sets the envi
 
 from __future__ import annotations
 
-import threading
+import contextlib
 import time
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from tsis.instrument.found import FoundCamera
 from tsis.instrument.sources import genicam_producers
 from tsis.instrument.sources.genicam_camera import GenICamCamera
-from tsis.instrument.sources.genicam_link import Grab, buffer_count, cannot_open, none_found
-from tsis.instrument.sources.genicam_modes import FULL_SCALE
-from tsis.instrument.sources.genicam_nodes import Choice, Number, first_number
+from tsis.instrument.sources.genicam_link import cannot_open, none_found
 from tsis.instrument.sources.genicam_producers import PATH_VARIABLE, PRODUCERS
+from tsis.instrument.sources.harvesters_link import HarvestersLink
 from tsis.model.errors import CameraError, MissingExtraError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Generator, Sequence
     from pathlib import Path
-
-    from numpy.typing import NDArray
-
-# A look inside Harvesters holds Python's interpreter lock, so looks are short and other threads run between them.
-_LOOK_S, _PAUSE_S = 0.001, 0.002
 
 
 class HarvestersCamera(GenICamCamera):
@@ -69,123 +61,23 @@ def missing() -> str | None:
 
 
 def found(producers: Sequence[Path] | None = None) -> tuple[FoundCamera, ...]:
-    """The cameras that the producers list now."""
-    cameras = []
-    for file in _chosen(producers):
-        with PRODUCERS.using(file) as harvester:
-            cameras += [
-                FoundCamera(
-                    source="genicam",
-                    identity=device.id_,
-                    maker=_told(device, "vendor"),
-                    model=_told(device, "model"),
-                    note=file.name,
-                )
-                for device in genicam_producers.devices(harvester)
-            ]
-    return tuple(cameras)
+    """The cameras that the producers list now.
 
-
-class _Nodes:
-    """Harvesters' node map."""
-
-    def __init__(self, node_map: Any) -> None:
-        self._map = node_map
-        _, self._failure = genicam_producers.failures()
-
-    def read(self, name: str) -> Number | Choice | None:
-        try:
-            node = getattr(self._map, name)
-            value = node.value
-            if hasattr(node, "symbolics"):
-                return Choice(value=value, options=tuple(node.symbolics))
-            if isinstance(value, bool):
-                return Number(value=float(value), low=0.0, high=1.0, step=1.0)
-            if not isinstance(value, (int, float)):
-                return None
-            step = float(node.inc) if isinstance(value, int) else 0.0
-            return Number(value=value, low=node.min, high=node.max, step=step, unit=node.unit)
-        except (AttributeError, self._failure):  # absent, or not readable in the present state
-            return None
-
-    def write(self, name: str, value: float | str) -> None:
-        node = getattr(self._map, name)
-        node.value = value if isinstance(value, str) else type(node.value)(value)
-
-
-class _HarvestersLink:
-    """A hold on one camera through Harvesters."""
-
-    def __init__(self, acquirer: Any, identity: str, file: Path) -> None:
-        self._acquirer, self.identity, self._file = acquirer, identity, file
-        self.nodes = _Nodes(acquirer.remote_device.node_map)
-        self.errors = genicam_producers.failures()
-        self.present = True  # GenTL tells no removal without events; silence does
-        self._torn = threading.Event()
-        events = genicam_producers.harvesters().ImageAcquirer.Events
-        acquirer.add_callback(events.INCOMPLETE_BUFFER, _incomplete_buffers(self._torn))
-
-    def begin(self) -> None:
-        payload = first_number(self.nodes, ["PayloadSize"])
-        self._acquirer.num_buffers = max(
-            buffer_count(0.0 if payload is None else payload[1].value), self._acquirer.min_num_buffers
+    Raises
+    ------
+    CameraError
+        When there is none and a producer cannot be loaded.
+    """
+    return tuple(
+        FoundCamera(
+            source="genicam",
+            identity=device.id_,
+            maker=_told(device, "vendor"),
+            model=_told(device, "model"),
+            note=file.name,
         )
-        self._acquirer.start()
-
-    def grab(self, timeout_s: float) -> Grab | None:
-        end_s = time.monotonic() + timeout_s
-        while True:
-            buffer = self._acquirer.try_fetch(timeout=_LOOK_S)
-            if buffer is not None:
-                try:
-                    return Grab(pixels=_grey(buffer), number=_number(buffer), time_s=_stamp_s(buffer))
-                finally:
-                    buffer.queue()
-            if self._torn.is_set():
-                self._torn.clear()
-                return Grab(pixels=None)
-            if time.monotonic() >= end_s:
-                return None
-            time.sleep(_PAUSE_S)
-
-    def end(self) -> None:
-        self._acquirer.stop()
-
-    def close(self) -> None:
-        try:
-            self._acquirer.destroy()
-        finally:
-            # or Harvesters keeps every camera it ever opened until the program ends
-            self._acquirer._finalizer.detach()
-            PRODUCERS.give_back(self._file)
-
-
-def _incomplete_buffers(seen: threading.Event) -> Any:
-    """Sets ``seen`` for each buffer that comes incomplete, which Harvesters queues again without a word."""
-    core = genicam_producers.harvesters()
-    return type("IncompleteBuffers", (core.Callback,), {"emit": lambda *_: seen.set()})()
-
-
-def _grey(buffer: Any) -> NDArray[Any] | None:
-    """The grey part of a buffer, copied; None when it has none."""
-    for part in buffer.payload.components:
-        if part is not None and part.data_format in FULL_SCALE:
-            rows = np.asarray(part.data).reshape(part.height, -1)  # a row may end in padding
-            return rows[:, : part.width].copy()
-    return None
-
-
-def _number(buffer: Any) -> int | None:
-    try:
-        return int(buffer.module.frame_id)
-    except genicam_producers.failures():
-        return None
-
-
-def _stamp_s(buffer: Any) -> float | None:
-    """The camera's own time; Harvesters answers 0 where the producer tells none."""
-    ticks = buffer.timestamp
-    return ticks / buffer.timestamp_frequency if ticks else None
+        for device, file in _listed(_chosen(producers))
+    )
 
 
 def _chosen(producers: Sequence[Path] | None) -> Sequence[Path]:
@@ -201,28 +93,46 @@ def _told(device: Any, what: str) -> str:
         return ""
 
 
-def _opened(identity: str, producers: Sequence[Path]) -> _HarvestersLink:
+def _listed(producers: Sequence[Path]) -> Generator[tuple[Any, Path]]:
+    """Each device of each producer, that producer in use meanwhile; one that cannot be loaded is passed over."""
+    seen, broken = 0, None
+    for file in producers:
+        try:
+            harvester = PRODUCERS.take(file)
+        except CameraError as error:
+            broken = error
+            continue
+        try:
+            for device in genicam_producers.devices(harvester):
+                seen += 1
+                yield device, file
+        finally:
+            PRODUCERS.give_back(file)
+    if broken is not None and not seen:
+        raise broken
+
+
+def _opened(identity: str, producers: Sequence[Path]) -> HarvestersLink:
     if not producers:
         raise CameraError(missing() or "the camera source genicam was given no GenTL producer")
     others: list[str] = []
-    for file in producers:
-        with PRODUCERS.using(file) as harvester:
-            for device in genicam_producers.devices(harvester):
-                names = [device.id_, _told(device, "serial_number"), _told(device, "user_defined_name")]
-                if not identity or identity in names:
-                    return _link(device, file)
-                others.append(device.id_)
+    with contextlib.closing(_listed(producers)) as listed:
+        for device, file in listed:
+            names = device.id_, _told(device, "serial_number"), _told(device, "user_defined_name")
+            if not identity or identity in names:
+                return _link(device, file)
+            others.append(device.id_)
     raise none_found("genicam", identity, others)
 
 
-def _link(device: Any, file: Path) -> _HarvestersLink:
+def _link(device: Any, file: Path) -> HarvestersLink:
     identity = device.id_
     harvester = PRODUCERS.take(file)
     core = genicam_producers.harvesters()
     chunks_off = core.ParameterSet({core.ParameterKey.ENABLE_AUTO_CHUNK_DATA_UPDATE: False})
     try:
         with genicam_producers.interrupts_kept():
-            return _HarvestersLink(harvester.create(device, config=chunks_off), identity, file)
+            return HarvestersLink(harvester.create(device, config=chunks_off), identity, file)
     except Exception as error:  # of any kind: Harvesters unpacks and parses a file that the camera sends
         PRODUCERS.give_back(file)
         busy = isinstance(error, genicam_producers.busy_failures())

@@ -14,7 +14,10 @@ import threading
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from tsis.instrument.file_bytes import printable_name
+from tsis.instrument.sources.genicam_link import reason
 from tsis.instrument.sources.maker_library import maker_library
+from tsis.model.errors import CameraError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -109,6 +112,9 @@ def _harvester(file: Path) -> Any:
     if not log.handlers:
         log.addHandler(logging.NullHandler())
     harvester = core.Harvester(config=core.ParameterSet({core.ParameterKey.LOGGER: log}))
-    harvester.add_file(str(file))
+    try:
+        harvester.add_file(str(file), check_validity=True)
+    except OSError as error:
+        raise CameraError(f"the GenTL producer {printable_name(file)!r} cannot be loaded: {reason(error)}") from error
     harvester.update()
     return harvester

@@ -1,0 +1,125 @@
+"""A hold on one camera through Harvesters: its node map, and its buffers as they come."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.instrument.sources import genicam_producers
+from tsis.instrument.sources.genicam_link import Grab, buffer_count
+from tsis.instrument.sources.genicam_modes import FULL_SCALE
+from tsis.instrument.sources.genicam_nodes import Choice, Number, first_number
+from tsis.instrument.sources.genicam_producers import PRODUCERS
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+# A look inside Harvesters holds Python's interpreter lock, so looks are short and other threads run between them.
+_LOOK_S, _PAUSE_S = 0.001, 0.002
+
+
+class HarvestersNodes:
+    """Harvesters' node map."""
+
+    def __init__(self, node_map: Any) -> None:
+        self._map = node_map
+        _, self._failure = genicam_producers.failures()
+
+    def read(self, name: str) -> Number | Choice | None:
+        try:
+            node = getattr(self._map, name)
+            value = node.value
+            if hasattr(node, "symbolics"):
+                return Choice(value=value, options=tuple(node.symbolics))
+            if isinstance(value, bool):
+                return Number(value=float(value), low=0.0, high=1.0, step=1.0)
+            if not isinstance(value, (int, float)):
+                return None
+            step = float(node.inc) if isinstance(value, int) else 0.0
+            return Number(value=value, low=node.min, high=node.max, step=step, unit=node.unit)
+        except (AttributeError, self._failure):  # absent, or not readable in the present state
+            return None
+
+    def write(self, name: str, value: float | str) -> None:
+        node = getattr(self._map, name)
+        node.value = value if isinstance(value, str) else type(node.value)(value)
+
+
+class HarvestersLink:
+    """A hold on one camera through Harvesters."""
+
+    def __init__(self, acquirer: Any, identity: str, file: Path) -> None:
+        self._acquirer, self.identity, self._file = acquirer, identity, file
+        self.nodes = HarvestersNodes(acquirer.remote_device.node_map)
+        self.errors = genicam_producers.failures()
+        self.present = True  # GenTL tells no removal without events; silence does
+        self._torn = threading.Event()
+        events = genicam_producers.harvesters().ImageAcquirer.Events
+        acquirer.add_callback(events.INCOMPLETE_BUFFER, _incomplete_buffers(self._torn))
+
+    def begin(self) -> None:
+        payload = first_number(self.nodes, ["PayloadSize"])
+        self._acquirer.num_buffers = max(
+            buffer_count(0.0 if payload is None else payload[1].value), self._acquirer.min_num_buffers
+        )
+        self._acquirer.start()
+
+    def grab(self, timeout_s: float) -> Grab | None:
+        end_s = time.monotonic() + timeout_s
+        while True:
+            buffer = self._acquirer.try_fetch(timeout=_LOOK_S)
+            if buffer is not None:
+                try:
+                    return Grab(pixels=_grey(buffer), number=_number(buffer), time_s=_stamp_s(buffer))
+                finally:
+                    buffer.queue()
+            if self._torn.is_set():
+                self._torn.clear()
+                return Grab(pixels=None)
+            if time.monotonic() >= end_s:
+                return None
+            time.sleep(_PAUSE_S)
+
+    def end(self) -> None:
+        self._acquirer.stop()
+
+    def close(self) -> None:
+        try:
+            self._acquirer.destroy()
+        finally:
+            # or Harvesters keeps every camera it ever opened until the program ends
+            self._acquirer._finalizer.detach()
+            PRODUCERS.give_back(self._file)
+
+
+def _incomplete_buffers(seen: threading.Event) -> Any:
+    """Sets ``seen`` for each buffer that comes incomplete, which Harvesters queues again without a word."""
+    core = genicam_producers.harvesters()
+    return type("IncompleteBuffers", (core.Callback,), {"emit": lambda *_: seen.set()})()
+
+
+def _grey(buffer: Any) -> NDArray[Any] | None:
+    """The grey part of a buffer, copied; None when it has none."""
+    for part in buffer.payload.components:
+        if part is not None and part.data_format in FULL_SCALE:
+            rows = np.asarray(part.data).reshape(part.height, -1)  # a row may end in padding
+            return rows[:, : part.width].copy()
+    return None
+
+
+def _number(buffer: Any) -> int | None:
+    try:
+        return int(buffer.module.frame_id)
+    except genicam_producers.failures():
+        return None
+
+
+def _stamp_s(buffer: Any) -> float | None:
+    """The camera's own time; Harvesters answers 0 where the producer tells none."""
+    ticks = buffer.timestamp
+    return ticks / buffer.timestamp_frequency if ticks else None

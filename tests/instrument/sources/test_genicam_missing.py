@@ -1,0 +1,127 @@
+"""What a user without the makers' libraries, or without their drivers, is told."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import warnings
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from tsis.instrument.sources import genicam, genicam_producers, pylon, vimba
+from tsis.instrument.sources.genicam_link import cannot_open, none_found, reason
+from tsis.instrument.sources.genicam_producers import Producers, interrupts_kept, producer_files
+from tsis.instrument.sources.maker_library import maker_library
+from tsis.model.errors import CameraError, MissingExtraError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+SOURCES = [
+    (pylon, "pypylon.pylon", "pypylon", pylon.PylonCamera),
+    (genicam, "harvesters.core", "harvesters", genicam.HarvestersCamera),
+    (vimba, "vmbpy", "vmbpy", vimba.VimbaCamera),
+]
+
+
+@pytest.mark.parametrize(("source", "module", "package", "camera"), SOURCES)
+def test_a_library_that_is_not_installed_is_named_with_its_cure(
+    source: Any, module: str, package: str, camera: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setitem(sys.modules, module, None)  # as if it were not installed
+    (tmp_path / "any.cti").write_bytes(b"")
+    monkeypatch.setenv("GENICAM_GENTL64_PATH", str(tmp_path))
+    name = source.__name__.rpartition(".")[2]
+    sentence = (
+        f"the camera source {name} needs {package}, which is not installed; "
+        f'install it with: python -m pip install "tsis[camera-{name}]"'
+    )
+    assert source.missing() == sentence
+    with pytest.raises(MissingExtraError) as told:
+        camera().open()
+    assert str(told.value) == sentence
+
+
+def test_producers_are_those_of_the_variable_in_its_order_each_once(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    for name in ("b/z.cti", "b/a.cti", "b/readme.txt", "c/one.cti"):
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_bytes(b"")
+    folders = [tmp_path / "b", tmp_path / "c" / "one.cti", tmp_path / "absent", tmp_path / "c"]
+    monkeypatch.setenv("GENICAM_GENTL64_PATH", os.pathsep.join([*map(str, folders), "", ""]))
+    names = [str(file.relative_to(tmp_path)) for file in producer_files()]
+    assert names == ["b/a.cti", "b/z.cti", "c/one.cti"]
+    monkeypatch.delenv("GENICAM_GENTL64_PATH")
+    assert producer_files() == ()
+
+
+def test_a_producer_is_opened_once_and_closed_with_its_last_use(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    events: list[str] = []
+
+    class Harvester:
+        def __init__(self, file: Path) -> None:
+            self.file = file
+            events.append(f"open {file.name}")
+
+        def reset(self) -> None:
+            events.append(f"close {self.file.name}")
+
+    monkeypatch.setattr(genicam_producers, "_harvester", Harvester)
+    producers, one, two = Producers(), tmp_path / "1.cti", tmp_path / "2.cti"
+    first = producers.take(one)
+    with producers.using(one) as second, producers.using(two):
+        assert second is first
+    assert events == ["open 1.cti", "open 2.cti", "close 2.cti"]
+    producers.give_back(one)
+    producers.take(one)
+    assert events[3:] == ["close 1.cti", "open 1.cti"]
+
+
+def test_a_producer_that_does_not_open_is_not_held(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    answers: list[Any] = [RuntimeError("no"), "harvester"]
+
+    def harvester(_: Path) -> Any:
+        answer = answers.pop(0)
+        if isinstance(answer, Exception):
+            raise answer
+        return answer
+
+    monkeypatch.setattr(genicam_producers, "_harvester", harvester)
+    producers = Producers()
+    with pytest.raises(RuntimeError):
+        producers.take(tmp_path)
+    assert producers.take(tmp_path) == "harvester"
+
+
+def test_the_programs_own_answer_to_an_interrupt_is_kept() -> None:
+    before = signal.getsignal(signal.SIGINT)
+    with interrupts_kept():
+        signal.signal(signal.SIGINT, signal.SIG_IGN)
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_what_a_library_does_to_the_warnings_is_undone(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "tsis_loud_library.py").write_text(
+        "import warnings\nwarnings.warn('made with an old tool', DeprecationWarning)\nwarnings.simplefilter('once')\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    before = list(warnings.filters)
+    maker_library("tsis_loud_library", source="pylon")
+    assert list(warnings.filters) == before
+    monkeypatch.delitem(sys.modules, "tsis_loud_library")
+
+
+def test_sentences_of_drivers_are_cut_to_what_they_say() -> None:
+    assert reason(RuntimeError("Not writable. : AccessException thrown (file 'F.h', line 3)")) == "Not writable"
+    assert reason(RuntimeError("two\n lines\x1b[2J")) == "two lines?[2J"
+    assert reason(RuntimeError("")) == "RuntimeError"
+    assert len(reason(RuntimeError("x" * 5000))) == 160
+    assert isinstance(cannot_open("camera", RuntimeError("no"), busy=False), CameraError)
+    assert "close that first" in str(cannot_open("camera", RuntimeError("no"), busy=True))
+    assert str(none_found("pylon", "7", ["8", "9"])) == "no pylon camera is called '7'; found: 8, 9"
+    assert str(none_found("pylon", "", [])) == "no pylon camera was found; check its cable and power"

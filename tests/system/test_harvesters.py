@@ -1,0 +1,239 @@
+"""Harvesters and Allied Vision's library, each with a real GenTL producer: the one that comes with the wheel of GenApi.
+
+Its cameras play games on a small screen. They tell no time and number their frames.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import signal
+import threading
+import time
+from itertools import pairwise
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+from tests.system.growth import growth_over
+
+from tsis.instrument import Mode
+from tsis.instrument.discovery import connect, find_cameras
+from tsis.instrument.sources import vimba
+from tsis.instrument.sources.genicam import HarvestersCamera, found
+from tsis.instrument.sources.maker_library import maker_library
+from tsis.instrument.sources.vimba import VimbaCamera
+from tsis.model.errors import CameraError, InputError, MissingExtraError, UnknownNameError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from tsis.instrument.sources.genicam_camera import GenICamCamera
+
+pytestmark = pytest.mark.system
+
+RED, GREEN = "VikyTL_DEV_red", "VikyTL_DEV_green"
+RULES = """<?xml version="1.0" standalone="no" ?>
+<Settings><TlLoading>
+<TlRule vendor-type="*" interface-type="*" rule="allow"/>
+<InterfacePollingPeriod>2000</InterfacePollingPeriod>
+</TlLoading></Settings>
+"""
+
+
+@pytest.fixture
+def producer(monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The producer, alone in the environment variable of the GenTL standard."""
+    spec = importlib.util.find_spec("genicam")
+    file = Path(spec.origin).with_name("viky.cti") if spec is not None and spec.origin else None
+    if file is None or not file.is_file() or importlib.util.find_spec("harvesters") is None:
+        pytest.skip("the extra camera-genicam with the GenTL producer viky.cti is not installed")
+    monkeypatch.setenv("GENICAM_GENTL64_PATH", str(file.parent))
+    return file
+
+
+@pytest.fixture
+def vimba_system(producer: Path, tmp_path: Path) -> Iterator[Any]:
+    """Allied Vision's library, told to take the producer of another maker, which it does not by itself."""
+    try:
+        library = maker_library("vmbpy", source="vimba")
+    except MissingExtraError as error:
+        pytest.skip(str(error))
+    (tmp_path / "VmbC.xml").write_text(RULES)
+    system = library.VmbSystem.get_instance()
+    system.set_path_configuration(str(producer.parent), str(tmp_path / "VmbC.xml"))
+    yield system
+    system.set_path_configuration()
+
+
+@pytest.fixture(params=["genicam", "vimba"])
+def camera(request: pytest.FixtureRequest, producer: Path) -> Iterator[GenICamCamera]:
+    """The red game through each of the two libraries, open; the producer serves one of them at a time."""
+    if request.param == "vimba":
+        request.getfixturevalue("vimba_system")
+    opened = HarvestersCamera(RED) if request.param == "genicam" else VimbaCamera(RED)
+    opened.open()
+    yield opened
+    opened.stop()
+
+
+def taken(camera: GenICamCamera, count: int) -> list[Any]:
+    frames = camera.frames()
+    return [next(frames) for _ in range(count)]
+
+
+def test_the_cameras_of_a_producer_are_found_and_reached(producer: Path) -> None:
+    findings = find_cameras(["genicam"])
+    assert findings.missing == {}
+    assert [(one.identity, one.model, one.note) for one in findings.found] == [
+        (RED, "Viky", "viky.cti"),
+        (GREEN, "Viky", "viky.cti"),
+        ("VikyTL_DEV_blue", "Viky", "viky.cti"),
+    ]
+    by_serial_number = connect("genicam:1")
+    by_serial_number.open()
+    assert by_serial_number.name == f"genicam camera {GREEN}"
+    by_serial_number.stop()
+
+
+def test_the_cameras_of_vimba_are_found_and_reached(vimba_system: Any) -> None:
+    findings = find_cameras(["vimba"])
+    assert findings.missing == {}
+    assert {one.identity for one in findings.found} == {RED, GREEN, "VikyTL_DEV_blue"}
+    by_serial_number = connect("vimba:1")
+    by_serial_number.open()
+    assert by_serial_number.name == f"vimba camera {GREEN}"
+    by_serial_number.stop()
+
+
+def test_vimba_without_transport_layers_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("vmbpy", reason="the extra camera-vimba is not installed")
+    monkeypatch.delenv("GENICAM_GENTL64_PATH", raising=False)
+    sentence = vimba.missing()
+    if sentence is None:
+        pytest.skip("Vimba X is installed here")
+    assert sentence == (
+        "the camera source vimba needs the transport layers of Vimba X and found none; "
+        "install Vimba X, or set GENICAM_GENTL64_PATH to the folder of its .cti files"
+    )
+    assert find_cameras(["vimba"]).missing == {"vimba": sentence}
+    with pytest.raises(CameraError, match="needs the transport layers"):
+        VimbaCamera().open()
+
+
+def test_frames_arrive_without_gaps_in_the_mode_asked_for(camera: GenICamCamera) -> None:
+    default = Mode(width_px=400, height_px=400, frames_per_s=20.0, pixel_format="Mono8")
+    assert camera.modes()[0] == default
+    camera.start(Mode(width_px=200, height_px=120, frames_per_s=100.0, pixel_format="Mono8"))
+    frames = taken(camera, 30)
+    assert [frame.sequence for frame in frames] == list(range(30))
+    assert {frame.pixels.shape for frame in frames} == {(120, 200)}
+    assert {frame.pixels.dtype for frame in frames} == {np.dtype(np.uint8)}
+    assert all(earlier.time_s < later.time_s for earlier, later in pairwise(frames))
+    assert any((frame.pixels != frames[0].pixels).any() for frame in frames)  # the game goes on
+    assert 0 < np.mean([frame.pixels.mean() for frame in frames]) < 255
+
+
+def test_the_rate_is_what_it_was_set_to(camera: GenICamCamera) -> None:
+    camera.adjust("frames_per_s", 50.0)
+    camera.start()
+    frames = taken(camera, 26)
+    assert frames[0].settings == {"frames_per_s": 50.0}
+    assert 0.9 / 50 < (frames[-1].time_s - frames[0].time_s) / 25 < 1 / 20  # it began with 20 a second
+
+
+def test_what_the_camera_has_not_is_said_in_one_sentence(camera: GenICamCamera) -> None:
+    with pytest.raises(UnknownNameError, match="no setting is called 'gain'"):
+        camera.adjust("gain", 1.0)
+    with pytest.raises(InputError, match=r"frames_per_s must lie in \[1, 200\]; got 1000"):
+        camera.adjust("frames_per_s", 1000.0)
+    with pytest.raises(CameraError, match=r"has no mode Mono12-400x400 of full scale 4095; it offers Mono8"):
+        camera.start(Mode(width_px=400, height_px=400, full_scale=4095.0, pixel_format="Mono12"))
+
+
+def test_a_camera_in_use_is_busy_and_its_neighbour_is_not(camera: GenICamCamera) -> None:
+    source: Any = type(camera)
+    with pytest.raises(CameraError, match=f"camera {RED} is busy"):
+        source(RED).open()
+    neighbour = source(GREEN)
+    neighbour.open()
+    neighbour.start()
+    camera.start()
+    assert taken(neighbour, 2)[1].sequence == taken(camera, 2)[1].sequence == 1
+    neighbour.stop()
+    assert taken(camera, 1)
+    with pytest.raises(CameraError, match=rf"is called 'nobody'; found: .*{RED}"):
+        source("nobody").open()
+
+
+def test_stop_releases_a_waiting_reader_and_the_camera_opens_again(camera: GenICamCamera) -> None:
+    camera.adjust("frames_per_s", 1.0)
+    camera.start()
+    reading, ended_s = threading.Event(), []
+
+    def read() -> None:
+        for _ in camera.frames():
+            reading.set()
+        ended_s.append(time.monotonic())
+
+    reader = threading.Thread(target=read)
+    reader.start()
+    assert reading.wait(10.0)
+    stopped_s = time.monotonic()
+    camera.stop()
+    reader.join(10.0)
+    assert ended_s
+    assert ended_s[0] - stopped_s < 0.3
+    camera.open()
+    camera.start(camera.modes()[0])
+    assert taken(camera, 2)[1].sequence == 1
+
+
+def test_a_search_does_not_disturb_a_running_camera(producer: Path) -> None:
+    camera = HarvestersCamera(RED)
+    camera.open()
+    camera.start()
+    frames = camera.frames()
+    next(frames)
+    assert RED in {one.identity for one in found()}
+    assert next(frames).sequence == 1
+    camera.stop()
+
+
+def test_the_programs_own_answer_to_an_interrupt_stays(producer: Path) -> None:
+    before = signal.getsignal(signal.SIGINT)
+    camera = HarvestersCamera(RED)
+    camera.open()
+    assert signal.getsignal(signal.SIGINT) is before
+    camera.stop()
+
+
+def test_no_producer_and_a_broken_one(producer: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    (tmp_path / "broken.cti").write_bytes(b"no library at all")
+    monkeypatch.setenv("GENICAM_GENTL64_PATH", str(tmp_path))
+    with pytest.raises(CameraError, match=r"the GenTL producer 'broken\.cti' cannot be loaded: "):
+        HarvestersCamera().open()
+    assert "'broken.cti' cannot be loaded" in find_cameras(["genicam"]).missing["genicam"]
+    monkeypatch.setenv("GENICAM_GENTL64_PATH", os.pathsep.join([str(tmp_path), str(producer.parent)]))
+    assert len(found()) == 3  # the broken one is passed over
+    camera = HarvestersCamera(GREEN)
+    camera.open()
+    camera.stop()
+    monkeypatch.setenv("GENICAM_GENTL64_PATH", str(tmp_path / "absent"))
+    with pytest.raises(CameraError, match=r"needs a GenTL producer .* and found none"):
+        HarvestersCamera().open()
+    assert "GENICAM_GENTL64_PATH" in find_cameras(["genicam"]).missing["genicam"]
+
+
+@pytest.mark.slow
+def test_nothing_is_kept_over_reconnections(camera: GenICamCamera) -> None:
+    def reconnect() -> None:
+        camera.open()
+        camera.start(Mode(width_px=200, height_px=120, frames_per_s=200.0, pixel_format="Mono8"))
+        taken(camera, 3)
+
+    growth = growth_over(60, reconnect)
+    assert growth.descriptors == 0
+    assert growth.threads == 0
+    assert growth.resident_bytes < 5_000_000
