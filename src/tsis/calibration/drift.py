@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -14,6 +14,8 @@ from tsis.model import check
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from tsis.model import TactileImage
 
 LEAST_LIT = 0.02  # of full scale: a patch darker than this measures the black level and not the lamps
@@ -76,7 +78,11 @@ class ReferencePatch:
                 f"reference patch must lie inside the frame of {rows} x {columns} pixels; it ends at row "
                 f"{self.last_row}, column {self.last_column}"
             )
-        return replace(image, grey=image.grey[self.first_row : self.last_row, self.first_column : self.last_column])
+        return replace(image, grey=self.cut(image.grey), axis_px=None)
+
+    def cut(self, pixels: NDArray[Any]) -> NDArray[Any]:
+        """The patch of an array of at least its size."""
+        return pixels[self.first_row : self.last_row, self.first_column : self.last_column]
 
 
 def patch_ratio(
