@@ -31,6 +31,7 @@ class HarvestersNodes:
         _, self._failure = genicam_producers.failures()
 
     def read(self, name: str) -> Number | Choice | None:
+        """What the camera holds under that name; None when it is absent or cannot be read now."""
         try:
             node = getattr(self._map, name)
             value = node.value
@@ -46,6 +47,7 @@ class HarvestersNodes:
             return None
 
     def write(self, name: str, value: float | str) -> None:
+        """Change it, in the kind of number that the camera holds."""
         node = getattr(self._map, name)
         node.value = value if isinstance(value, str) else type(node.value)(value)
 
@@ -63,6 +65,7 @@ class HarvestersLink:
         acquirer.add_callback(events.INCOMPLETE_BUFFER, _incomplete_buffers(self._torn))
 
     def begin(self) -> None:
+        """Announce buffers and let the camera send."""
         payload = first_number(self.nodes, ["PayloadSize"])
         self._acquirer.num_buffers = max(
             buffer_count(0.0 if payload is None else payload[1].value), self._acquirer.min_num_buffers
@@ -70,6 +73,7 @@ class HarvestersLink:
         self._acquirer.start()
 
     def grab(self, timeout_s: float) -> Grab | None:
+        """The next buffer, given back once its pixels are copied; None when none came within the time."""
         end_s = time.monotonic() + timeout_s
         while True:
             buffer = self._acquirer.try_fetch(timeout=_LOOK_S)
@@ -86,9 +90,11 @@ class HarvestersLink:
             time.sleep(_PAUSE_S)
 
     def end(self) -> None:
+        """Let the camera send no more."""
         self._acquirer.stop()
 
     def close(self) -> None:
+        """Let go of the camera, and of its producer when nobody else uses that."""
         try:
             self._acquirer.destroy()
         finally:
