@@ -9,12 +9,14 @@ from typing import Annotated, NoReturn
 import typer
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.cli.acquire import acquire
 from tsis.cli.demo import demo
 from tsis.cli.design import design
 from tsis.cli.examine import examine
 from tsis.cli.hardness import hardness
 from tsis.cli.match import app as match
 from tsis.cli.optics import app as optics
+from tsis.cli.serve import serve
 from tsis.cli.simulate import simulate
 from tsis.cli.sweep import app as sweep
 from tsis.model.errors import TsisError
@@ -29,10 +31,12 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command(epilog="Example: tsis demo --phantom size-8 --seed 3 --out first-press")(demo)
+app.command(epilog="Example: tsis acquire --camera aravis: --target 3 --set exposure_ms=10")(acquire)
 app.command(epilog="Example: tsis examine press.png --reference untouched.png --scale-mm 0.051 --invert")(examine)
 app.command(epilog="Example: tsis simulate --phantom depth-8 --force-n 0.7 --json")(simulate)
 app.command(epilog="Example: tsis design --probe tsis-domed --compare dome --compare forces --out design")(design)
 app.command(epilog="Example: tsis hardness --demo --out first-touch")(hardness)
+app.command(epilog="Example: tsis serve --phantom size-8 --force-n 0.7")(serve)
 app.add_typer(match)
 app.add_typer(optics)
 app.add_typer(sweep)

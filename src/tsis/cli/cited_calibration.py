@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
 
+    from tsis.instrument.acquisition import Acquisition
     from tsis.model import Calibration, TactileImage
 
 
@@ -33,6 +34,11 @@ class CitedCalibration:
         """The frames less dark frame and untouched light, where the calibration holds them."""
         reference = self.known.reference
         return list(frames) if reference is None else [reference.corrected(frame) for frame in frames]
+
+    def require_camera(self, acquisition: Acquisition) -> None:
+        """Refuse to use it with another camera, or at other settings than it was made at."""
+        present = {setting.name: setting.value for setting in acquisition.settings()}
+        self.known.require_usable(datetime.now(UTC), camera=acquisition.name, settings=present)
 
     def citation(self) -> dict[str, Any]:
         """What a result says of it."""

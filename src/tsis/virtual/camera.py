@@ -143,24 +143,28 @@ class VirtualCamera:
         if not self._running.is_set():
             raise CameraError(f"{self.name} must be started before frames are read; call start()")
         sequence, held, light = 0, None, None
-        begun_s = self._clock()
+        period_s, begun_s = 1 / (self._mode.frames_per_s or 1.0), self._clock()
+        due_s = begun_s
         while self._running.is_set():
             values = {name: setting.value for name, setting in self._settings.items()}
             if light is None or held != values["force_n"]:
                 held = values["force_n"]
                 light = self._probe.light(self._phantom, force_n=held)
-            due_s = sequence / (self._mode.frames_per_s or 1.0)
-            if self._paced and self._stopped.wait(max(0.0, begun_s + due_s - self._clock())):
-                return
+            if self._paced:
+                due_s = max(due_s, self._clock())  # a frame that took long to make delays those after it
+                if self._stopped.wait(due_s - self._clock()):
+                    return
+            begun_s = due_s if sequence == 0 else begun_s
             yield Frame(
                 pixels=self._exposed(light, values),
                 sequence=sequence,
-                time_s=due_s,
+                time_s=due_s - begun_s,
                 full_scale=self._mode.full_scale,
                 name=f"{self.name}#{sequence}",
                 settings={"source": "virtual", **values},
             )
             sequence += 1
+            due_s += period_s
 
     def _exposed(self, light: NDArray[np.float64], values: dict[str, float]) -> NDArray[Any]:
         sensor = self._probe.sensor

@@ -1,0 +1,111 @@
+"""``tsis acquire``: list cameras, set them, take snapshots of targets and record sequences."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tsis.cli.acquire.chosen_camera import VIRTUAL, VirtualPress, connector, wanted_settings
+from tsis.cli.acquire.force_gauge import gauge_log
+from tsis.cli.acquire.listing import list_cameras, show_camera
+from tsis.cli.acquire.sequence import take_sequence
+from tsis.cli.acquire.snapshots import take_snapshot
+from tsis.cli.cited_calibration import cited
+from tsis.cli.console_output import waiting
+from tsis.cli.demo import LARGEST_SEED
+from tsis.cli.targets import AsJson, ForceN, PhantomName, ProbeName
+from tsis.imaging.colour import COLOUR_MAPS
+from tsis.instrument.acquisition import Acquisition
+from tsis.instrument.naming import LARGEST_TARGET
+from tsis.instrument.presets import PRESETS
+from tsis.instrument.snapshot import FORMATS
+from tsis.model import check
+from tsis.model.errors import InputError
+
+RING_FRAMES = 256  # eight seconds of a usual camera, for a disk that pauses
+LONGEST_S = 7 * 86400.0
+
+
+def acquire(
+    *,
+    list_found: Annotated[bool, typer.Option("--list", help="List cameras, and what is missing to find more.")] = False,
+    modes: Annotated[bool, typer.Option("--modes", help="Show the camera's modes and settings.")] = False,
+    camera: Annotated[
+        str, typer.Option(help="virtual, or SOURCE:ID as --list shows it, or files:FOLDER, or video:FILE.")
+    ] = VIRTUAL,
+    mode: Annotated[str | None, typer.Option(help="Mode as --modes shows it; the camera's first by default.")] = None,
+    preset: Annotated[str | None, typer.Option(help=f"Settings: {' or '.join(PRESETS)}.")] = None,
+    setting: Annotated[
+        list[str] | None, typer.Option("--set", help="A setting as --modes shows it, e.g. exposure_ms=10; repeatable.")
+    ] = None,
+    target: Annotated[int, typer.Option(help="Number of the target of a snapshot.", min=1, max=LARGEST_TARGET)] = 1,
+    picture: Annotated[
+        str, typer.Option("--format", help=f"Colour picture of a snapshot: {', '.join(FORMATS)}; raw stays lossless.")
+    ] = FORMATS[0],
+    map_name: Annotated[str, typer.Option("--map", help=f"Colours: {', '.join(COLOUR_MAPS)}.")] = "viridis",
+    frames: Annotated[int | None, typer.Option(help="Record a sequence of so many frames instead.", min=1)] = None,
+    seconds: Annotated[float | None, typer.Option(help="Record a sequence for so long instead.")] = None,
+    video: Annotated[bool, typer.Option("--video", help="One lossless video file for a sequence.")] = False,
+    gauge: Annotated[str | None, typer.Option(help="Serial port of a force gauge, e.g. /dev/ttyUSB0.")] = None,
+    gauge_unit: Annotated[str | None, typer.Option(help="Unit that the gauge shows, when it sends none.")] = None,
+    calibration: Annotated[Path | None, typer.Option(help="Calibration file that the frames belong to.")] = None,
+    probe: ProbeName = "tsis-2011",
+    phantom: PhantomName = "hardness-100",
+    force_n: ForceN = 1.0,
+    seed: Annotated[int, typer.Option(help="Seed of the virtual probe's errors.", min=0, max=LARGEST_SEED)] = 4,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Where the targets' folders lie, or folder of a sequence.", show_default="., tsis-sequence"),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Save a snapshot of a target, or record a sequence, from a camera or the virtual probe.
+
+    A snapshot is TargetN/TargetN-MMDDYY-HHMMSS in colour, the raw frame beside it and a JSON file that says how it was
+    taken. A sequence is a folder of PNG files (or one lossless video) with an index that accounts for every frame.
+    """
+    if list_found:
+        list_cameras(as_json=as_json)
+        return
+    sequence = frames is not None or seconds is not None
+    if video and not sequence:
+        raise InputError("--video needs --seconds or --frames: a snapshot is one picture")
+    if seconds is not None:
+        check.number("--seconds", seconds, 0.01, LONGEST_S, hint="seconds")
+    check.known("picture format", picture, FORMATS)
+    check.known("colour map", map_name, COLOUR_MAPS)
+    known = None if calibration is None else cited(calibration)
+    with waiting("opening the camera"):
+        make = connector(camera, VirtualPress(probe=probe, phantom=phantom, force_n=force_n, seed=seed))
+    if modes:
+        show_camera(make, as_json=as_json)
+        return
+    wanted = wanted_settings(make, preset, setting or ())
+    acquisition = Acquisition(make, mode=mode, settings=wanted, ring_frames=RING_FRAMES)
+    with gauge_log(gauge, gauge_unit) as log, acquisition:
+        if known is not None:
+            known.require_camera(acquisition)
+        if sequence:
+            take_sequence(
+                acquisition,
+                out or Path("tsis-sequence"),
+                frames=frames,
+                seconds=seconds,
+                video=video,
+                calibration=known,
+                log=log,
+                as_json=as_json,
+            )
+        else:
+            take_snapshot(
+                acquisition,
+                out or Path(),
+                target=target,
+                picture=picture,
+                map_name=map_name,
+                calibration=known,
+                log=log,
+                as_json=as_json,
+            )

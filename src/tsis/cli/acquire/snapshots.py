@@ -1,0 +1,79 @@
+"""One frame onto the disk, in colour and raw, with all that is known of it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+from tsis.cli.acquire.force_gauge import force_then
+from tsis.cli.console_output import people, print_json, print_notice
+from tsis.imaging import colour_map
+from tsis.instrument.snapshot import save_snapshot
+from tsis.model.errors import CameraError
+from tsis.report.document import envelope
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tsis.cli.cited_calibration import CitedCalibration
+    from tsis.instrument import Frame
+    from tsis.instrument.acquisition import Acquisition, Arrival
+    from tsis.instrument.gauge import ForceLog
+
+FRAME_S = 10.0  # for which a frame is waited
+
+
+def take_snapshot(
+    acquisition: Acquisition,
+    folder: Path,
+    *,
+    target: int,
+    picture: str,
+    map_name: str,
+    calibration: CitedCalibration | None,
+    log: ForceLog | None,
+    as_json: bool,
+) -> None:
+    """Save the next frame, and print where."""
+    arrival = _next(acquisition)
+    about: dict[str, Any] = {
+        "camera": acquisition.name,
+        "calibration": None if calibration is None else calibration.citation(),
+        "force": None if log is None else asdict(force_then(log, arrival.arrived_s)),
+    }
+
+    def coloured(frame: Frame) -> NDArray[np.uint8]:
+        return colour_map(frame.tactile_image(), name=map_name)
+
+    saved = save_snapshot(
+        arrival.frame,
+        folder,
+        target=target,
+        when=datetime.now().astimezone(),
+        colour=coloured,
+        picture=picture,
+        about=about,
+    )
+    files = {name: str(path.resolve()) for name, path in asdict(saved).items()}
+    if as_json:
+        print_json(envelope("acquire", files=files, sequence=arrival.frame.sequence, **about))
+        return
+    console = people()
+    for name, file in files.items():
+        console.print(f"{name}: {file}", markup=False, soft_wrap=True)
+    if about["force"] is not None:
+        console.print(f"force: {about['force']['force_n']:.3f} N within {about['force']['error_n']:.3f} N")
+    print_notice(console)
+
+
+def _next(acquisition: Acquisition) -> Arrival:
+    if not acquisition.ring.wait(0, FRAME_S):
+        why = f": {acquisition.failure}" if acquisition.failure is not None else ""
+        raise CameraError(f"{acquisition.name} must bring a frame within {FRAME_S:g} s; got none{why}")
+    arrival = acquisition.latest()
+    assert arrival is not None  # waited for
+    return arrival
