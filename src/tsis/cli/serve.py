@@ -35,7 +35,7 @@ def serve(
     diameter_mm: DiameterMm = None,
     depth_mm: DepthMm = None,
     young_kpa: YoungKpa = None,
-    interface: Annotated[str, typer.Option(help="Address or name of the interface to listen on.")] = "127.0.0.1",
+    interface: Annotated[str, typer.Option(help="Address of this machine to listen on.")] = "127.0.0.1",
     serial: Annotated[str, typer.Option(help="Serial number of the camera.")] = "TSIS01",
     frames_per_s: Annotated[float, typer.Option(help="Frames a second until a program sets another rate.")] = 30.0,
     seed: Annotated[int, typer.Option(help="Seed of every random error.", min=0, max=LARGEST_SEED)] = 4,
@@ -52,7 +52,8 @@ def serve(
     server = GigEServer(camera, interface=interface, serial=serial, frames_per_s=frames_per_s)
     console = people()
     with _ended_by_signals() as ended, server:
-        console.print(f"Serving {camera.name} at {force_n:g} N as {server.identity} on {interface}; Ctrl-C ends it.")
+        serving = f"Serving {camera.name} at {force_n:g} N as {server.identity} on {interface}; Ctrl-C ends it."
+        console.print(serving, markup=False, soft_wrap=True)
         console.print("See it with: tsis acquire --list", markup=False)
         console.print(f"Read it with: tsis acquire --camera aravis:{server.identity}", markup=False, soft_wrap=True)
         print_notice(console)

@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import ctypes
+import errno
+import ipaddress
 import re
+import socket
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -26,6 +29,8 @@ if TYPE_CHECKING:
 MAKER, MODEL = "tsis", "VirtualProbe"
 SERIAL = re.compile(r"[A-Za-z0-9_.-]{1,15}")  # what the protocol has room for
 
+CONTROL_PORT = 3956  # of GigE Vision
+
 # Registers of the simulated camera and of GigE Vision.
 MAKER_AT, MODEL_AT, NAME_BYTES = 0x48, 0x68, 32
 WIDTH, HEIGHT, SENSOR_HEIGHT, SENSOR_WIDTH = 0x100, 0x104, 0x118, 0x11C
@@ -46,7 +51,7 @@ class GigEServer:
     camera
         The virtual camera; its press is computed before the first program may connect.
     interface
-        Address or name of the network interface to listen on; one camera an interface.
+        IPv4 address of this machine to listen on; one camera an address.
     serial
         Serial number, 1 to 15 letters, digits, dots, hyphens and underscores.
     frames_per_s
@@ -96,10 +101,13 @@ class GigEServer:
         ------
         MissingExtraError
             When Aravis is not installed.
+        InputError
+            When the interface is no IPv4 address.
         CameraError
-            When the interface does not exist or another program listens there.
+            When this machine has no such address or another program serves a camera there.
         """
         self._aravis = self._library()
+        require_free(self._interface)
         self._camera.open()
         self._camera.start()
         self._frames = self._camera.frames()
@@ -107,10 +115,7 @@ class GigEServer:
         handle = self._aravis.call("gv_fake_camera_new", self._interface.encode(), self._serial.encode())
         if not self._aravis.call("gv_fake_camera_is_running", handle):
             self._aravis.unref(handle)
-            raise CameraError(
-                f"no camera can be served on interface {self._interface!r}; it must be the address or name of "
-                "a network interface of this machine on which no other served camera listens"
-            )
+            raise CameraError(f"Aravis could not serve a camera on {self._interface}; try another interface")
         self._handle = handle
         self._prepare(self._fake)
         return self
@@ -167,6 +172,27 @@ class GigEServer:
             found.append(place.value)
         first_row, rows, first_column, columns = found
         return slice(first_row, first_row + rows), slice(first_column, first_column + columns)
+
+
+def require_free(interface: str) -> None:
+    """Refuse an address that is not of this machine, or at which a camera is served; Aravis would not notice.
+
+    Raises
+    ------
+    InputError
+        When it is no IPv4 address.
+    CameraError
+        Which of both it is.
+    """
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as trial:
+        try:
+            trial.bind((str(ipaddress.IPv4Address(interface)), CONTROL_PORT))
+        except ValueError as error:
+            raise InputError(f"interface must be an IPv4 address as 127.0.0.1; got {interface!r}") from error
+        except OSError as error:
+            if error.errno == errno.EADDRINUSE:
+                raise CameraError(f"another program serves a camera on {interface}; end it first") from error
+            raise CameraError(f"interface must be an address of this machine; got {interface}") from error
 
 
 def laid_out(pixels: NDArray[Any], region: tuple[slice, slice], pixel_format: int) -> bytes:
