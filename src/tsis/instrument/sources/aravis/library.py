@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import ctypes
-import ctypes.util
 import sys
+from contextlib import suppress
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
@@ -115,9 +115,7 @@ def _bound(parts: tuple[ctypes.CDLL, ...], symbol: str, kinds: tuple[Any, ...]) 
         if function is not None:
             function.restype, function.argtypes = kinds[0], kinds[1:]
             return function  # type: ignore[no-any-return]
-    raise MissingExtraError(
-        f"cameras through Aravis need libaravis 0.8.11 or newer; this one has no {symbol}; {cure()}"
-    )
+    raise MissingExtraError(f"cameras through Aravis need a newer Aravis 0.8, this one has no {symbol}; {cure()}")
 
 
 @cache
@@ -135,11 +133,9 @@ def load() -> Aravis:
 
 
 def _first(names: tuple[str, ...]) -> ctypes.CDLL:
-    for name in (*names, ctypes.util.find_library("aravis-0.8") or names[0]):
-        try:
+    for name in names:
+        with suppress(OSError):
             return ctypes.CDLL(name)
-        except OSError:
-            continue
     raise MissingExtraError(f"cameras through Aravis need its library {names[0]}, which is not installed; {cure()}")
 
 
