@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.stats import chi2
 
 from tsis.calibration.measured import Measured
 from tsis.model import TactileImage, check
@@ -23,9 +24,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-BINS = 12  # of one level, by the brightness of its pixels
-LEAST_PIXELS = 200  # in a bin
+BANDS = 12  # of the frame, of one level
+LEAST_PIXELS = 200  # in a band
+LEAST_LIGHT_GREY = 10.0  # with less, the whole frame is one band
 CLIPPED_SHARE = 1e-3  # of the pixels; more of them would cut the noise
+CHANCE = 0.99  # probability up to which the points' scatter about the line is taken for chance
 LEAST_NOISE_GREY = 0.3  # below it, rounding hides the noise
 
 
@@ -118,7 +121,7 @@ def photon_transfer(
 
 
 def _points(values: NDArray[np.float64], base: NDArray[np.float64], *, is_dark: bool) -> list[_Point]:
-    """Variance over light in bins of one level; ``values`` has the shape (frames, pixels)."""
+    """Variance over light in bands of one level; ``values`` has the shape (frames, pixels)."""
     frames = len(values)
     mean = values.mean(axis=0)
     light = np.zeros_like(mean) if is_dark else mean - base
@@ -128,10 +131,9 @@ def _points(values: NDArray[np.float64], base: NDArray[np.float64], *, is_dark: 
     shape = light / level if level > 1 else np.ones_like(light)
     left = values - mean - shift[:, None] * shape
     variance = np.einsum("ij,ij->j", left, left) / (frames - 1)
-    bins = 1 if level <= 1 else max(1, min(BINS, len(mean) // LEAST_PIXELS))
-    order = np.argsort(light, kind="stable")
+    bands = 1 if level <= LEAST_LIGHT_GREY else max(1, min(BANDS, len(mean) // LEAST_PIXELS))
     found = []
-    for part in np.array_split(order, bins):
+    for part in np.array_split(np.arange(len(mean)), bands):  # bands of the frame: sorting by light would sort by noise
         seen = float(variance[part].mean())
         cosine = float(np.cos(2 * np.pi * mean[part]).mean())
         true = _unrounded(seen, cosine, frames)
@@ -142,27 +144,40 @@ def _points(values: NDArray[np.float64], base: NDArray[np.float64], *, is_dark: 
 
 def _unrounded(seen: float, cosine: float, frames: int) -> float:
     """Variance before rounding; ``cosine`` is the mean of cos(2 pi m) over pixel means m of so many frames."""
-    true = max(seen - 1 / 12, LEAST_NOISE_GREY**2 / 2)
+    true, bare = max(seen - 1 / 12, LEAST_NOISE_GREY**2 / 2), cosine
     for _ in range(20):
+        bare = float(np.clip(cosine / _left_of_cosine(true, bare, frames), -1.0, 1.0))
         q = float(np.exp(-2 * np.pi**2 * true))
-        blurred = max(float(np.exp(-2 * np.pi**2 * true / frames)), 0.1)  # what noise of the means left of the cosine
-        true = max(seen - 1 / 12 + (4 * true + 1 / np.pi**2) * q * cosine / blurred, LEAST_NOISE_GREY**2 / 2)
+        true = max(seen - 1 / 12 + (4 * true + 1 / np.pi**2) * q * bare, LEAST_NOISE_GREY**2 / 2)
     return true
+
+
+def _left_of_cosine(variance: float, cosine: float, frames: int) -> float:
+    """Share of cos(2 pi mean) that is left when the mean is that of so many noisy, rounded frames.
+
+    It is the n-th power of the rounded normal's characteristic function at 2 pi / n, of which rounding folds the part
+    at 2 pi / n - 2 pi onto it.
+    """
+    t = 2 * np.pi / frames
+    near = np.sin(t / 2) / (t / 2) * np.exp(-variance * t**2 / 2)
+    folded = np.sin(t / 2) / (np.pi - t / 2) * np.exp(-variance * (2 * np.pi - t) ** 2 / 2)
+    return max(float(near + folded * cosine) ** frames, 0.1)
 
 
 def _line(points: list[_Point]) -> PhotonTransfer:
     light, variance, error = np.array([(one.light, one.variance, one.error) for one in points]).T
-    if light.max() < 10:
+    if light.max() < LEAST_LIGHT_GREY:
         raise CalibrationError(
-            f"frames for the noise must include some with light, 10 grey levels or more; the brightest had "
-            f"{light.max():.1f} (add flat-field frames)"
+            f"frames for the noise must include some with {LEAST_LIGHT_GREY:g} grey levels of light or more; the "
+            f"brightest had {light.max():.1f} (add flat-field frames)"
         )
     design = np.stack([np.ones_like(light), light], axis=1) / error[:, None]
     found, *_ = np.linalg.lstsq(design, variance / error, rcond=None)
     freedom = len(points) - 2
     misfit = float(np.sum((variance / error - design @ found) ** 2)) / max(freedom, 1)
-    # More scatter than the counting of pixels explains is taken as error; less is chance.
-    covariance = np.linalg.inv(design.T @ design) * max(1.0, misfit)
+    covariance = np.linalg.inv(design.T @ design)
+    if freedom > 0 and misfit > chi2.ppf(CHANCE, freedom) / freedom:
+        covariance = covariance * misfit  # more scatter than the number of pixels explains is error, too
     if found[0] < LEAST_NOISE_GREY**2:
         raise CalibrationError(
             f"the read noise must be at least {LEAST_NOISE_GREY:g} grey levels to be seen through rounding; got a "

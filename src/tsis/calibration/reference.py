@@ -220,7 +220,7 @@ def make_reference(
     if box is not None:
         field[_inside(box)] = False
     relative = _relative(groups[2:], base, light, field, box)
-    noise = photon_transfer(groups[0], groups[1:], usable=good, full_scale=dark[0].full_scale)
+    noise = photon_transfer(groups[0], groups[1:], usable=field, full_scale=dark[0].full_scale)
     patch, lamp_sd = _patch(groups[1], base, box, lamps, noise.shot_noise_grey.value)
     stray = light[field]
     scales = {image.mm_per_pixel for image in every}
