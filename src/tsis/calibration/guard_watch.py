@@ -133,7 +133,8 @@ class PressWatch:
             check.number("force_n", force_n, 0.0, 1000.0, hint="newtons")
         reading = read_press(frame.pixels, self._prepared, force_n=force_n)
         history, outside = self._remembered(state, frame.time_s, reading)
-        settling = self._judged(history)
+        # Between two closed bins the series is the same, and so is the verdict.
+        settling = state.settling if history.time_s is state.history.time_s else self._judged(history)
         found = findings(reading, self.limits, settling=settling, flicker_grey=flicker_amplitude(*_columns(outside)))
         up = tuple(
             one.flag for one in found if one.excess > (self.limits.release if one.flag.name in state.raised else 1.0)
@@ -155,7 +156,7 @@ class PressWatch:
         return history, (*earlier[1 - FRAMES :], (time_s, reading.outside_grey))
 
     def _judged(self, history: PressHistory) -> Settling | None:
-        if history.last_s is None:
+        if history.last_s is None:  # no contact
             return None
         time, value = np.array(history.time_s), np.array(history.value)
         return judged(time, value, tolerance=self.limits.moving, longest_s=self._longest_s)
