@@ -42,7 +42,7 @@ pytestmark = [
 
 RED, GREEN = "VikyTL_DEV_red", "VikyTL_DEV_green"
 RULES = """<?xml version="1.0" standalone="no" ?>
-<Settings><TlLoading>
+<Settings><Logging><Level>Fatal</Level></Logging><TlLoading>
 <TlRule vendor-type="*" interface-type="*" rule="allow"/>
 <InterfacePollingPeriod>2000</InterfacePollingPeriod>
 </TlLoading></Settings>
