@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 LOOPBACK, CONTROL_PORT = "127.0.0.1", 3956  # of GigE Vision, so one camera an interface
+SEARCH = bytes.fromhex("42 01 00 02 00 00 00 01")  # GigE Vision's discovery command
 PROGRAM = "arv-fake-gv-camera-0.8"
 FOREIGN_CLIENT = "arv-camera-test-0.8"
 WAIT_S = 60.0
@@ -61,7 +62,7 @@ def _served(command: list[str]) -> Iterator[subprocess.Popen[str]]:
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     try:
         until = time.monotonic() + WAIT_S
-        while _free():
+        while not _answers():
             if process.poll() is not None or time.monotonic() > until:
                 said = process.communicate()[0] if process.poll() is not None else "nothing"
                 pytest.fail(f"{command[0]} did not begin to listen; it said: {said}")
@@ -72,6 +73,18 @@ def _served(command: list[str]) -> Iterator[subprocess.Popen[str]]:
         process.wait()
         if process.stdout is not None:
             process.stdout.close()
+
+
+def _answers() -> bool:
+    """Whether a camera answers a search; binding its port to find out could take it away from the camera."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as asking:
+        asking.settimeout(0.2)
+        try:
+            asking.connect((LOOPBACK, CONTROL_PORT))
+            asking.send(SEARCH)
+            return len(asking.recv(1024)) > 0
+        except OSError:
+            return False
 
 
 def _free() -> bool:
