@@ -52,8 +52,8 @@ def fake_camera(serial: str, *options: str) -> Iterator[subprocess.Popen[str]]:
 @contextmanager
 def served_probe(serial: str, *options: str) -> Iterator[subprocess.Popen[str]]:
     """The virtual probe, served as a user would."""
-    program = "import typer; from tsis.cli.serve import serve; typer.run(serve)"
-    with _served([sys.executable, "-c", program, "--serial", serial, *options]) as process:
+    program = "from tsis.cli import main; main()"
+    with _served([sys.executable, "-c", program, "serve", "--serial", serial, *options]) as process:
         yield process
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import logging
 import threading
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,8 +31,12 @@ def growth_over(times: int, act: Callable[[], object], *, warm_up: int = 20) -> 
     """Growth between the end of a warm-up and that of ``times`` more; the median of several looks at each end."""
     if not _PROCESS.is_dir():
         pytest.skip("what a process holds is read from /proc, which this system has not")
-    before = _held(warm_up, act)
-    after = _held(times, act)
+    logging.disable()  # what pytest keeps of the log would be counted
+    try:
+        before = _held(warm_up, act)
+        after = _held(times, act)
+    finally:
+        logging.disable(logging.NOTSET)
     growth = Growth(**{name: after[name] - before[name] for name in before})
     print(f"over {times} times: {growth}")  # noqa: T201 - shown by pytest -s
     return growth

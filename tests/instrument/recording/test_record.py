@@ -10,7 +10,7 @@ from tests.instrument.scripted_camera import BREAK, END, ScriptedCamera, until
 
 from tsis.instrument import Frame, ImageFiles, VideoFile
 from tsis.instrument.acquisition import Acquisition
-from tsis.instrument.recording import FrameFolder, LosslessVideo, record
+from tsis.instrument.recording import FrameFolder, FurtherColumns, LosslessVideo, record
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -142,7 +142,10 @@ def test_it_ends_after_so_many_frames(tmp_path: Path, most: int) -> None:
 
 def test_further_columns_stand_beside_each_frame(tmp_path: Path) -> None:
     _, folder = _recorded(
-        tmp_path, [0, 1, END], extra={"mean": lambda arrival: float(arrival.frame.pixels.mean())}, about={"probe": "x"}
+        tmp_path,
+        [0, 1, END],
+        beside=FurtherColumns(names=("mean",), of=lambda arrival: (arrival.frame.pixels.mean(),)),
+        about={"probe": "x"},
     )
     with (folder / "frames.csv").open() as index:
         means = [float(row["mean"]) for row in csv.DictReader(index)]

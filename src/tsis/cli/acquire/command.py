@@ -8,13 +8,13 @@ from typing import Annotated
 import typer
 
 from tsis.cli.acquire.chosen_camera import VIRTUAL, VirtualPress, connector, wanted_settings
-from tsis.cli.acquire.force_gauge import gauge_log
 from tsis.cli.acquire.listing import list_cameras, show_camera
 from tsis.cli.acquire.sequence import take_sequence
 from tsis.cli.acquire.snapshots import take_snapshot
 from tsis.cli.cited_calibration import cited
 from tsis.cli.console_output import waiting
 from tsis.cli.demo import LARGEST_SEED
+from tsis.cli.force_gauge import BAUD, GaugeBaud, GaugePort, GaugeSends, GaugeUnit, gauge_log
 from tsis.cli.targets import AsJson, ForceN, PhantomName, ProbeName
 from tsis.imaging.colour import COLOUR_MAPS
 from tsis.instrument.acquisition import Acquisition
@@ -48,8 +48,10 @@ def acquire(
     frames: Annotated[int | None, typer.Option(help="Record a sequence of so many frames instead.", min=1)] = None,
     seconds: Annotated[float | None, typer.Option(help="Record a sequence for so long instead.")] = None,
     video: Annotated[bool, typer.Option("--video", help="One lossless video file for a sequence.")] = False,
-    gauge: Annotated[str | None, typer.Option(help="Serial port of a force gauge, e.g. /dev/ttyUSB0.")] = None,
-    gauge_unit: Annotated[str | None, typer.Option(help="Unit that the gauge shows, when it sends none.")] = None,
+    gauge: GaugePort = None,
+    gauge_unit: GaugeUnit = None,
+    gauge_baud: GaugeBaud = BAUD,
+    gauge_sends: GaugeSends = False,
     calibration: Annotated[Path | None, typer.Option(help="Calibration file that the frames belong to.")] = None,
     probe: ProbeName = "tsis-2011",
     phantom: PhantomName = "hardness-100",
@@ -84,7 +86,7 @@ def acquire(
         return
     wanted = wanted_settings(make, preset, setting or ())
     acquisition = Acquisition(make, mode=mode, settings=wanted, ring_frames=RING_FRAMES)
-    with gauge_log(gauge, gauge_unit) as log, acquisition:
+    with gauge_log(gauge, unit=gauge_unit, baud=gauge_baud, sends=gauge_sends) as log, acquisition:
         if known is not None:
             known.require_camera(acquisition)
         if sequence:

@@ -8,15 +8,15 @@ from contextlib import contextmanager
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from tsis.cli.acquire.force_gauge import force_then
 from tsis.cli.console_output import people, print_json, print_notice, progress_bar
-from tsis.instrument.recording import FrameFolder, LosslessVideo, record
+from tsis.cli.force_gauge import force_then
+from tsis.instrument.recording import FrameFolder, FurtherColumns, LosslessVideo, record
 from tsis.model.errors import CameraError, FileInputError, GaugeError
 from tsis.report import free_folder
 from tsis.report.document import envelope
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterator
     from pathlib import Path
     from types import FrameType
 
@@ -56,7 +56,7 @@ def take_sequence(
             seconds=seconds,
             stopped=ended.is_set,
             progress=lambda kept, passed: _advance(advance, kept, passed, frames, seconds),
-            extra={} if log is None else _force_columns(log),
+            beside=None if log is None else _force_columns(log),
             about=about,
         )
     _print(report, folder, acquisition, about, as_json=as_json)
@@ -75,22 +75,17 @@ def _advance(
         advance(kept, max(kept, 1))
 
 
-def _force_columns(log: ForceLog) -> Mapping[str, Callable[[Arrival], Any]]:
-    """Force and its error at each frame; empty where the gauge had none."""
+def _force_columns(log: ForceLog) -> FurtherColumns:
+    """Force and its error at each frame, newtons; empty where the gauge had none."""
 
-    def force(arrival: Arrival) -> str:
+    def force(arrival: Arrival) -> tuple[str, str]:
         try:
-            return f"{force_then(log, arrival.arrived_s).force_n:.6f}"
+            found = force_then(log, arrival.arrived_s)
         except GaugeError:
-            return ""
+            return "", ""
+        return f"{found.force_n:.6f}", f"{found.error_n:.6f}"
 
-    def error(arrival: Arrival) -> str:
-        try:
-            return f"{log.at(arrival.arrived_s).error_n:.6f}"
-        except GaugeError:
-            return ""
-
-    return {"force_n": force, "force_error_n": error}
+    return FurtherColumns(names=("force_n", "force_error_n"), of=force)
 
 
 def _print(

@@ -6,8 +6,8 @@ from dataclasses import asdict
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
-from tsis.cli.acquire.force_gauge import force_then
 from tsis.cli.console_output import people, print_json, print_notice
+from tsis.cli.force_gauge import force_then
 from tsis.imaging import colour_map
 from tsis.instrument.snapshot import save_snapshot
 from tsis.model.errors import CameraError

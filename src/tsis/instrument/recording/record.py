@@ -16,7 +16,7 @@ from tsis.model.durable import write_durably
 from tsis.model.errors import TsisError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
 
     from tsis.instrument.acquisition import Acquisition, Arrival, Interruption
@@ -26,6 +26,22 @@ FORMAT, VERSION = "tsis-recording", 1
 INDEX, SUMMARY = "frames.csv", "recording.json"
 COLUMNS = ("number", "kept_in", "connection", "sequence", "time_s", "arrived_s")
 WAIT_S = 0.2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FurtherColumns:
+    """Columns of the index beside its own.
+
+    Attributes
+    ----------
+    names
+        Their headings.
+    of
+        Their values for a frame.
+    """
+
+    names: tuple[str, ...]
+    of: Callable[[Arrival], Sequence[Any]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,7 +84,7 @@ def record(
     seconds: float | None = None,
     stopped: Callable[[], bool] = lambda: False,
     progress: Callable[[int, float], None] = lambda kept, seconds: None,
-    extra: Mapping[str, Callable[[Arrival], Any]] | None = None,
+    beside: FurtherColumns | None = None,
     about: Mapping[str, Any] | None = None,
     clock: Callable[[], float] = time.monotonic,
 ) -> RecordingReport:
@@ -91,7 +107,7 @@ def record(
         Asked between frames whether to end.
     progress
         Told (frames kept, seconds) after each batch.
-    extra
+    beside
         Further columns of the index, e.g. the force at each frame.
     about
         What else the report's file should hold, e.g. the identity of the calibration.
@@ -100,17 +116,17 @@ def record(
     """
     place = as_path(folder)
     tally, end = _Tally(most=frames), _End(clock() + seconds if seconds is not None else None, stopped, clock)
-    columns = dict(extra or {})
+    beside = beside or FurtherColumns(names=(), of=lambda arrival: ())
     begun_s, ended_by = clock(), ""
     try:
         with (place / INDEX).open("x", newline="", encoding="utf-8") as index, closing(sink):
             rows = csv.writer(index)
-            rows.writerow((*COLUMNS, *columns))
+            rows.writerow((*COLUMNS, *beside.names))
             for batch, overrun in _batches(acquisition, lambda: end.reached() or tally.full):
                 tally.overrun += overrun
                 for arrival in batch[: tally.left]:
                     where = sink.keep(arrival.frame, tally.kept)
-                    rows.writerow((*_row(arrival, tally.kept, where), *(made(arrival) for made in columns.values())))
+                    rows.writerow((*_row(arrival, tally.kept, where), *beside.of(arrival)))
                     tally.add(arrival)
                 index.flush()
                 progress(tally.kept, clock() - begun_s)

@@ -88,8 +88,6 @@ class AravisCamera:
     @property
     def name(self) -> str:
         """What a person calls it."""
-        if self._connection is not None:
-            return self._connection.identity
         return self._identity or "the first camera of Aravis"
 
     @property
@@ -109,6 +107,7 @@ class AravisCamera:
         """
         self.stop()
         self._connection = Connection.made(self._library(), self._identity)
+        self._identity = self._connection.identity  # opened again, it shall be the same camera
         self._lost = False
 
     def modes(self) -> tuple[Mode, ...]:
@@ -190,12 +189,12 @@ class AravisCamera:
 
     def _awaited(self, reading: _Reading) -> Frame | None:
         """The next whole frame; None once the camera is stopped."""
-        watch = Watch(self._clock, None if self._mode is None else self._mode.frames_per_s)
+        watch = Watch(self._clock)
         while self._running.is_set():
             heard, frame = self._popped(reading)
             if frame is not None:
                 return frame
-            reason = watch.reason(heard=heard)
+            reason = watch.reason(heard=heard, period_s=self._period_s())
             if reason and self._running.is_set():
                 name, self._lost = self.name, True
                 self.stop()
@@ -203,6 +202,12 @@ class AravisCamera:
                     f"{name} was lost after {reading.delivered} frames: {reason}; check its cable and open it again"
                 )
         return None
+
+    def _period_s(self) -> float:
+        """How long a frame takes with the present settings; 0 when the camera tells nothing of it."""
+        _, taken = self._taken[-1]
+        rate = taken.get("frames_per_s", 0.0)
+        return max(1 / rate if rate > 0 else 0.0, taken.get("exposure_ms", 0.0) / 1000)
 
     def _popped(self, reading: _Reading) -> tuple[bool, Frame | None]:
         """Whether anything came within a short time, and the frame if it was whole."""

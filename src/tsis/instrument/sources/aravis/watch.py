@@ -19,23 +19,29 @@ class Watch:
     ----------
     clock
         Seconds, monotonic.
-    frames_per_s
-        Rate of the camera; None when it tells none.
     """
 
-    def __init__(self, clock: Callable[[], float], frames_per_s: float | None) -> None:
+    def __init__(self, clock: Callable[[], float]) -> None:
         self._clock = clock
-        self._silent_s = SILENT_S if frames_per_s is None else max(SILENT_S, PERIODS / frames_per_s)
         self._began_s = self._heard_s = clock()
         self._torn = 0
 
-    def reason(self, *, heard: bool) -> str | None:
-        """Why to give up, if so; ``heard`` tells that a part of a frame came, but no whole one."""
+    def reason(self, *, heard: bool, period_s: float = 0.0) -> str | None:
+        """Why to give up, if so.
+
+        Parameters
+        ----------
+        heard
+            Whether a part of a frame came, but no whole one.
+        period_s
+            How long a frame takes with the present settings, seconds.
+        """
         now_s = self._clock()
         if heard:
             self._heard_s, self._torn = now_s, self._torn + 1
-        if now_s - self._heard_s >= self._silent_s:
-            return f"nothing came for {self._silent_s:g} s"
-        if now_s - self._began_s >= max(TORN_S, self._silent_s) and self._torn:
+        silent_s = max(SILENT_S, PERIODS * period_s)
+        if now_s - self._heard_s >= silent_s:
+            return f"nothing came for {silent_s:g} s"
+        if now_s - self._began_s >= max(TORN_S, silent_s) and self._torn:
             return f"in {now_s - self._began_s:.0f} s came parts of {self._torn} frames and no whole one"
         return None

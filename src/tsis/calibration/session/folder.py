@@ -1,0 +1,175 @@
+"""The frames of a calibration session on disk: a folder a step, so that an interrupted session goes on where it was."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import secrets
+import shutil
+from typing import TYPE_CHECKING, Any
+
+from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.calibration.file.plain_values import from_plain, to_plain
+from tsis.calibration.session.shot import Shot
+from tsis.calibration.session.steps import plan
+from tsis.calibration.session.terms import SessionTerms
+from tsis.instrument import png_bytes, read_bytes, read_image, shown
+from tsis.instrument.file_bytes import as_path
+from tsis.model.durable import write_durably
+from tsis.model.errors import CalibrationError, FileInputError, InputError
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Callable, Iterable
+    from pathlib import Path
+
+    from tsis.calibration.session.steps import Step
+
+FORMAT, VERSION = "tsis-calibration-session", 1
+TERMS, INDEX = "session.json", "shots.csv"
+COLUMNS = ("file", "time_s", "force_n")
+
+
+class SessionFolder:
+    """A session's folder.
+
+    Parameters
+    ----------
+    path
+        The folder; it need not exist before `begin`.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = as_path(path)
+
+    @property
+    def begun(self) -> bool:
+        """Whether it holds a session."""
+        return (self.path / TERMS).exists()
+
+    def begin(self, terms: SessionTerms) -> None:
+        """Make the folder and state the terms.
+
+        Raises
+        ------
+        FileInputError
+            When it holds a session already or cannot be written.
+        """
+        if self.begun:
+            raise FileInputError(
+                f"{shown(self.path)} must hold no session yet; it does (go on with it, or choose another)"
+            )
+        document = {"format": FORMAT, "version": VERSION, "notice": RESEARCH_USE_ONLY, "terms": to_plain(terms)}
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            write_durably(self.path / TERMS, (json.dumps(document, indent=2) + "\n").encode())
+        except OSError as error:
+            raise self._refused(error) from error
+
+    def terms(self) -> SessionTerms:
+        """The terms of the session.
+
+        Raises
+        ------
+        FileInputError
+            When the folder holds none, or one that cannot be read.
+        """
+        file = self.path / TERMS
+        try:
+            document = json.loads(read_bytes(file))
+            if not isinstance(document, dict) or (document.get("format"), document.get("version")) != (FORMAT, VERSION):
+                raise InputError(f"must be a {FORMAT} of version {VERSION}")
+            terms: SessionTerms = from_plain(SessionTerms, document.get("terms"), "terms")
+        except FileInputError:
+            raise
+        except (ValueError, RecursionError) as error:
+            raise FileInputError(f"{shown(file)} must be the terms of a session; got: {error}") from error
+        return terms
+
+    def plan(self) -> tuple[Step, ...]:
+        """The session's steps."""
+        terms = self.terms()
+        return plan(terms.tips_mm, repeats=terms.repeats)
+
+    def done(self, step: Step) -> bool:
+        """Whether the step's frames are all there."""
+        return (self.path / step.name / INDEX).exists()
+
+    def keep(self, step: Step, shots: Iterable[Shot], *, progress: Callable[[int], None] = lambda kept: None) -> int:
+        """Store the frames of a step, all or none, and return how many.
+
+        Raises
+        ------
+        CalibrationError
+            When there are none.
+        FileInputError
+            When they cannot be written, or the step was done before.
+        """
+        place = self.path / step.name
+        draft = self.path / f".{step.name}-{secrets.token_hex(4)}"
+        try:
+            if place.exists():
+                raise FileInputError(f"{shown(place)} must be new; it exists already (remove it to repeat the step)")
+            draft.mkdir()
+            kept = self._write(draft, shots, progress)
+            draft.rename(place)
+        except OSError as error:
+            raise self._refused(error) from error
+        finally:
+            shutil.rmtree(draft, ignore_errors=True)  # what is left of a step that was not finished
+        return kept
+
+    def shots(self, step: Step) -> list[Shot]:
+        """Read the frames of a step in the order in which they were taken.
+
+        Raises
+        ------
+        CalibrationError
+            When the step was not done.
+        FileInputError
+            When a file is missing or damaged.
+        """
+        if not self.done(step):
+            raise CalibrationError(f"step {step.name!r} must be done first; {shown(self.path)} holds no frames of it")
+        index = self.path / step.name / INDEX
+        rows = csv.reader(io.StringIO(read_bytes(index).decode("utf-8", errors="replace")))
+        if tuple(next(rows, ())) != COLUMNS:
+            raise FileInputError(f"{shown(index)} must begin with the line {','.join(COLUMNS)}")
+        return [self._shot(index, row) for row in rows if row]
+
+    def _write(self, draft: Path, shots: Iterable[Shot], progress: Callable[[int], None]) -> int:
+        lines = [",".join(COLUMNS)]
+        for number, shot in enumerate(shots):
+            name = f"frame-{number:04d}.png"
+            (draft / name).write_bytes(png_bytes(shot.image))
+            lines.append(f"{name},{_text(shot.time_s)},{_text(shot.force_n)}")
+            progress(number + 1)
+        if len(lines) == 1:
+            raise CalibrationError("a step must hold at least one frame; got none (does the camera deliver?)")
+        write_durably(draft / INDEX, ("\n".join(lines) + "\n").encode())
+        return len(lines) - 1
+
+    def _shot(self, index: Path, row: list[str]) -> Shot:
+        try:
+            name, time_s, force_n = row
+            if name != as_path(name).name:
+                raise InputError(f"must name files of its own folder; got {name!r:.80}")
+            image = read_image(index.parent / name)
+            return Shot(image=image, time_s=_number(time_s), force_n=_number(force_n))
+        except FileInputError:
+            raise
+        except ValueError as error:
+            raise FileInputError(f"{shown(index)} must hold a file, a time and a force a line; got: {error}") from error
+
+    def _refused(self, error: OSError) -> FileInputError:
+        reason: Any = error.strerror or error
+        return FileInputError(f"{shown(self.path)} must be a folder that can be written; got: {reason}")
+
+
+def _text(value: float | None) -> str:
+    return "" if value is None else f"{value:.9g}"
+
+
+def _number(text: str) -> float | None:
+    return float(text) if text else None

@@ -1,0 +1,187 @@
+"""The calibration that the frames of a session give."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.calibration.file import ProbeCalibration
+from tsis.calibration.force import fit_force_line
+from tsis.calibration.force_loading import UNTOUCHED_N, Loading
+from tsis.calibration.force_reading import read_press
+from tsis.calibration.reference import make_reference
+from tsis.calibration.response_fit import fit_response
+from tsis.calibration.scale import scale_from_dots
+from tsis.calibration.session.steps import BOARD, BOARD_UNTOUCHED, DARK, EDGE, FLAT, UNTOUCHED
+from tsis.calibration.spec_edge import edge_width
+from tsis.calibration.spec_rate import frame_rate
+from tsis.calibration.specification import specification
+from tsis.model import TactileImage, check
+from tsis.model.errors import CalibrationError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from tsis.calibration.force_line import ForceLineDiagnostics
+    from tsis.calibration.measured import Measured
+    from tsis.calibration.reference import Reference
+    from tsis.calibration.response import Response
+    from tsis.calibration.scale import DotDiagnostics, Scale
+    from tsis.calibration.session.folder import SessionFolder
+    from tsis.calibration.session.shot import Shot
+    from tsis.calibration.session.steps import Step
+
+TOUCHED_N = 0.03  # above the zero: between it and an unloaded gauge's wandering nobody can tell
+DAYS = 180
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SessionFindings:
+    """What stands behind a calibration, for the reader and for figures.
+
+    Attributes
+    ----------
+    dots
+        The dots of the board, and what the fit left.
+    board
+        The frame of the board.
+    loadings
+        The loadings as read.
+    line
+        How well the force line describes them.
+    response
+        Gain and saturation with their intervals.
+    """
+
+    dots: DotDiagnostics
+    board: TactileImage
+    loadings: tuple[Loading, ...]
+    line: ForceLineDiagnostics
+    response: Response
+
+
+def calibrate(
+    session: SessionFolder,
+    *,
+    days: float = DAYS,
+    now: datetime | None = None,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> tuple[ProbeCalibration, SessionFindings]:
+    """Make the calibration from the frames of a session, steps that may be left out included where they were done.
+
+    Parameters
+    ----------
+    session
+        With at least the dark, untouched, board and loading steps done.
+    days
+        For how many days from now it will be good, in [1, 3650]; a simulated bench does not age.
+    now
+        The present time, with its zone; the clock's when None.
+    progress
+        Told (steps done, steps in all).
+
+    Raises
+    ------
+    CalibrationError
+        When a step is missing, or frames do not show what they should; the message names the step.
+    FileInputError
+        When a file of the session is missing or damaged.
+    """
+    check.number("days", days, 1, 3650)
+    terms, steps = session.terms(), {step.name: step for step in session.plan()}
+    shots: dict[str, list[Shot]] = {}
+    for number, (name, step) in enumerate(steps.items()):
+        if session.done(step) or not step.optional:
+            shots[name] = session.shots(step)
+        progress(number + 1, 2 * len(steps))
+    scale, dots, board = _scale(shots, pitch_mm=terms.pitch_mm, pitch_sd_mm=terms.pitch_sd_mm)
+    reference = _reference(shots, scale, terms.patch_px)
+    loadings = []
+    for number, step in enumerate(step for step in steps.values() if step.is_loading):
+        loadings.append(_loading(shots[step.name], step, reference))
+        progress(len(steps) + number + 1, 2 * len(steps))
+    line, diagnostics = fit_force_line(loadings, reference=reference, gauge_share=terms.gauge_share)
+    response = fit_response(loadings, reference=reference, gauge_share=terms.gauge_share)
+    made = None if terms.began is None else now or datetime.now(UTC)
+    known = ProbeCalibration(
+        name=terms.name,
+        probe=terms.probe,
+        camera=terms.camera,
+        settings=terms.settings,
+        made=made,
+        expires=None if made is None else made + timedelta(days=days),
+        scale=scale,
+        reference=reference,
+        force_line=line,
+        response=response.calibration(reference, name=terms.name, probe=terms.probe),
+        specification=specification(
+            probe=terms.probe,
+            line=line,
+            diagnostics=diagnostics,
+            edge_mm=_edge(shots, reference),
+            frames_per_s=_rate(shots[UNTOUCHED]),
+        ),
+    )
+    progress(2 * len(steps), 2 * len(steps))
+    return known, SessionFindings(dots=dots, board=board, loadings=tuple(loadings), line=diagnostics, response=response)
+
+
+def _scale(
+    shots: Mapping[str, Sequence[Shot]], *, pitch_mm: float, pitch_sd_mm: float
+) -> tuple[Scale, DotDiagnostics, TactileImage]:
+    board, untouched = _mean(shots[BOARD]), _mean(shots[BOARD_UNTOUCHED])
+    try:
+        scale, dots = scale_from_dots(board, untouched, pitch_mm=pitch_mm, pitch_sd_mm=pitch_sd_mm)
+    except CalibrationError as error:
+        raise CalibrationError(f"step {BOARD!r}: {error}") from error
+    return scale, dots, board
+
+
+def _reference(
+    shots: Mapping[str, Sequence[Shot]], scale: Scale, patch_px: tuple[int, int, int, int] | None
+) -> Reference:
+    def scaled(name: str) -> list[TactileImage]:
+        return [scale.on(shot.image) for shot in shots[name]]
+
+    flats = [scaled(name) for name in sorted(shots) if name.startswith(f"{FLAT}-")]
+    return make_reference(scaled(DARK), scaled(UNTOUCHED), flats, patch_px=patch_px)
+
+
+def _loading(shots: Sequence[Shot], step: Step, reference: Reference) -> Loading:
+    """Read a loading; presses so light that the gauge cannot tell them from none are left out."""
+    assert step.tip_mm is not None
+    forces = [shot.force_n for shot in shots]
+    if any(force is None for force in forces):
+        raise CalibrationError(
+            f"step {step.name!r}: every frame must have a force; one has none (is the gauge silent?)"
+        )
+    zero = float(forces[0] or 0.0)
+    readings = []
+    for shot in shots:
+        load = float(shot.force_n or 0.0) - zero
+        if abs(load) <= UNTOUCHED_N or load >= TOUCHED_N:
+            reading = read_press(shot.image, reference, force_n=zero + load, touched=load >= TOUCHED_N)
+            readings.append(reading)
+    try:
+        return Loading.of(step.tip_mm, readings, run=step.run)
+    except CalibrationError as error:
+        raise CalibrationError(f"step {step.name!r}: {error}") from error
+
+
+def _edge(shots: Mapping[str, Sequence[Shot]], reference: Reference) -> Measured | None:
+    if EDGE not in shots:
+        return None
+    return edge_width(reference.corrected(replace(_mean(shots[EDGE]), mm_per_pixel=reference.mm_per_pixel)))
+
+
+def _rate(shots: Sequence[Shot]) -> Measured | None:
+    times = [shot.time_s for shot in shots if shot.time_s is not None]
+    return frame_rate(times) if len(times) == len(shots) else None
+
+
+def _mean(shots: Sequence[Shot]) -> TactileImage:
+    """The mean of frames of one scene."""
+    return replace(shots[0].image, grey=np.mean([shot.image.grey for shot in shots], axis=0))

@@ -1,0 +1,57 @@
+"""What was calibrated and with what, as the person at the bench stated it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping  # noqa: TC003 - the file format reads the type
+from dataclasses import dataclass, field
+from datetime import datetime  # noqa: TC003 - the file format reads the type
+from types import MappingProxyType
+
+from tsis.calibration.force_loading import TIPS_MM
+from tsis.model import check
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SessionTerms:
+    """Terms of a calibration session.
+
+    Parameters
+    ----------
+    name
+        What people will call the calibration.
+    probe, camera
+        Names of both.
+    began
+        When the session began, with its time zone; None for a simulated bench.
+    settings
+        Camera settings during the session.
+    pitch_mm, pitch_sd_mm
+        Pitch of the dot board and its standard uncertainty, mm.
+    gauge_share
+        Relative standard deviation of the force gauge, from its certificate.
+    patch_px
+        Where the lamps are seen past the probe: left, top, right, bottom; None when nowhere.
+    tips_mm, repeats
+        Radii of the tips, and loadings of each.
+    """
+
+    name: str
+    probe: str
+    camera: str
+    began: datetime | None = None
+    settings: Mapping[str, float] = field(default_factory=dict)
+    pitch_mm: float = 2.5
+    pitch_sd_mm: float = 0.0
+    gauge_share: float = 0.001
+    patch_px: tuple[int, int, int, int] | None = None
+    tips_mm: tuple[float, ...] = TIPS_MM
+    repeats: int = 1
+
+    def __post_init__(self) -> None:
+        for name in ("name", "probe", "camera"):
+            check.kind(name, getattr(self, name), str)
+        check.number("pitch_mm", self.pitch_mm, 0.05, 50.0, hint="millimetres")
+        check.number("pitch_sd_mm", self.pitch_sd_mm, 0.0, 1.0, hint="millimetres")
+        check.number("gauge_share", self.gauge_share, 0.0, 0.5, hint="a share of one")
+        check.whole("repeats", self.repeats, 1, 20)
+        object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))

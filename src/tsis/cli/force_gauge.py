@@ -1,0 +1,57 @@
+"""The force gauge that the command line names, read beside the camera."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tsis.instrument.gauge import ForceLog, SerialGauge
+from tsis.model.errors import GaugeError, InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from tsis.instrument.gauge import ForceAtTime
+
+FIRST_READINGS, FIRST_S = 4, 5.0
+BAUD = 9600
+
+
+GaugePort = Annotated[
+    str | None,
+    typer.Option("--gauge", help="Serial port of a force gauge, e.g. /dev/ttyUSB0.", rich_help_panel="Gauge"),
+]
+GaugeUnit = Annotated[
+    str | None,
+    typer.Option("--gauge-unit", help="Unit that its display shows, when it sends none.", rich_help_panel="Gauge"),
+]
+GaugeBaud = Annotated[
+    int, typer.Option("--gauge-baud", help="Speed that it is set to, bits per second.", rich_help_panel="Gauge")
+]
+GaugeSends = Annotated[
+    bool,
+    typer.Option("--gauge-sends", help="It sends on its own and is not to be asked.", rich_help_panel="Gauge"),
+]
+
+
+@contextmanager
+def gauge_log(port: str | None, *, unit: str | None, baud: int, sends: bool) -> Iterator[ForceLog | None]:
+    """Readings of the gauge at a serial port, once the first have come; None without a port."""
+    if port is None:
+        if unit is not None or sends:
+            raise InputError("--gauge-unit and --gauge-sends need --gauge, the port that they belong to")
+        yield None
+        return
+    gauge = SerialGauge(port, unit=unit, baud=baud) if not sends else SerialGauge(port, unit=unit, baud=baud, poll=None)
+    with ForceLog(gauge) as log:
+        if not log.wait_for(FIRST_READINGS, timeout_s=FIRST_S):
+            raise GaugeError(log.state().error or f"{gauge.name} must send readings; none came for {FIRST_S:g} s")
+        yield log
+
+
+def force_then(log: ForceLog, time_s: float) -> ForceAtTime:
+    """The force at a time, once the reading after it has come; `GaugeError` when none comes."""
+    log.wait_until(time_s, timeout_s=1.0)
+    return log.at(time_s)

@@ -1,0 +1,85 @@
+"""The bench of a calibration without hardware: every step's frames from the virtual loading machine and targets."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+from tsis.calibration.force_loading import loading_forces
+from tsis.calibration.session import Shot, Step
+from tsis.calibration.session.steps import BOARD, BOARD_UNTOUCHED, DARK, EDGE, FLAT, UNTOUCHED
+from tsis.model.errors import InputError
+from tsis.virtual.loading_machine import FLAT_LEVELS as LEVELS
+from tsis.virtual.loading_machine import VirtualLoadingMachine
+from tsis.virtual.scale_targets import dot_board_frame, untouched_frame
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    import numpy as np
+
+    from tsis.imaging.sensor import Sensor
+    from tsis.model import Probe, TactileImage
+
+FRAMES_PER_S = 30.0
+BOARD_TURN_DEG = 3.0
+
+
+class VirtualBench:
+    """Takes the frames of every step by itself.
+
+    Parameters
+    ----------
+    probe
+        What is calibrated.
+    rng
+        Source of every error.
+    sensor
+        The camera.
+    pitch_mm
+        Pitch of the dot board.
+    """
+
+    def __init__(
+        self, probe: Probe, *, rng: np.random.Generator, sensor: Sensor | None = None, pitch_mm: float = 2.5
+    ) -> None:
+        self.machine = VirtualLoadingMachine(probe, rng=rng, sensor=sensor)
+        self._rng, self._pitch_mm = rng, pitch_mm
+
+    @property
+    def patch_px(self) -> tuple[int, int, int, int] | None:
+        """Where its camera sees the lamps past the probe."""
+        return self.machine.patch_px
+
+    def shots(self, step: Step) -> Iterator[Shot]:
+        """Yield the frames of a step."""
+        if step.tip_mm is not None:
+            for image, shown_n in self.machine.loading(step.tip_mm, loading_forces()):
+                yield Shot(image=_bare(image), force_n=shown_n)
+            return
+        take = self._take(step)
+        for number in range(step.frames):
+            yield Shot(image=_bare(take()), time_s=number / FRAMES_PER_S)
+
+    def _take(self, step: Step) -> Callable[[], TactileImage]:
+        sensor, rng = self.machine.sensor, self._rng
+        if step.name == BOARD:
+            board = dot_board_frame(sensor, rng=rng, pitch_mm=self._pitch_mm, angle_deg=BOARD_TURN_DEG, bright=True)
+            return lambda: board
+        calls: dict[str, Callable[[], TactileImage]] = {
+            DARK: self.machine.dark,
+            UNTOUCHED: self.machine.no_contact,
+            BOARD_UNTOUCHED: lambda: untouched_frame(sensor, rng=rng),
+            EDGE: self.machine.edge,
+        }
+        for level, light in enumerate(LEVELS, start=1):
+            calls[f"{FLAT}-{level}"] = partial(self.machine.flat, light)
+        if step.name not in calls:
+            raise InputError(f"step must be one of a calibration's plan; got {step.name!r:.60}")
+        return calls[step.name]
+
+
+def _bare(image: TactileImage) -> TactileImage:
+    """The frame as a camera gives it, which knows neither scale nor force."""
+    return replace(image, mm_per_pixel=None, force_n=None)
