@@ -1,0 +1,14 @@
+"""How many millimetres of the face a pixel sees, along each axis of the image."""
+
+from tsis.calibration.scale.ball import BallDiagnostics, axis_ratio_from_ball, scale_from_ball
+from tsis.calibration.scale.dots import DotDiagnostics, scale_from_dots
+from tsis.calibration.scale.value import Scale
+
+__all__ = [
+    "BallDiagnostics",
+    "DotDiagnostics",
+    "Scale",
+    "axis_ratio_from_ball",
+    "scale_from_ball",
+    "scale_from_dots",
+]

@@ -1,0 +1,66 @@
+"""Which two directions of a lattice of dots are the board's rows and columns."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.calibration.scale.board_map import BoardMap, fit_map
+from tsis.model.errors import CalibrationError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+MOST_SKEW_DEG = 8.0  # between the image's axes as the board shows them
+LONGEST_PIXEL = 2.0  # ratio of a pixel's sides
+CLEAR_SKEW_DEG = 4.0  # by which the right pair of lattice axes is squarer than the next
+# Pairs of axes that count one and the same lattice of points; the first dots found may have had gaps for neighbours.
+WAYS = [(i, j) for i in range(3) for j in range(-2, 3) if i > 0 or j > 0]
+AXES = [
+    np.array(pair)
+    for pair in itertools.combinations(WAYS, 2)
+    if abs(pair[0][0] * pair[1][1] - pair[0][1] * pair[1][0]) == 1
+]
+
+
+def with_square_axes(fitted: BoardMap, cell: NDArray[np.float64]) -> BoardMap:
+    """The same dots counted along the two lattice axes that make the image's axes perpendicular on the face.
+
+    A turned board's diagonal may be shorter in the image than its side where pixels are far from square. A square
+    lattice at 32 degrees, counted along a diagonal, is again square, of pixels 2.6 times as long as wide; no camera has
+    such.
+    """
+    step = fitted.face_step(cell)
+    skews = np.array([abs(skew_deg(axes @ step)) for axes in AXES])
+    shares = np.array([np.divide(*np.linalg.norm(axes @ step, axis=0)) for axes in AXES])
+    usual = (shares < LONGEST_PIXEL) & (shares > 1 / LONGEST_PIXEL)
+    first, second = np.argsort(np.where(usual, skews, 90.0))[:2]
+    if not usual[first] or skews[first] > MOST_SKEW_DEG:
+        raise CalibrationError(
+            f"the dots must form a square lattice seen straight on; theirs is {skews[first]:.0f} degrees askew (use a "
+            "board with one pitch along both axes, and press it without tilt)"
+        )
+    if usual[second] and skews[second] - skews[first] < CLEAR_SKEW_DEG:
+        raise CalibrationError(
+            f"the dots' rows must be told from their diagonals; both fit a square lattice to {skews[second]:.0f} "
+            "degrees (lay the rows along the image's axes)"
+        )
+    axes = AXES[first]
+    if np.linalg.det(axes @ step) < 0:
+        axes = axes[::-1]  # counted like the image's axes, so that the rotation has a sign
+    return fit_map(fitted.cells @ axes.T, fitted.places_px)
+
+
+def rotation_deg(step: NDArray[np.float64]) -> float:
+    """Angle in the image from the x axis towards the y axis at which the nearest lattice axis lies, in [-45, 45]."""
+    angle = -float(np.degrees(np.arctan2(step[1, 0], step[0, 0])))
+    return (angle + 45.0) % 90.0 - 45.0
+
+
+def skew_deg(step: NDArray[np.float64]) -> float:
+    """How far the image's two axes are from a right angle on the face."""
+    one, other = step.T
+    sine = (one @ other) / (np.linalg.norm(one) * np.linalg.norm(other))
+    return float(np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0))))

@@ -1,0 +1,233 @@
+"""The scale of each image axis from a ball of known radius, pressed to depths that differ by known amounts.
+
+One press of a ball does not fix a scale: how wide its contact is depends on load, gel and how far the gel clings
+to the ball. But where the grey level follows the DEPTH of the face, however it does, places of equal grey level in two
+presses are equally deep, so that the ball's own height differs between them by exactly the travel. That needs neither
+the contact's edge nor a model of the gel:
+
+    grey = f(t - (R - sqrt(R**2 - r**2))),  r**2 = (sx (x - cx))**2 + (sy (y - cy))**2
+
+with the travel t of each press and one unknown f for all. The ratio of the axes needs less: the contact is round.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.calibration.measured import Measured
+from tsis.calibration.scale.ball_fit import first_shape, fit_shape, shape_slopes
+from tsis.calibration.scale.ball_press import SECTORS, jackknife, read_press, roundness, without_sector
+from tsis.calibration.scale.value import UNIT, Scale, check_field
+from tsis.model import check
+from tsis.model.errors import CalibrationError, ImageMismatchError, InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.model import TactileImage
+
+LEAST_TRAVEL = 0.02  # difference of the travels over the ball's radius
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BallDiagnostics:
+    """What was found on the way to a scale from a ball.
+
+    Attributes
+    ----------
+    centres_px
+        Centre (x, y) of each press, shape (presses, 2), pixels.
+    radii_px
+        Radius of the region used in each press along the image's x axis, shape (presses,), pixels.
+    axis_ratio
+        Height over width of a pixel, from the roundness of the ball alone.
+    residual_grey
+        Root mean square of what the fit leaves, grey levels.
+    darker
+        True when the ball makes the probe darker.
+    """
+
+    centres_px: NDArray[np.float64]
+    radii_px: NDArray[np.float64]
+    axis_ratio: Measured
+    residual_grey: float
+    darker: bool
+
+    def __post_init__(self) -> None:
+        for name in ("centres_px", "radii_px"):
+            values = np.array(getattr(self, name), dtype=float)
+            values.flags.writeable = False
+            object.__setattr__(self, name, values)
+
+
+def axis_ratio_from_ball(image: TactileImage, reference: TactileImage | None = None) -> Measured:
+    """Height over width of a pixel from one press of a ball of any radius: the contact is as wide as it is high.
+
+    Parameters
+    ----------
+    image
+        The probe with the ball pressed on it, or its change when there is no reference.
+    reference
+        The untouched probe in the same light.
+
+    Returns
+    -------
+    Measured
+        ``mm_per_pixel_y / mm_per_pixel_x``, with the standard uncertainty that leaving out sectors gives.
+
+    Raises
+    ------
+    CalibrationError
+        When there is no ball in the image, or one that is cropped or too small.
+
+    Examples
+    --------
+    >>> from tsis.imaging.sensor import Sensor
+    >>> from tsis.virtual.scale_targets import ball_frame, untouched_frame
+    >>> rng, sensor = np.random.default_rng(1), Sensor(mm_per_pixel=(0.0336, 0.0392))
+    >>> ratio = axis_ratio_from_ball(ball_frame(sensor, rng=rng), untouched_frame(sensor, rng=rng))
+    >>> abs(ratio.value - 0.0392 / 0.0336) < 0.01
+    True
+    """
+    press = read_press(image, reference)
+    ratios = [roundness(without_sector(press, sector)) for sector in (None, *range(SECTORS))]
+    return jackknife(np.array(ratios[1:]), ratios[0], unit="")
+
+
+def scale_from_ball(
+    images: Sequence[TactileImage],
+    reference: TactileImage | None = None,
+    *,
+    ball_radius_mm: float,
+    travel_mm: Sequence[float],
+    ball_radius_sd_mm: float = 0.0,
+    travel_sd_mm: float = 0.005,
+) -> tuple[Scale, BallDiagnostics]:
+    """Measure the size of a pixel along each image axis with a ball at two or more depths.
+
+    It needs a probe whose grey level follows the depth of its face (a translucent gel on a stiff back). Where it
+    follows pressure, as on a waveguide, use `scale_from_dots`.
+
+    Parameters
+    ----------
+    images
+        Two or more presses of one ball, none cropped.
+    reference
+        The untouched probe in the same light; None when the images hold the change already.
+    ball_radius_mm
+        Radius of the ball, in [0.2, 50] mm.
+    travel_mm
+        Reading of the stage that moves ball against probe, one a press, larger is deeper; only differences count.
+    ball_radius_sd_mm
+        Standard uncertainty of the radius, in [0, 5] mm.
+    travel_sd_mm
+        Standard uncertainty of each reading, in [0, 1] mm. It is mostly what limits the scale.
+
+    Returns
+    -------
+    scale : Scale
+        The pixel sizes with their uncertainties, at the mean place of the presses.
+    diagnostics : BallDiagnostics
+        Where the presses were found, and the ratio of the axes.
+
+    Raises
+    ------
+    CalibrationError
+        When there is no ball in an image, when presses are too few or too much alike, or when the scale would be no
+        tactile probe's.
+    ImageMismatchError
+        When images or the reference are no companions.
+    InputError
+        When an argument is outside its range.
+
+    Examples
+    --------
+    >>> from tsis.imaging.sensor import Sensor
+    >>> from tsis.virtual.scale_targets import ball_frame, untouched_frame
+    >>> rng, sensor = np.random.default_rng(1), Sensor(mm_per_pixel=(0.0336, 0.0392))
+    >>> frames = [ball_frame(sensor, rng=rng, ball_radius_mm=4.0, depth_mm=depth) for depth in (0.7, 1.0, 1.3)]
+    >>> untouched = untouched_frame(sensor, rng=rng)
+    >>> scale, _ = scale_from_ball(frames, untouched, ball_radius_mm=4.0, travel_mm=(0.0, 0.3, 0.6))
+    >>> low, high = scale.mm_per_pixel_x.interval(0.95)
+    >>> low < 0.0336 < high
+    True
+    """
+    radius = check.number("ball_radius_mm", ball_radius_mm, 0.2, 50.0, hint="millimetres")
+    check.number("ball_radius_sd_mm", ball_radius_sd_mm, 0.0, 5.0, hint="millimetres")
+    check.number("travel_sd_mm", travel_sd_mm, 0.0, 1.0, hint="millimetres")
+    travel = _checked_travel(images, travel_mm, radius)
+    presses = [read_press(image, reference) for image in images]
+    if len({image.grey.shape for image in images}) > 1:
+        raise ImageMismatchError("images must have one shape; record all presses in one mode of the camera")
+    if len({press.darker for press in presses}) > 1:
+        raise CalibrationError(
+            "the ball must change the light alike in all presses; it makes some darker, some brighter"
+        )
+    start = np.array([roundness(press) for press in presses])
+    fit = fit_shape(presses, travel, radius, first=first_shape(presses, travel, radius, float(np.median(start))))
+    shares = [
+        fit_shape([without_sector(press, sector) for press in presses], travel, radius, first=fit.x).x
+        for sector in range(SECTORS)
+    ]
+    x, y = _sizes(
+        fit.x, np.array(shares), shape_slopes(presses, travel, radius, fit.x), ball_radius_sd_mm, travel_sd_mm
+    )
+    check_field((x.value, y.value), images[0].grey.shape, "ball_radius_mm and travel_mm", radius)
+    centres = np.array([press.centre_px for press in presses]) + fit.x[2:].reshape(-1, 2)
+    ratios = np.exp(np.array(shares)[:, 1] - np.array(shares)[:, 0])
+    scale = Scale(
+        mm_per_pixel_x=x,
+        mm_per_pixel_y=y,
+        shape=(images[0].grey.shape[0], images[0].grey.shape[1]),
+        at_px=(float(centres[:, 0].mean()), float(centres[:, 1].mean())),
+        method="ball",
+        count=len(presses),
+    )
+    diagnostics = BallDiagnostics(
+        centres_px=centres,
+        radii_px=np.array([press.radius_px for press in presses]),
+        axis_ratio=jackknife(ratios, float(np.exp(fit.x[1] - fit.x[0])), unit=""),
+        residual_grey=float(np.sqrt(np.mean(fit.fun**2))),
+        darker=presses[0].darker,
+    )
+    return scale, diagnostics
+
+
+def _checked_travel(images: Sequence[TactileImage], travel_mm: Sequence[float], radius: float) -> NDArray[np.float64]:
+    travel: NDArray[np.float64] = check.array("travel_mm", travel_mm, ndim=1)
+    if len(images) != len(travel):
+        raise InputError(f"travel_mm must hold one reading for each of the {len(images)} images; got {len(travel)}")
+    if len(images) < 2:
+        raise CalibrationError(
+            "a scale from a ball needs two presses or more whose depths differ by a known travel; got one, which gives "
+            "only the ratio of the axes (press deeper and read the stage, or use a dot board)"
+        )
+    if np.ptp(travel) < LEAST_TRAVEL * radius or np.ptp(travel) > radius:
+        raise CalibrationError(
+            f"travel_mm must differ by {LEAST_TRAVEL * radius:.2g} to {radius:g} mm between the presses of this ball; "
+            f"it differs by {np.ptp(travel):.3g} mm (is it in another unit?)"
+        )
+    return travel
+
+
+def _sizes(
+    shape: NDArray[np.float64],
+    shares: NDArray[np.float64],
+    slopes: NDArray[np.float64],
+    radius_sd_mm: float,
+    travel_sd_mm: float,
+) -> tuple[Measured, Measured]:
+    found = []
+    for axis in (0, 1):
+        size = float(np.exp(shape[axis]))
+        frames = jackknife(np.exp(shares[:, axis]), size, unit=UNIT)
+        known = size**2 * (np.sum((slopes[:-1, axis] * travel_sd_mm) ** 2) + (slopes[-1, axis] * radius_sd_mm) ** 2)
+        total = frames.sd**2 + float(known)
+        freedom = frames.degrees_of_freedom * (total / frames.sd**2) ** 2 if frames.sd > 0 else np.inf
+        found.append(Measured(value=size, sd=total**0.5, degrees_of_freedom=float(freedom), unit=UNIT))
+    return found[0], found[1]
