@@ -10,6 +10,7 @@ import typer
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.cli.acquire import acquire
+from tsis.cli.calibrate import app as calibrate
 from tsis.cli.demo import demo
 from tsis.cli.design import design
 from tsis.cli.examine import examine
@@ -37,6 +38,7 @@ app.command(epilog="Example: tsis simulate --phantom depth-8 --force-n 0.7 --jso
 app.command(epilog="Example: tsis design --probe tsis-domed --compare dome --compare forces --out design")(design)
 app.command(epilog="Example: tsis hardness --demo --out first-touch")(hardness)
 app.command(epilog="Example: tsis serve --phantom size-8 --force-n 0.7")(serve)
+app.add_typer(calibrate)
 app.add_typer(match)
 app.add_typer(optics)
 app.add_typer(sweep)

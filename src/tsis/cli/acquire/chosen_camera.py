@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -33,13 +34,18 @@ class VirtualPress:
 
 def connector(spec: str, press: VirtualPress) -> Callable[[], Camera]:
     """A call that makes a new handle of the camera, not yet opened."""
-    check.known("camera source", spec.partition(":")[0], (VIRTUAL, *SOURCES))
     if spec != VIRTUAL:
-        return lambda: connect(spec)
+        return live_connector(spec)
     rng = np.random.default_rng(press.seed)
     probe = VirtualProbe(load_probe(press.probe), rng=rng)
     phantom = load_phantom(press.phantom)
     return lambda: VirtualCamera(probe, phantom, rng=rng, force_n=press.force_n, paced=True)
+
+
+def live_connector(spec: str) -> Callable[[], Camera]:
+    """The same of a camera that is not virtual; `UnknownNameError` when no source is called so."""
+    check.known("camera source", spec.partition(":")[0], (VIRTUAL, *SOURCES))
+    return partial(connect, spec)
 
 
 def wanted_settings(connect_camera: Callable[[], Camera], name: str | None, pairs: Sequence[str]) -> dict[str, float]:

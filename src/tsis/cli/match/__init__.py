@@ -2,32 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import typer
-from typer.core import TyperGroup
 
 from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.cli.default_command import DefaultCommand
 from tsis.cli.match.bench import bench
 from tsis.cli.match.points import points
 
 DEFAULT = "points"
 
-
-class FilesWithoutACommand(TyperGroup):
-    """Commands of which the default one may be left out, so that ``tsis match A B`` matches two files."""
-
-    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """Put the default command before what is neither a command nor a call for help; nothing is one, too."""
-        args = args or ["--help"]
-        if args[0] not in (*self.commands, "-h", "--help"):
-            args = [DEFAULT, *args]
-        return super().parse_args(ctx, args)
-
-
 app = typer.Typer(
     name="match",
-    cls=FilesWithoutACommand,
+    cls=DefaultCommand.named(DEFAULT, alone=False),
     help=(
         "Match two point files: tsis match A B. A file that is called as a command below is given as ./bench. "
         f"{RESEARCH_USE_ONLY}"

@@ -1,0 +1,25 @@
+"""``tsis calibrate``: make, show and seal the calibration of a probe."""
+
+from __future__ import annotations
+
+import typer
+
+from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.cli.calibrate.guide import guide
+from tsis.cli.calibrate.make import make
+from tsis.cli.calibrate.seal import seal
+from tsis.cli.calibrate.show import show
+from tsis.cli.default_command import DefaultCommand
+
+app = typer.Typer(
+    name="calibrate",
+    cls=DefaultCommand.named("guide"),
+    help=f"Calibrate a probe, step by step; without a camera the virtual bench shows how. {RESEARCH_USE_ONLY}",
+    epilog="Example: tsis calibrate --camera aravis: --gauge /dev/ttyUSB0 --probe tsis-2011 --name bench-2",
+)
+app.command("guide", epilog="Example: tsis calibrate guide --seed 3 --out first-calibration")(guide)
+app.command("make", epilog="Example: tsis calibrate make tsis-calibration-frames --days 90")(make)
+app.command("show", epilog="Example: tsis calibrate show tsis-calibration/calibration.json")(show)
+app.command("seal", epilog="Example: tsis calibrate seal values.json --out calibration.json")(seal)
+
+__all__ = ["app"]

@@ -1,0 +1,59 @@
+"""``tsis calibrate seal``: values that a laboratory measured otherwise become a calibration file."""
+
+from __future__ import annotations
+
+import json
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from tsis.calibration.file import ProbeCalibration, write_calibration
+from tsis.calibration.file.plain_values import from_plain
+from tsis.calibration.session.result import DAYS
+from tsis.cli.calibrate.make import Days
+from tsis.cli.console_output import people, print_json, print_notice
+from tsis.cli.targets import AsJson
+from tsis.instrument import read_bytes, shown
+from tsis.model import check
+from tsis.model.errors import FileInputError, InputError
+from tsis.report.document import envelope
+
+
+def seal(
+    values: Annotated[Path, typer.Argument(help="JSON file with name, probe, response and what else is known.")],
+    *,
+    days: Days = DAYS,
+    out: Annotated[Path, typer.Option(help="Calibration file to write; it must not exist.")] = Path("calibration.json"),
+    as_json: AsJson = False,
+) -> None:
+    """Check values written by hand, and write them as a calibration file with date, expiry and hash."""
+    check.number("--days", days, 1, 3650)
+    known = _read(values, days)
+    cited = write_calibration(known, out)
+    if as_json:
+        print_json(envelope("calibrate seal", file=str(out.resolve()), sha256=cited))
+        return
+    console = people()
+    console.print(f"Calibration: {out.resolve()}", markup=False, soft_wrap=True)
+    console.print(f"Good until {known.expires:%Y-%m-%d}; cited as {cited[:12]}")
+    print_notice(console)
+
+
+def _read(path: Path, days: float) -> ProbeCalibration:
+    try:
+        content = json.loads(read_bytes(path))
+    except FileInputError:
+        raise
+    except (ValueError, RecursionError) as error:
+        raise FileInputError(f"{shown(path)} must be a readable JSON file; got: {error}") from error
+    if not isinstance(content, dict):
+        raise FileInputError(f"{shown(path)} must hold a JSON object; got {type(content).__name__}")
+    now = datetime.now(UTC).replace(microsecond=0)
+    dated: dict[str, Any] = {**content, "made": now.isoformat(), "expires": (now + timedelta(days=days)).isoformat()}
+    try:
+        known: ProbeCalibration = from_plain(ProbeCalibration, dated, "calibration")
+    except InputError as error:
+        raise FileInputError(f"{shown(path)}: {error}") from error
+    return known
