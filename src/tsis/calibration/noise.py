@@ -4,7 +4,9 @@ A pixel's variance is ``read**2 + 1/12 + shot * light``: read noise, rounding to
 noise is only some tenths of a level, rounding is not white and its share depends on where between two whole levels the
 mean lies; the first harmonic of that is taken into account,
 
-    var(rounded) = s**2 + 1/12 - (4 s**2 + 1/pi**2) q cos(2 pi mean),   q = exp(-2 pi**2 s**2).
+    var(rounded) = s**2 + 1/12 - (4 s**2 + 1/pi**2) q cos(2 pi mean) - (q sin(2 pi mean) / pi)**2
+
+with ``q = exp(-2 pi**2 s**2)``.
 """
 
 from __future__ import annotations
@@ -29,6 +31,7 @@ LEAST_PIXELS = 200  # in a band
 LEAST_LIGHT_GREY = 10.0  # with less, the whole frame is one band
 CLIPPED_SHARE = 1e-3  # of the pixels; more of them would cut the noise
 CHANCE = 0.99  # probability up to which the points' scatter about the line is taken for chance
+FAINTEST = 0.1  # of a phase that noise blurred, below which it says nothing
 LEAST_NOISE_GREY = 0.3  # below it, rounding hides the noise
 
 
@@ -135,33 +138,35 @@ def _points(values: NDArray[np.float64], base: NDArray[np.float64], *, is_dark: 
     found = []
     for part in np.array_split(np.arange(len(mean)), bands):  # bands of the frame: sorting by light would sort by noise
         seen = float(variance[part].mean())
-        cosine = float(np.cos(2 * np.pi * mean[part]).mean())
-        true = _unrounded(seen, cosine, frames)
+        true = _unrounded(seen, complex(np.exp(2j * np.pi * mean[part]).mean()), frames)
         error = seen * np.sqrt(2 / (len(part) * (frames - 1)))
         found.append(_Point(float(light[part].mean()), true, error))
     return found
 
 
-def _unrounded(seen: float, cosine: float, frames: int) -> float:
-    """Variance before rounding; ``cosine`` is the mean of cos(2 pi m) over pixel means m of so many frames."""
-    true, bare = max(seen - 1 / 12, LEAST_NOISE_GREY**2 / 2), cosine
-    for _ in range(20):
-        bare = float(np.clip(cosine / _left_of_cosine(true, bare, frames), -1.0, 1.0))
+def _unrounded(seen: float, phase: complex, frames: int) -> float:
+    """Variance before rounding; ``phase`` is the mean of exp(2 pi i m) over pixel means m of so many frames."""
+    true, bare = max(seen - 1 / 12, LEAST_NOISE_GREY**2 / 2), phase
+    for _ in range(30):
+        bare = phase / _left_of_phase(true, bare, frames)
+        bare /= max(1.0, abs(bare))
         q = float(np.exp(-2 * np.pi**2 * true))
-        true = max(seen - 1 / 12 + (4 * true + 1 / np.pi**2) * q * bare, LEAST_NOISE_GREY**2 / 2)
+        harmonic = (4 * true + 1 / np.pi**2) * q * bare.real + (q * bare.imag / np.pi) ** 2
+        true = max(seen - 1 / 12 + harmonic, LEAST_NOISE_GREY**2 / 2)
     return true
 
 
-def _left_of_cosine(variance: float, cosine: float, frames: int) -> float:
-    """Share of cos(2 pi mean) that is left when the mean is that of so many noisy, rounded frames.
+def _left_of_phase(variance: float, phase: complex, frames: int) -> complex:
+    """What is left of exp(2 pi i mean) when the mean is that of so many noisy, rounded frames.
 
     It is the n-th power of the rounded normal's characteristic function at 2 pi / n, of which rounding folds the part
     at 2 pi / n - 2 pi onto it.
     """
     t = 2 * np.pi / frames
-    near = np.sin(t / 2) / (t / 2) * np.exp(-variance * t**2 / 2)
-    folded = np.sin(t / 2) / (np.pi - t / 2) * np.exp(-variance * (2 * np.pi - t) ** 2 / 2)
-    return max(float(near + folded * cosine) ** frames, 0.1)
+    near = float(np.sin(t / 2) / (t / 2) * np.exp(-variance * t**2 / 2))
+    folded = float(np.sin(t / 2) / (np.pi - t / 2) * np.exp(-variance * (2 * np.pi - t) ** 2 / 2))
+    left = (near + folded * phase.conjugate()) ** frames
+    return left if abs(left) > FAINTEST else complex(FAINTEST)
 
 
 def _line(points: list[_Point]) -> PhotonTransfer:

@@ -1,0 +1,86 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from matplotlib.figure import Figure
+
+from tsis.calibration.force_line import ForceLine
+from tsis.calibration.force_loading import Loading, loading_forces
+from tsis.calibration.measured import Measured
+from tsis.model import TactileImage
+from tsis.model.errors import InputError
+from tsis.plots.calibration_figures import cross_sections, force_residuals, force_sums, hysteresis_loops
+
+SLOPE = 4e5
+
+
+def loading(tip_mm: float, loop: float) -> Loading:
+    force = np.array(loading_forces(2.0, 0.2))
+    sums = SLOPE * force
+    rising = np.arange(len(force)) <= int(force.argmax())
+    sums = sums + np.where(rising, 0.0, -loop * SLOPE * force * (2.0 - force))
+    none = np.zeros_like(force)
+    return Loading(
+        tip_radius_mm=tip_mm,
+        force_n=force,
+        total_grey=sums,
+        touched=force > 0,
+        field_grey=sums,
+        peak_grey=none,
+        mean_square_mm2=none,
+        clipped=none,
+    )
+
+
+def line() -> ForceLine:
+    return ForceLine(
+        intercept_grey=Measured(value=0.0, sd=100.0),
+        slope_grey_per_n=Measured(value=SLOPE, sd=1000.0),
+        covariance_grey2_per_n=0.0,
+        unit_covariance=(1e4, 0.0, 1e6),
+        units=3,
+        residual_grey=Measured(value=100.0, sd=1.0),
+        residual_share=Measured(value=0.002, sd=0.0),
+        least_n=0.1,
+        most_n=2.0,
+        pixels=55296,
+        full_scale=255.0,
+        tips_mm=(2.0, 10.0),
+    )
+
+
+def test_every_press_is_drawn_where_it_lies() -> None:
+    runs = [loading(2.0, 0.0), loading(10.0, 0.0)]
+    ax = force_sums(runs, line(), Figure().subplots())
+    rings = ax.get_lines()[0]
+    assert np.allclose(rings.get_xdata(), runs[0].load_n[runs[0].touched & runs[0].rising])
+    assert np.allclose(np.asarray(rings.get_ydata()) * 1e6, SLOPE * np.asarray(rings.get_xdata()))
+    _, names = ax.get_legend_handles_labels()
+    assert names == ["2 mm tip", "10 mm tip", "95 % of new frames"]
+
+
+def test_a_straight_line_leaves_no_residual() -> None:
+    ax = force_residuals([loading(2.0, 0.0)], line(), Figure().subplots())
+    assert np.allclose(np.asarray(ax.get_lines()[0].get_ydata()), 0.0, atol=1e-9)
+
+
+def test_the_loop_is_drawn_in_per_cent_of_the_range() -> None:
+    ax = hysteresis_loops([loading(2.0, 0.01)], Figure().subplots())
+    drawn = np.asarray(ax.get_lines()[0].get_ydata())
+    # loop * F (2 - F) over 2 is loop / 2 at 1 N; linear between presses it is a little less
+    assert drawn.max() == pytest.approx(100 * 0.01 / 2, rel=0.02)
+
+
+def test_cross_sections_run_through_the_brightest_place() -> None:
+    grey = np.zeros((20, 30))
+    grey[7, 11] = 90.0
+    images = [TactileImage(grey=grey * force, mm_per_pixel=(0.1, 0.2), force_n=force) for force in (0.5, 1.0)]
+    ax = cross_sections(images, Figure().subplots())
+    assert [float(np.asarray(row.get_ydata()).max()) for row in ax.get_lines()] == [45.0, 90.0]
+    row = ax.get_lines()[-1]
+    assert float(np.asarray(row.get_xdata())[int(np.asarray(row.get_ydata()).argmax())]) == 0.0
+
+
+def test_frames_without_a_force_are_refused() -> None:
+    with pytest.raises(InputError, match="force_n"):
+        cross_sections([TactileImage(grey=np.ones((9, 9)), mm_per_pixel=(0.1, 0.1))], Figure().subplots())
