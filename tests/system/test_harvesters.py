@@ -240,7 +240,7 @@ def test_nothing_is_kept_over_reconnections(camera: GenICamCamera) -> None:
         camera.start(Mode(width_px=200, height_px=120, frames_per_s=200.0, pixel_format="Mono8"))
         taken(camera, 3)
 
-    growth = growth_over(60, reconnect)
+    growth = growth_over(100, reconnect, warm_up=100)
     assert growth.descriptors == 0
     assert growth.threads == 0
     assert growth.resident_bytes < 5_000_000
