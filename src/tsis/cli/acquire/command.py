@@ -11,6 +11,7 @@ from tsis.cli.acquire.chosen_camera import VIRTUAL, VirtualPress, connector, wan
 from tsis.cli.acquire.listing import list_cameras, show_camera
 from tsis.cli.acquire.sequence import take_sequence
 from tsis.cli.acquire.snapshots import take_snapshot
+from tsis.cli.acquire.watching import watch_presses
 from tsis.cli.cited_calibration import cited
 from tsis.cli.console_output import waiting
 from tsis.cli.demo import LARGEST_SEED
@@ -47,6 +48,9 @@ def acquire(
     map_name: Annotated[str, typer.Option("--map", help=f"Colours: {', '.join(COLOUR_MAPS)}.")] = "viridis",
     frames: Annotated[int | None, typer.Option(help="Record a sequence of so many frames instead.", min=1)] = None,
     seconds: Annotated[float | None, typer.Option(help="Record a sequence for so long instead.")] = None,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Save nothing; say what speaks against the press, until Ctrl-C.")
+    ] = False,
     video: Annotated[bool, typer.Option("--video", help="One lossless video file for a sequence.")] = False,
     gauge: GaugePort = None,
     gauge_unit: GaugeUnit = None,
@@ -71,9 +75,11 @@ def acquire(
     if list_found:
         list_cameras(as_json=as_json)
         return
-    sequence = frames is not None or seconds is not None
+    sequence = not watch and (frames is not None or seconds is not None)
     if video and not sequence:
         raise InputError("--video needs --seconds or --frames: a snapshot is one picture")
+    if watch and (frames is not None or out is not None):
+        raise InputError("--watch saves nothing: leave out --frames and --out (--seconds ends it)")
     if seconds is not None:
         check.number("--seconds", seconds, 0.01, LONGEST_S, hint="seconds")
     check.known("picture format", picture, FORMATS)
@@ -89,7 +95,9 @@ def acquire(
     with gauge_log(gauge, unit=gauge_unit, baud=gauge_baud, sends=gauge_sends) as log, acquisition:
         if known is not None:
             known.require_camera(acquisition)
-        if sequence:
+        if watch:
+            watch_presses(acquisition, seconds=seconds, calibration=known, log=log, as_json=as_json)
+        elif sequence:
             take_sequence(
                 acquisition,
                 out or Path("tsis-sequence"),

@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 import signal
-import threading
-from contextlib import contextmanager
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 from tsis.cli.console_output import people, print_json, print_notice, progress_bar
 from tsis.cli.force_gauge import force_then
+from tsis.cli.interrupt import ended_by
 from tsis.instrument.recording import FrameFolder, FurtherColumns, LosslessVideo, record
 from tsis.model.errors import CameraError, FileInputError, GaugeError
 from tsis.report import free_folder
 from tsis.report.document import envelope
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable
     from pathlib import Path
-    from types import FrameType
 
     from tsis.cli.cited_calibration import CitedCalibration
     from tsis.instrument.acquisition import Acquisition, Arrival
     from tsis.instrument.gauge import ForceLog
-    from tsis.instrument.recording import RecordingReport
+from tsis.instrument.recording import RecordingReport
 
 
 def take_sequence(
@@ -47,7 +45,7 @@ def take_sequence(
     rate = None if acquisition.mode is None else acquisition.mode.frames_per_s
     sink = LosslessVideo(folder, frames_per_s=rate) if video else FrameFolder(folder)
     about = {"calibration": None if calibration is None else calibration.citation()}
-    with progress_bar("recording; Ctrl-C ends it") as advance, _ended_by_ctrl_c() as ended:
+    with progress_bar("recording; Ctrl-C ends it") as advance, ended_by(signal.SIGINT) as ended:
         report = record(
             acquisition,
             sink,
@@ -105,18 +103,3 @@ def _print(
         console.print(f"Ended early: {report.ended_by}", markup=False, soft_wrap=True)
     console.print(f"Folder: {folder.resolve()}", markup=False, soft_wrap=True)
     print_notice(console)
-
-
-@contextmanager
-def _ended_by_ctrl_c() -> Iterator[threading.Event]:
-    """Ctrl-C sets the event, so that the recording ends in order."""
-    ended = threading.Event()
-
-    def end(_number: int, _frame: FrameType | None) -> None:
-        ended.set()
-
-    before = signal.signal(signal.SIGINT, end)
-    try:
-        yield ended
-    finally:
-        signal.signal(signal.SIGINT, before)

@@ -6,6 +6,8 @@ from dataclasses import asdict
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
+from tsis.calibration.guard import check_press
+from tsis.cli.acquire.press_guard import guard_reference
 from tsis.cli.console_output import people, print_json, print_notice
 from tsis.cli.force_gauge import force_then
 from tsis.imaging import colour_map
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
     from tsis.instrument import Frame
     from tsis.instrument.acquisition import Acquisition, Arrival
     from tsis.instrument.gauge import ForceLog
+    from tsis.model import TactileImage
 
 FRAME_S = 10.0  # for which a frame is waited
 
@@ -40,10 +43,14 @@ def take_snapshot(
 ) -> None:
     """Save the next frame, and print where."""
     arrival = _next(acquisition)
+    force = None if log is None else force_then(log, arrival.arrived_s)
+    image = arrival.frame.tactile_image(force_n=None if force is None else max(0.0, force.force_n))
+    flags = check_press(_scaled(image, calibration), reference=guard_reference(calibration))
     about: dict[str, Any] = {
         "camera": acquisition.name,
         "calibration": None if calibration is None else calibration.citation(),
-        "force": None if log is None else asdict(force_then(log, arrival.arrived_s)),
+        "force": None if force is None else asdict(force),
+        "flags": [asdict(flag) for flag in flags],
     }
 
     def coloured(frame: Frame) -> NDArray[np.uint8]:
@@ -67,7 +74,14 @@ def take_snapshot(
         console.print(f"{name}: {file}", markup=False, soft_wrap=True)
     if about["force"] is not None:
         console.print(f"force: {about['force']['force_n']:.3f} N within {about['force']['error_n']:.3f} N")
+    for flag in flags:
+        console.print(f"- {flag.name}: {flag.advice}", markup=False, soft_wrap=True)
     print_notice(console)
+
+
+def _scaled(image: TactileImage, calibration: CitedCalibration | None) -> TactileImage:
+    scale = None if calibration is None else calibration.known.scale
+    return image if scale is None else scale.on(image)
 
 
 def _next(acquisition: Acquisition) -> Arrival:

@@ -1,0 +1,50 @@
+"""The press guard on the frames of a camera: what a calibration lets it compare with."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tsis.calibration.drift import ReferencePatch
+from tsis.calibration.guard_blocks import FrameShape
+from tsis.calibration.guard_reference import GuardReference
+from tsis.calibration.guard_watch import PressWatch
+from tsis.model import TactileImage
+
+if TYPE_CHECKING:
+    from tsis.calibration.reference import Reference
+    from tsis.cli.cited_calibration import CitedCalibration
+    from tsis.instrument import Frame
+
+
+def guard_reference(calibration: CitedCalibration | None) -> GuardReference:
+    """The untouched probe of a calibration; nothing without one."""
+    reference = None if calibration is None else calibration.known.reference
+    if reference is None:
+        return GuardReference()
+    return GuardReference(
+        untouched=TactileImage(
+            grey=reference.dark_grey + reference.untouched_grey,
+            mm_per_pixel=_scale(calibration),
+            full_scale=reference.full_scale,
+        ),
+        patch=_patch(reference),
+        dark_grey=float(reference.dark_grey.mean()),
+    )
+
+
+def press_watch(frame: Frame, calibration: CitedCalibration | None) -> PressWatch:
+    """A guard for the stream that this frame belongs to."""
+    shape = FrameShape.of(frame.tactile_image(mm_per_pixel=_scale(calibration)))
+    return PressWatch(shape, reference=guard_reference(calibration))
+
+
+def _scale(calibration: CitedCalibration | None) -> tuple[float, float] | None:
+    scale = None if calibration is None else calibration.known.scale
+    return None if scale is None else scale.mm_per_pixel
+
+
+def _patch(reference: Reference) -> ReferencePatch | None:
+    if reference.patch_px is None:
+        return None
+    left, top, right, bottom = reference.patch_px
+    return ReferencePatch(first_row=top, last_row=bottom, first_column=left, last_column=right)

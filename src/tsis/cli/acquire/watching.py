@@ -1,0 +1,118 @@
+"""The press guard, live: what speaks against the press that the camera sees now."""
+
+from __future__ import annotations
+
+import signal
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.live import Live
+from rich.markup import escape
+
+from tsis.calibration.guard_watch import WatchState
+from tsis.cli.acquire.press_guard import press_watch
+from tsis.cli.console_output import print_json, print_notice
+from tsis.cli.interrupt import ended_by
+from tsis.model.errors import GaugeError
+from tsis.report.document import envelope
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tsis.calibration.guard_flags import GuardFlag
+    from tsis.calibration.guard_watch import PressWatch
+    from tsis.calibration.settling import Settling
+    from tsis.cli.cited_calibration import CitedCalibration
+    from tsis.instrument.acquisition import Acquisition, Arrival
+    from tsis.instrument.gauge import ForceLog
+
+WAIT_S = 0.2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Seen:
+    """What one frame showed."""
+
+    flags: tuple[GuardFlag, ...]
+    force_n: float | None
+    state: WatchState
+
+
+def watch_presses(
+    acquisition: Acquisition,
+    *,
+    seconds: float | None,
+    calibration: CitedCalibration | None,
+    log: ForceLog | None,
+    as_json: bool,
+) -> None:
+    """Print flags as they go up and come down, until Ctrl-C or so many seconds have passed."""
+    console = Console(stderr=as_json, highlight=False)
+    frames: Counter[str] = Counter()
+    watch: PressWatch | None = None
+    state, up, watched, first_s = WatchState(), frozenset[str](), 0, None
+    with ended_by(signal.SIGINT) as ended, Live(console=console, transient=True, auto_refresh=False) as live:
+        while not ended.is_set() and not acquisition.ended:
+            arrival = _newest(acquisition, watched)
+            if arrival is None:
+                live.update(f"no frame: {acquisition.failure or 'waiting'}", refresh=True)
+                continue
+            watched = acquisition.ring.end
+            first_s = arrival.arrived_s if first_s is None else first_s
+            watch = watch or press_watch(arrival.frame, calibration)
+            seen = _look(watch, state, arrival, log)
+            state = seen.state
+            frames.update(["frames", *(flag.name for flag in seen.flags)])
+            _tell(console.print, up, seen.flags)
+            up = state.raised
+            live.update(_line(acquisition, seen), refresh=console.is_terminal)
+            if seconds is not None and arrival.arrived_s - first_s >= seconds:
+                break
+    if as_json:
+        total = frames.pop("frames", 0)
+        print_json(envelope("acquire", frames=total, flagged={name: frames[name] for name in sorted(frames)}))
+        return
+    print_notice(console)
+
+
+def _newest(acquisition: Acquisition, watched: int) -> Arrival | None:
+    """The newest frame that was not watched; those in between are passed over, for a guard must not lag."""
+    return acquisition.latest() if acquisition.ring.wait(watched, WAIT_S) else None
+
+
+def _look(watch: PressWatch, state: WatchState, arrival: Arrival, log: ForceLog | None) -> _Seen:
+    force = None
+    if log is not None:
+        try:
+            force = max(0.0, log.at(arrival.arrived_s).force_n)
+        except GaugeError:
+            force = None  # the gauge is behind the camera by more than a reading; the next frame may tell
+    flags, after = watch.step(state, arrival.frame, force)
+    return _Seen(flags=flags, force_n=force, state=after)
+
+
+def _tell(say: Callable[..., None], before: frozenset[str], flags: tuple[GuardFlag, ...]) -> None:
+    for flag in flags:
+        if flag.name not in before:
+            say(f"+ {flag.name}: {flag.advice}", markup=False, soft_wrap=True)
+    for name in sorted(before - {flag.name for flag in flags}):
+        say(f"- {name}", markup=False)
+
+
+def _line(acquisition: Acquisition, seen: _Seen) -> str:
+    account = acquisition.account()
+    force = "" if seen.force_n is None else f", {seen.force_n:.2f} N"
+    names = ", ".join(flag.name for flag in seen.flags) or "nothing speaks against this press"
+    return escape(
+        f"{account.frames_per_s:.1f} frames/s, {account.missed} lost{force}{_stillness(seen.state.settling)}: {names}"
+    )
+
+
+def _stillness(settling: Settling | None) -> str:
+    if settling is None:
+        return ""
+    if settling.settled:
+        return ", settled"
+    return ", moving" if settling.wait_s is None else f", wait {settling.wait_s:.0f} s"
