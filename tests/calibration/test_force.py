@@ -239,7 +239,7 @@ def _machine(rng: np.random.Generator, *, tip_sd: float = 0.01, wander: float = 
 
 def test_intervals_hold_although_errors_of_a_run_go_together() -> None:
     held = {"intercept": 0, "slope": 0, "force": 0}
-    naive, count = 0, 300
+    naive, count = 0, 200
     for seed in range(count):
         rng = np.random.default_rng(seed)
         runs = _machine(rng)

@@ -11,6 +11,7 @@ from scipy.special import erf
 
 from tsis.calibration.force_curves import mean_of
 from tsis.imaging.correct import check_image
+from tsis.imaging.patch import pixel_noise
 from tsis.model import TactileImage, check
 from tsis.model.errors import CalibrationError
 
@@ -88,7 +89,7 @@ def _lit(image: TactileImage) -> tuple[NDArray[np.float64], float]:
 def _crossing(image: TactileImage) -> NDArray[np.float64]:
     """Points (x, y) in mm where the light crosses half of the step, shape (n, 2)."""
     low, high = np.percentile(image.grey, [2, 98])
-    noise = float(np.std(np.diff(image.grey, axis=0)[image.grey[1:] < (low + high) / 2])) / np.sqrt(2)
+    noise = pixel_noise(image.grey)
     if high - low < LEAST_CONTRAST * max(noise, 0.1):
         raise CalibrationError(
             f"image must show an edge; its step of {high - low:.1f} grey levels does not stand out of noise of "
