@@ -179,7 +179,7 @@ def test_a_loop_is_measured_where_it_is_widest() -> None:
 
     _, found = fit_force_line([with_loop(tip, 0.01 + 0.001 * k) for k, tip in enumerate(TIPS)], reference=reference())
     # of the sum F (1 + c F (2 - F)) over 2 the widest is 16 c / 27, at 4/3 N, towards unloading
-    assert found.hysteresis.value == pytest.approx(-0.011 * 16 / 27, rel=0.01)
+    assert found.hysteresis.value == pytest.approx(-0.011 * 16 / 27, rel=0.05)
     assert found.hysteresis.interval()[1] < 0
 
 

@@ -128,6 +128,8 @@ def test_tips_that_differ_widen_the_gain() -> None:
     assert found.value == pytest.approx(0.5, rel=0.005)
     assert found.sd == pytest.approx(0.01 / np.sqrt(3), rel=0.1)
     assert found.degrees_of_freedom < 3
+    rough = fit_response(runs, reference=reference(), gauge_share=0.0, area_share=0.02).gain_grey_per_kpa
+    assert rough.sd == pytest.approx(np.hypot(found.sd, 0.02 * 0.5), rel=0.01)
 
 
 def test_the_estimates_get_what_was_measured() -> None:

@@ -178,7 +178,7 @@ class ForceLineDiagnostics:
     exponent
         Power of the force that the sums follow, 1 for a straight line through zero.
     hysteresis
-        Largest difference of loading and unloading over the range, signed (loading less unloading).
+        Loading less unloading over the range at 0.6 of the largest force, where loops are widest within 5 %.
     repeatability
         Standard deviation of sums of one tip and force in repeated loadings over the range; None without repeats.
     tip_difference

@@ -36,7 +36,13 @@ LEAST_SHARE = 0.1  # of the largest force: below it the contact holds too few pi
 FEWEST = 6
 
 
-def fit_response(loadings: Sequence[Loading], *, reference: Reference, gauge_share: float = GAUGE_SHARE) -> Response:
+def fit_response(
+    loadings: Sequence[Loading],
+    *,
+    reference: Reference,
+    gauge_share: float = GAUGE_SHARE,
+    area_share: float = 0.0,
+) -> Response:
     """Fit gain and saturation to the loading branches; unloading, which may remember, is left out.
 
     Parameters
@@ -47,6 +53,8 @@ def fit_response(loadings: Sequence[Loading], *, reference: Reference, gauge_sha
         What corrected the frames; its scale must be known.
     gauge_share
         Relative standard deviation of the force gauge's calibration.
+    area_share
+        Relative standard deviation of the area of a pixel on the face, from the calibration of the scale.
 
     Raises
     ------
@@ -60,6 +68,7 @@ def fit_response(loadings: Sequence[Loading], *, reference: Reference, gauge_sha
     if len(loadings) < 2:
         raise CalibrationError(f"the answer to pressure needs at least 2 loadings; got {len(loadings)}")
     check.number("gauge_share", gauge_share, 0.0, 0.5, hint="a share of one")
+    check.number("area_share", area_share, 0.0, 0.5, hint="a share of one")
     pixel = reference.mm_per_pixel[0] * reference.mm_per_pixel[1]
     saturation = _saturation(loadings, pixel)
     bend = saturation.bend_per_kpa2
@@ -70,7 +79,7 @@ def fit_response(loadings: Sequence[Loading], *, reference: Reference, gauge_sha
         (
             (float(np.var(slopes, ddof=1)) / len(slopes), len(slopes) - 1.0),
             (by_bend, bend.degrees_of_freedom),
-            ((gauge_share * gain) ** 2, np.inf),
+            ((gauge_share**2 + area_share**2) * gain**2, np.inf),
         )
     )
     scale = pixel / MN_PER_N

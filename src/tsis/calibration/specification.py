@@ -127,7 +127,7 @@ def specification(
                 measured=diagnostics.hysteresis,
                 fingertip="High",
                 printed="Low",
-                note="largest difference of loading and unloading over the range",
+                note="loading less unloading over the range, where the loop is widest",
             ),
             SpecificationRow(
                 quantity="repeatability",
