@@ -18,9 +18,10 @@ from scipy.optimize import nnls
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-PER_DECADE = 6  # time constants: between two of them the two together fit to 1e-4 of the amplitude
+PER_DECADE = 24  # time constants: two neighbours make what lies between them to 1e-4 of the amplitude
+EVERY = 3  # of them spans all the others, with amplitudes of either sign
 STIFF = 1e3  # over the noise of the mean: how hard the profile pulls what is to fade to a given value
-STEPS = 14  # of the bisections
+STEPS = 10  # of the bisections
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -77,8 +78,10 @@ class DecayFit:
         basis = np.exp(-(time_s - time_s[0])[:, None] / self.tau_s)
         self._at_end = basis[-1]
         self._means, self._middle = basis.mean(axis=0), float(value.mean())
-        # With the means taken away the level is free; of the rest only the triangle matters.
-        orthogonal, self._triangle = np.linalg.qr(basis - self._means)
+        basis = basis - self._means  # so the level is free
+        # All that the series says of the exponentials it says in the few directions that some of them span.
+        orthogonal = np.linalg.qr(basis[:, ::EVERY])[0]
+        self._matrix = orthogonal.T @ basis
         self._seen = orthogonal.T @ (value - self._middle)
         self._rest = max(float(np.square(value - self._middle).sum() - np.square(self._seen).sum()), 0.0)
 
@@ -131,7 +134,7 @@ class DecayFit:
 
     def _solved(self, sign: float, *, pull: float = 0.0, fading: float = 0.0) -> tuple[NDArray[np.float64], float]:
         """Amplitudes of that sign, and the sum of squared residuals."""
-        matrix = np.vstack([self._triangle, pull * self._at_end]) if pull else self._triangle
+        matrix = np.vstack([self._matrix, pull * self._at_end]) if pull else self._matrix
         wanted = np.append(self._seen, pull * fading) if pull else self._seen
         amplitude, norm = nnls(sign * matrix, wanted, maxiter=50 * len(self.tau_s))
         return sign * amplitude, norm**2 + self._rest

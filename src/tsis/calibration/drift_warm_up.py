@@ -25,7 +25,7 @@ TAUS = 100  # time constants, from a step of the series to `REACH` times its len
 REACH = 3.0  # beyond it an exponential is a line
 WALKS = (0.0, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)  # variance of the wander at the end over noise's
 NEGLIGIBLE = 1e-6  # probability of a time constant on the first, coarse grid
-EDGE = 0.1  # probability of time constants longer than the series with which the level counts as not seen
+EDGE = 0.5  # probability of time constants longer than the series from which the level counts as not seen
 SIGNIFICANT = 0.95
 
 
