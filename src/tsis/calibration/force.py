@@ -81,25 +81,14 @@ def fit_force_line(
     runs = [run_of(loading) for loading in loadings]
     tips = tuple(sorted({run.tip_mm for run in runs}))
     units = _units(runs)
-    slope_of_gauge = (gauge * float(units[:, 1].mean())) ** 2
-    covariance = np.cov(units, rowvar=False)
-    of_mean = covariance / len(units)
-    slope_variance, freedom = joined(((float(of_mean[1, 1]), len(units) - 1.0), (slope_of_gauge, np.inf)))
-    intercept, slope = (float(value) for value in units.mean(axis=0))
-    residual_grey, residual_share = _residuals(runs, slope)
-    detectable = detectable_n(loadings, slope)
+    intercept, slope, covariance = _mean_line(units, gauge)
+    residual_grey, residual_share = _residuals(runs, slope.value)
+    detectable = detectable_n(loadings, slope.value)
     least, most, saturated = _range(loadings, detectable)
     line = ForceLine(
-        intercept_grey=Measured(
-            value=intercept,
-            sd=float(np.sqrt(of_mean[0, 0])),
-            degrees_of_freedom=len(units) - 1.0,
-            unit="grey",
-        ),
-        slope_grey_per_n=Measured(
-            value=slope, sd=float(np.sqrt(slope_variance)), degrees_of_freedom=freedom, unit="grey/N"
-        ),
-        covariance_grey2_per_n=float(of_mean[0, 1]),
+        intercept_grey=intercept,
+        slope_grey_per_n=slope,
+        covariance_grey2_per_n=float(covariance[0, 1]) / len(units),
         unit_covariance=(float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])),
         units=len(units),
         assumed_tip_share=PRINTED_TIP_SHARE if len(tips) == 1 else 0.0,
@@ -124,6 +113,19 @@ def _units(runs: Sequence[Run]) -> NDArray[np.float64]:
     if len(set(tips.tolist())) == 1:
         return lines
     return np.array([lines[tips == tip].mean(axis=0) for tip in sorted(set(tips.tolist()))])
+
+
+def _mean_line(units: NDArray[np.float64], gauge: float) -> tuple[Measured, Measured, NDArray[np.float64]]:
+    """Intercept and slope of the mean of the units' lines, and the covariance of the lines of single units."""
+    covariance = np.cov(units, rowvar=False)
+    intercept, slope = (float(value) for value in units.mean(axis=0))
+    count, freedom = len(units), len(units) - 1.0
+    variance, slope_freedom = joined(((float(covariance[1, 1]) / count, freedom), ((gauge * slope) ** 2, np.inf)))
+    return (
+        Measured(value=intercept, sd=float(np.sqrt(covariance[0, 0] / count)), degrees_of_freedom=freedom, unit="grey"),
+        Measured(value=slope, sd=float(np.sqrt(variance)), degrees_of_freedom=slope_freedom, unit="grey/N"),
+        covariance,
+    )
 
 
 def _residuals(runs: Sequence[Run], slope: float) -> tuple[Measured, Measured]:
