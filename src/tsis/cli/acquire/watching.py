@@ -104,9 +104,10 @@ def _tell(say: Callable[..., None], before: frozenset[str], flags: tuple[GuardFl
 def _line(acquisition: Acquisition, seen: _Seen) -> str:
     account = acquisition.account()
     force = "" if seen.force_n is None else f", {seen.force_n:.2f} N"
+    still = _stillness(seen.state.settling)
     names = ", ".join(flag.name for flag in seen.flags) or "nothing speaks against this press"
     return escape(
-        f"{account.frames_per_s:.1f} frames/s, {account.missed} lost{force}{_stillness(seen.state.settling)}: {names}"
+        f"{account.frames_per_s:.1f} frames/s, {account.missed} lost{force}{still}: {names}"
     )
 
 
