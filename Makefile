@@ -10,7 +10,7 @@ PYTEST_FLAGS ?= -n 2
 MANIFESTS := pyproject.toml constraints.txt
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test test-slow benchmark lint docs constraints clean
+.PHONY: help demo test peers test-slow benchmark lint docs constraints clean
 
 help:  ## say what there is
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -20,6 +20,8 @@ demo: $(VENV)/.plain  ## install, then press a virtual phantom and estimate its 
 
 test: $(VENV)/.dev  ## install, then run the quick tests and all doctests
 	$(BIN)/pytest $(PYTEST_FLAGS) -m "not slow and not benchmark"
+
+peers: $(VENV)/.peers  ## real cameras' libraries for the tests marked system; Debian's aravis-tools brings one more
 
 test-slow: $(VENV)/.dev  ## the tests that take minutes
 	$(BIN)/pytest $(PYTEST_FLAGS) -m "slow and not benchmark"
@@ -42,6 +44,10 @@ benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, o
 	$(BIN)/python -m benchmarks.camera
 	$(BIN)/python -m benchmarks.sweep_overhead
 	$(BIN)/python -m benchmarks.matching
+	$(BIN)/python -m benchmarks.acquisition --minutes 10 --reconnects 50 --hours 24
+	$(BIN)/python -m benchmarks.calibration_force --runs 500
+	$(BIN)/python -m benchmarks.calibration_scale --runs 500
+	$(BIN)/python -m benchmarks.press_guard
 	$(BIN)/python -m benchmarks.hardness --probe tsis-direct --spheres 40 --rigs 5
 	$(BIN)/python -m benchmarks.hardness --probe tsis-2011 --spheres 20 --rigs 5 --ball
 	$(BIN)/python benchmarks/real_frames.py || test $$? = 2  # 2: the real frames are not on this machine
@@ -59,7 +65,7 @@ constraints: $(VENV)/.pip  ## resolve every dependency afresh and write constrai
 	rm -rf build/fresh
 	$(BIN)/python -m venv build/fresh
 	build/fresh/bin/python -m pip install --quiet --upgrade pip
-	build/fresh/bin/python -m pip install --quiet --editable . --group dev --group docs hatchling
+	build/fresh/bin/python -m pip install --quiet --editable . --group dev --group peers --group docs hatchling
 	{ sed '/^[^#]/,$$d' constraints.txt; \
 	  build/fresh/bin/python -m pip freeze --all --exclude-editable --exclude setuptools; } > build/constraints.txt
 	mv build/constraints.txt constraints.txt
@@ -99,6 +105,10 @@ $(VENV)/.plain: $(VENV)/.pip $(MANIFESTS)
 
 $(VENV)/.dev: $(VENV)/.pip $(MANIFESTS)
 	$(PIP) install --quiet $(PINNED) --editable . --group dev
+	@touch $@
+
+$(VENV)/.peers: $(VENV)/.dev
+	$(PIP) install --quiet $(PINNED) --group peers
 	@touch $@
 
 $(VENV)/.docs: $(VENV)/.pip $(MANIFESTS)
