@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 import time
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from tsis.instrument.camera import Frame
@@ -154,7 +154,7 @@ class AravisCamera:
             connection = self._opened()
             if self._running.is_set():
                 raise CameraError(f"{self.name} runs already; call stop() and open() before another start()")
-            chosen = _offered(mode, self.modes(), self.name)
+            chosen = features.offered(mode, self.modes(), self.name)
             aravis, camera = connection.aravis, connection.camera
             features.choose(aravis, camera, chosen)
             self._stream = connection.stream = Stream(aravis, camera, chosen)
@@ -240,13 +240,3 @@ class AravisCamera:
         if self._connection is None:
             raise CameraError(f"{self.name} must be opened first; call open()")
         return self._connection
-
-
-def _offered(mode: Mode | None, modes: tuple[Mode, ...], name: str) -> Mode:
-    """The mode wanted, whose rate may be any; the first when none is."""
-    if mode is None:
-        return modes[0]
-    for present in modes:
-        if replace(mode, frames_per_s=present.frames_per_s) == present:
-            return mode
-    raise CameraError(f"{name} has no mode {mode.label}; it has {', '.join(present.label for present in modes)}")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ctypes
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -86,6 +86,22 @@ def modes(aravis: Aravis, camera: int) -> tuple[Mode, ...]:
         for name in formats
         for width, height in sizes
     )
+
+
+def offered(mode: Mode | None, modes: tuple[Mode, ...], name: str) -> Mode:
+    """The mode wanted, whose rate may be any; the first when none is.
+
+    Raises
+    ------
+    CameraError
+        When none of the modes has its size and pixels.
+    """
+    if mode is None:
+        return modes[0]
+    for present in modes:
+        if replace(mode, frames_per_s=present.frames_per_s) == present:
+            return mode
+    raise CameraError(f"{name} has no mode {mode.label}; it has {', '.join(present.label for present in modes)}")
 
 
 def choose(aravis: Aravis, camera: int, mode: Mode) -> None:
