@@ -115,6 +115,22 @@ def test_a_value_that_crosses_zero_has_no_share_to_settle_to() -> None:
     assert settling(time, np.sin(time)).verdict == "cannot tell"
 
 
+@given(
+    steps=st.lists(st.floats(1e-3, 1e3), min_size=1, max_size=60),
+    values=st.lists(st.floats(-1e6, 1e6) | st.integers(0, 255), min_size=60, max_size=60),
+)
+@settings(max_examples=60, deadline=None)
+def test_any_finite_series_gets_a_verdict(steps: list[float], values: list[float]) -> None:
+    found = settling(np.cumsum(steps), values[: len(steps)])
+    assert found.verdict in ("settled", "settling", "cannot tell")
+    assert 0.0 <= found.bound <= 1.0
+    assert (found.wait_s is None) == (found.verdict == "cannot tell")
+
+
+def test_a_constant_series_is_settled_when_it_is_long() -> None:
+    assert settling(np.arange(600) / 5.0, np.full(600, 42.0)).settled
+
+
 @given(scale=st.floats(1e-3, 1e6), unit_s=st.floats(0.5, 3.0), seed=st.integers(0, 50))
 @settings(max_examples=25, deadline=None)
 def test_the_unit_of_the_value_and_that_of_time_do_not_matter(scale: float, unit_s: float, seed: int) -> None:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 PER_DECADE = 24  # time constants: two neighbours make what lies between them to 1e-4 of the amplitude
 EVERY = 3  # of them spans all the others, with amplitudes of either sign
 STIFF = 1e3  # over the noise of the mean: how hard the profile pulls what is to fade to a given value
+SIGNS = (1.0, -1.0)
 STEPS = 10  # of the bisections
 
 
@@ -81,13 +82,16 @@ class DecayFit:
         basis = basis - self._means  # so the level is free
         # All that the series says of the exponentials it says in the few directions that some of them span.
         orthogonal = np.linalg.qr(basis[:, ::EVERY])[0]
-        self._matrix = orthogonal.T @ basis
+        free = orthogonal.T @ basis
+        pulled = np.vstack([free, STIFF * self._at_end])
+        # By sign of the amplitudes and whether what is to fade is held: as the solver wants them, some dozen times.
+        self._matrices = {(sign, held): sign * part for sign in SIGNS for held, part in ((False, free), (True, pulled))}
         self._seen = orthogonal.T @ (value - self._middle)
         self._rest = max(float(np.square(value - self._middle).sum() - np.square(self._seen).sum()), 0.0)
 
     def best(self) -> tuple[float, float]:
         """Sign of the amplitudes that fits better, and the sum of squared residuals."""
-        misfits = {sign: self._solved(sign)[1] for sign in (1.0, -1.0)}
+        misfits = {sign: self._solved(sign)[1] for sign in SIGNS}
         sign = min(misfits, key=lambda one: misfits[one])
         return sign, misfits[sign]
 
@@ -111,30 +115,29 @@ class DecayFit:
     def _end_of(self, side: float, sign: float, now: float, allowed: float, noise: float) -> float:
         """Largest (side 1) or smallest (side -1) sum of amplitudes at the end that is allowed."""
         if sign != side:  # towards zero: beyond it the other sign's exponentials go on
-            if self._pulled(sign, 0.0, noise) > allowed:
-                return self._boundary(sign, now, 0.0, allowed, noise)
-            if self._pulled(side, 0.0, noise) > allowed:
+            if self._pulled(sign, 0.0) > allowed:
+                return self._boundary(sign, now, 0.0, allowed)
+            if self._pulled(side, 0.0) > allowed:
                 return 0.0
             now = 0.0
         far = now + side * noise
-        while self._pulled(side, far, noise) <= allowed and abs(far) < 1e6 * noise:
+        while self._pulled(side, far) <= allowed and abs(far) < 1e6 * noise:
             far = now + 4.0 * (far - now)
-        return self._boundary(side, now, far, allowed, noise)
+        return self._boundary(side, now, far, allowed)
 
-    def _boundary(self, sign: float, inside: float, outside: float, allowed: float, noise: float) -> float:
+    def _boundary(self, sign: float, inside: float, outside: float, allowed: float) -> float:
         for _ in range(STEPS):
             middle = (inside + outside) / 2
-            fits = self._pulled(sign, middle, noise) <= allowed
+            fits = self._pulled(sign, middle) <= allowed
             inside, outside = (middle, outside) if fits else (inside, middle)
         return outside
 
-    def _pulled(self, sign: float, fading: float, noise: float) -> float:
+    def _pulled(self, sign: float, fading: float) -> float:
         """Sum of squared residuals with what is to fade held near a value; the pull itself counts."""
-        return self._solved(sign, pull=STIFF, fading=fading)[1]
+        return self._solved(sign, fading=fading)[1]
 
-    def _solved(self, sign: float, *, pull: float = 0.0, fading: float = 0.0) -> tuple[NDArray[np.float64], float]:
+    def _solved(self, sign: float, *, fading: float | None = None) -> tuple[NDArray[np.float64], float]:
         """Amplitudes of that sign, and the sum of squared residuals."""
-        matrix = np.vstack([self._matrix, pull * self._at_end]) if pull else self._matrix
-        wanted = np.append(self._seen, pull * fading) if pull else self._seen
-        amplitude, norm = nnls(sign * matrix, wanted, maxiter=50 * len(self.tau_s))
+        wanted = self._seen if fading is None else np.append(self._seen, STIFF * fading)
+        amplitude, norm = nnls(self._matrices[sign, fading is not None], wanted, maxiter=50 * len(self.tau_s))
         return sign * amplitude, norm**2 + self._rest

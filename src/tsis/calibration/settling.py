@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import t as student
+from scipy.special import stdtrit
 
 from tsis.calibration.decay import DecayFit
 from tsis.calibration.measured import Measured
@@ -112,7 +112,10 @@ def judged(
     while len(time) >= FEWEST:
         if value[-1] * value.mean() <= 0:
             break
-        found = _described(time, value, longest_s)
+        try:
+            found = _described(time, value, longest_s)
+        except RuntimeError:  # the solver does not end on this series
+            found = None
         if found is not None:
             return _verdict(found, len(time), tolerance)
         time, value = (part[len(part) // 2 :] for part in (time, value))
@@ -141,7 +144,7 @@ def _described(time: NDArray[np.float64], value: NDArray[np.float64], longest_s:
     # Sampling variances: of the residual's variance 2 / n, of the robust one from differences some 8 / n.
     if missed > noise**2 * (1 + DOUBT * np.sqrt(10.0 / count)):
         return None
-    quantile = float(student.ppf(CERTAINTY, count - TERMS))
+    quantile = float(stdtrit(count - TERMS, CERTAINTY))
     return fit.decay(max(noise, float(np.sqrt(missed))), deviations=quantile)
 
 
@@ -150,7 +153,7 @@ def _verdict(found: Decay, count: int, tolerance: float) -> Settling:
     present = found.level + fading
     low, high = sorted(min(max(-end / present, -CAPPED), CAPPED) for end in (found.low, found.high))
     bound = max(-low, high)
-    quantile = float(student.ppf(CERTAINTY, count - TERMS))
+    quantile = float(stdtrit(count - TERMS, CERTAINTY))
     change = Measured(
         value=float(-fading / present), sd=(high - low) / (2 * quantile), degrees_of_freedom=count - TERMS
     )
