@@ -41,7 +41,7 @@ class Run:
     tip_mm: float
     force_n: NDArray[np.float64]
     total_grey: NDArray[np.float64]
-    rising: NDArray[np.bool_]
+    rising: NDArray[np.bool]
     intercept: float
     slope: float
 
@@ -64,7 +64,7 @@ class Run:
         return min(int(self.rising.sum()), int((~self.rising).sum())) >= 2
 
 
-def usable(loading: Loading) -> NDArray[np.bool_]:
+def usable(loading: Loading) -> NDArray[np.bool]:
     """Presses whose light stands out of the noise and does not clip, shape (n,)."""
     return np.asarray(loading.touched & (loading.total_grey > 0) & (loading.clipped <= CLIPPED_SHARE))
 

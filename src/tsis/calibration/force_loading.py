@@ -65,7 +65,7 @@ class Loading:
     tip_radius_mm: float
     force_n: NDArray[np.float64]
     total_grey: NDArray[np.float64]
-    touched: NDArray[np.bool_]
+    touched: NDArray[np.bool]
     field_grey: NDArray[np.float64]
     peak_grey: NDArray[np.float64]
     mean_square_mm2: NDArray[np.float64]
@@ -122,6 +122,6 @@ class Loading:
         return np.asarray(self.force_n - self.zero_n)
 
     @property
-    def rising(self) -> NDArray[np.bool_]:
+    def rising(self) -> NDArray[np.bool]:
         """True up to the largest force, shape (n,)."""
         return np.arange(len(self.force_n)) <= int(np.argmax(self.force_n))

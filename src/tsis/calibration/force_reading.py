@@ -118,7 +118,7 @@ def total_grey(image: TactileImage, reference: Reference, *, method: str = "thre
     return float(corrected.grey[mask].sum())
 
 
-def patch_mask(image: TactileImage, *, method: str = "threshold") -> NDArray[np.bool_]:
+def patch_mask(image: TactileImage, *, method: str = "threshold") -> NDArray[np.bool]:
     """The pixels of the bright patch with a margin that holds the light of its edge, shape (rows, columns).
 
     Parameters
@@ -141,7 +141,7 @@ def patch_mask(image: TactileImage, *, method: str = "threshold") -> NDArray[np.
     return np.asarray(cv2.dilate(mask.astype(np.uint8), disc), dtype=bool)
 
 
-def _within_edges(grey: NDArray[np.float64], mask: NDArray[np.bool_], threshold: float) -> NDArray[np.bool_]:
+def _within_edges(grey: NDArray[np.float64], mask: NDArray[np.bool], threshold: float) -> NDArray[np.bool]:
     """What Canny's edges enclose of the patch."""
     smooth = smoothed(grey)
     top = float(smooth[mask].max())
@@ -159,7 +159,7 @@ def _within_edges(grey: NDArray[np.float64], mask: NDArray[np.bool_], threshold:
     return np.asarray(inside) if inside[mask].mean() > 0.5 else mask
 
 
-def _shape(grey: NDArray[np.float64], mask: NDArray[np.bool_], scale: tuple[float, float]) -> tuple[float, float]:
+def _shape(grey: NDArray[np.float64], mask: NDArray[np.bool], scale: tuple[float, float]) -> tuple[float, float]:
     """Grey level in the middle of the light, and its mean square distance in mm² from the centroid."""
     rows, columns = np.nonzero(mask)
     light = grey[rows, columns]

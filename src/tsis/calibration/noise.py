@@ -88,7 +88,7 @@ def photon_transfer(
     dark: NDArray[np.float64],
     levels: Sequence[NDArray[np.float64]],
     *,
-    usable: NDArray[np.bool_],
+    usable: NDArray[np.bool],
     full_scale: float,
 ) -> PhotonTransfer:
     """Fit the line of variance over light.

@@ -122,7 +122,7 @@ def _patch(
     return Measured(value=mean, sd=one / float(np.sqrt(len(frames))), unit="grey"), one / mean * float(lamps.mean())
 
 
-def _bad(dark: NDArray[np.float64], flats: Sequence[NDArray[np.float64]]) -> NDArray[np.bool_]:
+def _bad(dark: NDArray[np.float64], flats: Sequence[NDArray[np.float64]]) -> NDArray[np.bool]:
     """Pixels that stand out of their neighbours without light, or that do not answer to it."""
     bad = _outliers(dark.mean(axis=0))
     for level in flats:
@@ -135,7 +135,7 @@ def _bad(dark: NDArray[np.float64], flats: Sequence[NDArray[np.float64]]) -> NDA
     return bad
 
 
-def _outliers(mean: NDArray[np.float64]) -> NDArray[np.bool_]:
+def _outliers(mean: NDArray[np.float64]) -> NDArray[np.bool]:
     smooth = cv2.medianBlur(mean.astype(np.float32), 5).astype(float)
     left = mean - smooth
     spread = 1.4826 * float(np.median(np.abs(left - np.median(left))))
@@ -146,7 +146,7 @@ def _relative(
     flats: Sequence[NDArray[np.float64]],
     base: NDArray[np.float64],
     untouched: NDArray[np.float64],
-    field: NDArray[np.bool_],
+    field: NDArray[np.bool],
     box: Box | None,
 ) -> NDArray[np.float64]:
     """Light over the face relative to its mean over the good pixels; each level counts by its light."""

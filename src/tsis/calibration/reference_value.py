@@ -61,7 +61,7 @@ class Reference:
     dark_grey: NDArray[np.float64]
     untouched_grey: NDArray[np.float64]
     relative_light: NDArray[np.float64]
-    usable: NDArray[np.bool_]
+    usable: NDArray[np.bool]
     full_scale: float
     mm_per_pixel: tuple[float, float] | None
     dark_frames: int
@@ -193,7 +193,7 @@ def _lamps(ratio: float) -> str:
     )
 
 
-def _mended(values: NDArray[np.float64], usable: NDArray[np.bool_]) -> NDArray[np.float64]:
+def _mended(values: NDArray[np.float64], usable: NDArray[np.bool]) -> NDArray[np.float64]:
     """The map with every unusable pixel replaced by the mean of usable ones around it, zero where there are none."""
     if usable.all():
         return values

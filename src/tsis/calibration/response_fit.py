@@ -129,7 +129,7 @@ def _shapes(loading: Loading, pixel_mm2: float) -> NDArray[np.float64]:
     return np.array([force, spread, loading.peak_grey[good] * spread / (total * pixel_mm2), total])
 
 
-def _rising(loading: Loading) -> NDArray[np.bool_]:
+def _rising(loading: Loading) -> NDArray[np.bool]:
     return np.asarray(usable(loading) & loading.rising)
 
 

@@ -3,25 +3,20 @@
 from __future__ import annotations
 
 import signal
-import threading
-from contextlib import contextmanager
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import numpy as np
 import typer
 
 from tsis.cli.console_output import people, print_notice, waiting
 from tsis.cli.demo import LARGEST_SEED
+from tsis.cli.interrupt import ended_by
 from tsis.cli.targets import DepthMm, DiameterMm, ForceN, PhantomName, ProbeName, YoungKpa, chosen_phantom
 from tsis.model import load_probe
 from tsis.model.errors import CameraError
 from tsis.virtual import VirtualProbe
 from tsis.virtual.camera import VirtualCamera
 from tsis.virtual.gige import GigEServer
-
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-    from types import FrameType
 
 SLOWEST = 0.1  # frames/s: lets the virtual camera expose for as long as the simulated one can be asked to
 LOOK_S = 0.5
@@ -51,7 +46,7 @@ def serve(
     camera = VirtualCamera(rig, target, rng=rng, force_n=force_n, frames_per_s=SLOWEST)
     server = GigEServer(camera, interface=interface, serial=serial, frames_per_s=frames_per_s)
     console = people()
-    with _ended_by_signals() as ended, server:
+    with ended_by(signal.SIGINT, signal.SIGTERM) as ended, server:
         serving = f"Serving {camera.name} at {force_n:g} N as {server.identity} on {interface}; Ctrl-C ends it."
         console.print(serving, markup=False, soft_wrap=True)
         console.print("See it with: tsis acquire --list", markup=False)
@@ -63,19 +58,3 @@ def serve(
     if server.failure is not None:
         raise CameraError(f"serving ended: {server.failure}") from server.failure
     console.print(f"Ended; {server.sent} frames were sent.")
-
-
-@contextmanager
-def _ended_by_signals() -> Iterator[threading.Event]:
-    """Ctrl-C and the signal that ends a service set the event, so that both end this one in order."""
-    ended = threading.Event()
-
-    def end(_number: int, _frame: FrameType | None) -> None:
-        ended.set()
-
-    before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield ended
-    finally:
-        for number, action in before.items():
-            signal.signal(number, action)

@@ -62,7 +62,7 @@ class Mode:
     def label(self) -> str:
         """How lists name it and a user chooses it."""
         kind = f"{self.pixel_format}-" if self.pixel_format else ""
-        rate = "" if self.frames_per_s is None else f"@{self.frames_per_s:g}"
+        rate = "" if self.frames_per_s is None else f"@{self.frames_per_s:.4g}"
         return f"{kind}{self.width_px}x{self.height_px}{rate}"
 
 

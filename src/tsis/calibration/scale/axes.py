@@ -48,8 +48,10 @@ def with_square_axes(fitted: BoardMap, cell: NDArray[np.float64]) -> BoardMap:
             "degrees (lay the rows along the image's axes)"
         )
     axes = AXES[first]
-    if np.linalg.det(axes @ step) < 0:
-        axes = axes[::-1]  # counted like the image's axes, so that the rotation has a sign
+    if abs((axes @ step)[0, 0]) < abs((axes @ step)[1, 0]):
+        axes = axes[::-1]
+    # Counted along the image's axes, as nearly as may be: so the rotation has a sign.
+    axes = axes * np.sign(np.diag(axes @ step))[:, None]
     return fit_map(fitted.cells @ axes.T, fitted.places_px)
 
 

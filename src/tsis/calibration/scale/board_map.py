@@ -18,13 +18,15 @@ from scipy.stats import t as student
 
 from tsis.calibration.measured import Measured
 from tsis.calibration.scale.value import UNIT
+from tsis.model.errors import CalibrationError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 FIRST_ORDER, LENS_ORDER, WIDE_ORDER = 1, 3, 5  # even orders alone bring no lens, whose distortion is odd
-SPARE = 0.5  # least share of the dots' coordinates left over as degrees of freedom
-BEYOND_CHANCE = 1e-3  # chance below which distortion is taken as seen
+SPARE = 0.375  # least share of the dots' coordinates left over as degrees of freedom
+BEYOND_CHANCE = 1e-3  # chance below which distortion is said to be seen
+WORTH_FITTING = 0.05  # chance below which wide-angle terms are fitted: to leave out true ones shifts the scale
 STRAY = 1e-3  # chance that one dot of a good board is taken for a stray
 MOST_STRAYS = 0.1  # share of the dots
 
@@ -122,36 +124,45 @@ class BoardMap:
 
 
 def terms(cells: NDArray[np.float64], about: NDArray[np.float64], order: int) -> NDArray[np.float64]:
-    """Products of powers of lattice coordinates up to an order, in the middle and half width of those ``about``."""
+    """Products of powers of lattice coordinates up to an order, in the middle and half width of those ``about``.
+
+    Three rows tell no cubic from a linear term across them: powers stay below the number of rows and of columns.
+    """
     middle, half = (about.max(axis=0) + about.min(axis=0)) / 2, np.ptp(about, axis=0) / 2
     u, v = ((cells - middle) / half).T
-    powers = [(a, b) for a, b in itertools.product(range(order + 1), repeat=2) if a + b <= order]
+    powers = [(a, b) for a, b in itertools.product(*map(range, _counts(about))) if a + b <= order]
     return np.stack([u**a * v**b for a, b in powers], axis=1)
 
 
 def fit_map(cells: NDArray[np.float64], places_px: NDArray[np.float64]) -> BoardMap:
     """The map of the order that the dots carry.
 
-    The lens's cubic terms are always fitted where there are dots enough for them, seen or not: an interval that leaves
-    them out holds only where there are none. Those of a wide-angle lens join when they are beyond chance.
+    The lens's cubic terms are always fitted, seen or not: an interval that leaves them out holds only where there are
+    none. Those of a wide-angle lens join when chance hardly explains what they gain.
     """
-    found = fit_order(cells, places_px, LENS_ORDER) if carries(cells, LENS_ORDER) else None
-    if found is None:
-        return fit_order(cells, places_px, FIRST_ORDER)
+    if not carries(cells, LENS_ORDER):
+        raise CalibrationError(
+            f"the dots must fill rows and columns, so that the lens's distortion can be told from the scale; got {len(cells)} "
+            "dots that do not (press the whole board on the face)"
+        )
+    found = fit_order(cells, places_px, LENS_ORDER)
     if carries(cells, WIDE_ORDER):
         wide = fit_order(cells, places_px, WIDE_ORDER)
-        if chance_of(found, wide) < BEYOND_CHANCE:
+        if chance_of(found, wide) < WORTH_FITTING:
             return wide
     return found
 
 
 def carries(cells: NDArray[np.float64], order: int) -> bool:
     """Whether dots are enough, and lie in rows and columns enough, for a polynomial of an order."""
-    count = (order + 1) * (order + 2) // 2
-    sides = min(len(np.unique(cells[:, axis])) for axis in (0, 1))
-    if sides <= order or count > (1 - SPARE) * len(cells):
-        return False
-    return bool(np.linalg.matrix_rank(terms(cells, cells, order)) == count)
+    design = terms(cells, cells, order)
+    count = design.shape[1]
+    return count <= (1 - SPARE) * len(cells) and int(np.linalg.matrix_rank(design)) == count
+
+
+def _counts(cells: NDArray[np.float64]) -> tuple[int, int]:
+    """How many columns and rows of the lattice hold dots."""
+    return len(np.unique(cells[:, 0])), len(np.unique(cells[:, 1]))
 
 
 def chance_of(small: BoardMap, large: BoardMap) -> float:

@@ -32,6 +32,7 @@ if TYPE_CHECKING:
 
     from tsis.model import TactileImage
 
+FEWEST = 16  # dots
 LEAST_SIDE = 3  # dots along each side of the lattice: two have no residual
 MOST_STRANGERS = 0.5  # share of the spots off the lattice
 ROUGHEST = 0.06  # root mean square residual over the dots' distance
@@ -56,9 +57,9 @@ class DotDiagnostics:
     width_px
         Standard deviation of a Gaussian as wide as the dots, pixels.
     order
-        Order of the polynomial fitted: 1 without distortion, 3 and 5 with it.
+        Order of the polynomial fitted: 3, or 5 for a wide-angle lens.
     distortion_chance
-        Chance that what looks like distortion is none; None when there are too few dots to say.
+        Chance that what looks like distortion is none.
     distorted
         True when the distortion is beyond chance.
     largest_change
@@ -73,7 +74,7 @@ class DotDiagnostics:
     bright: bool
     width_px: float
     order: int
-    distortion_chance: float | None
+    distortion_chance: float
     distorted: bool
     largest_change: float
 
@@ -90,7 +91,7 @@ def scale_from_dots(
     *,
     pitch_mm: float,
     pitch_sd_mm: float = 0.0,
-    min_dots: int = 12,
+    min_dots: int = FEWEST,
 ) -> tuple[Scale, DotDiagnostics]:
     """Measure the size of a pixel along each image axis on a square board of dots.
 
@@ -109,7 +110,7 @@ def scale_from_dots(
     pitch_sd_mm
         Its standard uncertainty, in [0, 1] mm: of the mean pitch over the board, not the scatter of single dots.
     min_dots
-        Fewest dots to measure on, 9 or more.
+        Fewest dots to measure on, 16 or more: fewer do not tell distortion from scale.
 
     Returns
     -------
@@ -143,7 +144,7 @@ def scale_from_dots(
         sd=check.number("pitch_sd_mm", pitch_sd_mm, 0.0, 1.0, hint="millimetres"),
         unit="mm",
     )
-    min_dots = check.whole("min_dots", min_dots, 9, 10**6)
+    min_dots = check.whole("min_dots", min_dots, FEWEST, 10**6)
     change = image if reference is None else subtract_background(image, reference)
     spots = find_spots(change.grey, least=min_dots)
     cells, centres, strays = _dots(spots, min_dots)
@@ -167,7 +168,7 @@ def scale_from_dots(
         rotation_deg=rotation_deg(step),
         skew_deg=skew_deg(step),
     )
-    chance = _distortion_chance(fitted)
+    chance = chance_of(fit_order(fitted.cells, fitted.places_px, FIRST_ORDER), fitted)
     diagnostics = DotDiagnostics(
         centres_px=centres,
         cells=fitted.cells,
@@ -177,7 +178,7 @@ def scale_from_dots(
         width_px=spots.width_px,
         order=fitted.order,
         distortion_chance=chance,
-        distorted=chance is not None and chance < BEYOND_CHANCE,
+        distorted=chance < BEYOND_CHANCE,
         largest_change=_largest_change(fitted, step),
     )
     return scale, diagnostics
@@ -233,12 +234,6 @@ def _check_rough(fitted: BoardMap) -> None:
 
 def _root_mean_square(residuals_px: NDArray[np.float64]) -> float:
     return float(np.sqrt((residuals_px**2).sum(axis=1).mean()))
-
-
-def _distortion_chance(fitted: BoardMap) -> float | None:
-    if fitted.order == FIRST_ORDER:
-        return None
-    return chance_of(fit_order(fitted.cells, fitted.places_px, FIRST_ORDER), fitted)
 
 
 def _largest_change(fitted: BoardMap, step: NDArray[np.float64]) -> float:

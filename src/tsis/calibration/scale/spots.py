@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 STEP = 2.0**0.5  # from one blur to the next
 FINEST_PX = 1.5  # blur: finer spots have no sub-pixel centre
 COARSEST = 1 / 20  # blur over the image's shorter side: five spots across are the fewest of use
-BORDER = 2.0  # blurs that a spot keeps from the border, which would cut it and move its centre
+BORDER = 4.0  # blurs that a spot keeps from the border, whose mirror image of it would draw it outwards
 APART = 1.5  # blurs between a spot and the next maximum
 WEAKEST = 0.3  # strength over that of a typical spot
 
@@ -85,8 +85,10 @@ def find_spots(grey: NDArray[np.float64], *, least: int) -> Spots:
     best, fine = None, _blurred(grey, FINEST_PX)
     for k, blur in enumerate(blurs):
         coarse = _blurred(grey, STEP * blur)
+        change = fine - coarse
+        level = float(np.median(change))  # a field whose light falls off all round answers everywhere
         for side, sign in enumerate((1.0, -1.0)):
-            answer = sign * (fine - coarse)
+            answer = sign * (change - level)
             rows, columns = _peaks(answer, blur, NOISE_FACTOR * noise * _noise_gain(blur))
             strength = np.sort(answer[rows, columns])
             if strength.size >= least:

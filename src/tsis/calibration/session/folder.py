@@ -7,6 +7,7 @@ import io
 import json
 import secrets
 import shutil
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import RESEARCH_USE_ONLY
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 
 FORMAT, VERSION = "tsis-calibration-session", 1
 TERMS, INDEX = "session.json", "shots.csv"
-COLUMNS = ("file", "time_s", "force_n")
+COLUMNS = ("file", "time_s", "force_n", "full_scale")  # the last, since a file of 16 bits may hold fewer
 
 
 class SessionFolder:
@@ -96,6 +97,10 @@ class SessionFolder:
         """Whether the step's frames are all there."""
         return (self.path / step.name / INDEX).exists()
 
+    def missing(self) -> tuple[str, ...]:
+        """Names of the steps that are not done and that no calibration can be made without."""
+        return tuple(step.name for step in self.plan() if not (step.optional or self.done(step)))
+
     def keep(self, step: Step, shots: Iterable[Shot], *, progress: Callable[[int], None] = lambda kept: None) -> int:
         """Store the frames of a step, all or none, and return how many.
 
@@ -111,6 +116,8 @@ class SessionFolder:
         try:
             if place.exists():
                 raise FileInputError(f"{shown(place)} must be new; it exists already (remove it to repeat the step)")
+            for killed in self.path.glob(f".{step.name}-*"):  # what a program that was killed left of it
+                shutil.rmtree(killed, ignore_errors=True)
             draft.mkdir()
             kept = self._write(draft, shots, progress)
             draft.rename(place)
@@ -133,17 +140,23 @@ class SessionFolder:
         if not self.done(step):
             raise CalibrationError(f"step {step.name!r} must be done first; {shown(self.path)} holds no frames of it")
         index = self.path / step.name / INDEX
-        rows = csv.reader(io.StringIO(read_bytes(index).decode("utf-8", errors="replace")))
-        if tuple(next(rows, ())) != COLUMNS:
+        try:
+            rows = list(csv.reader(io.StringIO(read_bytes(index).decode("utf-8", errors="replace"))))
+        except csv.Error as error:
+            raise FileInputError(f"{shown(index)} must be a table of frames; got: {error}") from error
+        if not rows or tuple(rows[0]) != COLUMNS:
             raise FileInputError(f"{shown(index)} must begin with the line {','.join(COLUMNS)}")
-        return [self._shot(index, row) for row in rows if row]
+        shots = [self._shot(index, row) for row in rows[1:] if row]
+        if not shots:
+            raise FileInputError(f"{shown(index)} must name at least one frame; got none (remove the step, repeat it)")
+        return shots
 
     def _write(self, draft: Path, shots: Iterable[Shot], progress: Callable[[int], None]) -> int:
         lines = [",".join(COLUMNS)]
         for number, shot in enumerate(shots):
             name = f"frame-{number:04d}.png"
             (draft / name).write_bytes(png_bytes(shot.image))
-            lines.append(f"{name},{_text(shot.time_s)},{_text(shot.force_n)}")
+            lines.append(f"{name},{_text(shot.time_s)},{_text(shot.force_n)},{_text(shot.image.full_scale)}")
             progress(number + 1)
         if len(lines) == 1:
             raise CalibrationError("a step must hold at least one frame; got none (does the camera deliver?)")
@@ -152,15 +165,17 @@ class SessionFolder:
 
     def _shot(self, index: Path, row: list[str]) -> Shot:
         try:
-            name, time_s, force_n = row
+            name, time_s, force_n, full_scale = row
             if name != as_path(name).name:
                 raise InputError(f"must name files of its own folder; got {name!r:.80}")
-            image = read_image(index.parent / name)
+            image = replace(read_image(index.parent / name), full_scale=float(full_scale))
             return Shot(image=image, time_s=_number(time_s), force_n=_number(force_n))
         except FileInputError:
             raise
         except ValueError as error:
-            raise FileInputError(f"{shown(index)} must hold a file, a time and a force a line; got: {error}") from error
+            raise FileInputError(
+                f"{shown(index)} must hold a file, a time, a force and a full scale a line; got: {error}"
+            ) from error
 
     def _refused(self, error: OSError) -> FileInputError:
         reason: Any = error.strerror or error

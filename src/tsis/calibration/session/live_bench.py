@@ -39,7 +39,7 @@ class LiveBench:
         CameraError
             When none comes for 5 s.
         """
-        for arrival, _ in zip(self._fresh(), range(frames), strict=False):
+        for _, arrival in zip(range(frames), self._fresh(), strict=False):
             yield Shot(image=arrival.frame.tactile_image(), time_s=arrival.arrived_s)
 
     def loading(self, over: Callable[[], bool], *, every_s: float = 0.5) -> Iterator[Shot]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from datetime import UTC, datetime, timedelta
+from datetime import timedelta
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -19,6 +19,7 @@ from tsis.calibration.session.steps import BOARD, BOARD_UNTOUCHED, DARK, EDGE, F
 from tsis.calibration.spec_edge import edge_width
 from tsis.calibration.spec_rate import frame_rate
 from tsis.calibration.specification import specification
+from tsis.instrument import shown
 from tsis.model import TactileImage, check
 from tsis.model.errors import CalibrationError
 
@@ -67,7 +68,6 @@ def calibrate(
     session: SessionFolder,
     *,
     days: float = DAYS,
-    now: datetime | None = None,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> tuple[ProbeCalibration, SessionFindings]:
     """Make the calibration from the frames of a session, steps that may be left out included where they were done.
@@ -77,9 +77,8 @@ def calibrate(
     session
         With at least the dark, untouched, board and loading steps done.
     days
-        For how many days from now it will be good, in [1, 3650]; a simulated bench does not age.
-    now
-        The present time, with its zone; the clock's when None.
+        For how many days it is good, in [1, 3650], from when the session began: frames do not grow younger when the
+        file is made once more. A simulated bench does not age.
     progress
         Told (steps done, steps in all).
 
@@ -92,27 +91,30 @@ def calibrate(
     """
     check.number("days", days, 1, 3650)
     terms, steps = session.terms(), {step.name: step for step in session.plan()}
+    if missing := session.missing():
+        raise CalibrationError(f"steps must be done first: {', '.join(missing)}; {shown(session.path)} lacks them")
+    still = [step for step in steps.values() if not step.is_loading]
     shots: dict[str, list[Shot]] = {}
-    for number, (name, step) in enumerate(steps.items()):
-        if session.done(step) or not step.optional:
-            shots[name] = session.shots(step)
-        progress(number + 1, 2 * len(steps))
+    for number, step in enumerate(still):
+        if session.done(step):
+            shots[step.name] = session.shots(step)
+        progress(number + 1, len(steps) + 1)
     scale, dots, board = _scale(shots, pitch_mm=terms.pitch_mm, pitch_sd_mm=terms.pitch_sd_mm)
     reference = _reference(shots, scale, terms.patch_px)
     loadings = []
-    for number, step in enumerate(step for step in steps.values() if step.is_loading):
-        loadings.append(_loading(shots[step.name], step, reference))
-        progress(len(steps) + number + 1, 2 * len(steps))
+    for step in steps.values():
+        if step.is_loading:  # read one by one, for many frames of a large camera fill the memory
+            loadings.append(_loading(session.shots(step), step, reference))
+            progress(len(still) + len(loadings), len(steps) + 1)
     line, diagnostics = fit_force_line(loadings, reference=reference, gauge_share=terms.gauge_share)
     response = fit_response(loadings, reference=reference, gauge_share=terms.gauge_share)
-    made = None if terms.began is None else now or datetime.now(UTC)
     known = ProbeCalibration(
         name=terms.name,
         probe=terms.probe,
         camera=terms.camera,
         settings=terms.settings,
-        made=made,
-        expires=None if made is None else made + timedelta(days=days),
+        made=terms.began,
+        expires=None if terms.began is None else terms.began + timedelta(days=days),
         scale=scale,
         reference=reference,
         force_line=line,
@@ -125,7 +127,7 @@ def calibrate(
             frames_per_s=_rate(shots[UNTOUCHED]),
         ),
     )
-    progress(2 * len(steps), 2 * len(steps))
+    progress(len(steps) + 1, len(steps) + 1)
     return known, SessionFindings(dots=dots, board=board, loadings=tuple(loadings), line=diagnostics, response=response)
 
 

@@ -8,7 +8,9 @@ from datetime import datetime  # noqa: TC003 - the file format reads the type
 from types import MappingProxyType
 
 from tsis.calibration.force_loading import TIPS_MM
+from tsis.calibration.session.steps import plan
 from tsis.model import check
+from tsis.model.errors import InputError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,7 +34,12 @@ class SessionTerms:
     patch_px
         Where the lamps are seen past the probe: left, top, right, bottom; None when nowhere.
     tips_mm, repeats
-        Radii of the tips, and loadings of each.
+        Radii of the tips, no two alike, and loadings of each.
+
+    Raises
+    ------
+    InputError
+        When a value is of the wrong kind or outside its range, so that no session begins which cannot end.
     """
 
     name: str
@@ -53,5 +60,11 @@ class SessionTerms:
         check.number("pitch_mm", self.pitch_mm, 0.05, 50.0, hint="millimetres")
         check.number("pitch_sd_mm", self.pitch_sd_mm, 0.0, 1.0, hint="millimetres")
         check.number("gauge_share", self.gauge_share, 0.0, 0.5, hint="a share of one")
-        check.whole("repeats", self.repeats, 1, 20)
+        steps = [step.name for step in plan(self.tips_mm, repeats=self.repeats)]
+        if len(set(steps)) < len(steps):
+            raise InputError(f"tips_mm must hold each tip once; got {list(self.tips_mm)} (take repeats instead)")
+        if self.patch_px is not None:
+            left, top, right, bottom = self.patch_px
+            if not (0 <= left < right and 0 <= top < bottom):
+                raise InputError(f"patch_px must be left < right and top < bottom, from 0; got {self.patch_px}")
         object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))

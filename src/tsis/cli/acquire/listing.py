@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from rich.markup import escape
-from rich.table import Table
+from rich.table import Column, Table
 
 from tsis.cli.console_output import people, print_json, print_notice, waiting
 from tsis.instrument.discovery import find_cameras
@@ -29,7 +29,7 @@ def list_cameras(*, as_json: bool) -> None:
         print_json(envelope("acquire", found=[asdict(one) for one in findings.found], missing=dict(findings.missing)))
         return
     console = people()
-    table = Table("--camera", "maker", "model", "note", title="Cameras")
+    table = Table(Column("--camera", overflow="fold"), "maker", "model", "note", title="Cameras")  # to be copied whole
     table.add_row("virtual", "", "", VIRTUAL_NOTE)
     for one in findings.found:
         table.add_row(*(escape(text) for text in (f"{one.source}:{one.identity}", one.maker, one.model, one.note)))

@@ -106,9 +106,7 @@ def _line(acquisition: Acquisition, seen: _Seen) -> str:
     force = "" if seen.force_n is None else f", {seen.force_n:.2f} N"
     still = _stillness(seen.state.settling)
     names = ", ".join(flag.name for flag in seen.flags) or "nothing speaks against this press"
-    return escape(
-        f"{account.frames_per_s:.1f} frames/s, {account.missed} lost{force}{still}: {names}"
-    )
+    return escape(f"{account.frames_per_s:.1f} frames/s, {account.missed} lost{force}{still}: {names}")
 
 
 def _stillness(settling: Settling | None) -> str:

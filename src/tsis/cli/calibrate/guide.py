@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy as np
 import typer
 from rich.console import Console
 
+from tsis.calibration.file.probe_calibration import SETTING_TOLERANCE
 from tsis.calibration.force_loading import TIPS_MM
 from tsis.calibration.session import LiveBench, SessionFolder, SessionTerms
 from tsis.calibration.session.result import DAYS
@@ -24,7 +26,7 @@ from tsis.cli.force_gauge import BAUD, GaugeBaud, GaugePort, GaugeSends, GaugeUn
 from tsis.cli.targets import AsJson
 from tsis.instrument import shown
 from tsis.instrument.acquisition import Acquisition
-from tsis.model import load_probe
+from tsis.model import check, load_probe
 from tsis.model.errors import CalibrationError, InputError
 from tsis.virtual.calibration_bench import VirtualBench
 
@@ -75,6 +77,7 @@ def guide(
     Frames are kept as they come, a folder a step: whatever interrupts the session, it goes on with the step that was
     not finished. Without --camera the virtual bench does every step by itself.
     """
+    check.number("--days", days, 1, 3650)
     folder, console = SessionFolder(session), Console(stderr=True, highlight=False)
     terms = SessionTerms(
         name=name,
@@ -88,8 +91,11 @@ def guide(
         repeats=repeats,
     )
     if camera == VIRTUAL:
+        if gauge or gauge_unit or gauge_sends or mode or setting or patch_px:
+            raise InputError("--gauge, --mode, --set and --patch-px need --camera; the virtual bench has its own")
         bench = VirtualBench(load_probe(probe), rng=np.random.default_rng(seed), pitch_mm=pitch_mm)
-        _begin(folder, replace(terms, patch_px=bench.patch_px), console)
+        bench_name = f"virtual bench, seed {seed}"  # another seed is another bench, whose frames do not mix
+        _begin(folder, replace(terms, camera=bench_name, patch_px=bench.patch_px), console)
         _take_steps(folder, bench.shots, console)
     else:
         make = live_connector(camera)
@@ -113,6 +119,13 @@ def _begin(folder: SessionFolder, terms: SessionTerms, console: Console) -> None
             f"the session in {shown(folder.path)} must be of probe {terms.probe!r} and camera {terms.camera!r}; it is "
             f"of {held.probe!r} and {held.camera!r} (choose another --session)"
         )
+    for setting, value in held.settings.items():
+        now = terms.settings.get(setting, value)
+        if not math.isclose(now, value, rel_tol=SETTING_TOLERANCE, abs_tol=1e-9):
+            raise CalibrationError(
+                f"the session in {shown(folder.path)} was begun at {setting} = {value:g}; the camera is at {now:g} "
+                f"(--set {setting}={value:g}, or choose another --session)"
+            )
     console.print(f"Going on with the session in {folder.path}; its terms hold.", markup=False, soft_wrap=True)
 
 
@@ -128,7 +141,12 @@ def _take_steps(folder: SessionFolder, take: Callable[[Step], Iterable[Shot] | N
         if shots is None:
             console.print("   left out")
             continue
-        kept = folder.keep(step, shots)
+        try:
+            kept = folder.keep(step, shots)
+        except KeyboardInterrupt:
+            told = f"The steps before are kept in {folder.path}; the same command goes on with {step.name}."
+            console.print(told, markup=False, soft_wrap=True)
+            raise
         console.print(f"   {kept} frames")
 
 

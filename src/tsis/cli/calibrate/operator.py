@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import os
+import queue
+import sys
 import threading
 from typing import TYPE_CHECKING
 
@@ -34,8 +37,8 @@ class Operator:
     def take(self, step: Step) -> Iterator[Shot] | None:
         """The step's frames; None when the person leaves it out."""
         hint = "Enter when ready" + (", s to leave it out: " if step.optional else ": ")
-        answer = self._answer(f"   {hint}")
-        if step.optional and answer.strip().lower() == "s":
+        answer = self._answer(f"   {hint}").strip().lower()
+        if step.optional and answer == "s":
             return None
         if not step.is_loading:
             return self._bench.still(step.frames)
@@ -43,16 +46,25 @@ class Operator:
 
     def _by_gauge(self) -> Iterator[Shot]:
         """A frame every half second with its force, until Enter."""
-        over = threading.Event()
+        answers: queue.SimpleQueue[InputError | None] = queue.SimpleQueue()
 
         def wait() -> None:
             try:
                 self._answer("   load now, slowly; Enter when it is back at 0: ")
-            finally:
-                over.set()
+            except InputError as error:
+                answers.put(error)
+            else:
+                answers.put(None)
+
+        def over() -> bool:
+            if answers.empty():
+                return False
+            if (error := answers.get()) is not None:
+                raise error
+            return True
 
         threading.Thread(target=wait, name="waiting for Enter", daemon=True).start()
-        return self._bench.loading(over.is_set)
+        return self._bench.loading(over)
 
     def _by_hand(self) -> Iterator[Shot]:
         """A frame for each force that the person types."""
@@ -70,9 +82,25 @@ class Operator:
                 )
 
     def _answer(self, question: str) -> str:
-        try:
-            return self._console.input(question, markup=False)
-        except EOFError as error:
-            raise InputError(
-                "the guide needs answers on standard input, which has ended; run it in a terminal"
-            ) from error
+        self._console.print(question, end="", markup=False, soft_wrap=True)
+        line = _line()
+        if not line:
+            raise InputError("the guide needs answers on standard input, which has ended; run it in a terminal")
+        return line
+
+
+def _line() -> str:
+    """The next line of standard input; empty when there are no more.
+
+    Read past Python's buffer: while a thread waits in it for Enter, the program could not end after an error.
+    """
+    if sys.stdin is None:  # closed by who started the program
+        return ""
+    try:
+        source = sys.stdin.fileno()
+    except OSError:  # no file, but text that stands in for one
+        return sys.stdin.readline()
+    line = bytearray()
+    while not line.endswith(b"\n") and (byte := os.read(source, 1)):
+        line += byte
+    return line.decode(errors="replace")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from rich.markup import escape
 from rich.table import Table
 
 from tsis.calibration.file import calibration_bytes, identity
@@ -23,9 +24,9 @@ def made(session: SessionFolder, *, days: float) -> Outcome:
     with progress_bar("reading the frames") as advance:
         known, findings = calibrate(session, days=days, progress=advance)
     rows = calibration_rows(known, findings)
-    table = Table("quantity", "value", "95 % interval", title=f"Calibration {known.name} of {known.probe}")
+    table = Table("quantity", "value", "95 % interval", title=escape(f"Calibration {known.name} of {known.probe}"))
     for row in rows:
-        table.add_row(*row)
+        table.add_row(*(escape(cell) for cell in row))
     provenance = {"session": str(session.path), "terms": to_plain(session.terms()), "sha256": identity(known)}
     return Outcome(
         document=calibration_document(known, findings, provenance=provenance),
