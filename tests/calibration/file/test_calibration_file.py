@@ -132,7 +132,9 @@ def test_any_changed_value_is_noticed(path: Path, data: st.DataObject) -> None:
     for step in at[:-1]:
         place = place[step]
     old = place[at[-1]]
-    new: Any = data.draw(st.one_of(st.none(), st.floats(allow_nan=False), st.text(max_size=5), st.booleans(), st.just([])))
+    new: Any = data.draw(
+        st.one_of(st.none(), st.floats(allow_nan=False), st.text(max_size=5), st.booleans(), st.just([]))
+    )
     if (type(new) is type(old) and new == old) or (isinstance(old, (int, float)) and new == old):
         return
     place[at[-1]] = new
