@@ -14,6 +14,7 @@ from tsis.calibration.drift import ReferencePatch
 from tsis.calibration.guard import check_press
 from tsis.calibration.guard_blocks import FrameShape
 from tsis.calibration.guard_flags import FLAGS
+from tsis.calibration.guard_flicker import flicker_amplitude
 from tsis.calibration.guard_limits import RANGES, GuardLimits
 from tsis.calibration.guard_reading import read_press
 from tsis.calibration.guard_reference import GuardReference, prepared
@@ -257,3 +258,13 @@ def test_the_page_names_every_flag_with_its_meaning_and_its_limit() -> None:
         name: [one.means, f"{getattr(GuardLimits(), one.limit):g} {one.unit}", one.needs or "-"]
         for name, one in FLAGS.items()
     }
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_frames_that_stalled_do_not_turn_a_slow_trend_into_flicker(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    steps = np.full(64, 1 / 30)
+    steps[rng.integers(1, 64, 3)] += rng.uniform(0.0, 0.5, 3)
+    time = np.cumsum(steps)
+    swing = flicker_amplitude(time.tolist(), (8.0 + 0.02 * np.sin(0.8 * time)).tolist())
+    assert swing is None or swing < 0.02  # never more than the trend itself

@@ -15,6 +15,9 @@ LAMPS_HZ = (100.0, 120.0)
 FRAMES = 64  # of the newest that are looked at: two seconds of 30 frames a second
 FEWEST = 16
 LEAST_PERIODS = 1.5  # of the alias in the series: a slower one looks like a trend
+CONFUSED = (
+    2.0  # variance of the swing over that in even sampling; above it frames that stalled make trends look like it
+)
 SIGNIFICANT = 5.0  # standard deviations of the amplitude; the series is looked at frame by frame
 
 
@@ -57,10 +60,16 @@ def _amplitude(time: NDArray[np.float64], values: NDArray[np.float64], hertz: fl
     alias = abs((hertz + rate / 2) % rate - rate / 2)
     if alias * time[-1] < LEAST_PERIODS:
         return None
-    columns = np.column_stack([np.ones_like(time), time, np.cos(angle), np.sin(angle)])
-    inverse = np.linalg.pinv(columns.T @ columns)
-    weights = inverse @ columns.T @ values
+    steady = time / time[-1]
+    columns = np.column_stack([np.ones_like(time), steady, steady**2, np.cos(angle), np.sin(angle)])
+    weights, _, rank, _ = np.linalg.lstsq(columns, values, rcond=1e-6)
+    if rank < columns.shape[1]:
+        return None
+    inverse = np.linalg.inv(columns.T @ columns)
+    spread = float(inverse[3, 3] + inverse[4, 4]) / 2
+    if spread * len(time) / 2 > CONFUSED:
+        return None
     left = values - columns @ weights
-    variance = float(left @ left) / (len(time) - 4) * float(inverse[2, 2] + inverse[3, 3]) / 2
-    amplitude = float(np.hypot(weights[2], weights[3]))
+    variance = float(left @ left) / (len(time) - columns.shape[1]) * spread
+    amplitude = float(np.hypot(weights[3], weights[4]))
     return amplitude if amplitude > SIGNIFICANT * np.sqrt(variance) else 0.0
