@@ -157,8 +157,8 @@ def ball_frame(
 
     Examples
     --------
-    >>> frame = ball_frame(Sensor(), rng=np.random.default_rng(1), depth_mm=1.0)
-    >>> bool(frame.grey[246, 384] < 0.9 * frame.grey[246, 60])
+    >>> shallow, deep = (ball_frame(Sensor(), rng=np.random.default_rng(1), depth_mm=depth) for depth in (0.5, 1.5))
+    >>> bool(deep.grey[246, 384] < 0.9 * shallow.grey[246, 384])
     True
     """
     check.kind("sensor", sensor, Sensor)

@@ -142,8 +142,8 @@ def fit_map(cells: NDArray[np.float64], places_px: NDArray[np.float64]) -> Board
     """
     if not carries(cells, LENS_ORDER):
         raise CalibrationError(
-            f"the dots must fill rows and columns, so that the lens's distortion can be told from the scale; got {len(cells)} "
-            "dots that do not (press the whole board on the face)"
+            f"the dots must fill rows and columns, so that the lens's distortion can be told from the scale; got "
+            f"{len(cells)} dots that do not (press the whole board on the face)"
         )
     found = fit_order(cells, places_px, LENS_ORDER)
     if carries(cells, WIDE_ORDER):
@@ -157,7 +157,7 @@ def carries(cells: NDArray[np.float64], order: int) -> bool:
     """Whether dots are enough, and lie in rows and columns enough, for a polynomial of an order."""
     design = terms(cells, cells, order)
     count = design.shape[1]
-    return count <= (1 - SPARE) * len(cells) and int(np.linalg.matrix_rank(design)) == count
+    return count <= (1 - SPARE) * len(cells) and bool(np.linalg.matrix_rank(design) == count)
 
 
 def _counts(cells: NDArray[np.float64]) -> tuple[int, int]:
