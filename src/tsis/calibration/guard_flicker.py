@@ -15,9 +15,7 @@ LAMPS_HZ = (100.0, 120.0)
 FRAMES = 64  # of the newest that are looked at: two seconds of 30 frames a second
 FEWEST = 16
 LEAST_PERIODS = 1.5  # of the alias in the series: a slower one looks like a trend
-CONFUSED = (
-    2.0  # variance of the swing over that in even sampling; above it frames that stalled make trends look like it
-)
+CONFUSED = 2.0  # variance of the swing over that in even sampling; beyond, stalled frames make trends look like it
 SIGNIFICANT = 5.0  # standard deviations of the amplitude; the series is looked at frame by frame
 
 

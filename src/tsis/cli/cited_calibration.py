@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
+from tsis.calibration import ForceLine, Reference, total_grey
 from tsis.calibration.file import ProbeCalibration, identity, read_calibration
 from tsis.model.errors import InputError
 from tsis.model.image import pixel_scale
@@ -34,6 +35,22 @@ class CitedCalibration:
         """The frames less dark frame and untouched light, where the calibration holds them."""
         reference = self.known.reference
         return list(frames) if reference is None else [reference.corrected(frame) for frame in frames]
+
+    def with_forces(self, frames: Sequence[TactileImage]) -> tuple[list[TactileImage], float]:
+        """The frames with the forces that the force line reads off them, and the largest relative deviation.
+
+        Raises
+        ------
+        CalibrationError
+            When the calibration holds no force line or no reference, or a frame lies outside the line's range.
+        """
+        line = self.known.need("force_line", "a force without --force-n")
+        reference = self.known.need("reference", "a force without --force-n")
+        assert isinstance(line, ForceLine)
+        assert isinstance(reference, Reference)
+        found = [line.force_n(total_grey(frame, reference, method=line.method)) for frame in frames]
+        pressed = [replace(frame, force_n=force.value) for frame, force in zip(frames, found, strict=True)]
+        return pressed, max((force.sd / force.value for force in found), default=0.0)
 
     def require_camera(self, acquisition: Acquisition) -> None:
         """Refuse to use it with another camera, or at other settings than it was made at."""

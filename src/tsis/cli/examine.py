@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,7 +11,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.cli.cited_calibration import CitedCalibration, chosen_scale, cited
+from tsis.cli.cited_calibration import chosen_scale, cited
 from tsis.cli.console_output import Outcome, publish
 from tsis.cli.estimate_output import estimate_table, estimate_with_progress
 from tsis.cli.press_forces import plain_forces, target_forces
@@ -96,8 +97,12 @@ def examine(
         raise InputError("--force-n needs --calibration: without it a force tells nothing")
     known = None if calibration is None else cited(calibration)
     scale = chosen_scale(known, scale_mm)
-    if known is not None and (scale is None or not force_n):
-        raise InputError("an estimate with --calibration needs --scale-mm and --force-n as well")
+    by_line = known is not None and not force_n and known.known.force_line is not None
+    if known is not None and (scale is None or not (force_n or by_line)):
+        raise InputError(
+            "an estimate with --calibration needs --scale-mm and --force-n as well, where it holds neither scale nor "
+            "force line"
+        )
     forces = target_forces(force_n, len(images)) if force_n else [None] * len(images)
     frames = _read(images, forces, scale)
     untouched = None if reference is None else read_image(reference, mm_per_pixel=scale)
@@ -115,8 +120,16 @@ def examine(
         outcome = _contacts(frames, untouched, provenance, invert=invert, match=match_lamps)
     else:
         plain = plain or []
-        on_plain = _read(plain, plain_forces(plain_force_n or (), force_n or (), len(plain)), scale)
-        outcome = _inclusion(frames, on_plain, known, chosen or _calibrated_probe(known.response), provenance)
+        response = known.response
+        if by_line:
+            frames, force_sd = known.with_forces(frames)
+            on_plain, plain_sd = known.with_forces(_read(plain, [None] * len(plain), scale))
+            response = replace(response, force_sd=max(response.force_sd, force_sd, plain_sd))
+            provenance["forces_n"] = {"by": "force line", "images": [frame.force_n for frame in frames]}
+        else:
+            on_plain = _read(plain, plain_forces(plain_force_n or (), force_n or (), len(plain)), scale)
+        probed = chosen or _calibrated_probe(response)
+        outcome = _inclusion(known.corrected(frames), known.corrected(on_plain), response, probed, provenance)
     publish(outcome, out, as_json=as_json)
 
 
@@ -170,18 +183,12 @@ def _contacts(
 def _inclusion(
     frames: Sequence[TactileImage],
     on_plain: Sequence[TactileImage],
-    calibration: CitedCalibration,
+    calibration: Calibration,
     probe: Probe,
     provenance: dict[str, Any],
 ) -> Outcome:
     prior = InclusionPrior()
-    result = estimate_with_progress(
-        calibration.corrected(frames),
-        probe=probe,
-        calibration=calibration.response,
-        reference=calibration.corrected(on_plain),
-        prior=prior,
-    )
+    result = estimate_with_progress(frames, probe=probe, calibration=calibration, reference=on_plain, prior=prior)
     names = ", ".join(f"{frame.name} ({frame.force_n:g} N)" for frame in frames)
     page = inclusion_report(
         result,

@@ -24,7 +24,7 @@ from tsis.model.errors import InputError
 READABLE = 64  # numbers in an array that is written out
 LARGEST_ARRAY = 16_000_000
 _MAP_KEYS = {"shape", "kind", "zlib"}
-_KINDS = {"single": np.dtype("<f4"), "double": np.dtype("<f8"), "bool": np.dtype("?")}
+_KINDS: dict[str, np.dtype[Any]] = {"single": np.dtype("<f4"), "double": np.dtype("<f8"), "bool": np.dtype("?")}
 
 
 def to_plain(value: Any) -> Any:
