@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from datetime import timedelta
 from typing import TYPE_CHECKING
@@ -21,10 +22,10 @@ from tsis.calibration.spec_rate import frame_rate
 from tsis.calibration.specification import specification
 from tsis.instrument import shown
 from tsis.model import TactileImage, check
-from tsis.model.errors import CalibrationError
+from tsis.model.errors import CalibrationError, ImageMismatchError, InputError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from tsis.calibration.force_line import ForceLineDiagnostics
     from tsis.calibration.measured import Measured
@@ -36,6 +37,7 @@ if TYPE_CHECKING:
     from tsis.calibration.session.steps import Step
 
 TOUCHED_N = 0.03  # above the zero: between it and an unloaded gauge's wandering nobody can tell
+AT_REST = 0.02  # share of the largest sum of grey levels that a frame without contact may show
 DAYS = 180
 
 
@@ -98,13 +100,17 @@ def calibrate(
     for number, step in enumerate(still):
         if session.done(step):
             shots[step.name] = session.shots(step)
+            _require_alike(shots[step.name], step, shots[DARK][0].image)
         progress(number + 1, len(steps) + 1)
     scale, dots, board = _scale(shots, pitch_mm=terms.pitch_mm, pitch_sd_mm=terms.pitch_sd_mm)
     reference = _reference(shots, scale, terms.patch_px)
     loadings = []
     for step in steps.values():
         if step.is_loading:  # read one by one, for many frames of a large camera fill the memory
-            loadings.append(_loading(session.shots(step), step, reference))
+            pressed = session.shots(step)
+            _require_alike(pressed, step, shots[DARK][0].image)
+            with _named(step.name):
+                loadings.append(_loading(pressed, step, reference))
             progress(len(still) + len(loadings), len(steps) + 1)
     line, diagnostics = fit_force_line(loadings, reference=reference, gauge_share=terms.gauge_share)
     response = fit_response(loadings, reference=reference, gauge_share=terms.gauge_share)
@@ -135,10 +141,8 @@ def _scale(
     shots: Mapping[str, Sequence[Shot]], *, pitch_mm: float, pitch_sd_mm: float
 ) -> tuple[Scale, DotDiagnostics, TactileImage]:
     board, untouched = _mean(shots[BOARD]), _mean(shots[BOARD_UNTOUCHED])
-    try:
+    with _named(BOARD):
         scale, dots = scale_from_dots(board, untouched, pitch_mm=pitch_mm, pitch_sd_mm=pitch_sd_mm)
-    except CalibrationError as error:
-        raise CalibrationError(f"step {BOARD!r}: {error}") from error
     return scale, dots, board
 
 
@@ -157,9 +161,7 @@ def _loading(shots: Sequence[Shot], step: Step, reference: Reference) -> Loading
     assert step.tip_mm is not None
     forces = [shot.force_n for shot in shots]
     if any(force is None for force in forces):
-        raise CalibrationError(
-            f"step {step.name!r}: every frame must have a force; one has none (is the gauge silent?)"
-        )
+        raise CalibrationError("every frame must have a force; one has none (is the gauge silent?)")
     zero = float(forces[0] or 0.0)
     readings = []
     for shot in shots:
@@ -167,21 +169,46 @@ def _loading(shots: Sequence[Shot], step: Step, reference: Reference) -> Loading
         if abs(load) <= UNTOUCHED_N or load >= TOUCHED_N:
             reading = read_press(shot.image, reference, force_n=zero + load, touched=load >= TOUCHED_N)
             readings.append(reading)
-    try:
-        return Loading.of(step.tip_mm, readings, run=step.run)
-    except CalibrationError as error:
-        raise CalibrationError(f"step {step.name!r}: {error}") from error
+    loading = Loading.of(step.tip_mm, readings, run=step.run)
+    first = float(loading.total_grey[0] / max(loading.total_grey.max(), 1.0))
+    if first > AT_REST:
+        raise CalibrationError(
+            f"the tip must not touch in the first frame, whose force is the gauge's zero; it shows {first:.0%} of the "
+            "largest sum of grey levels (repeat the step, and begin it untouched)"
+        )
+    return loading
 
 
 def _edge(shots: Mapping[str, Sequence[Shot]], reference: Reference) -> Measured | None:
     if EDGE not in shots:
         return None
-    return edge_width(reference.corrected(replace(_mean(shots[EDGE]), mm_per_pixel=reference.mm_per_pixel)))
+    with _named(EDGE):
+        return edge_width(reference.corrected(replace(_mean(shots[EDGE]), mm_per_pixel=reference.mm_per_pixel)))
 
 
 def _rate(shots: Sequence[Shot]) -> Measured | None:
     times = [shot.time_s for shot in shots if shot.time_s is not None]
     return frame_rate(times) if len(times) == len(shots) else None
+
+
+def _require_alike(shots: Sequence[Shot], step: Step, first: TactileImage) -> None:
+    wanted = (first.grey.shape, first.full_scale)
+    for shot in shots:
+        got = (shot.image.grey.shape, shot.image.full_scale)
+        if got != wanted:
+            raise ImageMismatchError(
+                f"step {step.name!r}: frames must have the shape {wanted[0]} and full scale {wanted[1]:g} of step "
+                f"{DARK!r}; got {got[0]} and {got[1]:g} (remove the step's folder and repeat it in that mode)"
+            )
+
+
+@contextmanager
+def _named(step: str) -> Iterator[None]:
+    """Refusals of what a step shows begin with its name."""
+    try:
+        yield
+    except (CalibrationError, InputError) as error:
+        raise CalibrationError(f"step {step!r}: {error}") from error
 
 
 def _mean(shots: Sequence[Shot]) -> TactileImage:

@@ -1,0 +1,208 @@
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+from dataclasses import replace
+from datetime import timedelta
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from benchmarks.calibration_force import PROBE, SENSOR, true_line
+from tests.calibration.session.conftest import BEGAN
+
+from tsis.calibration.file import calibration_bytes, identity
+from tsis.calibration.session import SessionFindings, SessionFolder, calibrate
+from tsis.model.errors import CalibrationError, ImageMismatchError, InputError, TsisError
+from tsis.report.calibration import calibration_notes
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tests.calibration.session.conftest import Bench
+
+    from tsis.calibration import Measured
+    from tsis.calibration.file import ProbeCalibration
+
+LEVEL = 0.999  # of eight intervals of one bench, all should hold
+
+
+@pytest.fixture(scope="module")
+def made(bench: Bench) -> tuple[ProbeCalibration, SessionFindings]:
+    return calibrate(bench.session, days=90)
+
+
+def change_rows(session: SessionFolder, step: str, change: Callable[[list[list[str]]], object]) -> None:
+    index = session.path / step / "shots.csv"
+    heading, *rows = csv.reader(index.read_text().splitlines())
+    change(rows)
+    index.write_text("".join(",".join(row) + "\n" for row in [heading, *rows]))
+
+
+def replace_frames(session: SessionFolder, step: str, by: str) -> None:
+    shutil.rmtree(session.path / step)
+    shutil.copytree(session.path / by, session.path / step)
+
+
+def test_the_bench_is_recovered_within_the_intervals(
+    bench: Bench, made: tuple[ProbeCalibration, SessionFindings]
+) -> None:
+    known, findings = made
+    assert known.scale is not None
+    assert known.reference is not None
+    assert known.force_line is not None
+    intercept, slope = true_line(bench.virtual.machine, bench.lamps)
+    truth = bench.virtual.machine.truth
+    found: tuple[tuple[float, Measured, float], ...] = (  # truth, found, widest half of the interval that is of use
+        (SENSOR.mm_per_pixel[0], known.scale.mm_per_pixel_x, 0.02),
+        (SENSOR.mm_per_pixel[1], known.scale.mm_per_pixel_y, 0.02),
+        (SENSOR.read_noise_grey, known.reference.read_noise_grey, 0.01),
+        (SENSOR.shot_noise_grey, known.reference.shot_noise_grey, 0.02),
+        (slope, known.force_line.slope_grey_per_n, 0.25),
+        (truth.answer.gain_grey_per_kpa * bench.lamps, findings.response.gain_grey_per_kpa, 0.25),
+    )
+    for true, measured, width in found:
+        low, high = measured.interval(LEVEL)
+        assert low <= true <= high
+        assert (high - low) / 2 < width * true
+    low, high = known.force_line.intercept_grey.interval(LEVEL)
+    assert low <= intercept <= high
+    assert high - low < 0.1 * slope
+    low, high = findings.response.saturation.interval(LEVEL)
+    assert low <= truth.answer.saturation_kpa <= high
+
+
+def test_it_says_whose_it_is_and_how_long_it_is_good(made: tuple[ProbeCalibration, SessionFindings]) -> None:
+    known, _ = made
+    assert (known.name, known.probe, known.camera) == ("bench", PROBE.name, "small")
+    assert dict(known.settings) == {"exposure_ms": 10.0}
+    assert known.made == BEGAN
+    assert known.expires == BEGAN + timedelta(days=90)
+    known.require_usable(BEGAN + timedelta(days=89))
+    with pytest.raises(CalibrationError, match="must not be expired"):
+        known.require_usable(BEGAN + timedelta(days=91))
+
+
+def test_the_sheet_is_measured(bench: Bench, made: tuple[ProbeCalibration, SessionFindings]) -> None:
+    known, _ = made
+    assert known.specification is not None
+    rows = {row.quantity: row.measured for row in known.specification.rows}
+    edge, rate = rows["spatial resolution"], rows["frame rate"]
+    assert edge is not None
+    assert rate is not None
+    assert edge.value == pytest.approx(2 * 1.2816 * 0.05, rel=0.1)  # 10 to 90 % of an edge blurred by 0.05 mm
+    assert rate.value == pytest.approx(30.0)
+    assert rows["repeatability"] is None  # each tip was loaded once
+
+
+def test_the_same_frames_give_the_same_file_and_grow_no_younger(
+    bench: Bench, made: tuple[ProbeCalibration, SessionFindings]
+) -> None:
+    told: list[tuple[int, int]] = []
+    again, _ = calibrate(bench.session, days=90, progress=lambda done, total: told.append((done, total)))
+    assert calibration_bytes(again) == calibration_bytes(made[0])
+    done, totals = zip(*told, strict=True)
+    assert list(done) == sorted(set(done))
+    assert set(totals) == {done[-1]}
+
+
+def test_a_simulated_one_does_not_age_and_steps_left_out_are_named(
+    copied: SessionFolder, made: tuple[ProbeCalibration, SessionFindings]
+) -> None:
+    document = json.loads((copied.path / "session.json").read_text())
+    document["terms"] |= {"began": None, "patch_px": None, "tips_mm": [10.0, 14.0]}
+    (copied.path / "session.json").write_text(json.dumps(document))
+    for step in ("flat-1", "flat-3", "edge", "tip-2mm-1"):
+        shutil.rmtree(copied.path / step)
+    change_rows(copied, "untouched", lambda rows: [row.__setitem__(1, "") for row in rows])
+    known, findings = calibrate(copied)
+    assert known.made is None
+    assert known.expires is None
+    known.require_usable(BEGAN + timedelta(days=100_000))
+    assert known.reference is not None
+    assert known.reference.flat_frames == 8
+    assert "No reference patch" in " ".join(calibration_notes(known, findings))
+    assert "No reference patch" not in " ".join(calibration_notes(*made))
+    assert known.specification is not None
+    rows = {row.quantity: row.measured for row in known.specification.rows}
+    assert rows["spatial resolution"] is None
+    assert rows["frame rate"] is None
+    assert identity(known) != identity(made[0])
+
+
+def test_without_any_flat_the_dim_frames_cannot_tell_the_noise(copied: SessionFolder) -> None:
+    for step in ("flat-1", "flat-2", "flat-3"):
+        shutil.rmtree(copied.path / step)
+    with pytest.raises(CalibrationError, match="add flat-field frames"):
+        calibrate(copied)
+
+
+def test_presses_too_light_to_tell_are_left_out(
+    copied: SessionFolder, made: tuple[ProbeCalibration, SessionFindings]
+) -> None:
+    zero = float(made[1].loadings[0].force_n[0])
+    change_rows(copied, "tip-2mm-1", lambda rows: rows[3].__setitem__(2, f"{zero + 0.02:.4f}"))
+    _, findings = calibrate(copied)
+    whole, less = made[1].loadings[0], findings.loadings[0]
+    assert len(less.force_n) == len(whole.force_n) - 1
+    np.testing.assert_array_equal(less.total_grey, np.delete(whole.total_grey, 3))
+    assert len(findings.loadings[1].force_n) == len(made[1].loadings[1].force_n)
+
+
+@pytest.mark.parametrize("name", ["dark", "untouched", "board-untouched", "board", "tip-10mm-1"])
+def test_a_step_that_is_missing_is_named(copied: SessionFolder, name: str) -> None:
+    shutil.rmtree(copied.path / name)
+    with pytest.raises(CalibrationError, match=f"steps must be done first: {name};"):
+        calibrate(copied)
+
+
+def test_a_frame_without_a_force_is_refused_with_its_step(copied: SessionFolder) -> None:
+    change_rows(copied, "tip-2mm-1", lambda rows: rows[7].__setitem__(2, ""))
+    with pytest.raises(CalibrationError, match="step 'tip-2mm-1': every frame must have a force"):
+        calibrate(copied)
+
+
+def test_a_loading_of_too_few_presses_is_refused_with_its_step(copied: SessionFolder) -> None:
+    change_rows(copied, "tip-2mm-1", lambda rows: rows.__delitem__(slice(4, None)))
+    with pytest.raises(CalibrationError, match="step 'tip-2mm-1': a loading must hold at least 4 presses"):
+        calibrate(copied)
+
+
+def test_a_loading_that_begins_on_the_tissue_is_refused_with_its_step(copied: SessionFolder) -> None:
+    change_rows(copied, "tip-10mm-1", lambda rows: rows.__delitem__(slice(0, 5)))  # 0.5 N would pass for the zero
+    with pytest.raises(CalibrationError, match="step 'tip-10mm-1': the tip must not touch in the first frame"):
+        calibrate(copied)
+
+
+def test_a_board_without_dots_is_refused_with_its_step(copied: SessionFolder) -> None:
+    replace_frames(copied, "board", "board-untouched")
+    with pytest.raises(CalibrationError, match="step 'board': ") as caught:
+        calibrate(copied)
+    assert "\n" not in str(caught.value)
+
+
+def test_dark_and_untouched_swapped_are_refused(copied: SessionFolder) -> None:
+    (copied.path / "dark").rename(copied.path / "kept")
+    (copied.path / "untouched").rename(copied.path / "dark")
+    (copied.path / "kept").rename(copied.path / "untouched")
+    with pytest.raises(TsisError, match=r"swapped|lit by at least|darker"):
+        calibrate(copied)
+
+
+@pytest.mark.parametrize(
+    ("step", "named"), [("dark", "untouched"), ("board", "board"), ("edge", "edge"), ("tip-2mm-1", "tip-2mm-1")]
+)
+def test_frames_of_another_size_are_refused(copied: SessionFolder, step: str, named: str) -> None:
+    (own,) = (each for each in copied.plan() if each.name == step)
+    shots = copied.shots(own)
+    shutil.rmtree(copied.path / step)
+    copied.keep(own, [replace(shot, image=replace(shot.image, grey=shot.image.grey[:-2])) for shot in shots])
+    with pytest.raises(ImageMismatchError, match=f"{named!r}: frames must have the shape"):
+        calibrate(copied)
+
+
+@pytest.mark.parametrize("days", [0.0, float("nan"), 1e9])
+def test_days_out_of_range_are_refused(bench: Bench, days: float) -> None:
+    with pytest.raises(InputError, match=r"days must lie in \[1, 3650\]"):
+        calibrate(bench.session, days=days)
