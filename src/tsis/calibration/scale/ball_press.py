@@ -24,6 +24,7 @@ ANSWER_ORDER = 4  # of the polynomial that stands for the answer of grey level t
 INNER = 0.75  # share of the radius of steepest fall: beyond the contact's edge the face is the gel's and not the ball's
 SECTORS = 12  # of the face about the ball, left out one at a time for the uncertainty
 MOST_PIXELS = 3000  # of a press; more are averaged in blocks
+LEAST_LIGHT = 0.1  # of the reference's median, below which nothing is divided by
 LEAST_PIXELS = 200
 
 
@@ -46,7 +47,7 @@ def read_press(image: TactileImage, reference: TactileImage | None) -> BallPress
     change = replace(signal(image, reference), mm_per_pixel=None)
     darkened = replace(change, grey=0.0 - change.grey)
     darker = float(smoothed(darkened.grey).max()) > float(smoothed(change.grey).max())
-    change = darkened if darker else change
+    change = _in_even_light(darkened, reference) if darker else change
     patch = segment(change)
     contact = None if patch.cropped else find_contact(change, patch=patch)
     if contact is None:
@@ -81,6 +82,15 @@ def read_press(image: TactileImage, reference: TactileImage | None) -> BallPress
         radius_px=float(INNER * contact.radius_px * across),
         darker=darker,
     )
+
+
+def _in_even_light(darkened: TactileImage, reference: TactileImage | None) -> TactileImage:
+    """Light that a depth takes away is a share of what was there: where that is uneven, so is the loss."""
+    if reference is None:
+        return darkened
+    light = smoothed(reference.grey)
+    middle = float(np.median(light))
+    return replace(darkened, grey=darkened.grey * middle / np.maximum(light, LEAST_LIGHT * middle))
 
 
 def without_sector(press: BallPress, sector: int | None) -> BallPress:
