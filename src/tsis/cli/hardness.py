@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -86,11 +86,19 @@ def hardness(
         raise InputError("give the images of two presses, or --demo for a run without hardware")
     known = None if calibration is None else cited(calibration)
     scale = chosen_scale(known, scale_mm)
-    if known is None or scale is None or not force_n:
-        raise InputError("a hardness needs --calibration, --scale-mm and --force-n for each image")
+    if known is None or scale is None or not (force_n or known.known.force_line):
+        raise InputError(
+            "a hardness needs --calibration, --scale-mm and --force-n for each image, the last two where the "
+            "calibration holds neither scale nor force line"
+        )
     response = known.response
     chosen = load_probe(probe or (response.probe if response.probe in list_probes() else UNNAMED))
-    frames = known.corrected(_read(paths, target_forces(force_n, len(paths)), scale))
+    if force_n:
+        frames = _read(paths, target_forces(force_n, len(paths)), scale)
+    else:
+        frames, force_sd = known.with_forces(_read(paths, [None] * len(paths), scale))
+        response = replace(response, force_sd=max(response.force_sd, force_sd))
+    frames = known.corrected(frames)
     balls = ball or []
     if len(ball_force_n or ()) != len(balls):
         raise InputError(f"--ball-force-n must be given once for each --ball; got it {len(ball_force_n or ())} times")
@@ -154,5 +162,5 @@ def _outcome(
     )
 
 
-def _read(paths: Sequence[Path], forces: Sequence[float], scale: tuple[float, float]) -> list[TactileImage]:
+def _read(paths: Sequence[Path], forces: Sequence[float | None], scale: tuple[float, float]) -> list[TactileImage]:
     return [read_image(path, mm_per_pixel=scale, force_n=force) for path, force in zip(paths, forces, strict=True)]
