@@ -8,7 +8,7 @@ from tsis.calibration.drift import ReferencePatch
 from tsis.calibration.guard_blocks import FrameShape
 from tsis.calibration.guard_reference import GuardReference
 from tsis.calibration.guard_watch import PressWatch
-from tsis.model import TactileImage
+from tsis.model import TactileImage, list_probes, load_probe
 
 if TYPE_CHECKING:
     from tsis.calibration.reference import Reference
@@ -28,6 +28,7 @@ def guard_reference(calibration: CitedCalibration | None) -> GuardReference:
             full_scale=reference.full_scale,
         ),
         patch=_patch(reference),
+        face_radius_mm=_face_radius_mm(calibration),
         dark_grey=float(reference.dark_grey.mean()),
     )
 
@@ -41,6 +42,12 @@ def press_watch(frame: Frame, calibration: CitedCalibration | None) -> PressWatc
 def _scale(calibration: CitedCalibration | None) -> tuple[float, float] | None:
     scale = None if calibration is None else calibration.known.scale
     return None if scale is None else scale.mm_per_pixel
+
+
+def _face_radius_mm(calibration: CitedCalibration | None) -> float | None:
+    """Radius of the face of a probe that the catalog knows."""
+    name = "" if calibration is None else calibration.known.probe
+    return load_probe(name).radius_mm if name in list_probes() else None
 
 
 def _patch(reference: Reference) -> ReferencePatch | None:
