@@ -62,7 +62,7 @@ def dot_board(
     ax.set(xlabel="x / px", ylabel="y / px", aspect="equal")
     if image is None:
         ax.invert_yaxis()
-    ax.legend(loc="upper right", fontsize=7)
+    ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=3, fontsize=7)  # beside the dots
     return ax
 
 
