@@ -5,11 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import brentq
+from scipy.stats import t as student
 
 from tsis.calibration.measured import Measured
 from tsis.model import check
 from tsis.model.errors import InputError
 
+UPPER = 0.975  # quantile at the upper end of a 95 % interval
+LARGEST_LOG = 14.0  # of degrees of freedom: a million of them are as good as any number
 LARGEST_GAUGE_N = 50.0  # the source's gauge ends there; larger numbers are in another unit
 
 
@@ -157,10 +161,29 @@ class ForceLine:
 
 
 def joined(parts: tuple[tuple[float, float], ...]) -> tuple[float, float]:
-    """Sum of independent variances, each with its degrees of freedom, and those of the sum (Welch, Satterthwaite)."""
+    """Sum of independent variances, each with its degrees of freedom, and degrees of freedom for the sum.
+
+    They are such that half of the 95 % interval is the root of the sum of squares of the parts' own. The rule of Welch
+    and Satterthwaite promises more freedom just when a part that rests on two or three values happens to be small, and
+    its intervals are too narrow then: with three tips they held the slope in 93 % of trials instead of 95 %.
+
+    Examples
+    --------
+    >>> joined(((4.0, 2.0), (0.0, np.inf)))
+    (4.0, 2.0)
+    """
     total = sum(variance for variance, _ in parts)
-    spread = sum(variance**2 / freedom for variance, freedom in parts)
-    return total, max(1.0, total**2 / spread) if spread > 0 else np.inf
+    if total <= 0:
+        return 0.0, np.inf
+    half = sum(variance * float(student.ppf(UPPER, freedom)) ** 2 for variance, freedom in parts)
+    wanted = float(np.sqrt(half / total))
+
+    def excess(logarithm: float) -> float:
+        return float(student.ppf(UPPER, np.exp(logarithm))) - wanted
+
+    if excess(LARGEST_LOG) >= 0:
+        return total, np.inf
+    return total, max(1.0, round(float(np.exp(brentq(excess, -1e-9, LARGEST_LOG))), 9))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
