@@ -168,11 +168,13 @@ class GenICamCamera:
             held, self._held = self._held, ""
         if link is None:
             return
-        for step in (link.end, link.close):
-            with contextlib.suppress(*link.errors):  # a lost camera cannot be told to stop
-                step()
-        with _holding:
-            _held_here.discard(held)
+        try:
+            for step in (link.end, link.close):
+                with contextlib.suppress(*link.errors):  # a lost camera cannot be told to stop
+                    step()
+        finally:
+            with _holding:
+                _held_here.discard(held)
 
     def _look(self, link: Link, silent_since_s: float) -> Grab | None:
         """One look for a frame; the camera counts as lost when it was removed or silent too long."""
