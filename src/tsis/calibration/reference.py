@@ -24,6 +24,7 @@ __all__ = ["Reference", "make_reference"]
 LEAST_FRAMES = 4
 BAD_FACTOR = 8.0  # robust standard deviations by which a hot or dead pixel stands out
 MOST_BAD = 0.02  # share of bad pixels that a camera may have
+SMOOTH_PX = 2.0  # about as fine as a lens lets light vary
 READ_AND_ROUNDING = 0.5  # variance of a pixel without light, of which photons in a bright patch make many times as much
 
 
@@ -162,4 +163,11 @@ def _relative(
     mean = float(total[field].mean())
     if mean / sum(len(level) for level in flats) < 10:
         raise CalibrationError("flat-field frames must be brighter than untouched ones by 10 grey levels or more")
-    return np.maximum(total / mean, 0.0)
+    return _smoothed(np.maximum(total / mean, 0.0), field)
+
+
+def _smoothed(relative: NDArray[np.float64], field: NDArray[np.bool]) -> NDArray[np.float64]:
+    """The map of light without its pixels' noise, which all later frames would share; good pixels alone count."""
+    weight = field.astype(float)
+    known, sums = (cv2.GaussianBlur(part, (0, 0), SMOOTH_PX) for part in (weight, weight * relative))
+    return np.where(field, sums / np.maximum(known, 1e-9), relative)
