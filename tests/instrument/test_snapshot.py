@@ -12,6 +12,7 @@ import pytest
 from tsis.instrument import Frame, read_colour, read_image
 from tsis.instrument import snapshot as room
 from tsis.instrument.snapshot import save_snapshot
+from tsis.model.durable import write_durably
 from tsis.model.errors import FileInputError, InputError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -77,12 +78,12 @@ def test_a_full_disk_leaves_nothing_of_this_snapshot_and_all_of_the_last(
 ) -> None:
     first = save_snapshot(_frame(), tmp_path, target=1, when=WHEN, colour=_red)
     before = sorted(first.raw.parent.iterdir())
-    write, calls = room.write_durably, iter(range(1, 10))
+    calls = iter(range(1, 10))
 
     def full(path: Path, content: bytes) -> None:
         if next(calls) == failing:
             raise OSError(28, "No space left on device")
-        write(path, content)
+        write_durably(path, content)
 
     monkeypatch.setattr(room, "write_durably", full)
     with pytest.raises(FileInputError, match=r"No space left on device \(free some space"):
@@ -107,4 +108,6 @@ def test_corrected_levels_and_unknown_formats_are_refused(tmp_path: Path) -> Non
 
 def test_bmp_files_are_24_bit_as_in_the_source(tmp_path: Path) -> None:
     saved = save_snapshot(_frame(), tmp_path, target=1, when=WHEN, colour=_red)
-    assert cv2.imread(str(saved.colour), cv2.IMREAD_UNCHANGED).shape == (13, 17, 3)
+    stored = cv2.imread(str(saved.colour), cv2.IMREAD_UNCHANGED)
+    assert stored is not None
+    assert stored.shape == (13, 17, 3)

@@ -7,12 +7,9 @@ from itertools import count
 from typing import NoReturn
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from tsis.instrument.sources.aravis import AravisCamera, found, missing
 from tsis.instrument.sources.aravis.library import Aravis, load
-from tsis.instrument.sources.aravis.numbering import Numbering
 from tsis.instrument.sources.aravis.watch import Watch
 from tsis.model.errors import CameraError, InputError, MissingExtraError
 
@@ -48,38 +45,6 @@ def test_the_sentence_tells_how_to_install_it(monkeypatch: pytest.MonkeyPatch, p
 def test_a_library_without_the_calls_is_too_old() -> None:
     with pytest.raises(MissingExtraError, match=r"a newer Aravis 0\.8, this one has no arv_update_device_list"):
         Aravis(ctypes.CDLL(None))
-
-
-@given(
-    first=st.integers(1, 65535),
-    lost=st.lists(st.integers(0, 400), min_size=1, max_size=40),
-)
-def test_sequence_counts_what_a_device_of_sixteen_bits_sent(first: int, lost: list[int]) -> None:
-    def following(number: int) -> int:  # 0 is never used
-        return 1 if number == 65535 else number + 1
-
-    numbering, number, expected = Numbering(), first, 0
-    assert numbering.of(number) == 0
-    for gap in lost:
-        for _ in range(gap + 1):
-            number, expected = following(number), expected + 1
-        assert numbering.of(number) == expected
-
-
-@given(first=st.integers(65536, 2**40), steps=st.lists(st.integers(1, 1000), min_size=1, max_size=20))
-def test_sequence_counts_what_a_device_of_sixty_four_bits_sent(first: int, steps: list[int]) -> None:
-    numbering = Numbering()
-    numbering.of(first)
-    assert [numbering.of(first + sum(steps[: index + 1])) for index in range(len(steps))][-1] == sum(steps)
-
-
-def test_a_torn_first_frame_counts_and_a_device_that_begins_again_goes_on() -> None:
-    numbering = Numbering()
-    numbering.begin(100)
-    numbering.begin(90)  # torn frames are reported late
-    assert [numbering.of(number) for number in (102, 103)] == [2, 3]
-    assert numbering.of(1) == 4
-    assert numbering.of(2) == 5
 
 
 def test_a_camera_is_lost_after_a_second_of_silence_or_three_frame_times() -> None:

@@ -23,6 +23,11 @@ class BlockCount:
         self._last: int | None = None
         self._sequence = -1
 
+    def begin(self, number: int) -> None:
+        """Count from this frame, of which not all came, unless counting has begun."""
+        if self._last is None:
+            self._last, self._sequence = number, 0
+
     def at(self, number: int | None) -> int:
         """The place in the sequence of the frame of that ``number``; the next one when the camera gives none."""
         step = 1

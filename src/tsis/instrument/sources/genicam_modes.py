@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING
 from tsis.instrument.camera import Mode
 from tsis.instrument.sources.genicam_nodes import Choice, choice, first_number, number
 from tsis.instrument.sources.genicam_settings import adjust
+from tsis.instrument.sources.grey_formats import FULL_SCALE
 from tsis.model.errors import CameraError
 
 if TYPE_CHECKING:
     from tsis.instrument.sources.genicam_nodes import Nodes, Number
 
-FULL_SCALE = {"Mono8": 255.0, "Mono10": 1023.0, "Mono12": 4095.0, "Mono14": 16383.0, "Mono16": 65535.0}
 _RATES = (
     "ResultingFrameRate",
     "ResultingFrameRateAbs",

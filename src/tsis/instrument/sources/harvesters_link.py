@@ -11,9 +11,9 @@ import numpy as np
 
 from tsis.instrument.sources import genicam_producers
 from tsis.instrument.sources.genicam_link import Grab, buffer_count
-from tsis.instrument.sources.genicam_modes import FULL_SCALE
 from tsis.instrument.sources.genicam_nodes import Choice, Number, first_number
 from tsis.instrument.sources.genicam_producers import PRODUCERS
+from tsis.instrument.sources.grey_formats import FULL_SCALE
 
 if TYPE_CHECKING:
     from pathlib import Path

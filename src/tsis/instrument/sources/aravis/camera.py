@@ -11,9 +11,9 @@ from tsis.instrument.camera import Frame
 from tsis.instrument.sources.aravis import features
 from tsis.instrument.sources.aravis.connection import Connection
 from tsis.instrument.sources.aravis.library import load
-from tsis.instrument.sources.aravis.numbering import Numbering
 from tsis.instrument.sources.aravis.stream import Stream
 from tsis.instrument.sources.aravis.watch import Watch
+from tsis.instrument.sources.block_count import BlockCount
 from tsis.model import check
 from tsis.model.errors import CameraError
 
@@ -34,7 +34,7 @@ RELEASE_S = 0.5  # that stop() waits for a camera to let go
 class _Reading:
     """What one reader of frames remembers."""
 
-    numbering: Numbering = field(default_factory=Numbering)
+    blocks: BlockCount = field(default_factory=BlockCount)
     first_ns: int | None = None
     delivered: int = 0
 
@@ -218,7 +218,7 @@ class AravisCamera:
                 if arrival is None:
                     return False, None
                 if arrival.pixels is None:
-                    reading.numbering.begin(arrival.number)
+                    reading.blocks.begin(arrival.number)
                     return True, None
                 return True, self._frame(arrival, arrival.pixels, reading)
 
@@ -226,7 +226,7 @@ class AravisCamera:
         """The frame of a whole arrival, with a copy of its pixels."""
         if reading.first_ns is None:
             reading.first_ns = arrival.device_ns
-        sequence = reading.numbering.of(arrival.number)
+        sequence = reading.blocks.at(arrival.number)
         return Frame(
             pixels=pixels,
             sequence=sequence,

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.instrument.camera import Mode, Setting
+from tsis.instrument.sources.grey_formats import FULL_SCALE
 from tsis.model.errors import CameraError
 
 if TYPE_CHECKING:
@@ -16,8 +17,6 @@ if TYPE_CHECKING:
 
     from tsis.instrument.sources.aravis.library import Aravis
 
-# Grey pixels that take whole bytes. Packed ones are left out: the unpacked kind holds the same light.
-FULL_SCALE = {"Mono8": 255.0, "Mono10": 1023.0, "Mono12": 4095.0, "Mono14": 16383.0, "Mono16": 65535.0}
 AUTO_OFF, CONTINUOUS = 0, 0
 
 

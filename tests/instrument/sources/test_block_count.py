@@ -34,3 +34,10 @@ def test_a_camera_that_begins_anew_or_repeats_itself_goes_on_without_a_gap() -> 
 def test_frames_without_numbers_are_counted() -> None:
     count = BlockCount()
     assert [count.at(None) for _ in range(3)] == [0, 1, 2]
+
+
+def test_a_torn_first_frame_counts() -> None:
+    count = BlockCount()
+    count.begin(100)
+    count.begin(90)  # torn frames are reported late
+    assert [count.at(number) for number in (102, 103, 1, 2)] == [2, 3, 4, 5]
