@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from tsis.calibration.scale import Scale
 
 LEVEL = 0.95
+LENS = 0.03  # largest relative change of a length at the frame's corner
 PITCH_MM, PITCH_SD_MM = 2.5, 0.0005
 BALL_RADIUS_MM, BALL_RADIUS_SD_MM, TRAVEL_SD_MM = 4.0, 0.005, 0.005
 
@@ -65,10 +66,10 @@ def true_scale(sensor: Sensor, distortion: float, angle_deg: float) -> NDArray[n
     return np.asarray(np.linalg.norm(way @ np.linalg.inv(step), axis=0))
 
 
-def dot_run(rng: np.random.Generator) -> tuple[Scale, NDArray[np.float64]]:
-    """One board, and the true scale."""
+def dot_run(rng: np.random.Generator, lens: float) -> tuple[Scale, NDArray[np.float64]]:
+    """One board, seen through a lens that distorts by up to ``lens`` at the corner, and the true scale."""
     sensor = drawn_sensor(rng)
-    angle, distortion = rng.uniform(-45.0, 45.0), rng.uniform(-0.03, 0.03)
+    angle, distortion = rng.uniform(-45.0, 45.0), rng.uniform(-lens, lens)
     pitch = PITCH_MM + PITCH_SD_MM * rng.standard_normal()
     frame = dot_board_frame(
         sensor,
@@ -123,13 +124,13 @@ def ball_run(rng: np.random.Generator) -> tuple[Scale, NDArray[np.float64]]:
     return scale, np.array(sensor.mm_per_pixel)
 
 
-def covered(runs: int, seed: int, *, ball: bool) -> dict[str, object]:
+def covered(runs: int, seed: int, *, ball: bool, lens: float = LENS) -> dict[str, object]:
     """How often the intervals hold the truth, and how far the scale is from it."""
     held, errors, widths, seconds, refused = [], [], [], 0.0, 0
     for child in np.random.default_rng(seed).spawn(runs):
         start = time.perf_counter()
         try:
-            scale, truth = (ball_run if ball else dot_run)(child)
+            scale, truth = ball_run(child) if ball else dot_run(child, lens)
         except CalibrationError as refusal:
             print(f"refused: {refusal}", file=sys.stderr)
             refused += 1
@@ -182,6 +183,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--runs", type=int, default=500)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--lens", type=float, default=LENS, help="largest distortion at the corner, a share of one")
     parser.add_argument("--ball", action="store_true", help="press a ball and not a dot board")
     parser.add_argument("--real", type=Path, help="folder of the sensors' folders, as shared/data/real/9dtact")
     parser.add_argument("--markdown", action="store_true")
@@ -194,7 +196,7 @@ def main() -> int:
         rows = [[what, *(numbers[what] for numbers in sensors.values())] for what in sensors["sensor_1"]]
         show("Real frames", ["", *sensors], rows, markdown=asked.markdown)
         return 0
-    numbers = covered(asked.runs, asked.seed, ball=asked.ball)
+    numbers = covered(asked.runs, asked.seed, ball=asked.ball, lens=asked.lens)
     title = f"Scale from {'a ball at three depths' if asked.ball else 'a dot board'}, intervals of {LEVEL:.0%}"
     show(title, ["", "found"], [[what, str(value)] for what, value in numbers.items()], markdown=asked.markdown)
     return 0
