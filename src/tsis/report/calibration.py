@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from tsis.calibration.file import identity
 from tsis.calibration.file.plain_values import to_plain
 from tsis.plots.calibration_figures import force_residuals, force_sums, hysteresis_loops
+from tsis.plots.scale_figures import dot_board
 from tsis.report.document import envelope
 from tsis.report.page import Card, Page, Picture, Table, html, picture_source
 
@@ -131,6 +132,9 @@ def calibration_report(known: ProbeCalibration, findings: SessionFindings, *, pr
         force_residuals(findings.loadings, line, left)
         hysteresis_loops(findings.loadings, right)
 
+    def board(figure: Figure) -> None:
+        dot_board(findings.dots, figure.subplots(), image=findings.board, scale=scale)
+
     x, y = scale.mm_per_pixel
     force = line.slope_grey_per_n
     cards = (
@@ -149,6 +153,11 @@ def calibration_report(known: ProbeCalibration, findings: SessionFindings, *, pr
             source=picture_source(residuals, size=(9.6, 4.0)),
             alt="Departures from the line in per cent of the range, and loading less unloading, by tip",
             wide=True,
+        ),
+        Picture(
+            title="The dot board",
+            source=picture_source(board, size=(6.4, 4.4)),
+            alt="Frame of the board with the dots found, their lattice, and what the fit leaves, magnified",
         ),
     )
     return html(
