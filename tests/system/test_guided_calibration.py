@@ -203,3 +203,31 @@ def test_a_loading_by_gauge_is_whole_or_absent(guide: Callable[..., Guided], tmp
 
 def session_steps() -> tuple[str, ...]:
     return tuple(step.name for step in plan((2.0,)))
+
+
+LOST_IN_MID_LOADING = """
+import sys
+from rich.console import Console
+from tsis.calibration.session import plan
+from tsis.cli.calibrate.operator import Operator
+
+class Bench:
+    def loading(self, over):
+        assert not over()
+        raise SystemExit("Error: the gauge was lost")
+
+next(iter(Operator(Bench(), Console(stderr=True), has_gauge=True).take(plan()[-1])))
+"""
+
+
+def test_the_program_ends_while_it_waits_for_enter_on_a_pipe() -> None:
+    command = [sys.executable, "-c", LOST_IN_MID_LOADING]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        assert process.stdin is not None
+        assert process.stderr is not None
+        process.stdin.write(b"\n")
+        process.stdin.flush()
+        said = process.stderr.read().decode()  # until it ends, the pipe to it still open
+        assert process.wait(PATIENCE_S) == 1
+    assert "Error: the gauge was lost" in said
+    assert "Fatal" not in said
