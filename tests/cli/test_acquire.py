@@ -168,6 +168,21 @@ def test_stored_frames_are_a_camera_and_raw_stays_lossless(
     np.testing.assert_array_equal(grey(tmp_path / files["raw"]), stored_frame(number))
 
 
+def test_every_stored_frame_is_recorded_and_a_snapshot_takes_the_first(
+    run_tsis: RunTsis, stored: str, tmp_path: Path
+) -> None:
+    finished = run_tsis("acquire", "--camera", stored, "--seconds", "60", "--json")  # ends with the frames
+    assert finished.code == 0, finished.err
+    report = json.loads(finished.out)["recording"]
+    assert (report["kept"], report["missed"], report["overrun"], report["ended_by"]) == (STORED, 0, 0, "")
+    rows = index(tmp_path / "tsis-sequence" / "frames.csv")
+    for number, row in enumerate(rows):
+        np.testing.assert_array_equal(grey(tmp_path / "tsis-sequence" / row["kept_in"]), stored_frame(number))
+    calibrated(tmp_path / "known.json")  # of another camera, which stored frames do not contradict
+    snapshot = run_tsis("acquire", "--camera", stored, "--calibration", "known.json", "--json")
+    assert json.loads(snapshot.out)["sequence"] == 0
+
+
 def test_a_sequence_holds_so_many_frames_and_accounts_for_them(run_tsis: RunTsis, tmp_path: Path) -> None:
     finished = run_tsis("acquire", *UNTOUCHED, "--seed", "9", "--frames", "4", "--json")
     assert finished.code == 0, finished.err

@@ -51,7 +51,7 @@ def test_an_interrupt_is_said(run_tsis: RunTsis, monkeypatch: pytest.MonkeyPatch
     monkeypatch.setattr("tsis.cli.demo.estimate_with_progress", interrupted)
     finished = run_tsis("demo")
     assert finished.code == 130
-    assert finished.err == "Interrupted; nothing was written.\n"
+    assert finished.err == "Interrupted; nothing half-written is left.\n"
     assert list(tmp_path.iterdir()) == []
 
 

@@ -34,6 +34,7 @@ def make_reference(
     flats: Sequence[Sequence[TactileImage]] = (),
     *,
     patch_px: Box | None = None,
+    scenes: Sequence[Sequence[TactileImage]] = (),
 ) -> Reference:
     """Average frames into a reference, and measure the camera's noise.
 
@@ -48,6 +49,8 @@ def make_reference(
         takes the same way). Without any, light counts as even, and the noise must be told from the untouched frames.
     patch_px
         Where the lamps are seen past the probe: (left, top, right, bottom) in pixels, ends excluded.
+    scenes
+        4 or more frames each of still scenes in any light, for the camera's noise alone.
 
     Raises
     ------
@@ -75,14 +78,15 @@ def make_reference(
     if box is not None:
         field[inside(box)] = False
     relative = _relative(groups[2:], base, light, field, box)
-    noise = photon_transfer(groups[0], groups[1:], usable=field, full_scale=dark[0].full_scale)
+    lit = [*groups[1:], *(stack("scenes", scene, least=LEAST_FRAMES) for scene in scenes)]
+    noise = photon_transfer(groups[0], lit, usable=field, full_scale=dark[0].full_scale)
     patch, lamp_sd = _patch(groups[1], base, box, lamps, noise.shot_noise_grey.value)
     stray = light[field]
     scales = {image.mm_per_pixel for image in every}
     return Reference(
-        dark_grey=base,
-        untouched_grey=light,
-        relative_light=relative,
+        dark_grey=_single(base),
+        untouched_grey=_single(light),
+        relative_light=_single(relative),
         usable=field & (relative >= LEAST_LIGHT),
         full_scale=dark[0].full_scale,
         mm_per_pixel=scales.pop() if len(scales) == 1 else None,
@@ -96,6 +100,11 @@ def make_reference(
         patch_grey=patch,
         lamp_sd=lamp_sd,
     )
+
+
+def _single(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values that single precision holds, finer than any noise here: files of them are half as large."""
+    return values.astype(np.float32).astype(float)
 
 
 def _lamps_of(frames: NDArray[np.float64], base: NDArray[np.float64], box: Box | None) -> NDArray[np.float64]:

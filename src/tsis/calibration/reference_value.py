@@ -146,7 +146,8 @@ class Reference:
 
     def touch_grey(self, image: TactileImage) -> NDArray[np.float64]:
         """The corrected grey levels whether pixels clip or not, shape (rows, columns)."""
-        touch = (image.grey - self.dark_grey) / self.lamp_ratio(image) - self.untouched_grey
+        lamps = self.lamp_ratio(image)  # which refuses frames that are none of this reference's
+        touch = (image.grey - self.dark_grey) / lamps - self.untouched_grey
         touch /= np.maximum(self.relative_light, LEAST_LIGHT)
         return _mended(touch, self.usable)
 

@@ -79,7 +79,7 @@ def main() -> None:
             raise
         _stop(f"Error: {sentence().strip()} (see --help)", BAD_INPUT)
     if code == INTERRUPTED:  # typer turns Ctrl-C into this code
-        _stop("Interrupted; nothing was written.", INTERRUPTED)
+        _stop("Interrupted; nothing half-written is left.", INTERRUPTED)
     sys.exit(code if isinstance(code, int) else 0)
 
 

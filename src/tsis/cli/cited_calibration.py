@@ -52,10 +52,11 @@ class CitedCalibration:
         pressed = [replace(frame, force_n=force.value) for frame, force in zip(frames, found, strict=True)]
         return pressed, max((force.sd / force.value for force in found), default=0.0)
 
-    def require_camera(self, acquisition: Acquisition) -> None:
-        """Refuse to use it with another camera, or at other settings than it was made at."""
+    def require_camera(self, acquisition: Acquisition, *, stored: bool) -> None:
+        """Refuse to use it with another camera, or at other settings; stored frames tell neither."""
         present = {setting.name: setting.value for setting in acquisition.settings()}
-        self.known.require_usable(datetime.now(UTC), camera=acquisition.name, settings=present)
+        camera = None if stored else acquisition.name
+        self.known.require_usable(datetime.now(UTC), camera=camera, settings=present)
 
     def citation(self) -> dict[str, Any]:
         """What a result says of it."""

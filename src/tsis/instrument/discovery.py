@@ -31,7 +31,7 @@ _SEARCHED = {
 }
 _STORED = {"files": ("files", "ImageFiles"), "video": ("video", "VideoFile")}
 SOURCES = (*_SEARCHED, "opencv", *_STORED)
-LIVE_SOURCES = (*_SEARCHED, "opencv")
+LIVE_SOURCES, STORED_SOURCES = (*_SEARCHED, "opencv"), tuple(_STORED)
 _PATIENCE_S = 20.0
 
 

@@ -155,3 +155,22 @@ def test_it_runs_once() -> None:
     with _Bench(ScriptedCamera()).acquisition() as acquisition, pytest.raises(CameraError, match="runs already"):
         acquisition.start()
     acquisition.stop()
+
+
+def test_stored_frames_wait_for_a_slow_reader_and_are_no_silent_camera() -> None:
+    camera = ScriptedCamera()
+    for sequence in range(9):
+        camera.script.put(frame(sequence, level=sequence))
+    camera.script.put(END)
+    bench = _Bench(camera)
+    seen: list[int] = []
+    with bench.acquisition(ring_frames=2, patient=True) as acquisition:
+        place, overrun = 0, 0
+        while not acquisition.ring.closed or acquisition.ring.wait(place, 0.0):
+            until(lambda: not acquisition.ring.has_room() or acquisition.ring.closed)
+            bench.now_s += 100.0  # the reader pauses; nobody calls the camera lost
+            arrivals, place, skipped = acquisition.ring.read(place)
+            overrun += skipped
+            seen += [arrival.frame.sequence for arrival in arrivals]
+        assert acquisition.account().interruptions == ()
+    assert (seen, overrun) == (list(range(9)), 0)

@@ -57,3 +57,14 @@ def test_waiting_ends_with_a_frame_or_with_the_ring() -> None:
 def test_a_ring_of_no_sensible_size_is_refused(capacity: float) -> None:
     with pytest.raises(InputError, match="capacity"):
         FrameRing(capacity)  # type: ignore[arg-type]
+
+
+def test_frames_of_a_patient_ring_wait_for_their_reader() -> None:
+    ring = FrameRing(2, patient=True)
+    assert ring.has_room()
+    for number in range(2):
+        ring.put(_arrival(number))
+    assert not ring.wait_for_room(0.0)
+    fresh, _, skipped = ring.read(0)
+    assert ([arrival.frame.sequence for arrival in fresh], skipped) == ([0, 1], 0)
+    assert ring.wait_for_room(60.0)  # returns at once

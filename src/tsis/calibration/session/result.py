@@ -153,7 +153,9 @@ def _reference(
         return [scale.on(shot.image) for shot in shots[name]]
 
     flats = [scaled(name) for name in sorted(shots) if name.startswith(f"{FLAT}-")]
-    return make_reference(scaled(DARK), scaled(UNTOUCHED), flats, patch_px=patch_px)
+    # Without flats little of the light that tells the photons' noise is left but that beside the dot board.
+    scenes = [] if flats else [scaled(BOARD_UNTOUCHED)]
+    return make_reference(scaled(DARK), scaled(UNTOUCHED), flats, patch_px=patch_px, scenes=scenes)
 
 
 def _loading(shots: Sequence[Shot], step: Step, reference: Reference) -> Loading:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.instrument.discovery import SOURCES, connect
+from tsis.instrument.discovery import SOURCES, STORED_SOURCES, connect
 from tsis.instrument.presets import preset
 from tsis.model import check, load_phantom, load_probe
 from tsis.model.errors import InputError
@@ -46,6 +46,11 @@ def live_connector(spec: str) -> Callable[[], Camera]:
     """The same of a camera that is not virtual; `UnknownNameError` when no source is called so."""
     check.known("camera source", spec.partition(":")[0], (VIRTUAL, *SOURCES))
     return partial(connect, spec)
+
+
+def is_stored(spec: str) -> bool:
+    """Whether the frames are on a disk already, so that they can wait and tell nothing of a camera."""
+    return spec.partition(":")[0] in STORED_SOURCES
 
 
 def wanted_settings(connect_camera: Callable[[], Camera], name: str | None, pairs: Sequence[str]) -> dict[str, float]:

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from tsis.cli.acquire.chosen_camera import VIRTUAL, VirtualPress, connector, wanted_settings
+from tsis.cli.acquire.chosen_camera import VIRTUAL, VirtualPress, connector, is_stored, wanted_settings
 from tsis.cli.acquire.listing import list_cameras, show_camera
 from tsis.cli.acquire.sequence import take_sequence
 from tsis.cli.acquire.snapshots import take_snapshot
@@ -91,10 +91,11 @@ def acquire(
         show_camera(make, as_json=as_json)
         return
     wanted = wanted_settings(make, preset, setting or ())
-    acquisition = Acquisition(make, mode=mode, settings=wanted, ring_frames=RING_FRAMES)
+    stored = is_stored(camera)
+    acquisition = Acquisition(make, mode=mode, settings=wanted, ring_frames=RING_FRAMES, patient=stored)
     with gauge_log(gauge, unit=gauge_unit, baud=gauge_baud, sends=gauge_sends) as log, acquisition:
         if known is not None:
-            known.require_camera(acquisition)
+            known.require_camera(acquisition, stored=stored)
         if watch:
             watch_presses(acquisition, seconds=seconds, calibration=known, log=log, as_json=as_json)
         elif sequence:

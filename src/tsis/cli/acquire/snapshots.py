@@ -85,9 +85,9 @@ def _scaled(image: TactileImage, calibration: CitedCalibration | None) -> Tactil
 
 
 def _next(acquisition: Acquisition) -> Arrival:
+    """The newest frame of a camera, the first of stored ones."""
     if not acquisition.ring.wait(0, FRAME_S):
         why = f": {acquisition.failure}" if acquisition.failure is not None else ""
         raise CameraError(f"{acquisition.name} must bring a frame within {FRAME_S:g} s; got none{why}")
-    arrival = acquisition.latest()
-    assert arrival is not None  # waited for
-    return arrival
+    waiting, _, _ = acquisition.ring.read(0)
+    return waiting[0] if acquisition.ring.patient else waiting[-1]

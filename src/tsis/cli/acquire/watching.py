@@ -52,24 +52,23 @@ def watch_presses(
     console = Console(stderr=as_json, highlight=False)
     frames: Counter[str] = Counter()
     watch: PressWatch | None = None
-    state, up, watched, first_s = WatchState(), frozenset[str](), 0, None
+    state, place, first_s, lasted_s = WatchState(), 0, None, 0.0
     with ended_by(signal.SIGINT) as ended, Live(console=console, transient=True, auto_refresh=False) as live:
-        while not ended.is_set() and not acquisition.ended:
-            arrival = _newest(acquisition, watched)
-            if arrival is None:
-                live.update(f"no frame: {acquisition.failure or 'waiting'}", refresh=True)
-                continue
-            watched = acquisition.ring.end
-            first_s = arrival.arrived_s if first_s is None else first_s
-            watch = watch or press_watch(arrival.frame, calibration)
-            seen = _look(watch, state, arrival, log)
-            state = seen.state
-            frames.update(["frames", *(flag.name for flag in seen.flags)])
-            _tell(console.print, up, seen.flags)
-            up = state.raised
-            live.update(_line(acquisition, seen), refresh=console.is_terminal)
-            if seconds is not None and arrival.arrived_s - first_s >= seconds:
-                break
+        while not ended.is_set() and not (seconds is not None and lasted_s >= seconds):
+            arrivals, place = _newest(acquisition, place)
+            if not arrivals:
+                if acquisition.ring.closed:
+                    break
+                live.update(f"no frame: {acquisition.failure or 'waiting'}", refresh=console.is_terminal)
+            for arrival in arrivals:
+                watch = watch or press_watch(arrival.frame, calibration)
+                seen = _look(watch, state, arrival, log)
+                _tell(console.print, state.raised, seen.flags)
+                state = seen.state
+                frames.update(["frames", *(flag.name for flag in seen.flags)])
+                first_s = arrival.arrived_s if first_s is None else first_s
+                lasted_s = arrival.arrived_s - first_s
+                live.update(_line(acquisition, seen), refresh=console.is_terminal)
     if as_json:
         total = frames.pop("frames", 0)
         print_json(envelope("acquire", frames=total, flagged={name: frames[name] for name in sorted(frames)}))
@@ -77,9 +76,11 @@ def watch_presses(
     print_notice(console)
 
 
-def _newest(acquisition: Acquisition, watched: int) -> Arrival | None:
-    """The newest frame that was not watched; those in between are passed over, for a guard must not lag."""
-    return acquisition.latest() if acquisition.ring.wait(watched, WAIT_S) else None
+def _newest(acquisition: Acquisition, place: int) -> tuple[tuple[Arrival, ...], int]:
+    """The newest frame, for a guard must not lag; of stored ones all. And where to look next."""
+    acquisition.ring.wait(place, WAIT_S)
+    arrivals, place, _ = acquisition.ring.read(place)
+    return arrivals if acquisition.ring.patient else arrivals[-1:], place
 
 
 def _look(watch: PressWatch, state: WatchState, arrival: Arrival, log: ForceLog | None) -> _Seen:

@@ -45,6 +45,8 @@ class Acquisition:
         Settings to make before each start, by name.
     ring_frames
         Frames held for readers that lag.
+    patient
+        Whether frames wait for their one reader instead of giving way: for stored ones, which have time.
     lost_after_s
         Silence after which the camera counts as lost, s, in [0.05, 3600]; three frames of a slower camera.
     retry_s
@@ -70,12 +72,13 @@ class Acquisition:
         mode: str | None = None,
         settings: Mapping[str, float] | None = None,
         ring_frames: int = 64,
+        patient: bool = False,
         lost_after_s: float = LOST_AFTER_S,
         retry_s: float = 0.5,
         reconnect: bool = True,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self.ring = FrameRing(ring_frames)
+        self.ring = FrameRing(ring_frames, patient=patient)
         self._connect, self._mode, self._wanted = connect, mode, dict(settings or {})
         self._lost_after_s = check.number("lost_after_s", lost_after_s, 0.05, 3600.0, hint="seconds")
         self._retry_s = check.number("retry_s", retry_s, 0.0, 3600.0, hint="seconds")
@@ -164,8 +167,8 @@ class Acquisition:
         return self._intake.account()
 
     def settings(self) -> tuple[Setting, ...]:
-        """What can be adjusted now."""
-        return self._present().settings()
+        """What can be adjusted now; nothing when stored frames have come to their end."""
+        return () if self.ended else self._present().settings()
 
     def adjust(self, name: str, value: float) -> None:
         """Change a setting now, and again after each reconnection.
@@ -202,7 +205,7 @@ class Acquisition:
             self._intake.begin(number)
             self._news.set()
             for frame in camera.frames():
-                if self._stopping.is_set() or not self._intake.take(number, frame):
+                if not self._room() or not self._intake.take(number, frame):
                     return
             if self._intake.finish(number):
                 self._end()
@@ -214,6 +217,13 @@ class Acquisition:
             if camera is not None:
                 _stop_quietly(camera)
             self._news.set()
+
+    def _room(self) -> bool:
+        """Wait until the ring has room; False when the acquisition is stopped."""
+        while not self._stopping.is_set():
+            if self.ring.wait_for_room(WATCH_STEP_S):
+                return True
+        return False
 
     def _prepare(self, camera: Camera) -> None:
         for name, value in self._wanted.items():
@@ -251,6 +261,8 @@ class Acquisition:
                 self._begin_reader()
 
     def _require_sound(self) -> None:
+        if not self.ring.has_room():  # the reader is slow, not the camera
+            return
         silent_s = self._intake.silent_s()
         if silent_s > self._patience_s() and self._intake.interrupt(self._begun - 1, silence(silent_s)):
             self._let_go()

@@ -23,12 +23,15 @@ class FrameRing:
     ----------
     capacity
         Frames held, in [1, 100000]. 64 frames of 768 x 492 at 8 bits take 24 MB.
+    patient
+        Whether stored frames wait until their one reader has room for them, instead of giving way.
     """
 
-    def __init__(self, capacity: int = 64) -> None:
+    def __init__(self, capacity: int = 64, *, patient: bool = False) -> None:
+        self.patient = patient
         self.capacity = check.whole("capacity", capacity, 1, LARGEST_RING, hint="frames")
         self._held: deque[Arrival] = deque(maxlen=self.capacity)
-        self._put = 0
+        self._put = self._read_to = 0
         self._closed = False
         self._changed = threading.Condition()
 
@@ -42,6 +45,15 @@ class FrameRing:
     def closed(self) -> bool:
         """True when no frame will be added any more."""
         return self._closed
+
+    def has_room(self) -> bool:
+        """Whether a frame can be put in without one that was not read giving way; always true of an impatient ring."""
+        return not self.patient or self._put - self._read_to < self.capacity
+
+    def wait_for_room(self, timeout_s: float) -> bool:
+        """Wait until there is room or the time is over."""
+        with self._changed:
+            return self._changed.wait_for(self.has_room, timeout_s)
 
     def put(self, arrival: Arrival) -> None:
         """Add a frame and wake who waits for it."""
@@ -78,4 +90,6 @@ class FrameRing:
             oldest = self._put - len(self._held)
             skipped = max(0, oldest - place)
             fresh = tuple(self._held)[max(0, place - oldest) :]
+            self._read_to = self._put
+            self._changed.notify_all()
             return fresh, self._put, skipped

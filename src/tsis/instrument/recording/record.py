@@ -88,7 +88,7 @@ def record(
     about: Mapping[str, Any] | None = None,
     clock: Callable[[], float] = time.monotonic,
 ) -> RecordingReport:
-    """Keep the frames that come from now on.
+    """Keep the frames that come from now on; of stored ones all.
 
     Beside the frames the folder gets ``frames.csv``, a line a frame, and at the end ``recording.json`` with the report.
     When the disk fills or the program is interrupted, what was kept stays and the report says what is missing.
@@ -143,7 +143,7 @@ def record(
 
 def _batches(acquisition: Acquisition, ended: Callable[[], bool]) -> Iterator[tuple[tuple[Arrival, ...], int]]:
     """Frames as they come, with how many gave way before they were read; until ``ended`` or the source's end."""
-    place = acquisition.ring.end
+    place = 0 if acquisition.ring.patient else acquisition.ring.end
     while not ended():
         acquisition.ring.wait(place, WAIT_S)
         closed = acquisition.ring.closed  # asked before reading, so that the last frames are not left behind

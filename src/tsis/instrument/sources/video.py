@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import threading
 from typing import TYPE_CHECKING, Any
 
 import cv2
@@ -39,6 +40,7 @@ class VideoFile(StoredFrames):
     def __init__(self, path: str | os.PathLike[str]) -> None:
         super().__init__(path)
         self._capture: Any = None
+        self._one_call = threading.Lock()  # OpenCV's captures belong to one thread at a time
         self._lost = False
 
     @property
@@ -99,9 +101,10 @@ class VideoFile(StoredFrames):
     def stop(self) -> None:
         """End the stream and close the file."""
         self._running.clear()
-        if self._capture is not None:
-            self._capture.release()
-            self._capture = None
+        with self._one_call:
+            if self._capture is not None:
+                self._capture.release()
+                self._capture = None
 
     def _opened(self) -> Any:
         if self._capture is None:
@@ -110,8 +113,11 @@ class VideoFile(StoredFrames):
 
     def _next(self, sequence: int) -> Frame | None:
         pixels: NDArray[Any] | None
-        present, pixels = self._opened().read()
+        with self._one_call:
+            if self._capture is None:  # stopped by another thread
+                return None
+            present, pixels = self._capture.read()
+            time_s = float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) / 1000.0
         if not present or pixels is None:
             return None
-        time_s = float(self._opened().get(cv2.CAP_PROP_POS_MSEC)) / 1000.0
         return Frame(pixels=grey_of_opencv(pixels), sequence=sequence, time_s=time_s, name=f"{self.name}#{sequence}")
