@@ -7,7 +7,7 @@ import json
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.calibration.file.plain_values import from_plain, to_plain
+from tsis.calibration.file.plain_values import from_plain, to_plain, without_maps
 from tsis.calibration.file.probe_calibration import ProbeCalibration
 from tsis.instrument import read_bytes, shown
 from tsis.instrument.file_bytes import as_path
@@ -23,19 +23,20 @@ FORMAT, VERSION = "tsis-calibration", 2
 
 def identity(known: ProbeCalibration) -> str:
     """SHA-256 of the content: the name under which results cite the calibration."""
-    return _sealed(to_plain(known))
+    found = _hash(to_plain(known, pack=False))
+    assert found is not None  # values hold neither NaN nor endless nesting
+    return found
 
 
 def calibration_bytes(known: ProbeCalibration) -> bytes:
     """Content of the calibration file."""
-    content = to_plain(known)
     document = {
         "format": FORMAT,
         "version": VERSION,
         "notice": RESEARCH_USE_ONLY,
         "tsis": __version__,
-        "sha256": _sealed(content),
-        "calibration": content,
+        "sha256": identity(known),
+        "calibration": to_plain(known),
     }
     return (json.dumps(document, indent=2, allow_nan=False) + "\n").encode()
 
@@ -80,7 +81,7 @@ def read_calibration(path: str | os.PathLike[str]) -> ProbeCalibration:
             "(calibrate again, or read it with the release of tsis that wrote it)"
         )
     content = document.get("calibration")
-    expected = _hash(content)
+    expected = _hash(without_maps(content))
     if expected is None or document.get("sha256") != expected:
         raise CalibrationError(
             f"{shown(source)} must be as it was written; its content does not match its hash, so it was changed or "
@@ -91,12 +92,6 @@ def read_calibration(path: str | os.PathLike[str]) -> ProbeCalibration:
     except InputError as error:
         raise FileInputError(f"{shown(source)}: {error}") from error
     return known
-
-
-def _sealed(content: Any) -> str:
-    found = _hash(content)
-    assert found is not None  # values hold neither NaN nor endless nesting
-    return found
 
 
 def _hash(content: Any) -> str | None:

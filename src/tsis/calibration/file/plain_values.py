@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import base64
 import binascii
+import hashlib
 import math
 import types
 import typing
@@ -19,16 +20,23 @@ from typing import Any, get_args, get_origin, get_type_hints
 import numpy as np
 from numpy.typing import NDArray
 
-from tsis.model.errors import InputError
+from tsis.model.errors import CalibrationError, InputError
 
 READABLE = 64  # numbers in an array that is written out
 LARGEST_ARRAY = 16_000_000
-_MAP_KEYS = {"shape", "kind", "zlib"}
+_MAP_KEYS = {"shape", "kind", "sha256", "zlib"}
 _KINDS: dict[str, np.dtype[Any]] = {"single": np.dtype("<f4"), "double": np.dtype("<f8"), "bool": np.dtype("?")}
 
 
-def to_plain(value: Any) -> Any:
+def to_plain(value: Any, *, pack: bool = True) -> Any:
     """What JSON can hold of a value; infinities become words.
+
+    Parameters
+    ----------
+    value
+        A frozen value, a number, text, an array, or mappings and tuples of them.
+    pack
+        Whether large maps are held; else their hash stands for them, which is all that tells one from another.
 
     Examples
     --------
@@ -40,17 +48,25 @@ def to_plain(value: Any) -> Any:
     if isinstance(value, datetime):
         return value.isoformat()
     if isinstance(value, np.ndarray):
-        return _array_to_plain(value)
+        return _array_to_plain(value, pack=pack)
     if isinstance(value, (int, np.integer)):
         return int(value)
     if isinstance(value, (float, np.floating)):
         return _number_to_plain(float(value))
     if isinstance(value, Mapping):
-        return {str(name): to_plain(each) for name, each in value.items()}
+        return {str(name): to_plain(each, pack=pack) for name, each in value.items()}
     if isinstance(value, (tuple, list)):
-        return [to_plain(each) for each in value]
+        return [to_plain(each, pack=pack) for each in value]
     assert is_dataclass(value), value
-    return {field.name: to_plain(getattr(value, field.name)) for field in fields(value)}
+    return {field.name: to_plain(getattr(value, field.name), pack=pack) for field in fields(value)}
+
+
+def without_maps(plain: Any) -> Any:
+    """The same with every packed map's content left out: its hash tells it."""
+    if isinstance(plain, dict):
+        held = {name: without_maps(each) for name, each in plain.items()}
+        return {name: held[name] for name in held if name != "zlib"} if set(held) == _MAP_KEYS else held
+    return [without_maps(each) for each in plain] if isinstance(plain, list) else plain
 
 
 def from_plain(wanted: Any, plain: Any, where: str) -> Any:
@@ -136,12 +152,13 @@ def _tuple_from_plain(kinds: tuple[Any, ...], plain: Any, where: str) -> tuple[A
     return tuple(from_plain(kind, plain[at], f"{where}[{at}]") for at, kind in enumerate(each))
 
 
-def _array_to_plain(values: np.ndarray[Any, Any]) -> Any:
+def _array_to_plain(values: np.ndarray[Any, Any], *, pack: bool) -> Any:
     if values.size <= READABLE:
         return to_plain(values.tolist())
     kind = "bool" if values.dtype == bool else "single" if np.array_equal(values.astype("<f4"), values) else "double"
-    packed = zlib.compress(np.ascontiguousarray(values, dtype=_KINDS[kind]).tobytes(), 6)
-    return {"shape": list(values.shape), "kind": kind, "zlib": base64.b64encode(packed).decode()}
+    content = np.ascontiguousarray(values, dtype=_KINDS[kind]).tobytes()
+    plain = {"shape": list(values.shape), "kind": kind, "sha256": hashlib.sha256(content).hexdigest()}
+    return plain | {"zlib": base64.b64encode(zlib.compress(content, 6)).decode()} if pack else plain
 
 
 def _array_from_plain(plain: Any, where: str) -> np.ndarray[Any, Any]:
@@ -155,7 +172,10 @@ def _array_from_plain(plain: Any, where: str) -> np.ndarray[Any, Any]:
     sound = isinstance(shape, list) and all(type(side) is int and 0 < side <= LARGEST_ARRAY for side in shape)
     _require(sound and math.prod(shape) <= LARGEST_ARRAY and kind in _KINDS, where, "a map of sensible size", shape)
     size = math.prod(shape) * _KINDS[kind].itemsize
-    values = np.frombuffer(_unpacked(plain["zlib"], size, where), dtype=_KINDS[kind]).reshape(shape)
+    content = _unpacked(plain["zlib"], size, where)
+    if hashlib.sha256(content).hexdigest() != plain["sha256"]:
+        raise CalibrationError(f"{where} must be as it was written; it does not match its hash, so it was changed")
+    values = np.frombuffer(content, dtype=_KINDS[kind]).reshape(shape)
     return values.astype(bool if kind == "bool" else float)
 
 
