@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import stat
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from tsis.model.errors import FileInputError, InputError
 
@@ -88,3 +89,21 @@ def read_bytes(path: Path) -> bytes:
             return file.read(LARGEST_FILE_BYTES)  # bounded: the file may have grown since its size was read
     except OSError as error:
         raise FileInputError(f"{shown(path)} must be readable; got: {error.strerror}") from error
+
+
+def read_object(path: Path) -> dict[str, Any]:
+    """Read a JSON file that holds one object.
+
+    Raises
+    ------
+    FileInputError
+        As `read_bytes`, and when it holds something else.
+    """
+    data = read_bytes(path)
+    try:
+        content = json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise FileInputError(f"{shown(path)} must be a readable JSON file; got: {error}") from error
+    if not isinstance(content, dict):
+        raise FileInputError(f"{shown(path)} must hold a JSON object; got {type(content).__name__}")
+    return content

@@ -32,10 +32,7 @@ def calibration_document(
         "calibrate",
         name=known.name,
         sha256=identity(known),
-        values={
-            name: {"value": value.value, "sd": value.sd, "interval_95": list(value.interval()), "unit": value.unit}
-            for name, value in _measured(known).items()
-        },
+        values=measured_values(known),
         saturation_kpa={
             "value": findings.response.saturation.value_kpa,
             "identified": findings.response.saturation.identified,
@@ -46,6 +43,14 @@ def calibration_document(
     )
 
 
+def measured_values(known: ProbeCalibration) -> dict[str, dict[str, Any]]:
+    """Numbers with their uncertainty, for programs."""
+    return {
+        name: {"value": value.value, "sd": value.sd, "interval_95": list(value.interval()), "unit": value.unit}
+        for name, value in _measured(known).items()
+    }
+
+
 def calibration_rows(known: ProbeCalibration, findings: SessionFindings) -> tuple[Row, ...]:
     """Quantity, value and 95 % interval of everything that was measured."""
     low, high = findings.response.saturation.interval()
@@ -54,7 +59,7 @@ def calibration_rows(known: ProbeCalibration, findings: SessionFindings) -> tupl
     rows.append(("saturation", f"{findings.response.saturation.value_kpa:.4g} kPa", f"{low:.4g} to {upper}"))
     line = findings.line
     rows += [
-        _share_row("largest departure from the line", line.linearity),
+        _share_row("largest departure of the mean of tips from the line", line.linearity),
         _share_row("hysteresis", line.hysteresis),
     ]
     if line.tip_difference is not None:

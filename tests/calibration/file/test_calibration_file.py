@@ -144,7 +144,7 @@ def test_any_changed_value_is_noticed(path: Path, data: st.DataObject) -> None:
         return
     place[at[-1]] = new
     path.write_text(json.dumps(document))
-    with pytest.raises((CalibrationError, FileInputError), match="changed|damaged|must be"):
+    with pytest.raises((CalibrationError, FileInputError), match=r"changed|damaged|must be"):
         read_calibration(path)
 
 

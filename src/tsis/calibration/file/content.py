@@ -9,14 +9,13 @@ from typing import TYPE_CHECKING, Any
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.calibration.file.plain_values import from_plain, to_plain, without_maps
 from tsis.calibration.file.probe_calibration import ProbeCalibration
-from tsis.instrument import read_bytes, shown
-from tsis.instrument.file_bytes import as_path
+from tsis.instrument import shown
+from tsis.instrument.file_bytes import as_path, read_object
 from tsis.model.durable import write_durably
 from tsis.model.errors import CalibrationError, FileInputError, InputError
 
 if TYPE_CHECKING:
     import os
-    from pathlib import Path
 
 FORMAT, VERSION = "tsis-calibration", 2
 
@@ -72,7 +71,7 @@ def read_calibration(path: str | os.PathLike[str]) -> ProbeCalibration:
         When its content is not what was written: it was changed or damaged.
     """
     source = as_path(path)
-    document = _read_object(source)
+    document = read_object(source)
     if document.get("format") != FORMAT:
         raise FileInputError(f"{shown(source)} must be a file of {FORMAT}; got {document.get('format')!r:.60}")
     if document.get("version") != VERSION:
@@ -109,14 +108,3 @@ def _as_floats(content: Any) -> Any:
     if isinstance(content, list):
         return [_as_floats(each) for each in content]
     return float(content) if type(content) is int else content
-
-
-def _read_object(path: Path) -> dict[str, Any]:
-    data = read_bytes(path)
-    try:
-        content = json.loads(data)
-    except (ValueError, RecursionError) as error:
-        raise FileInputError(f"{shown(path)} must be a readable JSON file; got: {error}") from error
-    if not isinstance(content, dict):
-        raise FileInputError(f"{shown(path)} must hold a JSON object; got {type(content).__name__}")
-    return content

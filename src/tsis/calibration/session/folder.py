@@ -16,7 +16,7 @@ from tsis.calibration.session.shot import Shot
 from tsis.calibration.session.steps import plan
 from tsis.calibration.session.terms import SessionTerms
 from tsis.instrument import png_bytes, read_bytes, read_image, shown
-from tsis.instrument.file_bytes import as_path
+from tsis.instrument.file_bytes import as_path, read_object
 from tsis.model.durable import write_durably
 from tsis.model.errors import CalibrationError, FileInputError, InputError
 
@@ -77,14 +77,12 @@ class SessionFolder:
             When the folder holds none, or one that cannot be read.
         """
         file = self.path / TERMS
+        document = read_object(file)
+        if (document.get("format"), document.get("version")) != (FORMAT, VERSION):
+            raise FileInputError(f"{shown(file)} must be a {FORMAT} of version {VERSION}; got another format")
         try:
-            document = json.loads(read_bytes(file))
-            if not isinstance(document, dict) or (document.get("format"), document.get("version")) != (FORMAT, VERSION):
-                raise InputError(f"must be a {FORMAT} of version {VERSION}")
             terms: SessionTerms = from_plain(SessionTerms, document.get("terms"), "terms")
-        except FileInputError:
-            raise
-        except (ValueError, RecursionError) as error:
+        except InputError as error:
             raise FileInputError(f"{shown(file)} must be the terms of a session; got: {error}") from error
         return terms
 

@@ -32,7 +32,7 @@ def list_cameras(*, as_json: bool) -> None:
     table = Table(Column("--camera", overflow="fold"), "maker", "model", "note", title="Cameras")  # to be copied whole
     table.add_row("virtual", "", "", VIRTUAL_NOTE)
     for one in findings.found:
-        table.add_row(*(escape(text) for text in (f"{one.source}:{one.identity}", one.maker, one.model, one.note)))
+        table.add_row(*(escape(text) for text in (one.spec, one.maker, one.model, one.note)))
     console.print(table)
     if findings.missing:
         console.print("Not looked for:")

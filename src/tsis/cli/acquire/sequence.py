@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tsis.cli.console_output import people, print_json, print_notice, progress_bar
 from tsis.cli.force_gauge import force_then
 from tsis.cli.interrupt import ended_by
-from tsis.instrument.recording import FrameFolder, FurtherColumns, LosslessVideo, record
+from tsis.instrument.recording import FrameFolder, FurtherColumns, LosslessVideo, RecordingReport, record
 from tsis.model.errors import CameraError, FileInputError, GaugeError
 from tsis.report import free_folder
 from tsis.report.document import envelope
@@ -21,7 +21,6 @@ if TYPE_CHECKING:
     from tsis.cli.cited_calibration import CitedCalibration
     from tsis.instrument.acquisition import Acquisition, Arrival
     from tsis.instrument.gauge import ForceLog
-from tsis.instrument.recording import RecordingReport
 
 
 def take_sequence(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,7 +14,8 @@ from tsis.calibration.session.result import DAYS
 from tsis.cli.calibrate.make import Days
 from tsis.cli.console_output import people, print_json, print_notice
 from tsis.cli.targets import AsJson
-from tsis.instrument import read_bytes, shown
+from tsis.instrument import shown
+from tsis.instrument.file_bytes import read_object
 from tsis.model import check
 from tsis.model.errors import FileInputError, InputError
 from tsis.report.document import envelope
@@ -42,14 +42,7 @@ def seal(
 
 
 def _read(path: Path, days: float) -> ProbeCalibration:
-    try:
-        content = json.loads(read_bytes(path))
-    except FileInputError:
-        raise
-    except (ValueError, RecursionError) as error:
-        raise FileInputError(f"{shown(path)} must be a readable JSON file; got: {error}") from error
-    if not isinstance(content, dict):
-        raise FileInputError(f"{shown(path)} must hold a JSON object; got {type(content).__name__}")
+    content = read_object(path)
     now = datetime.now(UTC).replace(microsecond=0)
     dated: dict[str, Any] = {**content, "made": now.isoformat(), "expires": (now + timedelta(days=days)).isoformat()}
     try:

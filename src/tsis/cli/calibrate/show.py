@@ -14,7 +14,7 @@ from tsis.calibration.file import identity, read_calibration
 from tsis.cli.console_output import people, print_json, print_notice
 from tsis.cli.targets import AsJson
 from tsis.model.errors import CalibrationError
-from tsis.report.calibration import held_rows, specification_rows
+from tsis.report.calibration import held_rows, measured_values, specification_rows
 from tsis.report.document import envelope
 
 SHEET = ("quantity", "measured", "fingertip", "printed")
@@ -40,10 +40,8 @@ def show(
                 sha256=identity(known),
                 usable=not refusal,
                 refusal=refusal,
-                values={name: value for name, value, _ in rows},
-                specification=[
-                    dict(zip(("quantity", "measured", "fingertip", "printed"), row, strict=True)) for row in sheet
-                ],
+                values=measured_values(known),
+                specification=[dict(zip(SHEET, row, strict=True)) for row in sheet],
             )
         )
         return
