@@ -21,19 +21,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import tsis
-from tsis.calibration.force import fit_force_line
-from tsis.calibration.force_loading import TIPS_MM, Loading, loading_forces
-from tsis.calibration.force_reading import read_press
-from tsis.calibration.reference import make_reference
-from tsis.calibration.response_fit import fit_response
+from tsis.calibration.force.fit import fit_force_line
+from tsis.calibration.force.loading import TIPS_MM, Loading, loading_forces
+from tsis.calibration.force.reading import read_press
+from tsis.calibration.reference.making import make_reference
+from tsis.calibration.response.fit import fit_response
 from tsis.imaging.sensor import Sensor
 from tsis.virtual.loading_machine import FLAT_LEVELS, VirtualLoadingMachine
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from tsis.calibration.force_line import ForceLine
-    from tsis.calibration.reference import Reference
+    from tsis.calibration.force.line import ForceLine
+    from tsis.calibration.reference.making import Reference
 
 PROBE = tsis.load_probe("tsis-direct")
 SENSOR = Sensor(columns=256, rows=216)

@@ -28,14 +28,14 @@ from scipy.optimize import brentq
 from scipy.stats import binomtest, norm
 
 import tsis
-from tsis.calibration.drift import ReferencePatch
-from tsis.calibration.guard import check_press
-from tsis.calibration.guard_blocks import FrameShape
-from tsis.calibration.guard_history import PressHistory
-from tsis.calibration.guard_limits import GuardLimits
-from tsis.calibration.guard_reference import GuardReference
-from tsis.calibration.guard_watch import PressWatch, WatchState
-from tsis.calibration.settling import judged
+from tsis.calibration.guard.blocks import FrameShape
+from tsis.calibration.guard.history import PressHistory
+from tsis.calibration.guard.limits import GuardLimits
+from tsis.calibration.guard.press_check import check_press
+from tsis.calibration.guard.reference import GuardReference
+from tsis.calibration.guard.watch import PressWatch, WatchState
+from tsis.calibration.lamps.patch import ReferencePatch
+from tsis.calibration.settling.verdict import judged
 from tsis.instrument import Frame
 from tsis.mechanics import relaxing_press, settling_time_s
 from tsis.model import Relaxation, TactileImage

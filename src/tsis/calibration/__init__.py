@@ -1,22 +1,15 @@
 """What makes a probe's grey levels mean something: scale, light, force, and whether a press is usable."""
 
 from tsis.calibration.file import ProbeCalibration, read_calibration, write_calibration
-from tsis.calibration.force import fit_force_line
-from tsis.calibration.force_line import ForceLine, ForceLineDiagnostics
-from tsis.calibration.force_loading import Loading
-from tsis.calibration.force_reading import read_press, total_grey
-from tsis.calibration.guard import check_press
-from tsis.calibration.guard_flags import GuardFlag
-from tsis.calibration.guard_limits import GuardLimits
-from tsis.calibration.guard_reference import GuardReference
-from tsis.calibration.guard_watch import PressWatch, WatchState
+from tsis.calibration.force import ForceLine, ForceLineDiagnostics, Loading, fit_force_line, read_press, total_grey
+from tsis.calibration.guard import GuardFlag, GuardLimits, GuardReference, PressWatch, WatchState, check_press
+from tsis.calibration.lamps import ReferencePatch, drift_corrected, patch_ratio, warm_up
 from tsis.calibration.measured import Measured
-from tsis.calibration.reference import make_reference
-from tsis.calibration.reference_value import Reference
-from tsis.calibration.response import Response
-from tsis.calibration.response_fit import fit_response
+from tsis.calibration.reference import Reference, make_reference
+from tsis.calibration.response import Response, Saturation, fit_response
 from tsis.calibration.scale import Scale, scale_from_ball, scale_from_dots
-from tsis.calibration.specification import Specification
+from tsis.calibration.settling import Settling, judge_settling
+from tsis.calibration.specification import Specification, edge_width, frame_rate, specification_sheet
 
 __all__ = [
     "ForceLine",
@@ -29,18 +22,28 @@ __all__ = [
     "PressWatch",
     "ProbeCalibration",
     "Reference",
+    "ReferencePatch",
     "Response",
+    "Saturation",
     "Scale",
+    "Settling",
     "Specification",
     "WatchState",
     "check_press",
+    "drift_corrected",
+    "edge_width",
     "fit_force_line",
     "fit_response",
+    "frame_rate",
+    "judge_settling",
     "make_reference",
+    "patch_ratio",
     "read_calibration",
     "read_press",
     "scale_from_ball",
     "scale_from_dots",
+    "specification_sheet",
     "total_grey",
+    "warm_up",
     "write_calibration",
 ]

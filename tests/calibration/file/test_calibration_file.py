@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from tsis.calibration import Measured
 from tsis.calibration.file import ProbeCalibration, calibration_bytes, identity, read_calibration, write_calibration
-from tsis.calibration.reference import Reference
+from tsis.calibration.reference.making import Reference
 from tsis.calibration.scale import Scale
 from tsis.model import Calibration, LightMap
 from tsis.model.errors import CalibrationError, FileInputError, InputError, TsisError

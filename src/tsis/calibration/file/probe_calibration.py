@@ -7,10 +7,10 @@ from datetime import UTC, datetime
 from types import MappingProxyType
 from typing import TYPE_CHECKING
 
-from tsis.calibration.force_line import ForceLine
-from tsis.calibration.reference import Reference
+from tsis.calibration.force.line import ForceLine
+from tsis.calibration.reference.making import Reference
 from tsis.calibration.scale import Scale
-from tsis.calibration.specification import Specification
+from tsis.calibration.specification.sheet import Specification
 from tsis.model import Calibration, check
 from tsis.model.errors import CalibrationError, InputError
 

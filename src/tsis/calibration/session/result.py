@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.calibration.file import ProbeCalibration
-from tsis.calibration.force import fit_force_line
-from tsis.calibration.force_loading import UNTOUCHED_N, Loading
-from tsis.calibration.force_reading import read_press
-from tsis.calibration.reference import make_reference
-from tsis.calibration.response_fit import fit_response
+from tsis.calibration.force.fit import fit_force_line
+from tsis.calibration.force.loading import UNTOUCHED_N, Loading
+from tsis.calibration.force.reading import read_press
+from tsis.calibration.reference.making import make_reference
+from tsis.calibration.response.fit import fit_response
 from tsis.calibration.scale import scale_from_dots
 from tsis.calibration.session.steps import BOARD, BOARD_UNTOUCHED, DARK, EDGE, FLAT, UNTOUCHED
-from tsis.calibration.spec_edge import edge_width
-from tsis.calibration.spec_rate import frame_rate
-from tsis.calibration.specification import specification
+from tsis.calibration.specification.edge import edge_width
+from tsis.calibration.specification.rate import frame_rate
+from tsis.calibration.specification.sheet import specification_sheet
 from tsis.instrument import shown
 from tsis.model import TactileImage, check
 from tsis.model.errors import CalibrationError, ImageMismatchError, InputError
@@ -27,10 +27,10 @@ from tsis.model.errors import CalibrationError, ImageMismatchError, InputError
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from tsis.calibration.force_line import ForceLineDiagnostics
+    from tsis.calibration.force.line import ForceLineDiagnostics
     from tsis.calibration.measured import Measured
-    from tsis.calibration.reference import Reference
-    from tsis.calibration.response import Response
+    from tsis.calibration.reference.making import Reference
+    from tsis.calibration.response.value import Response
     from tsis.calibration.scale import DotDiagnostics, Scale
     from tsis.calibration.session.folder import SessionFolder
     from tsis.calibration.session.shot import Shot
@@ -125,7 +125,7 @@ def calibrate(
         reference=reference,
         force_line=line,
         response=response.calibration(reference, name=terms.name, probe=terms.probe),
-        specification=specification(
+        specification=specification_sheet(
             probe=terms.probe,
             line=line,
             diagnostics=diagnostics,

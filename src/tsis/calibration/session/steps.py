@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tsis.calibration.force_loading import LARGEST_N, STEP_N, TIPS_MM
+from tsis.calibration.force.loading import LARGEST_N, STEP_N, TIPS_MM
 from tsis.model import check
 
 if TYPE_CHECKING:

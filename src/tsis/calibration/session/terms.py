@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 from datetime import datetime  # noqa: TC003 - the file format reads the type
 from types import MappingProxyType
 
-from tsis.calibration.force_loading import TIPS_MM
+from tsis.calibration.force.loading import TIPS_MM
 from tsis.calibration.session.steps import plan
 from tsis.model import check
 from tsis.model.errors import InputError

@@ -1,0 +1,217 @@
+"""From numbers to named flags: which limit each is held against, and what to do about it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from tsis.calibration.guard.limits import GuardLimits
+    from tsis.calibration.guard.reading import PressReading
+    from tsis.calibration.settling.verdict import Settling
+
+WORST = 1e6  # a value over its limit is said to be at most so far over it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GuardFlag:
+    """One thing that speaks against using a press as it is.
+
+    Attributes
+    ----------
+    name
+        A stable name, one of `FLAGS`.
+    value, limit
+        What was found and the limit that it passed, in the unit that `FLAGS` names.
+    advice
+        What to do, in one line.
+    """
+
+    name: str
+    value: float
+    limit: float
+    advice: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlagMeaning:
+    """What a flag means.
+
+    Attributes
+    ----------
+    means
+        In words.
+    limit
+        The field of `GuardLimits` that it is held against.
+    unit
+        Of value and limit.
+    needs
+        What must be known besides the frame.
+    """
+
+    means: str
+    limit: str
+    unit: str
+    needs: str = ""
+
+
+CONTACT_SHARE, UNTOUCHED = "share of the contact's light", "an untouched frame"
+FLAGS = {
+    "no-contact": FlagMeaning(means="nothing stands out of the frame", limit="contact", unit="share of full scale"),
+    "force-too-small": FlagMeaning(
+        means="pressed too lightly", limit="least_force_n", unit="N", needs="the gauge's force"
+    ),
+    "force-too-large": FlagMeaning(means="pressed too hard", limit="most_force_n", unit="N", needs="the gauge's force"),
+    "saturated": FlagMeaning(
+        means="the camera clips inside the contact", limit="saturated", unit="share of the contact's pixels"
+    ),
+    "dark-frame": FlagMeaning(means="the contact is too dim to read", limit="dark", unit="share of full scale"),
+    "cropped": FlagMeaning(means="the contact runs out of the frame", limit="cropped", unit="share of the peak"),
+    "off-centre": FlagMeaning(
+        means="the contact lies beside the probe's axis", limit="off_centre", unit="share of the contact's radius"
+    ),
+    "tilted": FlagMeaning(
+        means="one side is brighter than in a level press", limit="tilt", unit="share of the brightness, centre to edge"
+    ),
+    "ambient-light": FlagMeaning(
+        means="light from outside reaches the camera", limit="ambient", unit=CONTACT_SHARE, needs=UNTOUCHED
+    ),
+    "flicker": FlagMeaning(
+        means="light from outside swings with the mains",
+        limit="flicker",
+        unit=CONTACT_SHARE,
+        needs="a series of frames with times",
+    ),
+    "led-drift": FlagMeaning(
+        means="the lamps are not as bright as in the reference",
+        limit="led_drift",
+        unit="share of the lamps' light",
+        needs=f"{UNTOUCHED} with a reference patch",
+    ),
+    "moving": FlagMeaning(
+        means="the press has not settled, or nobody can tell yet",
+        limit="moving",
+        unit="share of the light still to come",
+        needs="a series of frames with times",
+    ),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Finding:
+    """A number held against its limit.
+
+    Attributes
+    ----------
+    flag
+        As it would be raised.
+    excess
+        How far the value is beyond the limit, as a factor: above 1 it is raised.
+    """
+
+    flag: GuardFlag
+    excess: float
+
+
+def findings(
+    reading: PressReading,
+    limits: GuardLimits,
+    *,
+    settling: Settling | None = None,
+    flicker_grey: float | None = None,
+) -> Iterator[Finding]:
+    """Hold every number that is known against its limit, in the order in which faults are best cured.
+
+    Parameters
+    ----------
+    reading
+        Of the frame.
+    limits
+        The limits.
+    settling
+        Of the series; None when it is not known.
+    flicker_grey
+        Amplitude at the mains' frequencies, grey levels; None when it is not known.
+    """
+    least = max(limits.contact, reading.noise)
+    contrast = max(reading.contrast, 0.0)
+    touched = contrast >= limits.release * least
+    yield _below("no-contact", contrast, least, "press the probe on the tissue, or check lamps and exposure")
+    if reading.force_n is not None:
+        force, low, high = reading.force_n, limits.least_force_n, limits.most_force_n
+        yield _below("force-too-small", force, low, f"press more: {force:.2g} N is below {low:g} N")
+        yield _above("force-too-large", force, high, f"press less: {force:.2g} N is above {high:g} N")
+    if touched:
+        yield from _contact_findings(reading, limits)
+    # The light that stray light is held against: what the contact gives, or what a contact would give at the least.
+    light = max(reading.light, limits.dark * reading.full_scale) if touched else limits.dark * reading.full_scale
+    if reading.ambient_grey is not None:
+        share = reading.ambient_grey / light
+        yield _above(
+            "ambient-light", share, limits.ambient, f"keep light out: {share:.1%} of the light is not the lamps'"
+        )
+    if flicker_grey is not None:
+        share = flicker_grey / light
+        yield _above(
+            "flicker",
+            share,
+            limits.flicker,
+            f"switch lamps in the room off: light swings by {share:.1%} with the mains",
+        )
+    if reading.led_drift is not None:
+        drift = reading.led_drift
+        advice = f"let the lamps warm up or take a new reference: their light changed by {drift:+.1%}"
+        yield _above("led-drift", abs(drift), limits.led_drift, advice)
+    if touched and settling is not None:
+        yield _above("moving", settling.bound, limits.moving, _hold(settling))
+
+
+def _contact_findings(reading: PressReading, limits: GuardLimits) -> Iterator[Finding]:
+    if reading.saturated is not None:
+        advice = f"press less or expose shorter: {reading.saturated:.2%} of the contact clips"
+        yield _above("saturated", reading.saturated, limits.saturated, advice)
+    advice = f"press more or expose longer: the contact's peak is {reading.contrast:.1%} of full scale"
+    yield _below("dark-frame", reading.contrast, limits.dark, advice)
+    if reading.cropped is not None:
+        advice = f"press less or centre the contact: it runs out of the frame at {reading.cropped:.0%} of its peak"
+        yield _above("cropped", reading.cropped, limits.cropped, advice)
+    if reading.off_centre is not None:
+        advice = f"centre the probe: the contact lies {reading.off_centre:.0%} of its radius beside the axis"
+        yield _above("off-centre", reading.off_centre, limits.off_centre, advice)
+    if reading.tilt is not None:
+        size = math.hypot(*reading.tilt)
+        advice = (
+            f"lower the {_side(*reading.tilt)} of the probe: the other is brighter by {size:.0%} from centre to edge"
+        )
+        yield _above("tilted", size, limits.tilt, advice)
+
+
+def _side(x: float, y: float) -> str:
+    """The darker side of the picture, where the probe presses less."""
+    if abs(x) >= abs(y):
+        return "left side" if x > 0 else "right side"
+    return "upper side" if y > 0 else "lower side"
+
+
+def _hold(settling: Settling) -> str:
+    if settling.wait_s is None:
+        return "hold still: whether the press has settled cannot be told yet"
+    share = abs(settling.remaining.value)
+    return f"hold still for {_duration(settling.wait_s)}: {share:.1%} of the light is still to come or go"
+
+
+def _duration(seconds: float) -> str:
+    return f"{math.ceil(seconds)} s" if seconds <= 120 else f"{math.ceil(seconds / 60)} min"
+
+
+def _above(name: str, value: float, limit: float, advice: str) -> Finding:
+    excess = min(value / limit, WORST) if limit > 0 else (WORST if value > 0 else 0.0)
+    return Finding(flag=GuardFlag(name=name, value=value, limit=limit, advice=advice), excess=excess)
+
+
+def _below(name: str, value: float, limit: float, advice: str) -> Finding:
+    excess = min(limit / value, WORST) if value > 0 else WORST
+    return Finding(flag=GuardFlag(name=name, value=value, limit=limit, advice=advice), excess=excess)

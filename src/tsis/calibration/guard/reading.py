@@ -1,0 +1,191 @@
+"""What the press guard reads off one frame: numbers, before any threshold."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+
+from tsis.calibration.guard.outside import level_outside
+from tsis.imaging.patch import NOISE_FACTOR, QUANTISATION, SMOOTH_PX, pixel_noise, smoothed
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.calibration.guard.outside import Outside
+    from tsis.calibration.guard.reference import Prepared
+
+FOOT = 0.05  # of the peak: where the contact's light counts as its own
+BORDER_STEPS = 6  # of a bisection: to a sixtieth of the peak
+LEAST_AREA = 9  # blocks: a smaller contact has no moments
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PressReading:
+    """Numbers of one frame; None is what cannot be told from what was given.
+
+    Attributes
+    ----------
+    force_n
+        Force of the gauge, N.
+    full_scale
+        Grey level at which the camera clips.
+    contrast
+        Peak of the change above what is untouched, a share of full scale.
+    noise
+        Least contrast that stands out of the frame's noise, a share of full scale.
+    light
+        Mean change of grey level over the frame.
+    tilt
+        Gradient of brightness from the contact's centre to its edge, (x, y), a share.
+    off_centre
+        Distance of the contact's centre from the axis over the contact's radius.
+    saturated
+        Share of the contact's pixels at full scale.
+    cropped
+        Level at which the contact's patch reaches the frame's border, over the peak.
+    ambient_grey
+        Light from outside, grey levels.
+    led_drift
+        Change of the lamps since the reference, a share, signed.
+    outside_grey
+        Mean level where no press reaches, grey levels, as the camera delivers it.
+    """
+
+    force_n: float | None
+    full_scale: float
+    contrast: float
+    noise: float
+    light: float
+    tilt: tuple[float, float] | None
+    off_centre: float | None
+    saturated: float | None
+    cropped: float | None
+    ambient_grey: float | None
+    led_drift: float | None
+    outside_grey: float | None
+
+
+def read_press(pixels: NDArray[Any], prepared: Prepared, *, force_n: float | None = None) -> PressReading:
+    """Read a frame of the shape that the companions were prepared for.
+
+    Parameters
+    ----------
+    pixels
+        Grey levels as the camera delivered them.
+    prepared
+        What the frame is compared with.
+    force_n
+        Force of the gauge, N.
+    """
+    shape = prepared.shape
+    grey = shape.means(pixels)
+    untouched = prepared.untouched
+    change = grey if untouched is None else prepared.sign * (grey - untouched)
+    outside = level_outside(grey, change, prepared)
+    background = outside.level
+    smooth = smoothed(change) - background
+    row, column = np.unravel_index(int(np.argmax(smooth)), smooth.shape)
+    peak = float(smooth[row, column])
+    rounding = QUANTISATION / shape.by
+    noise = NOISE_FACTOR * max(pixel_noise(change), rounding) / (2.0 * SMOOTH_PX * float(np.sqrt(np.pi)))
+    drift, ambient = lamps_and_ambient(pixels, outside, prepared)
+    tilt = off_centre = saturated = cropped = None
+    if peak > noise:
+        mask = _around((int(row), int(column)), smooth > max(noise, FOOT * peak))
+        if np.count_nonzero(mask) >= LEAST_AREA:
+            tilt, off_centre = _moments(smooth, mask, prepared)
+            saturated = _clipped(pixels, mask, prepared)
+            cropped = _reaches_border(smooth, (int(row), int(column))) / peak
+    return PressReading(
+        force_n=force_n,
+        full_scale=shape.full_scale,
+        contrast=peak / shape.full_scale,
+        noise=noise / shape.full_scale,
+        light=float(change.mean()) - background,
+        tilt=tilt,
+        off_centre=off_centre,
+        saturated=saturated,
+        cropped=cropped,
+        ambient_grey=ambient,
+        led_drift=drift,
+        outside_grey=outside.mean_grey,
+    )
+
+
+def lamps_and_ambient(pixels: NDArray[Any], outside: Outside, prepared: Prepared) -> tuple[float | None, float | None]:
+    """Change of the lamps, a share, and light from outside, grey levels; None is what cannot be told.
+
+    Lamps that brighten by r multiply what they light, light from outside adds the same a everywhere. A lit patch P and
+    a place O with less light, both untouched, tell the two apart: ``r = (P - O) / (P0 - O0)`` and
+    ``a = O - dark - r (O0 - dark)``.
+    """
+    before, since, dark = outside.before, outside.since, prepared.dark_grey or 0.0
+    patch, patch_before = prepared.patch_level(pixels), prepared.patch_before
+    if before is None or since is None:
+        if patch is None or patch_before is None:
+            return None, None
+        return (patch - dark) / (patch_before - dark) - 1.0, None
+    if patch is not None and patch_before is not None:
+        if patch_before - before < prepared.least_lit:  # no darker place to compare with
+            return (patch - dark) / (patch_before - dark) - 1.0, None
+        ratio = (patch - before - since) / (patch_before - before)
+        return ratio - 1.0, before + since - dark - ratio * (before - dark)
+    if prepared.dark_grey is not None and before - dark >= prepared.least_lit:
+        return since / (before - dark), None  # lit by the lamps: one level cannot tell them from other light
+    return None, since
+
+
+def _around(place: tuple[int, int], above: NDArray[np.bool]) -> NDArray[np.bool]:
+    """The connected part that holds a block."""
+    labels = cv2.connectedComponents(above.astype(np.uint8))[1]
+    return np.asarray(labels == labels[place])
+
+
+def _reaches_border(smooth: NDArray[np.float64], place: tuple[int, int]) -> float:
+    """Highest level at which the part around the peak touches the frame's border.
+
+    Not the brightest light on the border: the rim of a face that is wider than the frame shines there by itself.
+    """
+    low, high = 0.0, float(smooth[place])
+    for _ in range(BORDER_STEPS):
+        middle = (low + high) / 2
+        part = _around(place, smooth > middle)
+        touches = any(bool(edge.any()) for edge in (part[0], part[-1], part[:, 0], part[:, -1]))
+        low, high = (middle, high) if touches else (low, middle)
+    return high
+
+
+def _moments(
+    smooth: NDArray[np.float64], mask: NDArray[np.bool], prepared: Prepared
+) -> tuple[tuple[float, float], float]:
+    """Gradient of the brightness against that of a level press, and distance from the axis over the radius.
+
+    Light ``b(r) (1 + g x / R)`` around the mask's centre has ``<x> = g <x²> / R``, whatever its profile b.
+    """
+    x, y = prepared.places
+    area, light = mask.astype(np.float64), np.where(mask, smooth, 0.0)
+    pixels, total = area.sum(), light.sum()
+    cell = abs((x[-1] - x[0]) / max(len(x) - 1, 1) * (y[-1] - y[0]) / max(len(y) - 1, 1))
+    radius = float(np.sqrt(pixels * cell / np.pi))
+    centre, gradient = [], []
+    for axis, along in ((0, x), (1, y)):
+        middle = float(area.sum(axis=axis) @ along / pixels)
+        apart = along - middle
+        weights = light.sum(axis=axis)
+        second = max(float(weights @ apart**2), np.finfo(float).tiny * total)
+        centre.append(middle)
+        gradient.append(radius * float(weights @ apart) / second)
+    level = prepared.level_tilt
+    return (gradient[0] - level[0], gradient[1] - level[1]), math.hypot(*centre) / radius
+
+
+def _clipped(pixels: NDArray[Any], mask: NDArray[np.bool], prepared: Prepared) -> float:
+    """Share of the contact's pixels at full scale."""
+    clipped = pixels >= prepared.shape.full_scale
+    if not np.count_nonzero(clipped):
+        return 0.0
+    return float(prepared.shape.means(clipped)[mask].mean())

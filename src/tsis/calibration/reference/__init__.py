@@ -1,0 +1,12 @@
+"""What a camera sees without contact, and what later frames are corrected with."""
+
+from tsis.calibration.reference.making import make_reference
+from tsis.calibration.reference.noise import PhotonTransfer, photon_transfer
+from tsis.calibration.reference.value import Reference
+
+__all__ = [
+    "PhotonTransfer",
+    "Reference",
+    "make_reference",
+    "photon_transfer",
+]

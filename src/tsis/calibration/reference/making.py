@@ -1,0 +1,182 @@
+"""From dark, untouched and flat frames to a `Reference`: means, bad pixels, the light's pattern, the camera's noise."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from tsis.calibration.measured import Measured
+from tsis.calibration.reference.noise import photon_transfer, stack
+from tsis.calibration.reference.value import LEAST_LIGHT, Box, Reference, checked_box, inside
+from tsis.model.errors import CalibrationError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.model import TactileImage
+
+__all__ = ["Reference", "make_reference"]
+
+LEAST_FRAMES = 4
+BAD_FACTOR = 8.0  # robust standard deviations by which a hot or dead pixel stands out
+MOST_BAD = 0.02  # share of bad pixels that a camera may have
+SMOOTH_PX = 2.0  # about as fine as a lens lets light vary
+READ_AND_ROUNDING = 0.5  # variance of a pixel without light, of which photons in a bright patch make many times as much
+
+
+def make_reference(
+    dark: Sequence[TactileImage],
+    untouched: Sequence[TactileImage],
+    flats: Sequence[Sequence[TactileImage]] = (),
+    *,
+    patch_px: Box | None = None,
+    scenes: Sequence[Sequence[TactileImage]] = (),
+) -> Reference:
+    """Average frames into a reference, and measure the camera's noise.
+
+    Parameters
+    ----------
+    dark
+        Frames with the lamps off or the lens covered, 4 or more.
+    untouched
+        Frames of the untouched probe, the lamps on, 4 or more.
+    flats
+        For each level of light 4 or more frames of even contact with the whole face (or of another even light that
+        takes the same way). Without any, light counts as even, and the noise must be told from the untouched frames.
+    patch_px
+        Where the lamps are seen past the probe: (left, top, right, bottom) in pixels, ends excluded.
+    scenes
+        4 or more frames each of still scenes in any light, for the camera's noise alone.
+
+    Raises
+    ------
+    CalibrationError
+        When frames are too few, clip, or lie the wrong way round (dark brighter than untouched), or when too many
+        pixels are bad.
+    ImageMismatchError
+        When the frames have different sizes or full scales.
+    """
+    groups = [stack("dark", dark, least=LEAST_FRAMES), stack("untouched", untouched, least=LEAST_FRAMES)]
+    groups += [stack("flats", level, least=LEAST_FRAMES) for level in flats]
+    every = [image for level in (dark, untouched, *flats) for image in level]
+    stack("dark, untouched and flat frames", [dark[0], untouched[0], *(level[0] for level in flats)], least=2)
+    base = groups[0].mean(axis=0)
+    box = None if patch_px is None else checked_box(patch_px, base.shape)
+    good = ~_bad(groups[0], groups[2:])
+    lamps = _lamps_of(groups[1], base, box)
+    light = ((groups[1] - base) / lamps[:, None, None]).mean(axis=0)
+    if light.mean() < -1:
+        raise CalibrationError(
+            f"untouched frames must not be darker than dark ones; they are by {-light.mean():.1f} grey levels "
+            "(were the two swapped?)"
+        )
+    field = good.copy()
+    if box is not None:
+        field[inside(box)] = False
+    relative = _relative(groups[2:], base, light, field, box)
+    lit = [*groups[1:], *(stack("scenes", scene, least=LEAST_FRAMES) for scene in scenes)]
+    noise = photon_transfer(groups[0], lit, usable=field, full_scale=dark[0].full_scale)
+    patch, lamp_sd = _patch(groups[1], base, box, lamps, noise.shot_noise_grey.value)
+    stray = light[field]
+    scales = {image.mm_per_pixel for image in every}
+    return Reference(
+        dark_grey=_single(base),
+        untouched_grey=_single(light),
+        relative_light=_single(relative),
+        usable=field & (relative >= LEAST_LIGHT),
+        full_scale=dark[0].full_scale,
+        mm_per_pixel=scales.pop() if len(scales) == 1 else None,
+        dark_frames=len(dark),
+        untouched_frames=len(untouched),
+        flat_frames=sum(len(level) for level in flats),
+        read_noise_grey=noise.read_noise_grey,
+        shot_noise_grey=noise.shot_noise_grey,
+        stray_grey=Measured(value=float(stray.mean()), sd=float(stray.std() / np.sqrt(stray.size)), unit="grey"),
+        patch_px=box,
+        patch_grey=patch,
+        lamp_sd=lamp_sd,
+    )
+
+
+def _single(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values that single precision holds, finer than any noise here: files of them are half as large."""
+    return values.astype(np.float32).astype(float)
+
+
+def _lamps_of(frames: NDArray[np.float64], base: NDArray[np.float64], box: Box | None) -> NDArray[np.float64]:
+    """Brightness of the lamps in each frame over their mean."""
+    if box is None:
+        return np.ones(len(frames))
+    seen = (frames - base)[:, *inside(box)].mean(axis=(1, 2))
+    if seen.min() < 10:
+        raise CalibrationError(
+            f"the reference patch must be lit by at least 10 grey levels; got {seen.min():.1f} (move patch_px to where "
+            "the lamps are seen)"
+        )
+    return np.asarray(seen / seen.mean())
+
+
+def _patch(
+    frames: NDArray[np.float64], base: NDArray[np.float64], box: Box | None, lamps: NDArray[np.float64], shot: float
+) -> tuple[Measured | None, float]:
+    """Mean light of the patch, and how well one frame tells the lamps."""
+    if box is None:
+        return None, 0.0
+    light = (frames - base)[:, *inside(box)]
+    mean, count = float(light.mean()), light[0].size
+    one = float(np.sqrt((shot * mean + READ_AND_ROUNDING) / count))
+    return Measured(value=mean, sd=one / float(np.sqrt(len(frames))), unit="grey"), one / mean * float(lamps.mean())
+
+
+def _bad(dark: NDArray[np.float64], flats: Sequence[NDArray[np.float64]]) -> NDArray[np.bool]:
+    """Pixels that stand out of their neighbours without light, or that do not answer to it."""
+    bad = _outliers(dark.mean(axis=0))
+    for level in flats:
+        bad |= _outliers(level.mean(axis=0))
+    share = float(bad.mean())
+    if share > MOST_BAD:
+        raise CalibrationError(
+            f"at most {MOST_BAD:.0%} of pixels may be hot or dead; got {share:.1%} (is light leaking?)"
+        )
+    return bad
+
+
+def _outliers(mean: NDArray[np.float64]) -> NDArray[np.bool]:
+    smooth = cv2.medianBlur(mean.astype(np.float32), 5).astype(float)
+    left = mean - smooth
+    spread = 1.4826 * float(np.median(np.abs(left - np.median(left))))
+    return np.asarray(np.abs(left) > np.maximum(BAD_FACTOR * max(spread, 0.25), 0.15 * np.abs(smooth)))
+
+
+def _relative(
+    flats: Sequence[NDArray[np.float64]],
+    base: NDArray[np.float64],
+    untouched: NDArray[np.float64],
+    field: NDArray[np.bool],
+    box: Box | None,
+) -> NDArray[np.float64]:
+    """Light over the face relative to its mean over the good pixels; each level counts by its light."""
+    total = np.zeros_like(base)
+    for level in flats:
+        lit = level - base
+        if box is not None:
+            part = lit[:, *inside(box)].mean(axis=(1, 2)) / untouched[inside(box)].mean()
+            lit = lit / part[:, None, None]
+        total += (lit - untouched).sum(axis=0)
+    if not flats:
+        return np.ones_like(base)
+    mean = float(total[field].mean())
+    if mean / sum(len(level) for level in flats) < 10:
+        raise CalibrationError("flat-field frames must be brighter than untouched ones by 10 grey levels or more")
+    return _smoothed(np.maximum(total / mean, 0.0), field)
+
+
+def _smoothed(relative: NDArray[np.float64], field: NDArray[np.bool]) -> NDArray[np.float64]:
+    """The map of light without its pixels' noise, which all later frames would share; good pixels alone count."""
+    weight = field.astype(float)
+    known, sums = (cv2.GaussianBlur(part, (0, 0), SMOOTH_PX) for part in (weight, weight * relative))
+    return np.where(field, sums / np.maximum(known, 1e-9), relative)

@@ -1,0 +1,173 @@
+"""Has a press settled? Tissue relaxes while the probe is held, and force and light with it.
+
+A standard linear solid fades with one time constant, a Prony series with several. The tail of the series is fitted by
+such a sum with time constants up to the longest that is reckoned with (`tsis.calibration.settling.decay`). Settled is a
+press whose remaining change is below the tolerance with the stated certainty; a plateau that is too short for the
+longest time constant, or too noisy, is neither settled nor settling but unknown.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.special import stdtrit
+
+from tsis.calibration.measured import Measured
+from tsis.calibration.settling.decay import DecayFit
+from tsis.model import check
+from tsis.model.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from tsis.calibration.settling.decay import Decay
+
+LONGEST_S = 100.0  # assumed of soft tissue: the slow term of its relaxation lasts tens of seconds
+CERTAINTY = 0.95  # one-sided, of each end of what may still fade
+BINS = 128  # the series is averaged to at most so many values, at equal steps
+FEWEST = 16  # values with which two exponentials and the noise can be told apart
+LEAST_NOISE = 2e-4  # of the value: the grid of time constants is no finer
+GAUSSIAN_MAD = 1.4826  # standard deviation over median absolute deviation of Gaussian noise
+TERMS = 5  # that a fit spends: level, two amplitudes and two time constants
+DOUBT = 3.0  # standard deviations by which a fit may miss its noise
+CAPPED = 1.0  # shares beyond it are said as the whole
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settling:
+    """Whether a press has settled, and how long it still takes.
+
+    Attributes
+    ----------
+    verdict
+        ``"settled"``, ``"settling"``, or ``"cannot tell"`` when the series is too short or too noisy.
+    remaining
+        Change that is still to come as a share of the present value; negative where it falls.
+    bound
+        Share that the remaining change stays below, either sign, with probability `CERTAINTY`; at most 1.
+    wait_s
+        Time from now until the remaining change is below the tolerance, s; 0 when it is, None when nobody can tell.
+    """
+
+    verdict: str
+    remaining: Measured
+    bound: float
+    wait_s: float | None
+
+    @property
+    def settled(self) -> bool:
+        """True when it is known to have settled."""
+        return self.verdict == "settled"
+
+
+def judge_settling(
+    time_s: ArrayLike, value: ArrayLike, *, tolerance: float = 0.01, longest_s: float = LONGEST_S
+) -> Settling:
+    """Judge from a series of force, sum of grey levels or area whether a press that is held has settled.
+
+    Parameters
+    ----------
+    time_s
+        Times, s, shape (n,), strictly ascending, about even.
+    value
+        The series, shape (n,), of one sign where it is to be judged. It may begin before the travel ends: the oldest
+        half is left out until a sum of two exponentials describes the rest to within its noise.
+    tolerance
+        Remaining change, a share of the settled value, in [1e-4, 0.5], below which a press counts as settled.
+    longest_s
+        Longest time constant to be reckoned with, s, in [1e-2, 1e5].
+
+    Returns
+    -------
+    Settling
+        The verdict; ``"cannot tell"`` below 16 values.
+
+    Raises
+    ------
+    InputError
+        When the series holds NaN, times do not ascend or a value lies outside its range.
+
+    Examples
+    --------
+    >>> time = np.arange(0.0, 60.0, 0.1)
+    >>> force = 1 + 0.4 * np.exp(-time / 3.0) + 1e-3 * np.random.default_rng(1).standard_normal(time.size)
+    >>> judge_settling(time[:60], force[:60]).verdict, judge_settling(time, force).verdict
+    ('settling', 'settled')
+    """
+    check.number("tolerance", tolerance, 1e-4, 0.5, hint="a share of the settled value")
+    check.number("longest_s", longest_s, 1e-2, 1e5, hint="seconds")
+    time, values = check.array("time_s", time_s, ndim=1), check.array("value", value, ndim=1)
+    if time.shape != values.shape:
+        raise InputError(f"time_s and value must be of one length; got {time.size} and {values.size}")
+    if (np.diff(time) <= 0).any():
+        at = int(np.argmax(np.diff(time) <= 0))
+        raise InputError(f"time_s must ascend; got {time[at]:g} s and then {time[at + 1]:g} s")
+    return judged(*_averaged(time, values), tolerance=tolerance, longest_s=longest_s)
+
+
+def judged(
+    time: NDArray[np.float64], value: NDArray[np.float64], *, tolerance: float, longest_s: float = LONGEST_S
+) -> Settling:
+    """`settling` of a series already checked and averaged to at most `BINS` values."""
+    while len(time) >= FEWEST:
+        if value[-1] * value.mean() <= 0:
+            break
+        try:
+            found = _described(time, value, longest_s)
+        except RuntimeError:  # the solver does not end on this series
+            found = None
+        if found is not None:
+            return _verdict(found, len(time), tolerance)
+        time, value = (part[len(part) // 2 :] for part in (time, value))
+    return Settling(verdict="cannot tell", remaining=Measured(value=0.0, sd=CAPPED), bound=CAPPED, wait_s=None)
+
+
+def _averaged(time: NDArray[np.float64], value: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Means over as many neighbours each as bring the series to at most `BINS` values; the oldest odd ones go.
+
+    An exponential averaged over equal steps is the same exponential, but for a factor.
+    """
+    by = -(-len(time) // BINS)
+    first = len(time) % by
+    return time[first:].reshape(-1, by).mean(axis=1), value[first:].reshape(-1, by).mean(axis=1)
+
+
+def _described(time: NDArray[np.float64], value: NDArray[np.float64], longest_s: float) -> Decay | None:
+    """The fit, or None when it misses the series by more than the noise between neighbours."""
+    count, size = len(time), float(np.abs(value[len(value) // 2 :]).mean())
+    differences = np.diff(value, 2)
+    noise = GAUSSIAN_MAD * float(np.median(np.abs(differences))) / np.sqrt(6.0)  # (1 -2 1) has the norm sqrt(6)
+    noise = max(noise, LEAST_NOISE * size)
+    step = float(time[-1] - time[0]) / (count - 1)
+    fit = DecayFit(time, value, tau_range_s=(min(step, longest_s / 2), longest_s))
+    missed = fit.best()[1] / (count - TERMS)
+    # Sampling variances: of the residual's variance 2 / n, of the robust one from differences some 8 / n.
+    if missed > noise**2 * (1 + DOUBT * np.sqrt(10.0 / count)):
+        return None
+    quantile = float(stdtrit(count - TERMS, CERTAINTY))
+    return fit.decay(max(noise, float(np.sqrt(missed))), deviations=quantile)
+
+
+def _verdict(found: Decay, count: int, tolerance: float) -> Settling:
+    fading = found.fading(np.zeros(1))[0]
+    present = found.level + fading
+    low, high = sorted(min(max(-end / present, -CAPPED), CAPPED) for end in (found.low, found.high))
+    bound = max(-low, high)
+    quantile = float(stdtrit(count - TERMS, CERTAINTY))
+    change = Measured(
+        value=float(-fading / present), sd=(high - low) / (2 * quantile), degrees_of_freedom=count - TERMS
+    )
+    if bound <= tolerance:
+        return Settling(verdict="settled", remaining=change, bound=bound, wait_s=0.0)
+    if low < tolerance and high > -tolerance:
+        return Settling(verdict="cannot tell", remaining=change, bound=bound, wait_s=None)
+    return Settling(verdict="settling", remaining=change, bound=bound, wait_s=_wait(found, tolerance))
+
+
+def _wait(found: Decay, tolerance: float) -> float:
+    """Time from now until the best fit has less than the tolerance still to fade."""
+    longest = float(found.tau_s[-1])
+    wait = np.r_[0.0, np.geomspace(1e-3 * longest, 20.0 * longest, 600)]
+    return float(wait[np.argmax(np.abs(found.fading(wait)) <= tolerance * abs(found.level))])

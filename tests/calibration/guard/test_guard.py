@@ -1,0 +1,270 @@
+from __future__ import annotations
+
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import tsis
+from tsis.calibration.guard.blocks import FrameShape
+from tsis.calibration.guard.flags import FLAGS
+from tsis.calibration.guard.flicker import flicker_amplitude
+from tsis.calibration.guard.limits import RANGES, GuardLimits
+from tsis.calibration.guard.press_check import check_press
+from tsis.calibration.guard.reading import read_press
+from tsis.calibration.guard.reference import GuardReference, prepared
+from tsis.calibration.guard.watch import PressWatch, WatchState
+from tsis.calibration.lamps.patch import ReferencePatch
+from tsis.calibration.settling.verdict import judge_settling
+from tsis.instrument import Frame
+from tsis.model import TactileImage
+from tsis.model.errors import ImageMismatchError, InputError
+from tsis.virtual import VirtualProbe
+
+ROWS, COLUMNS, RADIUS_PX, DARK = 246, 384, 60.0, 8.0
+LIT = ReferencePatch(first_row=0, last_row=16, first_column=0, last_column=24)
+PAGE = Path(__file__).resolve().parents[3] / "docs" / "how-to" / "watch-a-press.md"
+
+
+def scene(
+    *,
+    peak: float = 120.0,
+    centre: tuple[float, float] = (0.0, 0.0),
+    gradient: tuple[float, float] = (0.0, 0.0),
+    lamps: float = 1.0,
+    stray: float = 0.0,
+    seed: int = 1,
+    force_n: float | None = 1.0,
+) -> TactileImage:
+    """A bell of light that ends at a sharp edge, a lit corner, and what goes wrong with them."""
+    y, x = np.mgrid[:ROWS, :COLUMNS]
+    x, y = (x - (COLUMNS - 1) / 2 - centre[0]) / RADIUS_PX, (y - (ROWS - 1) / 2 - centre[1]) / RADIUS_PX
+    bell = peak * (1 - 0.8 * (x**2 + y**2)) * (1 + gradient[0] * x + gradient[1] * y)
+    light = np.where(np.hypot(x, y) < 1, np.maximum(bell, 0.0), 0.0)
+    light[LIT.first_row : LIT.last_row, LIT.first_column : LIT.last_column] = 90.0
+    grey = DARK + stray + lamps * light + 0.7 * np.random.default_rng(seed).standard_normal(light.shape)
+    return TactileImage(grey=np.clip(np.rint(grey), 0.0, 255.0), mm_per_pixel=(0.05, 0.05), force_n=force_n)
+
+
+def reference(**changes: Any) -> GuardReference:
+    return GuardReference(**{"untouched": scene(peak=0.0, seed=99), "patch": LIT, "dark_grey": DARK, **changes})
+
+
+def names(image: TactileImage, against: GuardReference | None = None, **more: Any) -> list[str]:
+    return [flag.name for flag in check_press(image, reference=against or reference(), **more)]
+
+
+def test_a_good_press_raises_nothing() -> None:
+    assert names(scene()) == []
+
+
+@pytest.mark.parametrize(
+    ("image", "flag"),
+    [
+        (scene(peak=0.0), "no-contact"),
+        (scene(force_n=0.05), "force-too-small"),
+        (scene(force_n=2.3), "force-too-large"),
+        (scene(peak=400.0), "saturated"),
+        (scene(peak=8.0), "dark-frame"),
+        (scene(centre=(0.0, 100.0)), "cropped"),
+        (scene(centre=(12.0, -9.0)), "off-centre"),
+        (scene(gradient=(0.0, 0.2)), "tilted"),
+        (scene(stray=3.0), "ambient-light"),
+        (scene(lamps=1.04), "led-drift"),
+        (scene(lamps=0.96), "led-drift"),
+    ],
+)
+def test_each_fault_raises_its_flag(image: TactileImage, flag: str) -> None:
+    assert flag in names(image)
+
+
+@pytest.mark.parametrize(
+    ("image", "only"),
+    [
+        (scene(gradient=(0.2, 0.1)), ["tilted"]),
+        (scene(centre=(12.0, -9.0)), ["off-centre"]),
+        (scene(stray=3.0), ["ambient-light"]),
+        (scene(lamps=1.04), ["led-drift"]),
+        (scene(lamps=1.04, stray=-1.0 + 4.0), ["ambient-light", "led-drift"]),
+    ],
+)
+def test_one_fault_is_not_taken_for_another(image: TactileImage, only: list[str]) -> None:
+    assert names(image) == only
+
+
+@given(x=st.floats(-0.3, 0.3), y=st.floats(-0.3, 0.3))
+@settings(max_examples=15, deadline=None)
+def test_the_gradient_read_is_that_put_in(x: float, y: float) -> None:
+    image = scene(gradient=(x, y))
+    reading = read_press(image.grey, prepared(reference(), FrameShape.of(image)))
+    # The lens draws the foot of the brighter side out, which takes some of a steep gradient.
+    assert reading.tilt == pytest.approx((x, y), abs=0.02 + 0.15 * max(abs(x), abs(y)))
+    assert reading.off_centre == pytest.approx(0.0, abs=0.02)
+
+
+@given(x=st.floats(-30, 30), y=st.floats(-30, 30))
+@settings(max_examples=15, deadline=None)
+def test_the_distance_read_is_that_put_in(x: float, y: float) -> None:
+    image = scene(centre=(x, y))
+    reading = read_press(image.grey, prepared(reference(), FrameShape.of(image)))
+    assert reading.off_centre == pytest.approx(np.hypot(x, y) / RADIUS_PX, abs=0.02)
+    assert reading.tilt == pytest.approx((0.0, 0.0), abs=0.02)
+
+
+@given(lamps=st.floats(0.8, 1.2), stray=st.floats(0.0, 10.0))
+@settings(max_examples=15, deadline=None)
+def test_lamps_and_light_from_outside_are_told_apart(lamps: float, stray: float) -> None:
+    image = scene(lamps=lamps, stray=stray)
+    reading = read_press(image.grey, prepared(reference(), FrameShape.of(image)))
+    assert reading.led_drift == pytest.approx(lamps - 1, abs=0.004)
+    assert reading.ambient_grey == pytest.approx(stray, abs=0.25)
+
+
+def test_a_level_press_takes_uneven_lamps_out() -> None:
+    uneven = scene(gradient=(0.2, 0.0))
+    assert names(uneven) == ["tilted"]
+    assert names(uneven, reference(level=scene(gradient=(0.2, 0.0), seed=5))) == []
+
+
+def test_light_that_falls_where_it_is_pressed_is_read_with_invert() -> None:
+    fallen = TactileImage(grey=200.0 - 0.5 * scene(peak=120.0).grey, mm_per_pixel=(0.05, 0.05))
+    lit = TactileImage(grey=200.0 - 0.5 * scene(peak=0.0, seed=99).grey, mm_per_pixel=(0.05, 0.05))
+    assert names(fallen, GuardReference(untouched=lit, invert=True)) == []
+    assert "no-contact" in names(lit, GuardReference(untouched=lit, invert=True))
+
+
+def test_settling_raises_moving_with_the_time_to_wait() -> None:
+    time = np.arange(0.0, 6.0, 1 / 30)
+    relaxing = judge_settling(
+        time, 1 + 0.5 * np.exp(-time / 5.0) + 1e-3 * np.random.default_rng(1).standard_normal(time.size)
+    )
+    (flag,) = check_press(scene(), reference=reference(), settling=relaxing)
+    assert flag.name == "moving"
+    assert flag.advice.startswith("hold still for ")
+    plateau = judge_settling(np.arange(0.0, 60.0, 0.1), 1 + 1e-3 * np.random.default_rng(1).standard_normal(600))
+    assert names(scene(), settling=plateau) == []
+
+
+def test_a_virtual_press_is_innocent_and_one_too_hard_is_not() -> None:
+    virtual = VirtualProbe(tsis.load_probe("tsis-2011"), rng=np.random.default_rng(1))
+    against = GuardReference(
+        untouched=virtual.no_contact(),
+        level=virtual.press(tsis.load_phantom("plain"), force_n=1.0),
+        face_radius_mm=12.0,
+    )
+    assert names(virtual.press(tsis.load_phantom("size-8"), force_n=1.0), against) == []
+    too_hard = names(virtual.press(tsis.load_phantom("size-8"), force_n=2.4), against)
+    assert too_hard[:2] == ["force-too-large", "saturated"]
+
+
+def series(watch: PressWatch, images: list[TactileImage], step_s: float = 1 / 30) -> list[frozenset[str]]:
+    state, found = WatchState(), []
+    for number, image in enumerate(images):
+        frame = Frame(pixels=image.grey.astype(np.uint8), sequence=number, time_s=number * step_s)
+        flags, state = watch.step(state, frame, 1.0)
+        assert {flag.name for flag in flags} == state.raised
+        found.append(state.raised)
+    return found
+
+
+@given(seed=st.integers(0, 1000), share=st.floats(0.92, 1.08))
+@settings(max_examples=8, deadline=None)
+def test_noise_at_a_limit_makes_no_flag_flicker(seed: int, share: float) -> None:
+    """Values that wander around a limit by less than the release pass it once at most."""
+    rng = np.random.default_rng(seed)
+    limits = GuardLimits()
+    forces = limits.most_force_n * share * (1 + rng.uniform(-0.09, 0.09, 60))
+    watch = PressWatch(FrameShape.of(scene()), reference=reference())
+    state, up = WatchState(), []
+    frame = Frame(pixels=scene().grey, sequence=0)
+    for force in forces.tolist():
+        _, state = watch.step(state, frame, force)
+        up.append("force-too-large" in state.raised)
+    assert np.count_nonzero(np.diff(np.array(up, dtype=int))) <= 1
+
+
+def test_the_live_view_agrees_with_one_frame_and_settles() -> None:
+    press = scene()
+    watch = PressWatch(FrameShape.of(press), reference=reference(), longest_s=1.0)
+    found = series(watch, [scene(peak=0.0)] * 3 + [scene(seed=number) for number in range(120)])
+    assert found[0] == {"no-contact"}
+    assert found[4] == {"moving"}
+    assert found[-1] == frozenset()
+
+
+def test_mains_flicker_is_seen_and_a_trembling_press_is_none() -> None:
+    rate, watch = 28.0, PressWatch(FrameShape.of(scene()), reference=reference())
+    swing = [2.0 * (1 + np.cos(2 * np.pi * 100.0 * number / rate)) for number in range(48)]
+    lit = [scene(stray=value, seed=number) for number, value in enumerate(swing)]
+    assert "flicker" in series(watch, lit, 1 / rate)[-1]
+    trembling = [scene(peak=120.0 + 5.0 * value, seed=number) for number, value in enumerate(swing)]
+    assert "flicker" not in series(watch, trembling, 1 / rate)[-1]
+
+
+def test_memory_stays_bounded() -> None:
+    small = TactileImage(grey=scene().grey[64:182:2, 92:292:2])
+    watch, state = PressWatch(FrameShape.of(small)), WatchState()
+    pixels = small.grey.astype(np.uint8)
+    for number in range(400):
+        _, state = watch.step(state, Frame(pixels=pixels, sequence=number, time_s=float(number)))
+    assert len(state.history.time_s) <= 128
+    assert len(state.outside) <= 64
+
+
+def test_what_does_not_belong_together_is_refused() -> None:
+    watch = PressWatch(FrameShape.of(scene()), reference=reference())
+    with pytest.raises(ImageMismatchError, match="size"):
+        watch.step(WatchState(), Frame(pixels=np.zeros((10, 10)), sequence=0))
+    with pytest.raises(ImageMismatchError, match="full scale"):
+        watch.step(WatchState(), Frame(pixels=scene().grey, sequence=0, full_scale=4095.0))
+    with pytest.raises(InputError, match="force_n"):
+        watch.step(WatchState(), Frame(pixels=scene().grey, sequence=0), float("nan"))
+    with pytest.raises(ImageMismatchError):
+        check_press(scene(), reference=TactileImage(grey=np.zeros((10, 10))))
+    with pytest.raises(InputError, match="untouched"):
+        GuardReference(patch=LIT)
+    with pytest.raises(InputError, match="untouched"):
+        GuardReference(invert=True)
+    with pytest.raises(InputError, match="lit"):
+        check_press(
+            scene(),
+            reference=reference(patch=ReferencePatch(first_row=100, last_row=110, first_column=0, last_column=9)),
+        )
+    with pytest.raises(InputError, match="no contact"):
+        check_press(scene(), reference=reference(level=scene(peak=0.0)))
+
+
+@pytest.mark.parametrize("name", [one.name for one in fields(GuardLimits)])
+def test_every_limit_has_a_range(name: str) -> None:
+    low, high = RANGES[name]
+    for wrong in (low - 1.0, high + 1.0, float("nan")):
+        with pytest.raises(InputError, match=name):
+            GuardLimits(**{name: wrong})
+
+
+def test_an_empty_window_of_force_is_refused() -> None:
+    with pytest.raises(InputError, match="below"):
+        GuardLimits(least_force_n=2.0, most_force_n=1.0)
+
+
+def test_the_page_names_every_flag_with_its_meaning_and_its_limit() -> None:
+    rows = [line.strip("| ").split(" | ") for line in PAGE.read_text().splitlines() if line.startswith("| `")]
+    told = {cells[0].strip("`"): cells[1:4] for cells in rows}
+    assert told == {
+        name: [one.means, f"{getattr(GuardLimits(), one.limit):g} {one.unit}", one.needs or "-"]
+        for name, one in FLAGS.items()
+    }
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_frames_that_stalled_do_not_turn_a_slow_trend_into_flicker(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    steps = np.full(64, 1 / 30)
+    steps[rng.integers(1, 64, 3)] += rng.uniform(0.0, 0.5, 3)
+    time = np.cumsum(steps)
+    swing = flicker_amplitude(time.tolist(), (8.0 + 0.02 * np.sin(0.8 * time)).tolist())
+    assert swing is None or swing < 0.02  # never more than the trend itself
