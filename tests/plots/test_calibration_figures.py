@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from tsis.calibration.force_line import ForceLine
-from tsis.calibration.force_loading import Loading, loading_forces
+from tsis.calibration.force.line import ForceLine
+from tsis.calibration.force.loading import Loading, loading_forces
 from tsis.calibration.measured import Measured
 from tsis.model import TactileImage
 from tsis.model.errors import InputError

@@ -11,7 +11,7 @@ from tests.report.test_pages import Reader
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.calibration.file import identity
-from tsis.calibration.response import Saturation
+from tsis.calibration.response.value import Saturation
 from tsis.calibration.session import SessionFolder, SessionTerms, calibrate
 from tsis.report.calibration import (
     calibration_document,

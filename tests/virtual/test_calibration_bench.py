@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from benchmarks.calibration_force import PROBE, SENSOR
 
-from tsis.calibration.force_loading import loading_forces
+from tsis.calibration.force.loading import loading_forces
 from tsis.calibration.session import Step, plan
 from tsis.calibration.session.steps import BOARD, BOARD_UNTOUCHED, DARK, EDGE, UNTOUCHED
 from tsis.model.errors import InputError

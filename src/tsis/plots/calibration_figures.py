@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.calibration.force_curves import common_forces, run_of
+from tsis.calibration.force.curves import common_forces, run_of
 from tsis.model.errors import InputError
 from tsis.plots.force_curve import MILLION
 from tsis.plots.hardness_figures import contact_rows
@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-    from tsis.calibration.force_line import ForceLine
-    from tsis.calibration.force_loading import Loading
+    from tsis.calibration.force.line import ForceLine
+    from tsis.calibration.force.loading import Loading
     from tsis.model import TactileImage
 
 COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00")  # told apart without red-green vision

@@ -6,7 +6,7 @@ from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
-from tsis.calibration.force_loading import loading_forces
+from tsis.calibration.force.loading import loading_forces
 from tsis.calibration.session import Shot, Step
 from tsis.calibration.session.steps import BOARD, BOARD_UNTOUCHED, DARK, EDGE, FLAT, UNTOUCHED
 from tsis.model.errors import InputError

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tsis.calibration.drift import ReferencePatch
-from tsis.calibration.guard_blocks import FrameShape
-from tsis.calibration.guard_reference import GuardReference
-from tsis.calibration.guard_watch import PressWatch
+from tsis.calibration.guard.blocks import FrameShape
+from tsis.calibration.guard.reference import GuardReference
+from tsis.calibration.guard.watch import PressWatch
+from tsis.calibration.lamps.patch import ReferencePatch
 from tsis.model import TactileImage, list_probes, load_probe
 
 if TYPE_CHECKING:
-    from tsis.calibration.reference import Reference
+    from tsis.calibration.reference.making import Reference
     from tsis.cli.cited_calibration import CitedCalibration
     from tsis.instrument import Frame
 

@@ -6,7 +6,7 @@ from dataclasses import asdict
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
-from tsis.calibration.guard import check_press
+from tsis.calibration.guard.press_check import check_press
 from tsis.cli.acquire.press_guard import guard_reference
 from tsis.cli.console_output import people, print_json, print_notice
 from tsis.cli.force_gauge import force_then

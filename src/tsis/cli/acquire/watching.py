@@ -11,7 +11,7 @@ from rich.console import Console
 from rich.live import Live
 from rich.markup import escape
 
-from tsis.calibration.guard_watch import WatchState
+from tsis.calibration.guard.watch import WatchState
 from tsis.cli.acquire.press_guard import press_watch
 from tsis.cli.console_output import print_json, print_notice
 from tsis.cli.interrupt import ended_by
@@ -21,9 +21,9 @@ from tsis.report.document import envelope
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from tsis.calibration.guard_flags import GuardFlag
-    from tsis.calibration.guard_watch import PressWatch
-    from tsis.calibration.settling import Settling
+    from tsis.calibration.guard.flags import GuardFlag
+    from tsis.calibration.guard.watch import PressWatch
+    from tsis.calibration.settling.verdict import Settling
     from tsis.cli.cited_calibration import CitedCalibration
     from tsis.instrument.acquisition import Acquisition, Arrival
     from tsis.instrument.gauge import ForceLog

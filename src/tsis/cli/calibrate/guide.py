@@ -13,7 +13,7 @@ import typer
 from rich.console import Console
 
 from tsis.calibration.file.probe_calibration import SETTING_TOLERANCE
-from tsis.calibration.force_loading import TIPS_MM
+from tsis.calibration.force.loading import TIPS_MM
 from tsis.calibration.session import LiveBench, SessionFolder, SessionTerms
 from tsis.calibration.session.result import DAYS
 from tsis.cli.acquire.chosen_camera import VIRTUAL, live_connector, wanted_settings
