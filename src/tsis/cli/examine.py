@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -120,16 +119,13 @@ def examine(
         outcome = _contacts(frames, untouched, provenance, invert=invert, match=match_lamps)
     else:
         plain = plain or []
-        response = known.response
+        plain_force = [None] * len(plain) if by_line else plain_forces(plain_force_n or (), force_n or (), len(plain))
+        pressed, response = known.pressed(frames)
+        on_plain, plain_response = known.pressed(_read(plain, plain_force, scale))
+        response = max(response, plain_response, key=lambda one: one.force_sd)
         if by_line:
-            frames, force_sd = known.with_forces(frames)
-            on_plain, plain_sd = known.with_forces(_read(plain, [None] * len(plain), scale))
-            response = replace(response, force_sd=max(response.force_sd, force_sd, plain_sd))
-            provenance["forces_n"] = {"by": "force line", "images": [frame.force_n for frame in frames]}
-        else:
-            on_plain = _read(plain, plain_forces(plain_force_n or (), force_n or (), len(plain)), scale)
-        probed = chosen or _calibrated_probe(response)
-        outcome = _inclusion(known.corrected(frames), known.corrected(on_plain), response, probed, provenance)
+            provenance["forces_n"] = {"by": "force line", "images": [frame.force_n for frame in pressed]}
+        outcome = _inclusion(pressed, on_plain, response, chosen or _calibrated_probe(response), provenance)
     publish(outcome, out, as_json=as_json)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -91,21 +91,16 @@ def hardness(
             "a hardness needs --calibration, --scale-mm and --force-n for each image, the last two where the "
             "calibration holds neither scale nor force line"
         )
-    response = known.response
+    forces = target_forces(force_n, len(paths)) if force_n else [None] * len(paths)
+    frames, response = known.pressed(_read(paths, forces, scale))
     chosen = load_probe(probe or (response.probe if response.probe in list_probes() else UNNAMED))
-    if force_n:
-        frames = _read(paths, target_forces(force_n, len(paths)), scale)
-    else:
-        frames, force_sd = known.with_forces(_read(paths, [None] * len(paths), scale))
-        response = replace(response, force_sd=max(response.force_sd, force_sd))
-    frames = known.corrected(frames)
     balls = ball or []
     if len(ball_force_n or ()) != len(balls):
         raise InputError(f"--ball-force-n must be given once for each --ball; got it {len(ball_force_n or ())} times")
     options = {
         "radius_mm": radius_mm,
         "radius_sd_mm": radius_sd_mm,
-        "reference": known.corrected(_read(balls, ball_force_n or (), scale)),
+        "reference": known.pressed(_read(balls, ball_force_n or (), scale))[0],
         "reference_radius_mm": ball_radius_mm,
     }
     publish(_outcome(frames, chosen, response, options, cites=known.citation()), out, as_json=as_json)

@@ -14,7 +14,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tsis.calibration import Measured
+from tsis.calibration import ForceLine, Measured
 from tsis.calibration.file import ProbeCalibration, calibration_bytes, identity, read_calibration, write_calibration
 from tsis.calibration.reference.making import Reference
 from tsis.calibration.scale import Scale
@@ -277,8 +277,8 @@ def test_its_own_probe_may_use_it_in_any_time_zone() -> None:
 
 def test_a_part_that_was_not_measured_is_named() -> None:
     with pytest.raises(CalibrationError, match="a force needs the part 'force_line', which calibration 'bench'"):
-        _known().need("force_line", "a force")
-    assert _known().need("scale", "a size") == _scale()
+        _known().need(ForceLine, "a force")
+    assert _known().need(Scale, "a size") == _scale()
 
 
 @pytest.mark.parametrize(

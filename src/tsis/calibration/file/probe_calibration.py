@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 from tsis.calibration.force.line import ForceLine
 from tsis.calibration.reference.making import Reference
@@ -17,6 +17,7 @@ from tsis.model.errors import CalibrationError, InputError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+Part = TypeVar("Part", Scale, Reference, ForceLine, Calibration, Specification)
 SETTING_TOLERANCE = 1e-3  # share by which a camera may round what it was set to
 
 
@@ -137,25 +138,25 @@ new one: tsis calibrate)
                     "(set it back, or calibrate at this setting)"
                 )
 
-    def need(self, part: str, purpose: str) -> object:
-        """A part that ``purpose`` cannot do without.
+    def need(self, kind: type[Part], purpose: str) -> Part:
+        """The part of a kind, without which ``purpose`` cannot be.
 
         Raises
         ------
         CalibrationError
             When it was not measured.
         """
-        found: object = getattr(self, check.known("part of a calibration", part, PARTS))
-        if found is None:
+        name = next(name for name, each in PARTS.items() if each is kind)
+        found = getattr(self, name)
+        if not isinstance(found, kind):
             raise CalibrationError(
-                f"{purpose} needs the part {part!r}, which calibration {self.name!r} does not hold (tsis calibrate)"
+                f"{purpose} needs the part {name!r}, which calibration {self.name!r} does not hold (tsis calibrate)"
             )
         return found
 
     def known_response(self, identity: str) -> Calibration:
         """The response, under a name that tells which file it came from."""
-        response = self.need("response", "an estimate")
-        assert isinstance(response, Calibration)
+        response = self.need(Calibration, "an estimate")
         return replace(response, name=f"{self.name or response.name} ({identity[:12]})")
 
 
