@@ -34,10 +34,18 @@ GaugeSends = Annotated[
     bool,
     typer.Option("--gauge-sends", help="It sends on its own and is not to be asked.", rich_help_panel="Gauge"),
 ]
+GaugeLatency = Annotated[
+    float,
+    typer.Option(
+        "--gauge-latency-ms", help="How much later than a frame it shows the force at it.", rich_help_panel="Gauge"
+    ),
+]
 
 
 @contextmanager
-def gauge_log(port: str | None, *, unit: str | None, baud: int, sends: bool) -> Iterator[ForceLog | None]:
+def gauge_log(
+    port: str | None, *, unit: str | None, baud: int, sends: bool, latency_ms: float
+) -> Iterator[ForceLog | None]:
     """Readings of the gauge at a serial port, once the first have come; None without a port."""
     if port is None:
         if unit is not None or sends:
@@ -45,7 +53,7 @@ def gauge_log(port: str | None, *, unit: str | None, baud: int, sends: bool) -> 
         yield None
         return
     gauge = SerialGauge(port, unit=unit, baud=baud) if not sends else SerialGauge(port, unit=unit, baud=baud, poll=None)
-    with ForceLog(gauge) as log:
+    with ForceLog(gauge, latency_s=latency_ms / 1000) as log:
         if not log.wait_for(FIRST_READINGS, timeout_s=FIRST_S):
             raise GaugeError(log.state().error or f"{gauge.name} must send readings; none came for {FIRST_S:g} s")
         yield log

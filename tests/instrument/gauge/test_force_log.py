@@ -45,10 +45,17 @@ def test_it_keeps_the_latest_and_counts_the_rest() -> None:
         assert [reading.time_s for reading in log.readings()] == [k / 10 for k in range(70, 100)]
         assert [reading.time_s for reading in log.readings(since_s=9.65)] == [9.7, 9.8, 9.9]
         assert log.at(9.45).force_n == pytest.approx(1.89)
-        assert log.at(9.40, latency_s=0.05).force_n == pytest.approx(1.89)
     assert (state.running, state.received, state.discarded, state.skipped) == (True, 100, 70, 3)
     assert (log.state().running, log.state().error) == (False, "")
     assert len(log.readings()) == 30
+
+
+def test_a_gauge_that_lags_is_looked_up_later() -> None:
+    with ForceLog(ScriptedGauge(100), latency_s=0.05) as log:
+        assert log.wait_for(100, timeout_s=10.0)
+        assert log.at(9.40).force_n == pytest.approx(1.89)
+        assert log.wait_until(9.84, timeout_s=0.0)  # the last reading is of 9.9
+        assert not log.wait_until(9.86, timeout_s=0.0)
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from tsis.cli.acquire.watching import watch_presses
 from tsis.cli.cited_calibration import cited
 from tsis.cli.console_output import waiting
 from tsis.cli.demo import LARGEST_SEED
-from tsis.cli.force_gauge import BAUD, GaugeBaud, GaugePort, GaugeSends, GaugeUnit, gauge_log
+from tsis.cli.force_gauge import BAUD, GaugeBaud, GaugeLatency, GaugePort, GaugeSends, GaugeUnit, gauge_log
 from tsis.cli.targets import AsJson, ForceN, PhantomName, ProbeName
 from tsis.imaging.colour import COLOUR_MAPS
 from tsis.instrument.acquisition import Acquisition
@@ -56,6 +56,7 @@ def acquire(
     gauge_unit: GaugeUnit = None,
     gauge_baud: GaugeBaud = BAUD,
     gauge_sends: GaugeSends = False,
+    gauge_latency_ms: GaugeLatency = 0.0,
     calibration: Annotated[Path | None, typer.Option(help="Calibration file that the frames belong to.")] = None,
     probe: ProbeName = "tsis-2011",
     phantom: PhantomName = "hardness-100",
@@ -93,7 +94,10 @@ def acquire(
     wanted = wanted_settings(make, preset, setting or ())
     stored = is_stored(camera)
     acquisition = Acquisition(make, mode=mode, settings=wanted, ring_frames=RING_FRAMES, patient=stored)
-    with gauge_log(gauge, unit=gauge_unit, baud=gauge_baud, sends=gauge_sends) as log, acquisition:
+    with (
+        gauge_log(gauge, unit=gauge_unit, baud=gauge_baud, sends=gauge_sends, latency_ms=gauge_latency_ms) as log,
+        acquisition,
+    ):
         if known is not None:
             known.require_camera(acquisition, stored=stored)
         if watch:

@@ -22,7 +22,7 @@ from tsis.cli.calibrate.operator import Operator
 from tsis.cli.calibrate.outcome import made
 from tsis.cli.console_output import publish
 from tsis.cli.demo import LARGEST_SEED
-from tsis.cli.force_gauge import BAUD, GaugeBaud, GaugePort, GaugeSends, GaugeUnit, gauge_log
+from tsis.cli.force_gauge import BAUD, GaugeBaud, GaugeLatency, GaugePort, GaugeSends, GaugeUnit, gauge_log
 from tsis.cli.targets import AsJson
 from tsis.instrument import shown
 from tsis.instrument.acquisition import Acquisition
@@ -47,6 +47,7 @@ def guide(
     gauge_unit: GaugeUnit = None,
     gauge_baud: GaugeBaud = BAUD,
     gauge_sends: GaugeSends = False,
+    gauge_latency_ms: GaugeLatency = 0.0,
     gauge_share: Annotated[
         float, typer.Option(help="Relative uncertainty of the gauge, from its certificate.")
     ] = 0.001,
@@ -100,7 +101,10 @@ def guide(
     else:
         make = live_connector(camera)
         acquisition = Acquisition(make, mode=mode, settings=wanted_settings(make, None, setting or ()))
-        with gauge_log(gauge, unit=gauge_unit, baud=gauge_baud, sends=gauge_sends) as log, acquisition:
+        with (
+            gauge_log(gauge, unit=gauge_unit, baud=gauge_baud, sends=gauge_sends, latency_ms=gauge_latency_ms) as log,
+            acquisition,
+        ):
             settings = {one.name: one.value for one in acquisition.settings()}
             began = datetime.now(UTC).replace(microsecond=0)
             _begin(folder, replace(terms, camera=acquisition.name, settings=settings, began=began), console)

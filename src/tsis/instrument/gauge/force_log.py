@@ -58,6 +58,8 @@ class ForceLog:
         Where readings come from; the log opens and closes it.
     capacity
         How many readings it keeps; older ones are discarded and counted.
+    latency_s
+        How much later than a frame the gauge shows the force at it, in [-10, 10] s; `find_latency` measures it.
 
     Examples
     --------
@@ -71,8 +73,8 @@ class ForceLog:
     (True, '')
     """
 
-    def __init__(self, gauge: Gauge, *, capacity: int = 100_000) -> None:
-        self._gauge = gauge
+    def __init__(self, gauge: Gauge, *, capacity: int = 100_000, latency_s: float = 0.0) -> None:
+        self._gauge, self._latency_s = gauge, check.number("latency_s", latency_s, -10.0, 10.0, hint="seconds")
         self._kept: deque[ForceReading] = deque(maxlen=check.whole("capacity", capacity, 8, 10_000_000))
         self._changed = threading.Condition()
         self._thread: threading.Thread | None = None
@@ -131,8 +133,8 @@ class ForceLog:
                 recent.append(reading)
         return tuple(reversed(recent))
 
-    def at(self, time_s: float, *, latency_s: float = 0.0, longest_gap_s: float = LONGEST_GAP_S) -> ForceAtTime:
-        """The force at a time; see `force_at`.
+    def at(self, time_s: float, *, longest_gap_s: float = LONGEST_GAP_S) -> ForceAtTime:
+        """The force at a frame's time; see `force_at`.
 
         Raises
         ------
@@ -140,11 +142,11 @@ class ForceLog:
             As `force_at`; the message also says why the readings ended.
         """
         # Eight readings before it and eight after it are looked at; without gaps these lie in this stretch.
-        recent = self.readings(since_s=time_s + latency_s - 8 * longest_gap_s)
+        recent = self.readings(since_s=time_s + self._latency_s - 8 * longest_gap_s)
         if len(recent) < 8:  # the message should tell of what there is
             recent = self.readings()
         try:
-            return force_at(recent, time_s, latency_s=latency_s, longest_gap_s=longest_gap_s)
+            return force_at(recent, time_s, latency_s=self._latency_s, longest_gap_s=longest_gap_s)
         except GaugeError as error:
             ended = self.state().error
             raise GaugeError(f"{error}; the readings ended: {ended}" if ended else str(error)) from error
@@ -154,8 +156,9 @@ class ForceLog:
         return self._wait(lambda: self._received >= received, timeout_s)
 
     def wait_until(self, time_s: float, *, timeout_s: float) -> bool:
-        """Wait until a reading later than ``time_s`` has come, so that the force there is no extrapolation."""
-        return self._wait(lambda: bool(self._kept) and self._kept[-1].time_s > time_s, timeout_s)
+        """Wait until the reading after a frame's time has come, so that the force there is no extrapolation."""
+        last_s = time_s + self._latency_s
+        return self._wait(lambda: bool(self._kept) and self._kept[-1].time_s > last_s, timeout_s)
 
     def state(self) -> LogState:
         """What it has seen since it was started."""
