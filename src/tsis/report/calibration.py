@@ -100,6 +100,12 @@ def specification_rows(known: ProbeCalibration) -> tuple[tuple[str, str, str, st
     )
 
 
+def specification_notes(known: ProbeCalibration) -> tuple[str, ...]:
+    """What one must know to compare the columns of the sheet."""
+    rows = () if known.specification is None else known.specification.rows
+    return tuple(f"{row.quantity[0].upper()}{row.quantity[1:]}: {row.note}." for row in rows if row.note)
+
+
 def calibration_notes(known: ProbeCalibration, findings: SessionFindings) -> tuple[str, ...]:
     """What a reader must know besides the numbers."""
     scale, line = known.scale, known.force_line
@@ -170,7 +176,7 @@ def calibration_report(known: ProbeCalibration, findings: SessionFindings, *, pr
             title=f"Calibration {known.name}",
             subtitle=f"probe {known.probe}, camera {known.camera}",
             cards=cards,
-            notes=calibration_notes(known, findings),
+            notes=(*calibration_notes(known, findings), *specification_notes(known)),
             pictures=pictures,
             tables=(
                 Table(

@@ -14,7 +14,10 @@ from tsis.cli.default_command import DefaultCommand
 app = typer.Typer(
     name="calibrate",
     cls=DefaultCommand.named("guide"),
-    help=f"Calibrate a probe, step by step; without a camera the virtual bench shows how. {RESEARCH_USE_ONLY}",
+    help=(
+        "Calibrate a probe, step by step; without --camera the virtual bench shows how. "
+        f"Its options: tsis calibrate guide --help. {RESEARCH_USE_ONLY}"
+    ),
     epilog="Example: tsis calibrate --camera aravis: --gauge /dev/ttyUSB0 --probe tsis-2011 --name bench-2",
 )
 app.command("guide", epilog="Example: tsis calibrate guide --seed 3 --out first-calibration")(guide)

@@ -97,6 +97,7 @@ def guide(
         bench = VirtualBench(load_probe(probe), rng=np.random.default_rng(seed), pitch_mm=pitch_mm)
         bench_name = f"virtual bench, seed {seed}"  # another seed is another bench, whose frames do not mix
         _begin(folder, replace(terms, camera=bench_name, patch_px=bench.patch_px), console)
+        console.print("The virtual bench does every step by itself; a person would be told:")
         _take_steps(folder, bench.shots, console)
     else:
         make = live_connector(camera)

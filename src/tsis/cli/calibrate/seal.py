@@ -10,6 +10,7 @@ import typer
 
 from tsis.calibration.file import ProbeCalibration, write_calibration
 from tsis.calibration.file.plain_values import from_plain
+from tsis.calibration.file.probe_calibration import PARTS
 from tsis.calibration.session.result import DAYS
 from tsis.cli.calibrate.make import Days
 from tsis.cli.console_output import people, print_json, print_notice
@@ -49,4 +50,6 @@ def _read(path: Path, days: float) -> ProbeCalibration:
         known: ProbeCalibration = from_plain(ProbeCalibration, dated, "calibration")
     except InputError as error:
         raise FileInputError(f"{shown(path)}: {error}") from error
+    if all(getattr(known, part) is None for part in PARTS):
+        raise FileInputError(f"{shown(path)} must hold at least one of {', '.join(PARTS)}; got none")
     return known

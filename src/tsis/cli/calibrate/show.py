@@ -14,7 +14,7 @@ from tsis.calibration.file import identity, read_calibration
 from tsis.cli.console_output import people, print_json, print_notice
 from tsis.cli.targets import AsJson
 from tsis.model.errors import CalibrationError
-from tsis.report.calibration import held_rows, measured_values, specification_rows
+from tsis.report.calibration import held_rows, measured_values, specification_notes, specification_rows
 from tsis.report.document import envelope
 
 SHEET = ("quantity", "measured", "fingertip", "printed")
@@ -55,5 +55,7 @@ def show(
         for line in sheet:
             printed.add_row(*(escape(cell) for cell in line))
         console.print(printed)
+        for note in specification_notes(known):
+            console.print(f"- {note}", markup=False)
     console.print(refusal or "It may be used today.", markup=False)
     print_notice(console)
