@@ -27,7 +27,6 @@ def frames(
     flicker: float = 0.0,
 ) -> NDArray[np.float64]:
     """Whole electrons and normal read noise, rounded: no code is shared with the camera of the package."""
-    count = 6
     lamps = 1 + flicker * rng.standard_normal(count)
     shaded = light * np.linspace(0.9, 1.1, SIZE[1])
     electrons = rng.poisson(np.broadcast_to(lamps[:, None, None] * shaded / SHOT, (count, *SIZE)))

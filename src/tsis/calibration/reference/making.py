@@ -10,6 +10,7 @@ import numpy as np
 from tsis.calibration.measured import Measured
 from tsis.calibration.reference.noise import photon_transfer, stack
 from tsis.calibration.reference.value import LEAST_LIGHT, Box, Reference, checked_box, inside
+from tsis.imaging.patch import GAUSSIAN_MAD
 from tsis.model.errors import CalibrationError
 
 if TYPE_CHECKING:
@@ -129,7 +130,7 @@ def _patch(
     light = (frames - base)[:, *inside(box)]
     mean, count = float(light.mean()), light[0].size
     one = float(np.sqrt((shot * mean + READ_AND_ROUNDING) / count))
-    return Measured(value=mean, sd=one / float(np.sqrt(len(frames))), unit="grey"), one / mean * float(lamps.mean())
+    return Measured(value=mean, sd=one / float(np.sqrt(len(frames))), unit="grey"), one / mean
 
 
 def _bad(dark: NDArray[np.float64], flats: Sequence[NDArray[np.float64]]) -> NDArray[np.bool]:
@@ -148,7 +149,7 @@ def _bad(dark: NDArray[np.float64], flats: Sequence[NDArray[np.float64]]) -> NDA
 def _outliers(mean: NDArray[np.float64]) -> NDArray[np.bool]:
     smooth = cv2.medianBlur(mean.astype(np.float32), 5).astype(float)
     left = mean - smooth
-    spread = 1.4826 * float(np.median(np.abs(left - np.median(left))))
+    spread = GAUSSIAN_MAD * float(np.median(np.abs(left - np.median(left))))
     return np.asarray(np.abs(left) > np.maximum(BAD_FACTOR * max(spread, 0.25), 0.15 * np.abs(smooth)))
 
 

@@ -45,14 +45,10 @@ class PhotonTransfer:
         Standard deviation without light, grey levels, rounding taken away.
     shot_noise_grey
         Variance a grey level of light: full scale over the full well.
-    light_grey, variance_grey2
-        The points that it rests on.
     """
 
     read_noise_grey: Measured
     shot_noise_grey: Measured
-    light_grey: tuple[float, ...]
-    variance_grey2: tuple[float, ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -192,6 +188,4 @@ def _line(points: list[_Point]) -> PhotonTransfer:
     return PhotonTransfer(
         read_noise_grey=Measured(value=read, sd=float(np.sqrt(covariance[0, 0])) / (2 * read), unit="grey"),
         shot_noise_grey=Measured(value=slope, sd=float(np.sqrt(covariance[1, 1])), unit="grey"),
-        light_grey=tuple(light.tolist()),
-        variance_grey2=tuple(variance.tolist()),
     )

@@ -34,24 +34,18 @@ class Decay:
     tau_s
         Time constants, s, shape (k,).
     amplitude
-        Amplitudes at ``end_s``, shape (k,), of one sign.
+        Amplitudes at the last value, shape (k,), of one sign.
     level
         Towards which the series fades.
-    end_s
-        Time of the last value.
     low, high
-        Ends of the interval of the sum of amplitudes at ``end_s``.
-    misfit
-        Sum of squared residuals.
+        Ends of the interval of the sum of those amplitudes.
     """
 
     tau_s: NDArray[np.float64]
     amplitude: NDArray[np.float64]
     level: float
-    end_s: float
     low: float
     high: float
-    misfit: float
 
     def fading(self, after_s: NDArray[np.float64]) -> NDArray[np.float64]:
         """What is still to fade at times after the end, shape (t,)."""
@@ -74,7 +68,6 @@ class DecayFit:
     ) -> None:
         count = 2 + int(np.ceil(PER_DECADE * np.log10(tau_range_s[1] / tau_range_s[0])))
         self.tau_s = np.geomspace(*tau_range_s, count)
-        self._end = float(time_s[-1])
         # Amplitudes count from the start: there no exponential is beyond one.
         basis = np.exp(-(time_s - time_s[0])[:, None] / self.tau_s)
         self._at_end = basis[-1]
@@ -106,10 +99,8 @@ class DecayFit:
             tau_s=self.tau_s,
             amplitude=self._at_end * amplitude,
             level=self._middle - float(self._means @ amplitude),
-            end_s=self._end,
             low=ends[0],
             high=ends[1],
-            misfit=least,
         )
 
     def _end_of(self, side: float, sign: float, now: float, allowed: float, noise: float) -> float:

@@ -16,6 +16,7 @@ from scipy.special import stdtrit
 
 from tsis.calibration.measured import Measured
 from tsis.calibration.settling.decay import DecayFit
+from tsis.imaging.patch import GAUSSIAN_MAD
 from tsis.model import check
 from tsis.model.errors import InputError
 
@@ -29,7 +30,6 @@ CERTAINTY = 0.95  # one-sided, of each end of what may still fade
 BINS = 128  # the series is averaged to at most so many values, at equal steps
 FEWEST = 16  # values with which two exponentials and the noise can be told apart
 LEAST_NOISE = 2e-4  # of the value: the grid of time constants is no finer
-GAUSSIAN_MAD = 1.4826  # standard deviation over median absolute deviation of Gaussian noise
 TERMS = 5  # that a fit spends: level, two amplitudes and two time constants
 DOUBT = 3.0  # standard deviations by which a fit may miss its noise
 CAPPED = 1.0  # shares beyond it are said as the whole
