@@ -23,6 +23,7 @@ import numpy as np
 import tsis
 from tsis.calibration.force.fit import fit_force_line
 from tsis.calibration.force.loading import TIPS_MM, Loading, loading_forces
+from tsis.calibration.force.quality import WIDEST
 from tsis.calibration.force.reading import read_press
 from tsis.calibration.reference.making import make_reference
 from tsis.calibration.response.fit import fit_response
@@ -73,7 +74,8 @@ def one_run(
     intercept, slope = true_line(machine, lamps)
     gain = machine.truth.answer.gain_grey_per_kpa * lamps
     low, high = response.saturation.interval()
-    loop = -machine.truth.hysteresis_share * 16 / 27  # of the sum f (1 + 4 h f (1 - f)), widest at two thirds
+    loop = -4 * WIDEST**2 * (1 - WIDEST) * machine.truth.hysteresis_share  # of the sum f (1 + 4 h f (1 - f))
+    assert diagnostics.hysteresis is not None  # every tip was unloaded
     found = (
         ("intercept", intercept, line.intercept_grey),
         ("slope", slope, line.slope_grey_per_n),

@@ -55,7 +55,6 @@ def _known(**changes: Any) -> ProbeCalibration:
         "force_line": ForceLine(
             intercept_grey=_sure(0.0, "grey"),
             slope_grey_per_n=_sure(GREY_PER_N, "grey/N", sd=0.015 * GREY_PER_N),
-            covariance_grey2_per_n=0.0,
             unit_covariance=(0.0, 0.0, 0.75 * (0.03 * GREY_PER_N) ** 2),  # a new tip beside the mean of three: 3 %
             units=3,
             residual_grey=_sure(10.0, "grey"),

@@ -14,8 +14,8 @@ from tsis.plots.calibration_figures import cross_sections, force_residuals, forc
 SLOPE = 4e5
 
 
-def loading(tip_mm: float, loop: float) -> Loading:
-    force = np.array(loading_forces(2.0, 0.2))
+def loading(tip_mm: float, loop: float, *, unloaded: bool = True) -> Loading:
+    force = np.array(loading_forces(2.0, 0.2))[: None if unloaded else 11]
     sums = SLOPE * force
     rising = np.arange(len(force)) <= int(force.argmax())
     sums = sums + np.where(rising, 0.0, -loop * SLOPE * force * (2.0 - force))
@@ -36,7 +36,6 @@ def line() -> ForceLine:
     return ForceLine(
         intercept_grey=Measured(value=0.0, sd=100.0),
         slope_grey_per_n=Measured(value=SLOPE, sd=1000.0),
-        covariance_grey2_per_n=0.0,
         unit_covariance=(1e4, 0.0, 1e6),
         units=3,
         residual_grey=Measured(value=100.0, sd=1.0),
@@ -69,6 +68,12 @@ def test_the_loop_is_drawn_in_per_cent_of_the_range() -> None:
     drawn = np.asarray(ax.get_lines()[0].get_ydata())
     # loop * F (2 - F) over 2 is loop / 2 at 1 N; linear between presses it is a little less
     assert drawn.max() == pytest.approx(100 * 0.01 / 2, rel=0.02)
+
+
+def test_loadings_without_unloading_say_that_there_is_no_loop() -> None:
+    ax = hysteresis_loops([loading(2.0, 0.01, unloaded=False)], Figure().subplots())
+    assert [text.get_text() for text in ax.texts] == ["no tip was unloaded"]
+    assert len(ax.get_lines()) == 1  # zero
 
 
 def test_cross_sections_run_through_the_brightest_place() -> None:

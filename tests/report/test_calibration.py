@@ -81,7 +81,10 @@ def test_the_rows_hold_what_was_measured(made: tuple[ProbeCalibration, SessionFi
     assert rows["good until"][0] == "2026-12-02"
     assert rows["identity"][0] == identity(known)[:12]
     hysteresis = findings.line.hysteresis
+    assert hysteresis is not None
     assert float(rows["hysteresis"][0].split()[0]) == pytest.approx(100 * hysteresis.value, abs=0.006)
+    without = replace(findings, line=replace(findings.line, hysteresis=None))
+    assert "hysteresis" not in [row[0] for row in calibration_rows(known, without)]
     assert set(held_rows(known)) < set(calibration_rows(known, findings))
     simulated = dict(row[:2] for row in held_rows(replace(known, made=None, expires=None)))
     assert (simulated["made"], simulated["good until"]) == ("simulated", "does not age")

@@ -85,7 +85,10 @@ def force_residuals(loadings: Sequence[Loading], line: ForceLine, ax: Axes) -> A
 
 
 def hysteresis_loops(loadings: Sequence[Loading], ax: Axes) -> Axes:
-    """Draw loading less unloading over the force, in per cent of each run's largest sum, one curve a run."""
+    """Draw loading less unloading over the force, in per cent of each run's largest sum, one curve a run.
+
+    Runs without unloading have none; where no run has one, the axes say so.
+    """
     for loading, colour in _coloured(loadings):
         run = run_of(loading)
         if not run.has_both_branches:
@@ -93,9 +96,12 @@ def hysteresis_loops(loadings: Sequence[Loading], ax: Axes) -> Axes:
         force = common_forces([run])
         width = 100 * (run.at(force, rising=True) - run.at(force, rising=False)) / run.total_grey.max()
         ax.plot(force, width, color=colour, linewidth=1, label=_name(loading))
+    if not ax.get_lines():
+        ax.text(0.5, 0.5, "no tip was unloaded", ha="center", va="center", transform=ax.transAxes)
     ax.axhline(0.0, color="black", linewidth=0.8)
     ax.set(xlabel="force / N", ylabel="loading less unloading / % of range")
-    ax.legend(frameon=False, fontsize="small")
+    if ax.get_legend_handles_labels()[1]:
+        ax.legend(frameon=False, fontsize="small")
     ax.grid(visible=True, alpha=0.3)
     return ax
 

@@ -58,10 +58,9 @@ def calibration_rows(known: ProbeCalibration, findings: SessionFindings) -> tupl
     rows = list(held_rows(known))
     rows.append(("saturation", f"{findings.response.saturation.value_kpa:.4g} kPa", f"{low:.4g} to {upper}"))
     line = findings.line
-    rows += [
-        _share_row("largest departure of the mean of tips from the line", line.linearity),
-        _share_row("hysteresis", line.hysteresis),
-    ]
+    rows.append(_share_row("largest departure of the mean of tips from the line", line.linearity))
+    if line.hysteresis is not None:
+        rows.append(_share_row("hysteresis", line.hysteresis))
     if line.tip_difference is not None:
         rows.append(_share_row("largest tip against the one before, at 0.8 N", line.tip_difference))
     return tuple(rows)

@@ -25,7 +25,7 @@ GAIN, FORCES, MODULUS = 0.5, (0.2, 0.4, 0.8, 1.2, 1.6, 2.0), 660.0
 C = np.sqrt(np.pi) / 2
 
 
-def reference() -> Reference:
+def reference(*, lamp_sd: float | None = None) -> Reference:
     flat = np.zeros((SENSOR.rows, SENSOR.columns))
     some = Measured(value=0.5, sd=0.01)
     return Reference(
@@ -41,6 +41,9 @@ def reference() -> Reference:
         read_noise_grey=some,
         shot_noise_grey=Measured(value=0.02, sd=0.001),
         stray_grey=some,
+        patch_px=None if lamp_sd is None else (4, 4, 36, 36),
+        patch_grey=None if lamp_sd is None else some,
+        lamp_sd=lamp_sd or 0.0,
     )
 
 
@@ -139,13 +142,17 @@ def test_the_estimates_get_what_was_measured() -> None:
         repeatability_share=0.002,
         gauge_share=0.001,
     )
-    known = response.calibration(reference(), name="today", probe="tsis-direct")
+    known = response.calibration(reference(lamp_sd=0.0), name="today", probe="tsis-direct")
     assert known.saturation_kpa == pytest.approx(1000.0)
     assert known.gain_sd == pytest.approx(np.hypot(0.02, 0.002), rel=0.01)
     assert [known.read_noise_grey, known.shot_noise_grey, known.force_sd] == [0.5, 0.02, 0.001]
     assert (known.name, known.probe) == ("today", "tsis-direct")
+    for lamp_sd, drift in ((0.015, 0.015), (None, 0.01)):  # lamps that no patch tells count as 1 %, as in every force
+        doubtful = response.calibration(reference(lamp_sd=lamp_sd), name="", probe="")
+        assert doubtful.gain_sd == pytest.approx(np.linalg.norm([0.02, 0.002, drift]), rel=1e-3)
     few = replace(response, gain_grey_per_kpa=Measured(value=0.5, sd=0.01, degrees_of_freedom=2))
-    assert few.calibration(reference(), name="", probe="").gain_sd == pytest.approx(0.02 * 4.303 / 1.96, rel=0.01)
+    wide = few.calibration(reference(lamp_sd=0.0), name="", probe="").gain_sd
+    assert wide == pytest.approx(0.02 * 4.303 / 1.96, rel=0.01)
 
 
 def test_what_makes_no_answer_is_refused() -> None:

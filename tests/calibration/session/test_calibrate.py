@@ -131,6 +131,19 @@ def test_a_simulated_one_does_not_age_and_steps_left_out_are_named(
     assert identity(known) != identity(made[0])
 
 
+def test_a_pitch_that_is_poorly_known_widens_the_gain_twice_and_the_force_line_not_at_all(
+    copied: SessionFolder, made: tuple[ProbeCalibration, SessionFindings]
+) -> None:
+    document = json.loads((copied.path / "session.json").read_text())
+    document["terms"]["pitch_sd_mm"] = 0.02 * document["terms"]["pitch_mm"]
+    (copied.path / "session.json").write_text(json.dumps(document))
+    known, findings = calibrate(copied, days=90)
+    gain, sure = findings.response.gain_grey_per_kpa, made[1].response.gain_grey_per_kpa
+    # a pitch that is 2 % too long makes every pixel's area 4 % too large
+    assert np.sqrt(gain.sd**2 - sure.sd**2) == pytest.approx(0.04 * gain.value, rel=0.02)
+    assert known.force_line == made[0].force_line
+
+
 def test_without_any_flat_light_counts_as_even_and_the_boards_frames_tell_the_noise(copied: SessionFolder) -> None:
     for step in ("flat-1", "flat-2", "flat-3"):
         shutil.rmtree(copied.path / step)

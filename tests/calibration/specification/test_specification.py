@@ -94,14 +94,21 @@ def test_the_frame_rate_counts_what_was_lost() -> None:
             frame_rate(bad)
 
 
-def sheet(**measured: Measured) -> Specification:
+LOOP = Measured(value=-0.002, sd=2e-5)
+
+
+def sheet(
+    *,
+    line: ForceLine | None = None,
+    edge_mm: Measured | None = None,
+    hysteresis: Measured | None = LOOP,
+) -> Specification:
     def known(value: float, unit: str = "") -> Measured:
         return Measured(value=value, sd=0.01 * abs(value), degrees_of_freedom=9, unit=unit)
 
-    line = ForceLine(
+    some_line = ForceLine(
         intercept_grey=known(0.0),
         slope_grey_per_n=known(4e5),
-        covariance_grey2_per_n=0.0,
         unit_covariance=(0.0, 0.0, 1e6),
         units=3,
         residual_grey=known(100.0),
@@ -117,13 +124,13 @@ def sheet(**measured: Measured) -> Specification:
         r_squared=1.0,
         linearity=known(0.001),
         exponent=1.0,
-        hysteresis=known(-0.002),
+        hysteresis=hysteresis,
         repeatability=None,
         tip_difference=None,
         detectable_n=known(1.5e-3, "N"),
         saturated=False,
     )
-    return specification_sheet(probe="tsis-direct", line=line, diagnostics=diagnostics, **measured)
+    return specification_sheet(probe="tsis-direct", line=line or some_line, diagnostics=diagnostics, edge_mm=edge_mm)
 
 
 def test_the_sheet_holds_what_was_measured_and_leaves_the_rest_empty() -> None:
@@ -139,6 +146,33 @@ def test_the_sheet_holds_what_was_measured_and_leaves_the_rest_empty() -> None:
     assert largest.value == 2.0
     with pytest.raises(UnknownNameError, match="hysteresis"):
         found["hysteresys"]
+
+
+def test_the_interval_of_the_largest_force_rests_on_the_few_tips_that_were_loaded() -> None:
+    sure = Measured(value=0.0, sd=0.0)
+    line = ForceLine(
+        intercept_grey=sure,
+        slope_grey_per_n=Measured(value=4e5, sd=1e3, degrees_of_freedom=2),
+        unit_covariance=(0.0, 0.0, (0.01 * 4e5) ** 2),
+        units=3,
+        residual_grey=sure,
+        residual_share=sure,
+        least_n=0.1,
+        most_n=2.0,
+        pixels=55296,
+        full_scale=255.0,
+        tips_mm=(2.0, 10.0, 14.0),
+    )
+    largest = sheet(line=line)["largest force"].measured
+    assert largest is not None
+    # a fourth tip differs from the mean of three by 1 % sqrt(1 + 1/3); Student's t of two degrees of freedom is 4.303
+    half = 4.30265 * 2.0 * 0.01 * np.sqrt(4 / 3)
+    assert largest.interval() == pytest.approx((2.0 - half, 2.0 + half), rel=1e-5)
+
+
+def test_hysteresis_that_nobody_measured_is_left_open() -> None:
+    assert sheet(hysteresis=None)["hysteresis"].measured is None
+    assert "0.6 of the largest force" in sheet()["hysteresis"].note
 
 
 def test_the_sheet_stands_beside_the_fingertip_and_says_where_the_source_disagrees() -> None:

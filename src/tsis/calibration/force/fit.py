@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from tsis.calibration.reference.making import Reference
 
 GAUGE_SHARE = 0.001  # of the reading: what a gauge of class 0.1 % states
-UNSEEN_DRIFT = 0.01  # of the lamps, where no reference patch tells
 PRINTED_TIP_SHARE = 0.0245  # the source's difference between two tips, where one tip only was used
 
 
@@ -52,8 +51,8 @@ def fit_force_line(
     gauge_share
         Relative standard deviation of the force gauge's calibration, from its certificate.
     drift_share
-        Relative standard deviation of the lamps between the reference and a later frame, after correction; that of the
-        reference patch when None, or 1 % where there is none.
+        Relative standard deviation of the lamps between the reference and a later frame, after correction; that of
+        ``reference`` when None.
     method
         How `tsis.calibration.force.reading.read_press` found the bright patch.
 
@@ -76,8 +75,6 @@ def fit_force_line(
             f"slope of a single one; got {len(loadings)}"
         )
     gauge = check.number("gauge_share", gauge_share, 0.0, 0.5, hint="a share of one")
-    if drift_share is None:
-        drift_share = UNSEEN_DRIFT if reference.patch_px is None else reference.lamp_sd
     runs = [run_of(loading) for loading in loadings]
     tips = tuple(sorted({run.tip_mm for run in runs}))
     units = _units(runs)
@@ -88,13 +85,12 @@ def fit_force_line(
     line = ForceLine(
         intercept_grey=intercept,
         slope_grey_per_n=slope,
-        covariance_grey2_per_n=float(covariance[0, 1]) / len(units),
         unit_covariance=(float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])),
         units=len(units),
         assumed_tip_share=PRINTED_TIP_SHARE if len(tips) == 1 else 0.0,
         residual_grey=residual_grey,
         residual_share=residual_share,
-        drift_share=drift_share,
+        drift_share=reference.drift_share if drift_share is None else drift_share,
         gauge_share=gauge,
         least_n=least,
         most_n=most,

@@ -26,8 +26,6 @@ class ForceLine:
     intercept_grey, slope_grey_per_n
         The mean line of the units that were loaded, under the light of the untouched reference. The slope's standard
         deviation holds the force gauge's own.
-    covariance_grey2_per_n
-        Covariance of the two.
     unit_covariance
         Covariance of the lines of single units (tips; repeats where one tip was used): variance of the intercept
         (grey²), covariance (grey²/N), variance of the slope (grey²/N²).
@@ -62,8 +60,8 @@ class ForceLine:
     >>> def sure(value, unit):
     ...     return Measured(value=value, sd=0.0, unit=unit)
     >>> line = ForceLine(intercept_grey=sure(0.056e6, "grey"), slope_grey_per_n=sure(1.4778e6, "grey/N"), units=3,
-    ...     covariance_grey2_per_n=0.0, unit_covariance=(0.0, 0.0, 0.0), residual_grey=sure(500.0, "grey"),
-    ...     residual_share=sure(0.0, ""), least_n=0.1, most_n=2.0, pixels=768 * 492, full_scale=255.0, tips_mm=(2.0,))
+    ...     unit_covariance=(0.0, 0.0, 0.0), residual_grey=sure(500.0, "grey"), residual_share=sure(0.0, ""),
+    ...     least_n=0.1, most_n=2.0, pixels=768 * 492, full_scale=255.0, tips_mm=(2.0,))
     >>> force = line.force_n(0.056e6 + 1.4778e6)
     >>> f"{force.value:.3f} N, sd {1000 * force.sd:.2f} mN"
     '1.000 N, sd 0.34 mN'
@@ -71,7 +69,6 @@ class ForceLine:
 
     intercept_grey: Measured
     slope_grey_per_n: Measured
-    covariance_grey2_per_n: float
     unit_covariance: tuple[float, float, float]
     units: int
     residual_grey: Measured
@@ -90,7 +87,6 @@ class ForceLine:
         for name in ("intercept_grey", "slope_grey_per_n", "residual_grey", "residual_share"):
             check.kind(name, getattr(self, name), Measured)
         check.number("slope_grey_per_n", self.slope_grey_per_n.value, 1e-9, 1e15, hint="grey levels a newton")
-        check.number("covariance_grey2_per_n", self.covariance_grey2_per_n, -1e30, 1e30)
         for value in self.unit_covariance:
             check.number("unit_covariance", value, -1e30, 1e30)
         check.whole("units", self.units, 2, 10_000)
@@ -201,7 +197,8 @@ class ForceLineDiagnostics:
     exponent
         Power of the force that the sums follow, 1 for a straight line through zero.
     hysteresis
-        Loading less unloading over the range at 0.6 of the largest force, where loops are widest within 5 %.
+        Loading less unloading over the range at 0.6 of the largest force, where loops are widest within 5 %; None with
+        fewer than two loadings that were unloaded, too.
     repeatability
         Standard deviation of sums of one tip and force in repeated loadings over the range; None without repeats.
     tip_difference
@@ -216,7 +213,7 @@ class ForceLineDiagnostics:
     r_squared: float
     linearity: Measured
     exponent: float
-    hysteresis: Measured
+    hysteresis: Measured | None
     repeatability: Measured | None
     tip_difference: Measured | None
     detectable_n: Measured | None

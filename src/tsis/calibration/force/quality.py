@@ -39,8 +39,8 @@ def linearity(runs: Sequence[Run]) -> Measured:
     return mean_of(found[:, int(np.abs(found.mean(axis=0)).argmax())])
 
 
-def hysteresis(runs: Sequence[Run]) -> Measured:
-    """Loading less unloading over the range, at 0.6 of the largest force.
+def hysteresis(runs: Sequence[Run]) -> Measured | None:
+    """Loading less unloading over the range, at 0.6 of the largest force; None with fewer than two loops.
 
     Each run's loop is smoothed to ``f (1 - f) (c0 + c1 f)``, f the force over the largest one, which is closed at both
     ends and which a steady drift of the lamps makes too; the scatter between runs then holds what drift left. Both
@@ -48,7 +48,7 @@ def hysteresis(runs: Sequence[Run]) -> Measured:
     """
     loops = [run for run in runs if run.has_both_branches]
     if len(loops) < 2:
-        return Measured(value=0.0, sd=1.0)  # nothing is known of it
+        return None
     return mean_of(np.array([float((_basis(np.array([WIDEST])) @ _loop(run))[0]) for run in loops]))
 
 

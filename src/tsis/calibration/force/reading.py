@@ -99,7 +99,7 @@ def read_press(
         field_grey=field,
         peak_grey=peak,
         mean_square_mm2=spread,
-        clipped=float(np.mean(image.grey[mask] >= image.full_scale - 0.5)),
+        clipped=float(np.mean(image.grey[mask] >= image.full_scale)),
     )
 
 

@@ -21,6 +21,7 @@ LEAST_LIGHT = 0.2  # of the mean: what is darker is not divided by
 SATURATED_SHARE = 1e-4  # of the good pixels that may clip
 LAMP_RANGE = (0.8, 1.25)  # times the light at the reference, which no warm lamp leaves
 LAMPS_OFF = 0.5  # of the untouched light
+UNSEEN_DRIFT = 0.01  # of the lamps, where no reference patch tells
 
 Box = tuple[int, int, int, int]
 
@@ -102,6 +103,11 @@ class Reference:
         if (self.patch_px is None) != (self.patch_grey is None):
             raise InputError("patch_px and patch_grey must be given together; got one of them")
 
+    @property
+    def drift_share(self) -> float:
+        """Relative standard deviation of the lamps in a later, corrected frame; without a patch an assumed 1 %."""
+        return UNSEEN_DRIFT if self.patch_px is None else self.lamp_sd
+
     def lamp_ratio(self, image: TactileImage) -> float:
         """Brightness of the lamps over that at the reference; 1 without a reference patch.
 
@@ -154,7 +160,7 @@ class Reference:
     def clipped(self, image: TactileImage) -> float:
         """Share of good pixels at full scale."""
         self._check(image)
-        return float(np.mean(image.grey[self.usable] >= self.full_scale - 0.5))
+        return float(np.mean(image.grey[self.usable] >= self.full_scale))
 
     def _check(self, image: TactileImage) -> None:
         check_image("image", image)

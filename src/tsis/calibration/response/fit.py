@@ -17,6 +17,7 @@ from scipy.optimize import least_squares
 from tsis.calibration.force.curves import run_of, usable
 from tsis.calibration.force.fit import GAUGE_SHARE
 from tsis.calibration.force.line import joined
+from tsis.calibration.force.reading import HERTZ_SPREAD
 from tsis.calibration.measured import Measured
 from tsis.calibration.response.shape import HIGHEST, light_share, peakedness, spread_factor
 from tsis.calibration.response.value import Response, Saturation
@@ -102,7 +103,7 @@ def _saturation(loadings: Sequence[Loading], pixel_mm2: float) -> Saturation:
         )
     # Where little light shines the shape is noisy: its variance falls about as the sum rises.
     weight = np.sqrt(total / total.max())
-    scale = float((1.5 * force * MN_PER_N / (np.pi * 2.5 * spread)).max()) ** -2
+    scale = float((1.5 * force * MN_PER_N / (np.pi * HERTZ_SPREAD * spread)).max()) ** -2
 
     def left(unknown: NDArray[np.float64]) -> NDArray[np.float64]:
         square = _squares(force, spread, unknown[0] * scale)

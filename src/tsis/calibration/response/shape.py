@@ -14,7 +14,7 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 from scipy.special import erf, erfi
 
-from tsis.calibration.force.reading import MIDDLE
+from tsis.calibration.force.reading import HERTZ_SPREAD, MIDDLE
 from tsis.optics.asperities import ERF_SLOPE
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def light_share(square: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def spread_factor(square: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Mean square distance from the centre over the contact's a²; 0.4 without saturation."""
+    """Mean square distance from the centre over the contact's a²; 1 / HERTZ_SPREAD without saturation."""
     table = _table()
     return np.asarray(np.interp(square, table[0], table[2]))
 
@@ -53,7 +53,7 @@ def _table() -> tuple[NDArray[np.float64], ...]:
     total = light @ w
     spread = (light * (1 - u**2)) @ w / total
     # The middle: s from sqrt(1 - m**2 a² spread) to 1, where its radius follows the spread that is seen.
-    least = np.sqrt(1 - MIDDLE**2 * 2.5 * spread)
+    least = np.sqrt(1 - MIDDLE**2 * HERTZ_SPREAD * spread)
     s = least[:, None] + (1 - least[:, None]) * u
     middle = ((_shown(square[:, None], s) * s) @ w) / (s @ w)
     return square, 3 * total, spread, middle * spread / (2 * np.pi * total)

@@ -98,7 +98,7 @@ class Response:
         gain_sd = (gain.interval()[1] / gain.value - 1) / NORMAL_95
         return Calibration(
             gain_grey_per_kpa=gain.value,
-            gain_sd=min(1.0, float(np.linalg.norm([gain_sd, self.repeatability_share, reference.lamp_sd]))),
+            gain_sd=min(1.0, float(np.linalg.norm([gain_sd, self.repeatability_share, reference.drift_share]))),
             saturation_kpa=self.saturation.value_kpa,
             background_grey=0.0,
             force_sd=self.gauge_share,

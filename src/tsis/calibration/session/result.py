@@ -113,7 +113,7 @@ def calibrate(
                 loadings.append(_loading(pressed, step, reference))
             progress(len(still) + len(loadings), len(steps) + 1)
     line, diagnostics = fit_force_line(loadings, reference=reference, gauge_share=terms.gauge_share)
-    response = fit_response(loadings, reference=reference, gauge_share=terms.gauge_share)
+    response = fit_response(loadings, reference=reference, gauge_share=terms.gauge_share, area_share=_area_share(scale))
     known = ProbeCalibration(
         name=terms.name,
         probe=terms.probe,
@@ -144,6 +144,11 @@ def _scale(
     with _named(BOARD):
         scale, dots = scale_from_dots(board, untouched, pitch_mm=pitch_mm, pitch_sd_mm=pitch_sd_mm)
     return scale, dots, board
+
+
+def _area_share(scale: Scale) -> float:
+    """Relative standard deviation of a pixel's area; one pitch errs along both axes, so their shares add."""
+    return sum(size.sd / size.value for size in (scale.mm_per_pixel_x, scale.mm_per_pixel_y))
 
 
 def _reference(

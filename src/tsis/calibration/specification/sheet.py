@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tsis.calibration.measured import Measured
+from tsis.calibration.force.quality import WIDEST
+from tsis.calibration.measured import Measured  # noqa: TC001 - the file format reads the type
 from tsis.model import check
 
 if TYPE_CHECKING:
@@ -85,7 +86,6 @@ def specification_sheet(
         Rate at which frames arrived, by `frame_rate`.
     """
     check.kind("probe", probe, str)
-    largest = Measured(value=line.most_n, sd=line.uncertain(line.most_n).sd, unit="N")
     return Specification(
         probe=probe,
         rows=(
@@ -116,7 +116,7 @@ def specification_sheet(
             SpecificationRow(
                 quantity="largest force",
                 unit="N",
-                measured=largest,
+                measured=line.uncertain(line.most_n),
                 fingertip="",
                 printed="2 N",
                 note="without clipped pixels, as far as it was pressed",
@@ -127,7 +127,7 @@ def specification_sheet(
                 measured=diagnostics.hysteresis,
                 fingertip="High",
                 printed="Low",
-                note="loading less unloading over the range, where the loop is widest",
+                note=f"loading less unloading over the range, at {WIDEST:g} of the largest force",
             ),
             SpecificationRow(
                 quantity="repeatability",
