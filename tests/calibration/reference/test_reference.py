@@ -4,9 +4,13 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import tsis
 from tsis.calibration.force.reading import patch_mask, read_press, total_grey
+from tsis.calibration.guard.blocks import FrameShape
+from tsis.calibration.guard.reference import GuardReference, prepared
 from tsis.calibration.reference.making import Reference, make_reference
 from tsis.imaging.sensor import Sensor
 from tsis.model import TactileImage
@@ -70,6 +74,73 @@ def test_the_reference_patch_takes_the_lamps_away(bench: VirtualLoadingMachine, 
     dimmer = replace(frame, grey=reference.dark_grey + 0.93 * (frame.grey - reference.dark_grey))
     assert reference.lamp_ratio(dimmer) == pytest.approx(0.93 * reference.lamp_ratio(frame), rel=1e-9)
     assert total_grey(dimmer, reference) == pytest.approx(total_grey(frame, reference), rel=1e-3)
+
+
+CORNER, DEPTH = (4, 4, 20, 16), 4095.0
+
+
+def of_twelve_bits(patch_grey: float, *, glow: float = 0.0) -> Reference:
+    """A camera of 4095 levels whose patch has that light, and whose dark frame is brighter there by ``glow``."""
+    rng = np.random.default_rng(8)
+    dark = np.full((60, 80), 64.0)
+    lamps = np.full(dark.shape, 20.0)
+    dark[4:16, 4:20] += glow
+    lamps[4:16, 4:20] = patch_grey
+
+    def taken(light: float | np.ndarray) -> TactileImage:
+        noisy = dark + light + np.sqrt(2.0 + 0.2 * np.asarray(light)) * rng.standard_normal(dark.shape)
+        return TactileImage(grey=np.rint(noisy), full_scale=DEPTH)
+
+    none = np.zeros_like(dark)
+    flat = lamps + np.where(lamps == patch_grey, 0.0, 1500.0)
+    frames = ([taken(light) for _ in range(4)] for light in (none, lamps, flat))
+    still, untouched, even = frames
+    return make_reference(still, untouched, [even], patch_px=CORNER)
+
+
+def guards(known: Reference) -> GuardReference:
+    """What the press guard is given of a reference."""
+    return GuardReference(
+        untouched=TactileImage(grey=known.dark_grey + known.untouched_grey, full_scale=known.full_scale),
+        patch=known.patch,
+        dark_grey=float(known.dark_grey.mean()),
+    )
+
+
+def test_a_patch_must_be_lit_by_a_share_of_the_scale_and_not_by_a_number_of_levels() -> None:
+    with pytest.raises(InputError, match=r"at least 2% of full scale .* it is (49|50)"):
+        of_twelve_bits(50.0)
+    known = of_twelve_bits(100.0)
+    assert known.patch_grey is not None
+    assert known.patch_grey.value == pytest.approx(100.0, abs=1.0)
+    assert known.patch_px == CORNER
+
+
+@given(patch_grey=st.floats(70.0, 100.0), glow=st.floats(-20.0, 20.0))
+@settings(max_examples=40, deadline=None)
+def test_the_press_guard_takes_every_patch_that_the_reference_took(patch_grey: float, glow: float) -> None:
+    try:
+        known = of_twelve_bits(patch_grey, glow=glow)
+    except InputError:
+        # above its own dark level, or above the frame's mean, of which the glow is a twenty-fifth
+        assert min(patch_grey, patch_grey + 0.96 * glow) < 0.02 * DEPTH + 1.0
+        return
+    guard = guards(known)
+    assert guard.untouched is not None
+    found = prepared(guard, FrameShape.of(guard.untouched))
+    assert found.patch_before is not None
+
+
+@pytest.mark.parametrize(
+    ("patch_px", "message"),
+    [((4, 4, 7, 7), "at least 16 pixels"), ((300, 4, 340, 30), "inside the frame"), ((9, 9, 3, 3), "last_")],
+)
+def test_patches_that_no_lamp_can_be_read_from_are_refused(
+    bench: VirtualLoadingMachine, patch_px: tuple[int, int, int, int], message: str
+) -> None:
+    dark, untouched, flat = ([take() for _ in range(4)] for take in (bench.dark, bench.no_contact, bench.flat))
+    with pytest.raises(InputError, match=message):
+        make_reference(dark, untouched, [flat], patch_px=patch_px)
 
 
 def test_hot_and_dead_pixels_are_found_and_mended(bench: VirtualLoadingMachine, reference: Reference) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from tsis.calibration.guard.reading import read_press
-from tsis.calibration.lamps.patch import LEAST_LIT, ReferencePatch
+from tsis.calibration.lamps.patch import LEAST_LIT, ReferencePatch, require_lit
 from tsis.imaging.correct import check_image, check_same_frame
 from tsis.model import TactileImage, check
 from tsis.model.errors import ImageMismatchError, InputError
@@ -159,13 +159,9 @@ def prepared(reference: GuardReference, shape: FrameShape) -> Prepared:
         dark_grey=reference.dark_grey,
     )
     if reference.patch is not None and untouched is not None:
-        level = reference.patch.cut(untouched.grey).mean()
-        if level - (reference.dark_grey or 0.0) < found.least_lit:
-            raise InputError(
-                f"reference patch must be lit by at least {LEAST_LIT:.0%} of full scale to follow the lamps; its "
-                f"mean is {level:.3g} grey levels: choose a part of the frame that the lamps light"
-            )
-        found = replace(found, patch_before=float(level))
+        level = float(reference.patch.cut(untouched.grey).mean())
+        require_lit(level - (reference.dark_grey or 0.0), shape.full_scale)
+        found = replace(found, patch_before=level)
     if reference.level is None:
         return found
     tilt = read_press(reference.level.grey, found).tilt

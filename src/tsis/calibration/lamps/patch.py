@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 LEAST_LIT = 0.02  # of full scale: a patch darker than this measures the black level and not the lamps
 LEAST_PIXELS = 16
 ROUNDING = 12.0**-0.5  # standard deviation of rounding to whole grey levels
+
+Box = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -58,6 +60,25 @@ class ReferencePatch:
         if self.pixels < LEAST_PIXELS:
             raise InputError(f"a reference patch must hold at least {LEAST_PIXELS} pixels; got {self.pixels}")
 
+    @classmethod
+    def from_px(cls, patch_px: Box) -> Self:
+        """The patch from (left, top, right, bottom) in pixels, right and bottom not included, as files hold it.
+
+        Examples
+        --------
+        >>> ReferencePatch.from_px((700, 0, 768, 20)).pixels
+        1360
+        """
+        if len(patch_px) != 4:
+            raise InputError(f"patch_px must hold left, top, right, bottom; got {patch_px!r:.80}")
+        left, top, right, bottom = patch_px
+        return cls(first_row=top, last_row=bottom, first_column=left, last_column=right)
+
+    @property
+    def patch_px(self) -> Box:
+        """Left, top, right, bottom."""
+        return self.first_column, self.first_row, self.last_column, self.last_row
+
     @property
     def pixels(self) -> int:
         """Number of pixels."""
@@ -72,17 +93,30 @@ class ReferencePatch:
             When it reaches beyond the frame.
         """
         check_image("image", image)
-        rows, columns = image.grey.shape
+        self.require_inside(image.grey.shape)
+        return replace(image, grey=self.cut(image.grey), axis_px=None)
+
+    def require_inside(self, shape: tuple[int, ...]) -> None:
+        """Refuse a frame of (rows, columns) that the patch reaches beyond."""
+        rows, columns = shape
         if self.last_row > rows or self.last_column > columns:
             raise InputError(
                 f"reference patch must lie inside the frame of {rows} x {columns} pixels; it ends at row "
                 f"{self.last_row}, column {self.last_column}"
             )
-        return replace(image, grey=self.cut(image.grey), axis_px=None)
 
     def cut(self, pixels: NDArray[Any]) -> NDArray[Any]:
-        """The patch of an array of at least its size."""
-        return pixels[self.first_row : self.last_row, self.first_column : self.last_column]
+        """The patch of an array of shape (..., rows, columns); a view."""
+        return pixels[..., self.first_row : self.last_row, self.first_column : self.last_column]
+
+
+def require_lit(light_grey: float, full_scale: float) -> None:
+    """Refuse a patch whose mean lies so few grey levels above dark that it shows the black level and not the lamps."""
+    if light_grey < LEAST_LIT * full_scale:
+        raise InputError(
+            f"reference patch must be lit by at least {LEAST_LIT:.0%} of full scale to follow the lamps; it is "
+            f"{light_grey:.3g} grey levels above dark: choose a part of the frame that the lamps light"
+        )
 
 
 def patch_ratio(
@@ -123,11 +157,7 @@ def patch_ratio(
     check.number("dark_grey", dark_grey, 0.0, image.full_scale)
     levels = [_level("image", image, patch, dark_grey), _level("reference", reference, patch, dark_grey)]
     (now, now_sd), (before, before_sd) = levels
-    if before < LEAST_LIT * reference.full_scale:
-        raise InputError(
-            f"reference patch must be lit by at least {LEAST_LIT:.0%} of full scale to follow the lamps; it is "
-            f"{before:.3g} grey levels above dark: choose a part of the frame that the lamps light"
-        )
+    require_lit(before, reference.full_scale)
     ratio = now / before
     return Measured(value=ratio, sd=float(np.hypot(now_sd, ratio * before_sd)) / before)
 

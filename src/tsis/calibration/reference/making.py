@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from tsis.calibration.lamps.patch import ReferencePatch, require_lit
 from tsis.calibration.measured import Measured
 from tsis.calibration.reference.noise import photon_transfer, stack
-from tsis.calibration.reference.value import LEAST_LIGHT, Box, Reference, checked_box, inside
+from tsis.calibration.reference.value import LEAST_LIGHT, Reference
 from tsis.imaging.patch import GAUSSIAN_MAD
 from tsis.model.errors import CalibrationError
 
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from tsis.calibration.lamps.patch import Box
     from tsis.model import TactileImage
 
 __all__ = ["Reference", "make_reference"]
@@ -58,6 +60,8 @@ def make_reference(
     CalibrationError
         When frames are too few, clip, or lie the wrong way round (dark brighter than untouched), or when too many
         pixels are bad.
+    InputError
+        When the reference patch leaves the frame, holds too few pixels, or the lamps light it too little.
     ImageMismatchError
         When the frames have different sizes or full scales.
     """
@@ -65,31 +69,33 @@ def make_reference(
     groups += [stack("flats", level, least=LEAST_FRAMES) for level in flats]
     every = [image for level in (dark, untouched, *flats) for image in level]
     stack("dark, untouched and flat frames", [dark[0], untouched[0], *(level[0] for level in flats)], least=2)
-    base = groups[0].mean(axis=0)
-    box = None if patch_px is None else checked_box(patch_px, base.shape)
+    full_scale, base = dark[0].full_scale, groups[0].mean(axis=0)
+    patch = None if patch_px is None else ReferencePatch.from_px(patch_px)
     good = ~_bad(groups[0], groups[2:])
-    lamps = _lamps_of(groups[1], base, box)
+    lamps = _lamps_of(groups[1], base, patch, full_scale)
     light = ((groups[1] - base) / lamps[:, None, None]).mean(axis=0)
     if light.mean() < -1:
         raise CalibrationError(
             f"untouched frames must not be darker than dark ones; they are by {-light.mean():.1f} grey levels "
             "(were the two swapped?)"
         )
+    base_single, light_single = _single(base), _single(light)
     field = good.copy()
-    if box is not None:
-        field[inside(box)] = False
-    relative = _relative(groups[2:], base, light, field, box)
+    if patch is not None:
+        _require_lit(patch, base_single, light_single, full_scale)
+        patch.cut(field)[:] = False
+    relative = _relative(groups[2:], base, light, field, patch)
     lit = [*groups[1:], *(stack("scenes", scene, least=LEAST_FRAMES) for scene in scenes)]
-    noise = photon_transfer(groups[0], lit, usable=field, full_scale=dark[0].full_scale)
-    patch, lamp_sd = _patch(groups[1], base, box, lamps, noise.shot_noise_grey.value)
+    noise = photon_transfer(groups[0], lit, usable=field, full_scale=full_scale)
+    patch_grey, lamp_sd = _patch_light(groups[1], base, patch, noise.shot_noise_grey.value)
     stray = light[field]
     scales = {image.mm_per_pixel for image in every}
     return Reference(
-        dark_grey=_single(base),
-        untouched_grey=_single(light),
+        dark_grey=base_single,
+        untouched_grey=light_single,
         relative_light=_single(relative),
         usable=field & (relative >= LEAST_LIGHT),
-        full_scale=dark[0].full_scale,
+        full_scale=full_scale,
         mm_per_pixel=scales.pop() if len(scales) == 1 else None,
         dark_frames=len(dark),
         untouched_frames=len(untouched),
@@ -97,8 +103,8 @@ def make_reference(
         read_noise_grey=noise.read_noise_grey,
         shot_noise_grey=noise.shot_noise_grey,
         stray_grey=Measured(value=float(stray.mean()), sd=float(stray.std() / np.sqrt(stray.size)), unit="grey"),
-        patch_px=box,
-        patch_grey=patch,
+        patch_px=None if patch is None else patch.patch_px,
+        patch_grey=patch_grey,
         lamp_sd=lamp_sd,
     )
 
@@ -108,26 +114,32 @@ def _single(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return values.astype(np.float32).astype(float)
 
 
-def _lamps_of(frames: NDArray[np.float64], base: NDArray[np.float64], box: Box | None) -> NDArray[np.float64]:
+def _lamps_of(
+    frames: NDArray[np.float64], base: NDArray[np.float64], patch: ReferencePatch | None, full_scale: float
+) -> NDArray[np.float64]:
     """Brightness of the lamps in each frame over their mean."""
-    if box is None:
+    if patch is None:
         return np.ones(len(frames))
-    seen = (frames - base)[:, *inside(box)].mean(axis=(1, 2))
-    if seen.min() < 10:
-        raise CalibrationError(
-            f"the reference patch must be lit by at least 10 grey levels; got {seen.min():.1f} (move patch_px to where "
-            "the lamps are seen)"
-        )
+    patch.require_inside(base.shape)
+    seen = patch.cut(frames - base).mean(axis=(1, 2))
+    require_lit(float(seen.min()), full_scale)
     return np.asarray(seen / seen.mean())
 
 
-def _patch(
-    frames: NDArray[np.float64], base: NDArray[np.float64], box: Box | None, lamps: NDArray[np.float64], shot: float
+def _require_lit(
+    patch: ReferencePatch, dark: NDArray[np.float64], light: NDArray[np.float64], full_scale: float
+) -> None:
+    """Refuse what the press guard would: it knows the mean of the dark frame and not its place in the patch."""
+    require_lit(float(patch.cut(dark + light).mean()) - float(dark.mean()), full_scale)
+
+
+def _patch_light(
+    frames: NDArray[np.float64], base: NDArray[np.float64], patch: ReferencePatch | None, shot: float
 ) -> tuple[Measured | None, float]:
     """Mean light of the patch, and how well one frame tells the lamps."""
-    if box is None:
+    if patch is None:
         return None, 0.0
-    light = (frames - base)[:, *inside(box)]
+    light = patch.cut(frames - base)
     mean, count = float(light.mean()), light[0].size
     one = float(np.sqrt((shot * mean + READ_AND_ROUNDING) / count))
     return Measured(value=mean, sd=one / float(np.sqrt(len(frames))), unit="grey"), one / mean
@@ -158,14 +170,14 @@ def _relative(
     base: NDArray[np.float64],
     untouched: NDArray[np.float64],
     field: NDArray[np.bool],
-    box: Box | None,
+    patch: ReferencePatch | None,
 ) -> NDArray[np.float64]:
     """Light over the face relative to its mean over the good pixels; each level counts by its light."""
     total = np.zeros_like(base)
     for level in flats:
         lit = level - base
-        if box is not None:
-            part = lit[:, *inside(box)].mean(axis=(1, 2)) / untouched[inside(box)].mean()
+        if patch is not None:
+            part = patch.cut(lit).mean(axis=(1, 2)) / patch.cut(untouched).mean()
             lit = lit / part[:, None, None]
         total += (lit - untouched).sum(axis=0)
     if not flats:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import uniform_filter
 
+from tsis.calibration.lamps.patch import Box, ReferencePatch
 from tsis.calibration.measured import Measured
 from tsis.imaging.correct import SCALE_TOLERANCE, check_image
 from tsis.model import TactileImage, check
@@ -22,8 +23,6 @@ SATURATED_SHARE = 1e-4  # of the good pixels that may clip
 LAMP_RANGE = (0.8, 1.25)  # times the light at the reference, which no warm lamp leaves
 LAMPS_OFF = 0.5  # of the untouched light
 UNSEEN_DRIFT = 0.01  # of the lamps, where no reference patch tells
-
-Box = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -99,9 +98,16 @@ class Reference:
             check.kind(name, getattr(self, name), Measured)
         check.number("lamp_sd", self.lamp_sd, 0.0, 1.0, hint="a share of one")
         if self.patch_px is not None:
-            object.__setattr__(self, "patch_px", checked_box(self.patch_px, self.dark_grey.shape))
+            patch = ReferencePatch.from_px(self.patch_px)
+            patch.require_inside(self.dark_grey.shape)
+            object.__setattr__(self, "patch_px", patch.patch_px)
         if (self.patch_px is None) != (self.patch_grey is None):
             raise InputError("patch_px and patch_grey must be given together; got one of them")
+
+    @property
+    def patch(self) -> ReferencePatch | None:
+        """The reference patch; None when there is none."""
+        return None if self.patch_px is None else ReferencePatch.from_px(self.patch_px)
 
     @property
     def drift_share(self) -> float:
@@ -118,12 +124,12 @@ class Reference:
         """
         self._check(image)
         light = image.grey - self.dark_grey
-        if self.patch_px is None or self.patch_grey is None:
+        if self.patch is None or self.patch_grey is None:
             untouched = float(np.median(self.untouched_grey))
             if untouched > 1 and float(np.median(light)) < LAMPS_OFF * untouched:
                 raise InputError(_lamps(float(np.median(light)) / untouched))
             return 1.0
-        ratio = float(light[inside(self.patch_px)].mean()) / self.patch_grey.value
+        ratio = float(self.patch.cut(light).mean()) / self.patch_grey.value
         if not LAMP_RANGE[0] <= ratio <= LAMP_RANGE[1]:
             raise InputError(_lamps(ratio))
         return ratio
@@ -172,25 +178,6 @@ class Reference:
         ours, theirs = self.mm_per_pixel, image.mm_per_pixel
         if ours is not None and theirs is not None and not np.allclose(ours, theirs, rtol=SCALE_TOLERANCE, atol=0.0):
             raise ImageMismatchError(f"image must have the reference's mm_per_pixel {ours}; got {theirs}")
-
-
-def checked_box(box: Box, shape: tuple[int, ...]) -> Box:
-    """The box when it lies in the frame and holds pixels, else say why not."""
-    if len(box) != 4:
-        raise InputError(f"patch_px must hold left, top, right, bottom; got {box!r:.80}")
-    left, top = (
-        check.whole("patch_px left", box[0], 0, shape[1] - 1),
-        check.whole("patch_px top", box[1], 0, shape[0] - 1),
-    )
-    right = check.whole("patch_px right", box[2], left + 1, shape[1], hint="pixels, within the frame")
-    bottom = check.whole("patch_px bottom", box[3], top + 1, shape[0], hint="pixels, within the frame")
-    return left, top, right, bottom
-
-
-def inside(box: Box) -> tuple[slice, slice]:
-    """Rows and columns of a box."""
-    left, top, right, bottom = box
-    return slice(top, bottom), slice(left, right)
 
 
 def _lamps(ratio: float) -> str:
