@@ -50,10 +50,13 @@ def full_contact() -> float:
 
 def pressed(tip_mm: float, force_n: float) -> PressField:
     """Hertz's pressure and displacement on a half-space with the probe's effective modulus."""
-    edge = (3 * force_n * MN * tip_mm / (4 * half_space_kpa())) ** (1 / 3)
-    # Hertz's formulas go on where his assumptions end, which `hertz` refuses: the pressure is that of a wider sphere.
-    peak = 1.5 * force_n * MN / (np.pi * edge**2)
-    contact = closed_form.HertzContact(force_mn=force_n * MN, contact_radius_mm=edge, peak_pressure_kpa=peak)
+    contact = closed_form.hertz_under_force(
+        radius_mm=tip_mm,
+        force_mn=force_n * MN,
+        young_kpa=closed_form.effective_modulus_kpa(PROBE.layers),
+        poisson=PROBE.layers[0].poisson,
+    )
+    edge = contact.contact_radius_mm
     inner = edge * np.sin(np.linspace(0.0, np.pi / 2, 400))  # dense where the pressure ends
     radius = np.concatenate([inner, np.geomspace(edge, max(PROBE.radius_mm, 1.01 * edge), 400)[1:]])
     return PressField(

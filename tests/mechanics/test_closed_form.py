@@ -50,6 +50,29 @@ def test_hertz(poisson: float, force: float, peak: float) -> None:
     assert contact.contact_radius_mm == pytest.approx(5**0.5)
 
 
+@given(radius=st.floats(1.0, 100.0), depth=st.floats(0.001, 1.0), young=st.floats(0.1, 1e4), poisson=POISSON)
+def test_hertz_by_the_force_is_hertz_by_the_indentation(
+    radius: float, depth: float, young: float, poisson: float
+) -> None:
+    by_depth = closed_form.hertz(radius_mm=radius, indentation_mm=depth, young_kpa=young, poisson=poisson)
+    found = closed_form.hertz_under_force(
+        radius_mm=radius, force_mn=by_depth.force_mn, young_kpa=young, poisson=poisson
+    )
+    assert found.force_mn == by_depth.force_mn
+    assert found.contact_radius_mm == pytest.approx(by_depth.contact_radius_mm, rel=1e-12)
+    assert found.peak_pressure_kpa == pytest.approx(by_depth.peak_pressure_kpa, rel=1e-12)
+
+
+def test_a_force_that_buries_the_sphere_still_has_its_paraboloid() -> None:
+    contact = closed_form.hertz_under_force(radius_mm=2.0, force_mn=5e4, young_kpa=50.0, poisson=0.49)
+    assert contact.contact_radius_mm > 2.0
+    carried, _ = quad(lambda r: 2 * np.pi * r * float(contact.pressure_kpa(r)), 0.0, contact.contact_radius_mm)
+    assert carried == pytest.approx(5e4, rel=1e-6)
+    for wrong in (0.0, -1.0, float("nan")):
+        with pytest.raises(InputError, match="force_mn"):
+            closed_form.hertz_under_force(radius_mm=2.0, force_mn=wrong, young_kpa=50.0, poisson=0.49)
+
+
 @given(radius=st.floats(1.0, 100.0), depth=st.floats(0.001, 1.0), poisson=POISSON)
 def test_pressures_add_up_to_the_force(radius: float, depth: float, poisson: float) -> None:
     contact = closed_form.hertz(radius_mm=radius, indentation_mm=depth, young_kpa=5.0, poisson=poisson)

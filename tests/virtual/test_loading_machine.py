@@ -9,7 +9,8 @@ import tsis
 from tsis.imaging.led_drift import LedDrift
 from tsis.imaging.sensor import Sensor
 from tsis.model.errors import InputError
-from tsis.virtual.loading_machine import MachineErrors, VirtualLoadingMachine
+from tsis.virtual.loading_machine import VirtualLoadingMachine
+from tsis.virtual.machine_errors import MachineErrors
 
 SENSOR = Sensor(columns=256, rows=216)
 NO_ERRORS = MachineErrors(

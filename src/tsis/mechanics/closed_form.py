@@ -150,6 +150,38 @@ def hertz(*, radius_mm: float, indentation_mm: float, young_kpa: float, poisson:
     )
 
 
+def hertz_under_force(*, radius_mm: float, force_mn: float, young_kpa: float, poisson: float) -> HertzContact:
+    """Hertz's contact of a rigid sphere under a force: ``a**3 = 3 F R / (4 E*)``, ``p0 = 3 F / (2 pi a**2)``.
+
+    A force that pushes a small sphere in deeper than its radius is taken too: the pressure is then that of the
+    paraboloid, which is wider than the sphere.
+
+    Parameters
+    ----------
+    radius_mm
+        Radius R of the sphere, mm, in [1e-6, 1e6].
+    force_mn
+        Force F, mN, in [1e-12, 1e12].
+    young_kpa, poisson
+        The half-space: kPa in [1e-6, 1e12], and in [0, 0.4999].
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range.
+
+    Examples
+    --------
+    >>> contact = hertz_under_force(radius_mm=10.0, force_mn=8.1907, young_kpa=5.0, poisson=0.3)
+    >>> round(contact.contact_radius_mm**2 / 10.0, 4), round(contact.peak_pressure_kpa, 4)
+    (0.5, 0.7822)
+    """
+    radius = check.number("radius_mm", radius_mm, 1e-6, 1e6, hint="millimetres")
+    force = check.number("force_mn", force_mn, 1e-12, 1e12, hint="millinewtons")
+    contact = (3 * force * radius / (4 * _plane_strain(young_kpa, poisson))) ** (1 / 3)
+    return HertzContact(force_mn=force, contact_radius_mm=contact, peak_pressure_kpa=1.5 * force / (np.pi * contact**2))
+
+
 def punch_stiffness(*, radius_mm: float, young_kpa: float, poisson: float) -> float:
     """Force over indentation in mN/mm of a rigid flat round punch without friction on a half-space: ``2 E* a``.
 

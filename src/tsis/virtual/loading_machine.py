@@ -2,114 +2,33 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
 
+from tsis.calibration.force.line import LARGEST_GAUGE_N
 from tsis.imaging.contact_light import rough_contact
-from tsis.imaging.led_drift import LedDrift
-from tsis.imaging.sensor import Sensor, expose
-from tsis.mechanics.closed_form import HertzContact, effective_modulus_kpa
+from tsis.imaging.sensor import Sensor
+from tsis.mechanics.closed_form import HertzContact, effective_modulus_kpa, hertz_under_force
 from tsis.model import Calibration, Probe, TactileImage, check
 from tsis.model.errors import InputError
 from tsis.model.press import MN_PER_N
 from tsis.virtual.direct_contact import direct_contact_calibration
+from tsis.virtual.loading_camera import LoadingCamera
+from tsis.virtual.machine_errors import MachineErrors, MachineTruth
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-LARGEST_FORCE_N = 50.0  # what the source's gauge measures
+    from tsis.imaging.led_drift import LedDrift
+
 NOMINAL_TIP_MM, NOMINAL_N = 2.0, 2.0  # the press for which the exposure is chosen
 HEADROOM = 1.2  # light that errors of the machine may add before pixels clip
-LONGEST = 20_000  # frames that the lamps are drawn for
-PATCH_PX, PATCH_AT, PATCH_LEVEL = (
-    32,
-    4,
-    0.55,
-)  # reference patch: side and place in pixels, light as a share of the scale
-BAD_PIXELS, HOT_GREY = 8, 40.0
 FLAT_LEVELS = (0.15, 0.4, 0.65)  # of the scale
 EDGE_LEVEL = 0.6
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MachineErrors:
-    """What a bench does to the numbers; each is a standard deviation from which the machine draws its own.
-
-    Parameters
-    ----------
-    probe_young_sd
-        Relative, of the probe's moduli.
-    gain_sd
-        Relative, of the answer to pressure.
-    shading_sd
-        Relative, of the unevenness of the light from the middle of the frame to its edge.
-    tip_sd
-        Relative, of the light from tip to tip.
-    repeatability_sd
-        Relative, of the light from press to press.
-    pattern_sd
-        Relative, of a pattern in rings that each press leaves anew.
-    hysteresis_sd
-        Of the light that unloading shows more or less than loading, at half of the largest force, as a share of it.
-    force_sd
-        Relative, by which the machine misses the commanded force; the gauge sees it.
-    place_sd_mm
-        Of the place where a tip is mounted.
-    stray_grey
-        Light of the untouched probe, grey levels; no standard deviation.
-    gauge_gain_sd, gauge_zero_sd_n, gauge_noise_n, gauge_resolution_n
-        Of the gauge's calibration, its zero and its readings, and the step of its display.
-    """
-
-    probe_young_sd: float = 0.03
-    gain_sd: float = 0.05
-    shading_sd: float = 0.04
-    tip_sd: float = 0.01
-    repeatability_sd: float = 0.002
-    pattern_sd: float = 0.0005
-    hysteresis_sd: float = 0.003
-    force_sd: float = 0.003
-    place_sd_mm: float = 0.2
-    stray_grey: float = 3.0
-    gauge_gain_sd: float = 0.001
-    gauge_zero_sd_n: float = 0.003
-    gauge_noise_n: float = 0.001
-    gauge_resolution_n: float = 0.001
-
-    def __post_init__(self) -> None:
-        for one in fields(self):
-            check.number(one.name, getattr(self, one.name), 0.0, 100.0)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class MachineTruth:
-    """What this machine drew and no calibration knows.
-
-    Attributes
-    ----------
-    answer
-        Grey level to pressure under the mean light of the face and lamps of 1.
-    stiffness
-        Moduli of the probe over the nominal ones.
-    hysteresis_share
-        Light of unloading over that of loading, less one, at half of the largest force.
-    gauge_gain, gauge_zero_n
-        The gauge shows ``gain * F + zero``.
-    relative_light
-        Light over the face, shape (rows, columns), of mean 1 outside the reference patch.
-    """
-
-    answer: Calibration
-    stiffness: float
-    hysteresis_share: float
-    gauge_gain: float
-    gauge_zero_n: float
-    relative_light: NDArray[np.float64]
 
 
 class VirtualLoadingMachine:
@@ -174,11 +93,7 @@ class VirtualLoadingMachine:
         check.kind("sensor", self.sensor, Sensor)
         check.kind("errors", self.errors, MachineErrors)
         self._rng, self._blur_mm = rng, check.number("blur_mm", blur_mm, 0.0, 2.0, hint="millimetres")
-        start, step = check.number("warm_s", warm_s, 0.0, 1e6), check.number("frame_s", frame_s, 1e-3, 1e4)
-        self._lamps = (drift or LedDrift()).factors(start + step * np.arange(LONGEST), rng)
-        self._seen_lamps = list[float]()
-        self._patch = patch
-        self._bad = rng.integers(0, self.sensor.rows * self.sensor.columns, (2, BAD_PIXELS))
+        self.camera = LoadingCamera(self.sensor, rng=rng, drift=drift, patch=patch, warm_s=warm_s, frame_s=frame_s)
         self._tips: dict[float, tuple[float, NDArray[np.float64]]] = {}
         self._largest_n = 0.0
         self.truth = self._draw(saturation_kpa)
@@ -186,17 +101,16 @@ class VirtualLoadingMachine:
     @property
     def patch_px(self) -> tuple[int, int, int, int] | None:
         """Reference patch as left, top, right, bottom; None when there is none."""
-        return (PATCH_AT, PATCH_AT, PATCH_AT + PATCH_PX, PATCH_AT + PATCH_PX) if self._patch else None
+        return None if self.camera.patch is None else self.camera.patch.patch_px
 
     @property
     def lamps(self) -> tuple[float, ...]:
         """True brightness of the lamps in each frame so far, those without light too."""
-        return tuple(self._seen_lamps)
+        return self.camera.lamps
 
     def dark(self) -> TactileImage:
         """A frame with the lamps off."""
-        self._next_lamp()
-        return self._taken(np.zeros(self.truth.relative_light.shape), "dark", lit=0.0)
+        return self._named(self.camera.dark(), "dark", lit=0.0)
 
     def no_contact(self) -> TactileImage:
         """A frame of the untouched probe, the lamps on."""
@@ -206,7 +120,7 @@ class VirtualLoadingMachine:
     def flat(self, level: float = 0.4) -> TactileImage:
         """A frame of even contact with the whole face that fills a share of the scale, in [0.02, 0.9]."""
         check.number("level", level, 0.02, 0.9, hint="a share of the scale")
-        return self._lit(level * self._range() * self.truth.relative_light, f"flat {level:g}")
+        return self._lit(level * self.camera.range_grey * self.truth.relative_light, f"flat {level:g}")
 
     def edge(self, angle_deg: float = 5.0) -> TactileImage:
         """A frame of a block pressed evenly on one half of the face, its straight edge tilted to the columns."""
@@ -214,7 +128,7 @@ class VirtualLoadingMachine:
         x, y = self.sensor.axes_mm()
         across = x[None, :] * np.cos(np.radians(angle_deg)) + y[:, None] * np.sin(np.radians(angle_deg))
         # Covered shares of pixels, as the edge runs through them.
-        block = EDGE_LEVEL * self._range() * np.clip(0.5 + across / self.sensor.mm_per_pixel[0], 0.0, 1.0)
+        block = EDGE_LEVEL * self.camera.range_grey * np.clip(0.5 + across / self.sensor.mm_per_pixel[0], 0.0, 1.0)
         return self._lit(self._blurred(block) * self.truth.relative_light, "edge")
 
     def press(self, tip_radius_mm: float, force_n: float) -> tuple[TactileImage, float]:
@@ -237,11 +151,11 @@ class VirtualLoadingMachine:
             When a value lies outside its range, or the contact would leave the frame.
         """
         tip = check.number("tip_radius_mm", tip_radius_mm, 0.5, 100.0, hint="millimetres")
-        force = check.number("force_n", force_n, 0.0, LARGEST_FORCE_N, hint="newtons")
+        force = check.number("force_n", force_n, 0.0, LARGEST_GAUGE_N, hint="newtons")
         force *= max(0.0, 1 + self.errors.force_sd * self._rng.standard_normal())
         if force == 0:
             return self.no_contact(), self._shown(0.0)
-        light = self._contact(tip, force, *self._mounted(tip)) * self._once(force)
+        light = self._light(tip, force, *self._mounted(tip)) * self._once(force)
         image = self._lit(light * self.truth.relative_light, f"{tip:g} mm tip at {force_n:g} N", force_n=force_n)
         return image, self._shown(force)
 
@@ -251,19 +165,15 @@ class VirtualLoadingMachine:
 
     def expected_grey(self, tip_radius_mm: float, force_n: float) -> float:
         """True sum of grey levels of loading at lamps of 1, without what tips, presses and noise add."""
-        return float(self._contact(tip_radius_mm, force_n, 0.0, np.zeros(2), patterned=False).sum())
+        return float(self._light(tip_radius_mm, force_n, 0.0, np.zeros(2), patterned=False).sum())
 
     def contact(self, tip_radius_mm: float, force_n: float) -> HertzContact:
-        """True contact of a tip: ``a**3 = 3 F R / (4 E*)``."""
-        modulus = self.truth.stiffness * _plane_strain_kpa(self.probe)
-        edge = (3 * force_n * MN_PER_N * tip_radius_mm / (4 * modulus)) ** (1 / 3)
-        peak = 1.5 * force_n * MN_PER_N / (np.pi * edge**2)
-        return HertzContact(force_mn=force_n * MN_PER_N, contact_radius_mm=edge, peak_pressure_kpa=peak)
+        """True contact of a tip."""
+        return _contact(self.probe, self.truth.stiffness, tip_radius_mm, force_n)
 
     def _draw(self, saturation_kpa: float | None) -> MachineTruth:
         rng, errors = self._rng, self.errors
-        edge = (3 * NOMINAL_N * MN_PER_N * NOMINAL_TIP_MM / (4 * _plane_strain_kpa(self.probe))) ** (1 / 3)
-        peak = 1.5 * NOMINAL_N * MN_PER_N / (np.pi * edge**2)
+        peak = _contact(self.probe, 1.0, NOMINAL_TIP_MM, NOMINAL_N).peak_pressure_kpa
         nominal = direct_contact_calibration(self.sensor, probe=self.probe, peak_kpa=HEADROOM * peak)
         return MachineTruth(
             answer=Calibration(
@@ -284,8 +194,8 @@ class VirtualLoadingMachine:
         light = 1 + lean_x * x[None, :] + lean_y * y[:, None] + bowl * (x[None, :] ** 2 + y[:, None] ** 2)
         light = np.maximum(light, 0.3) * self.sensor.vignetting()
         field = np.ones(light.shape, dtype=bool)
-        if self.patch_px is not None:
-            field[_box(self.patch_px)] = False
+        if self.camera.patch is not None:
+            self.camera.patch.cut(field)[:] = False
         return np.asarray(light / light[field].mean())
 
     def _mounted(self, tip: float) -> tuple[float, NDArray[np.float64]]:
@@ -302,7 +212,7 @@ class VirtualLoadingMachine:
         memory = self.truth.hysteresis_share * 4 * share * (1 - share)
         return (1 + memory) * (1 + self.errors.repeatability_sd * self._rng.standard_normal())
 
-    def _contact(
+    def _light(
         self, tip: float, force: float, brighter: float, place: NDArray[np.float64], *, patterned: bool = True
     ) -> NDArray[np.float64]:
         """Light of a contact under even light, shape (rows, columns)."""
@@ -338,17 +248,12 @@ class VirtualLoadingMachine:
         return shown if step == 0 else round(shown / step) * step
 
     def _lit(self, light: NDArray[np.float64], name: str, *, force_n: float = 0.0) -> TactileImage:
-        lit = light + self.errors.stray_grey * self.truth.relative_light
-        if self.patch_px is not None:
-            lit[_box(self.patch_px)] = PATCH_LEVEL * self._range()
-        return self._taken(lit * self._next_lamp(), name, lit=1.0, force_n=force_n)
+        stray = self.errors.stray_grey * self.truth.relative_light
+        return self._named(self.camera.lit(light + stray), name, lit=1.0, force_n=force_n)
 
-    def _taken(self, light: NDArray[np.float64], name: str, *, lit: float, force_n: float = 0.0) -> TactileImage:
-        hot, dead = self._bad
-        light.ravel()[dead] = 0.0
-        light.ravel()[hot] += HOT_GREY
+    def _named(self, grey: NDArray[np.float64], name: str, *, lit: float, force_n: float = 0.0) -> TactileImage:
         return TactileImage(
-            grey=expose(light, self.sensor, self._rng),
+            grey=grey,
             mm_per_pixel=self.sensor.mm_per_pixel,
             full_scale=self.sensor.full_scale,
             force_n=force_n,
@@ -356,21 +261,12 @@ class VirtualLoadingMachine:
             settings={"source": "virtual loading machine", "probe": self.probe.name, "lamps": lit},
         )
 
-    def _next_lamp(self) -> float:
-        if len(self._seen_lamps) == LONGEST:
-            raise InputError(f"a loading machine takes at most {LONGEST} frames; make another")
-        self._seen_lamps.append(float(self._lamps[len(self._seen_lamps)]))
-        return self._seen_lamps[-1]
 
-    def _range(self) -> float:
-        return self.sensor.full_scale - self.sensor.background_grey
-
-
-def _plane_strain_kpa(probe: Probe) -> float:
-    """``E*`` of the half-space that stands for the probe."""
-    return effective_modulus_kpa(probe.layers) / (1 - probe.layers[0].poisson ** 2)
-
-
-def _box(patch: tuple[int, int, int, int]) -> tuple[slice, slice]:
-    left, top, right, bottom = patch
-    return slice(top, bottom), slice(left, right)
+def _contact(probe: Probe, stiffness: float, tip_radius_mm: float, force_n: float) -> HertzContact:
+    """Hertz's contact on the half-space that stands for a probe so many times as stiff as its layers say."""
+    return hertz_under_force(
+        radius_mm=tip_radius_mm,
+        force_mn=force_n * MN_PER_N,
+        young_kpa=stiffness * effective_modulus_kpa(probe.layers),
+        poisson=probe.layers[0].poisson,
+    )
