@@ -16,7 +16,7 @@ from tsis.model.errors import InputError
 from tsis.model.press import MN_PER_N
 from tsis.virtual.direct_contact import direct_contact_calibration
 from tsis.virtual.loading_camera import LoadingCamera
-from tsis.virtual.machine_errors import MachineErrors, MachineTruth
+from tsis.virtual.machine_errors import MachineErrors, drawn_truth
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -96,7 +96,14 @@ class VirtualLoadingMachine:
         self.camera = LoadingCamera(self.sensor, rng=rng, drift=drift, patch=patch, warm_s=warm_s, frame_s=frame_s)
         self._tips: dict[float, tuple[float, NDArray[np.float64]]] = {}
         self._largest_n = 0.0
-        self.truth = self._draw(saturation_kpa)
+        peak = _contact(probe, 1.0, NOMINAL_TIP_MM, NOMINAL_N).peak_pressure_kpa
+        nominal = Calibration(
+            gain_grey_per_kpa=direct_contact_calibration(
+                self.sensor, probe=probe, peak_kpa=HEADROOM * peak
+            ).gain_grey_per_kpa,
+            saturation_kpa=5 * peak if saturation_kpa is None else saturation_kpa,
+        )
+        self.truth = drawn_truth(nominal, self.camera, self.errors, rng)
 
     @property
     def patch_px(self) -> tuple[int, int, int, int] | None:
@@ -170,33 +177,6 @@ class VirtualLoadingMachine:
     def contact(self, tip_radius_mm: float, force_n: float) -> HertzContact:
         """True contact of a tip."""
         return _contact(self.probe, self.truth.stiffness, tip_radius_mm, force_n)
-
-    def _draw(self, saturation_kpa: float | None) -> MachineTruth:
-        rng, errors = self._rng, self.errors
-        peak = _contact(self.probe, 1.0, NOMINAL_TIP_MM, NOMINAL_N).peak_pressure_kpa
-        nominal = direct_contact_calibration(self.sensor, probe=self.probe, peak_kpa=HEADROOM * peak)
-        return MachineTruth(
-            answer=Calibration(
-                gain_grey_per_kpa=nominal.gain_grey_per_kpa * float(np.exp(errors.gain_sd * rng.standard_normal())),
-                saturation_kpa=5 * peak if saturation_kpa is None else saturation_kpa,
-            ),
-            stiffness=float(np.exp(errors.probe_young_sd * rng.standard_normal())),
-            hysteresis_share=errors.hysteresis_sd * float(rng.standard_normal()),
-            gauge_gain=1 + errors.gauge_gain_sd * float(rng.standard_normal()),
-            gauge_zero_n=errors.gauge_zero_sd_n * float(rng.standard_normal()),
-            relative_light=self._shading(),
-        )
-
-    def _shading(self) -> NDArray[np.float64]:
-        """Light that leans to one side and rises or falls towards the edge, of mean 1."""
-        x, y = (axis / np.abs(axis).max() for axis in self.sensor.axes_mm())
-        lean_x, lean_y, bowl = self.errors.shading_sd * self._rng.standard_normal(3)
-        light = 1 + lean_x * x[None, :] + lean_y * y[:, None] + bowl * (x[None, :] ** 2 + y[:, None] ** 2)
-        light = np.maximum(light, 0.3) * self.sensor.vignetting()
-        field = np.ones(light.shape, dtype=bool)
-        if self.camera.patch is not None:
-            self.camera.patch.cut(field)[:] = False
-        return np.asarray(light / light[field].mean())
 
     def _mounted(self, tip: float) -> tuple[float, NDArray[np.float64]]:
         """Light and place in mm of a tip, drawn when it is first used."""

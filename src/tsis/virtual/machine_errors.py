@@ -5,13 +5,16 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
-from tsis.model import check
+import numpy as np
+
+from tsis.model import Calibration, check
 
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
-    from tsis.model import Calibration
+    from tsis.virtual.loading_camera import LoadingCamera
+
+DARKEST = 0.3  # of the light in the middle, however uneven it is
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,3 +91,32 @@ class MachineTruth:
     gauge_gain: float
     gauge_zero_n: float
     relative_light: NDArray[np.float64]
+
+
+def drawn_truth(
+    nominal: Calibration, camera: LoadingCamera, errors: MachineErrors, rng: np.random.Generator
+) -> MachineTruth:
+    """Draw one machine: its answer to pressure around the ``nominal`` one, its gauge, and its light over the face."""
+    return MachineTruth(
+        answer=Calibration(
+            gain_grey_per_kpa=nominal.gain_grey_per_kpa * float(np.exp(errors.gain_sd * rng.standard_normal())),
+            saturation_kpa=nominal.saturation_kpa,
+        ),
+        stiffness=float(np.exp(errors.probe_young_sd * rng.standard_normal())),
+        hysteresis_share=errors.hysteresis_sd * float(rng.standard_normal()),
+        gauge_gain=1 + errors.gauge_gain_sd * float(rng.standard_normal()),
+        gauge_zero_n=errors.gauge_zero_sd_n * float(rng.standard_normal()),
+        relative_light=_shading(camera, errors.shading_sd * rng.standard_normal(3)),
+    )
+
+
+def _shading(camera: LoadingCamera, unevenness: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Light that leans to the sides and rises or falls towards the edge, of mean 1."""
+    x, y = (axis / np.abs(axis).max() for axis in camera.sensor.axes_mm())
+    lean_x, lean_y, bowl = unevenness
+    light = 1 + lean_x * x[None, :] + lean_y * y[:, None] + bowl * (x[None, :] ** 2 + y[:, None] ** 2)
+    light = np.maximum(light, DARKEST) * camera.sensor.vignetting()
+    field = np.ones(light.shape, dtype=bool)
+    if camera.patch is not None:
+        camera.patch.cut(field)[:] = False
+    return np.asarray(light / light[field].mean())
