@@ -183,6 +183,20 @@ def test_every_stored_frame_is_recorded_and_a_snapshot_takes_the_first(
     assert json.loads(snapshot.out)["sequence"] == 0
 
 
+def test_a_stored_frame_of_another_size_ends_the_recording_with_its_reason(
+    run_tsis: RunTsis, stored: str, tmp_path: Path
+) -> None:
+    cv2.imwrite(str(tmp_path / "frames" / "f007.png"), np.zeros((31, 40), np.uint8))
+    finished = run_tsis("acquire", "--camera", stored, "--frames", "30")
+    assert finished.code == 1
+    assert "7 frames in" in finished.out
+    assert "Ended early: frames of one folder must be alike" in finished.out
+    assert len(list((tmp_path / "tsis-sequence").glob("*.png"))) == 7
+    broken = run_tsis("acquire", "--camera", stored, "--watch", "--json")
+    assert json.loads(broken.out)["frames"] == 7
+    assert "! camera: frames of one folder must be alike" in broken.err
+
+
 def test_a_sequence_holds_so_many_frames_and_accounts_for_them(run_tsis: RunTsis, tmp_path: Path) -> None:
     finished = run_tsis("acquire", *UNTOUCHED, "--seed", "9", "--frames", "4", "--json")
     assert finished.code == 0, finished.err

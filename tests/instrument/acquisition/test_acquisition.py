@@ -17,7 +17,7 @@ class _Bench:
     """Cameras handed out one after another, and a clock that stands still until it is moved."""
 
     def __init__(self, *cameras: ScriptedCamera) -> None:
-        self.cameras, self.handed, self.now_s = cameras, 0, 0.0
+        self.cameras, self.handed, self.now_s, self.looks = cameras, 0, 0.0, 0
 
     def connect(self) -> ScriptedCamera:
         camera = self.cameras[min(self.handed, len(self.cameras) - 1)]
@@ -25,6 +25,7 @@ class _Bench:
         return camera
 
     def clock(self) -> float:
+        self.looks += 1
         return self.now_s
 
     def acquisition(self, **options: object) -> Acquisition:
@@ -174,3 +175,32 @@ def test_stored_frames_wait_for_a_slow_reader_and_are_no_silent_camera() -> None
             seen += [arrival.frame.sequence for arrival in arrivals]
         assert acquisition.account().interruptions == ()
     assert (seen, overrun) == (list(range(9)), 0)
+
+
+def test_a_camera_that_opens_slowly_comes_back_after_any_absence() -> None:
+    class SlowToOpen(ScriptedCamera):
+        """Opens when it is let; a camera that is searched for on a network takes a second or more."""
+
+        def __init__(self) -> None:
+            super().__init__()
+            self.may_open, self.opening = threading.Event(), threading.Event()
+
+        def open(self) -> None:
+            self.opening.set()
+            assert self.may_open.wait(10.0)
+
+    first, second = ScriptedCamera(), SlowToOpen()
+    bench = _Bench(first, second)
+    first.script.put(frame(0))
+    with bench.acquisition() as acquisition:
+        until(lambda: acquisition.ring.end == 1)
+        first.script.put(BREAK)
+        bench.now_s = 60.0  # long without a frame, which is no reason to give up the one that opens now
+        assert second.opening.wait(10.0)
+        looked = bench.looks
+        until(lambda: bench.looks > looked + 6)  # the watch looks at the clock at every step
+        assert bench.handed == 2
+        second.script.put(frame(0))
+        second.may_open.set()
+        until(lambda: acquisition.ring.end == 2)
+        assert acquisition.account().connections == 2

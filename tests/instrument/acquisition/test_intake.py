@@ -80,3 +80,12 @@ def test_a_loose_plug_does_not_fill_the_memory() -> None:
     account = intake.account()
     assert (account.connections, len(account.interruptions)) == (1500, 1000)
     assert account.interruptions[-1].after_frames == 1500
+
+
+def test_of_two_connections_the_first_to_open_is_taken() -> None:
+    intake = Intake(FrameRing(10))
+    assert intake.begin(1)
+    assert not intake.begin(0)  # it was begun before, and opened after
+    assert intake.connection == 1
+    assert not intake.take(0, frame(0))
+    assert intake.account().connections == 1

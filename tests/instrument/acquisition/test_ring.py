@@ -68,3 +68,20 @@ def test_frames_of_a_patient_ring_wait_for_their_reader() -> None:
     fresh, _, skipped = ring.read(0)
     assert ([arrival.frame.sequence for arrival in fresh], skipped) == ([0, 1], 0)
     assert ring.wait_for_room(60.0)  # returns at once
+
+
+def test_large_frames_are_bounded_by_their_bytes() -> None:
+    size = frame(0).pixels.nbytes
+    ring = FrameRing(100, most_bytes=3 * size)
+    for number in range(10):
+        ring.put(_arrival(number))
+    fresh, _, skipped = ring.read(0)
+    assert ([arrival.frame.sequence for arrival in fresh], skipped) == ([7, 8, 9], 7)
+    tiny = FrameRing(100, most_bytes=1)
+    tiny.put(_arrival(0))
+    assert tiny.latest() is not None
+    patient = FrameRing(100, patient=True, most_bytes=2 * size)
+    for number in range(2):
+        assert patient.has_room()
+        patient.put(_arrival(number))
+    assert not patient.has_room()

@@ -145,7 +145,7 @@ def test_further_columns_stand_beside_each_frame(tmp_path: Path) -> None:
         tmp_path,
         [0, 1, END],
         beside=FurtherColumns(names=("mean",), of=lambda arrival: (arrival.frame.pixels.mean(),)),
-        about={"probe": "x"},
+        about=lambda: {"probe": "x"},
     )
     with (folder / "frames.csv").open() as index:
         means = [float(row["mean"]) for row in csv.DictReader(index)]
@@ -158,3 +158,56 @@ def test_an_index_is_never_written_over(tmp_path: Path) -> None:
     report, folder = _recorded(tmp_path, [0, END])
     assert "took no more frames after 0: File exists" in report.ended_by
     assert (folder / "frames.csv").read_text() == "an older recording"
+
+
+def test_a_frame_that_the_disk_did_not_take_whole_is_not_left(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    real = type(tmp_path).open
+
+    def full(path: Path, *arguments: Any, **options: Any) -> Any:
+        opened = real(path, *arguments, **options)
+        if path.name == "frame-000001.png":
+            opened.close()
+            raise OSError(28, "No space left on device")
+        return opened
+
+    monkeypatch.setattr(type(tmp_path), "open", full)
+    report, folder = _recorded(tmp_path, [0, 1, 2, END])
+    assert report.kept == 1
+    assert [file.name for file in folder.glob("*.png")] == ["frame-000000.png"]
+
+
+def test_a_report_that_cannot_be_written_says_so(tmp_path: Path) -> None:
+    (tmp_path / "recording.json").mkdir()
+    report, _ = _recorded(tmp_path, [0, END])
+    assert report.kept == 1
+    assert "recording.json could not be written" in report.ended_by
+
+
+def test_counts_add_up_when_the_camera_is_lost_while_the_disk_is_behind(tmp_path: Path) -> None:
+    cameras = [ScriptedCamera(), ScriptedCamera()]
+    handed = iter(cameras)
+
+    class Slow(FrameFolder):
+        """While it keeps the first frame, nine more come and the camera is lost; the next one begins at 5."""
+
+        def keep(self, frame: Frame, number: int) -> str:
+            if number == 0:
+                for sequence in range(1, 10):
+                    cameras[0].script.put(_noise(sequence))
+                cameras[0].script.put(BREAK)
+                until(lambda: acquisition.ring.end == 10)
+                for sequence in range(5, 9):
+                    cameras[1].script.put(_noise(sequence))
+                cameras[1].script.put(END)
+                until(lambda: acquisition.ring.end == 14)
+            return super().keep(frame, number)
+
+    def begin() -> bool:
+        if cameras[0].script.empty() and acquisition.ring.end == 0:
+            cameras[0].script.put(_noise(0))
+        return False
+
+    with Acquisition(lambda: next(handed), ring_frames=4, retry_s=0.0) as acquisition:
+        report = record(acquisition, Slow(tmp_path), tmp_path, stopped=begin)
+    assert (report.kept, report.overrun, report.missed) == (5, 9, 5)
+    assert report.kept + report.overrun + report.missed == 10 + 9  # as many as the two cameras numbered

@@ -93,7 +93,9 @@ def acquire(
         return
     wanted = wanted_settings(make, preset, setting or ())
     stored = is_stored(camera)
-    acquisition = Acquisition(make, mode=mode, settings=wanted, ring_frames=RING_FRAMES, patient=stored)
+    acquisition = Acquisition(
+        make, mode=mode, settings=wanted, ring_frames=RING_FRAMES, patient=stored, reconnect=not stored
+    )
     with (
         gauge_log(gauge, unit=gauge_unit, baud=gauge_baud, sends=gauge_sends, latency_ms=gauge_latency_ms) as log,
         acquisition,

@@ -6,6 +6,8 @@ import signal
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
+import typer
+
 from tsis.cli.console_output import people, print_json, print_notice, progress_bar
 from tsis.cli.force_gauge import force_then
 from tsis.cli.interrupt import ended_by
@@ -21,6 +23,8 @@ if TYPE_CHECKING:
     from tsis.cli.cited_calibration import CitedCalibration
     from tsis.instrument.acquisition import Acquisition, Arrival
     from tsis.instrument.gauge import ForceLog
+
+ENDED_EARLY = 1  # exit code of a recording that is shorter than was asked for
 
 
 def take_sequence(
@@ -43,7 +47,14 @@ def take_sequence(
         raise FileInputError(f"{str(folder)!r:.120} must be a folder that can be made; got: {reason}") from error
     rate = None if acquisition.mode is None else acquisition.mode.frames_per_s
     sink = LosslessVideo(folder, frames_per_s=rate) if video else FrameFolder(folder)
-    about = {"calibration": None if calibration is None else calibration.citation()}
+    gauge = None if log is None else GaugeColumns(log)
+
+    def about() -> dict[str, Any]:
+        return {
+            "calibration": None if calibration is None else calibration.citation(),
+            "gauge": None if gauge is None else gauge.account(),
+        }
+
     with progress_bar("recording; Ctrl-C ends it") as advance, ended_by(signal.SIGINT) as ended:
         report = record(
             acquisition,
@@ -53,12 +64,14 @@ def take_sequence(
             seconds=seconds,
             stopped=ended.is_set,
             progress=lambda kept, passed: _advance(advance, kept, passed, frames, seconds),
-            beside=None if log is None else _force_columns(log),
+            beside=None if gauge is None else FurtherColumns(names=GaugeColumns.NAMES, of=gauge.of),
             about=about,
         )
-    _print(report, folder, acquisition, about, as_json=as_json)
+    _print(report, folder, acquisition, about(), as_json=as_json)
     if report.kept == 0:
         raise CameraError(f"nothing was recorded: {report.ended_by or 'no frame came'}")
+    if report.ended_by:
+        raise typer.Exit(ENDED_EARLY)
 
 
 def _advance(
@@ -72,17 +85,26 @@ def _advance(
         advance(kept, max(kept, 1))
 
 
-def _force_columns(log: ForceLog) -> FurtherColumns:
-    """Force and its error at each frame, newtons; empty where the gauge had none."""
+class GaugeColumns:
+    """Force and its error at each frame, newtons; empty, and counted, where the gauge had none."""
 
-    def force(arrival: Arrival) -> tuple[str, str]:
+    NAMES = ("force_n", "force_error_n")
+
+    def __init__(self, log: ForceLog) -> None:
+        self._log, self._without = log, 0
+
+    def of(self, arrival: Arrival) -> tuple[str, str]:
+        """The columns of a frame."""
         try:
-            found = force_then(log, arrival.arrived_s)
+            found = force_then(self._log, arrival.arrived_s)
         except GaugeError:
+            self._without += 1
             return "", ""
         return f"{found.force_n:.6f}", f"{found.error_n:.6f}"
 
-    return FurtherColumns(names=("force_n", "force_error_n"), of=force)
+    def account(self) -> dict[str, Any]:
+        """What became of the gauge."""
+        return {"frames_without_force": self._without, **asdict(self._log.state())}
 
 
 def _print(
@@ -98,6 +120,12 @@ def _print(
         f"{report.missed} lost on the way, {report.overrun} that the disk did not take, "
         f"{report.interruptions} interruptions"
     )
+    gauge = about["gauge"]
+    if gauge is not None and (gauge["frames_without_force"] or gauge["error"]):
+        why = gauge["error"] or "its readings were late"
+        console.print(
+            f"Gauge: {gauge['frames_without_force']} frames without a force; {why}", markup=False, soft_wrap=True
+        )
     if report.ended_by:
         console.print(f"Ended early: {report.ended_by}", markup=False, soft_wrap=True)
     console.print(f"Folder: {folder.resolve()}", markup=False, soft_wrap=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+import time
 from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
@@ -15,7 +16,6 @@ from tsis.calibration.guard.watch import WatchState
 from tsis.cli.acquire.press_guard import press_watch
 from tsis.cli.console_output import print_json, print_notice
 from tsis.cli.interrupt import ended_by
-from tsis.model.errors import GaugeError
 from tsis.report.document import envelope
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from tsis.instrument.gauge import ForceLog
 
 WAIT_S = 0.2
+FORCE_HOLDS_S = 1.0  # a reading older than this tells nothing of the press now
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,22 +53,21 @@ def watch_presses(
     console = Console(stderr=as_json, highlight=False)
     frames: Counter[str] = Counter()
     watch: PressWatch | None = None
-    state, place, first_s, lasted_s = WatchState(), 0, None, 0.0
+    state, place, begun_s = WatchState(), 0, time.monotonic()
+    troubles = _Troubles(console)
     with ended_by(signal.SIGINT) as ended, Live(console=console, transient=True, auto_refresh=False) as live:
-        while not ended.is_set() and not (seconds is not None and lasted_s >= seconds):
+        while not ended.is_set() and not (seconds is not None and time.monotonic() - begun_s >= seconds):
             arrivals, place = _newest(acquisition, place)
-            if not arrivals:
-                if acquisition.ring.closed:
-                    break
-                live.update(f"no frame: {acquisition.failure or 'waiting'}", refresh=console.is_terminal)
+            troubles.tell("camera", str(acquisition.failure or "") if acquisition.lost or acquisition.ended else "")
+            troubles.tell("gauge", "" if log is None else log.state().error)
+            if not arrivals and acquisition.ring.closed:
+                break
             for arrival in arrivals:
                 watch = watch or press_watch(arrival.frame, calibration)
                 seen = _look(watch, state, arrival, log)
                 _tell(console.print, state.raised, seen.flags)
                 state = seen.state
                 frames.update(["frames", *(flag.name for flag in seen.flags)])
-                first_s = arrival.arrived_s if first_s is None else first_s
-                lasted_s = arrival.arrived_s - first_s
                 live.update(_line(acquisition, seen), refresh=console.is_terminal)
     if as_json:
         total = frames.pop("frames", 0)
@@ -83,13 +83,23 @@ def _newest(acquisition: Acquisition, place: int) -> tuple[tuple[Arrival, ...], 
     return arrivals if acquisition.ring.patient else arrivals[-1:], place
 
 
+class _Troubles:
+    """What is wrong with an instrument, told once when it begins and once when it ends."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._told: dict[str, str] = {}
+
+    def tell(self, what: str, trouble: str) -> None:
+        if bool(trouble) != bool(self._told.get(what)):
+            self._told[what] = trouble
+            self._console.print(f"! {what}: {trouble or 'is back'}", markup=False, soft_wrap=True)
+
+
 def _look(watch: PressWatch, state: WatchState, arrival: Arrival, log: ForceLog | None) -> _Seen:
-    force = None
-    if log is not None:
-        try:
-            force = max(0.0, log.at(arrival.arrived_s).force_n)
-        except GaugeError:
-            force = None  # the gauge is behind the camera by more than a reading; the next frame may tell
+    # The newest reading and not that of the frame's time, for which a guard would wait for the next one.
+    readings = () if log is None else log.readings(since_s=arrival.arrived_s - FORCE_HOLDS_S)
+    force = max(0.0, readings[-1].force_n) if readings else None
     flags, after = watch.step(state, arrival.frame, force)
     return _Seen(flags=flags, force_n=force, state=after)
 

@@ -25,6 +25,7 @@ LOST_AFTER_S = 0.8  # so that with the watch's own steps a loss is seen within a
 WATCH_STEP_S = 0.1
 FIRST_FRAME_S = 5.0  # cameras need a while to begin
 LATE_FRAMES = 3.0  # a slow camera is lost when this many frames are overdue
+OPEN_S = 10.0  # within which a driver opens a camera, or is taken for stuck
 STOP_S = 2.0  # for which a driver is waited for
 MOST_STUCK = 3  # threads inside drivers that do not return
 
@@ -90,7 +91,7 @@ class Acquisition:
         self._stopping, self._ended, self._news = threading.Event(), threading.Event(), threading.Event()
         self._readers: list[threading.Thread] = []
         self._watch: threading.Thread | None = None
-        self._begun = 0
+        self._begun, self._begun_s = 0, 0.0
 
     def __enter__(self) -> Self:
         self.start()
@@ -139,9 +140,9 @@ class Acquisition:
         if self._watch is not None:
             raise CameraError(f"the acquisition of {self._name} runs already; stop it first")
         self._begin_reader()
-        if not self._news.wait(FIRST_FRAME_S):
+        if not self._news.wait(OPEN_S):
             self.stop()
-            raise CameraError(f"the camera did not open within {FIRST_FRAME_S:g} s; check its cable and power")
+            raise CameraError(f"the camera did not open within {OPEN_S:g} s; check its cable and power")
         failure = self._intake.failure
         if failure is not None and self._intake.account().connections == 0:
             self.stop()
@@ -188,6 +189,7 @@ class Acquisition:
 
     def _begin_reader(self) -> None:
         number, self._begun = self._begun, self._begun + 1
+        self._begun_s = self._clock()
         reader = threading.Thread(target=self._read, args=(number,), name=f"camera {number}", daemon=True)
         self._readers = [thread for thread in self._readers if thread.is_alive()] + [reader]
         reader.start()
@@ -199,10 +201,9 @@ class Acquisition:
             camera = self._connect()
             camera.open()
             self._prepare(camera)
-            if number != self._begun - 1:  # it took so long that another connection was begun
+            if self._stopping.is_set() or not self._intake.begin(number):  # another came first
                 return
             self._camera, self._name = camera, camera.name
-            self._intake.begin(number)
             self._news.set()
             for frame in camera.frames():
                 if not self._room() or not self._intake.take(number, frame):
@@ -263,8 +264,10 @@ class Acquisition:
     def _require_sound(self) -> None:
         if not self.ring.has_room():  # the reader is slow, not the camera
             return
-        silent_s = self._intake.silent_s()
-        if silent_s > self._patience_s() and self._intake.interrupt(self._begun - 1, silence(silent_s)):
+        silent_s, connection = self._intake.silent_s(), self._intake.connection
+        if connection is None or silent_s <= self._patience_s():
+            return
+        if self._intake.interrupt(connection, silence(silent_s)):
             self._let_go()
 
     def _patience_s(self) -> float:
@@ -274,9 +277,9 @@ class Acquisition:
         return max(self._lost_after_s, slow, first)
 
     def _free(self) -> bool:
-        """Whether one more connection may be tried: none is under way, and few drivers are stuck."""
+        """Whether one more connection may be tried: none is under way, or the youngest has taken too long to open."""
         alive = [thread for thread in self._readers if thread.is_alive()]
-        return not alive or (len(alive) < MOST_STUCK and self._intake.silent_s() > len(alive) * FIRST_FRAME_S)
+        return not alive or (len(alive) < MOST_STUCK and self._clock() - self._begun_s > OPEN_S)
 
 
 def _stop_quietly(camera: Camera) -> None:

@@ -60,12 +60,20 @@ class Intake:
         """How long ago the last frame came, or the stream began."""
         return self._clock() - self._heard_s
 
-    def begin(self, connection: int) -> None:
-        """Take frames from this connection, and from no other, from now on."""
+    @property
+    def connection(self) -> int | None:
+        """The connection that frames are taken from; None while there is none."""
+        return self._connection
+
+    def begin(self, connection: int) -> bool:
+        """Take frames from this connection and no other from now on; False when another brings frames already."""
         with self._lock:
+            if self._connection is not None:
+                return False
             self._connection, self._sequence = connection, -1
             self._connections += 1
             self._heard_s = self._clock()
+            return True
 
     def take(self, connection: int, frame: Frame) -> bool:
         """Count a frame and put it into the ring; False when its connection was given up.

@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from tsis.instrument.acquisition.arrival import Arrival
 
 LARGEST_RING = 100_000
+MOST_BYTES = 2**30
 
 
 class FrameRing:
@@ -23,14 +24,18 @@ class FrameRing:
     ----------
     capacity
         Frames held, in [1, 100000]. 64 frames of 768 x 492 at 8 bits take 24 MB.
+    most_bytes
+        Bytes of pixels held; of frames that take more, fewer are held, and one at least.
     patient
         Whether stored frames wait until their one reader has room for them, instead of giving way.
     """
 
-    def __init__(self, capacity: int = 64, *, patient: bool = False) -> None:
+    def __init__(self, capacity: int = 64, *, patient: bool = False, most_bytes: int = MOST_BYTES) -> None:
         self.patient = patient
         self.capacity = check.whole("capacity", capacity, 1, LARGEST_RING, hint="frames")
-        self._held: deque[Arrival] = deque(maxlen=self.capacity)
+        self._most_bytes = check.whole("most_bytes", most_bytes, 1, 2**40)
+        self._held: deque[Arrival] = deque()
+        self._bytes = 0
         self._put = self._read_to = 0
         self._closed = False
         self._changed = threading.Condition()
@@ -48,7 +53,8 @@ class FrameRing:
 
     def has_room(self) -> bool:
         """Whether a frame can be put in without one that was not read giving way; always true of an impatient ring."""
-        return not self.patient or self._put - self._read_to < self.capacity
+        unread = self._put - self._read_to
+        return not self.patient or unread == 0 or (unread < self.capacity and self._bytes < self._most_bytes)
 
     def wait_for_room(self, timeout_s: float) -> bool:
         """Wait until there is room or the time is over."""
@@ -59,6 +65,9 @@ class FrameRing:
         """Add a frame and wake who waits for it."""
         with self._changed:
             self._held.append(arrival)
+            self._bytes += arrival.frame.pixels.nbytes
+            while len(self._held) > self.capacity or (len(self._held) > 1 and self._bytes > self._most_bytes):
+                self._bytes -= self._held.popleft().frame.pixels.nbytes
             self._put += 1
             self._changed.notify_all()
 

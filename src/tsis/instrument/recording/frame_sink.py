@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from contextlib import suppress
 from typing import TYPE_CHECKING, Any, Protocol
 
 import cv2
@@ -47,8 +48,13 @@ class FrameFolder:
         """Write ``frame-000000.png`` and so on."""
         name = f"frame-{number:06d}.png"
         content = cv2.imencode(".png", whole_levels(frame.pixels, frame.full_scale), QUICK)[1]
-        with (self._folder / name).open("xb") as file:
-            file.write(content.tobytes())
+        try:
+            with (self._folder / name).open("xb") as file:
+                file.write(content.tobytes())
+        except OSError:
+            with suppress(OSError):
+                (self._folder / name).unlink(missing_ok=True)  # half a frame would be read as a damaged one
+            raise
         return name
 
     def close(self) -> None:

@@ -6,8 +6,8 @@ import csv
 import json
 import os
 import time
-from contextlib import closing, suppress
-from dataclasses import asdict, dataclass
+from contextlib import closing
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
@@ -16,10 +16,10 @@ from tsis.model.durable import write_durably
 from tsis.model.errors import TsisError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from tsis.instrument.acquisition import Acquisition, Arrival, Interruption
+    from tsis.instrument.acquisition import Account, Acquisition, Arrival
     from tsis.instrument.recording.frame_sink import FrameSink
 
 FORMAT, VERSION = "tsis-recording", 1
@@ -85,7 +85,7 @@ def record(
     stopped: Callable[[], bool] = lambda: False,
     progress: Callable[[int, float], None] = lambda kept, seconds: None,
     beside: FurtherColumns | None = None,
-    about: Mapping[str, Any] | None = None,
+    about: Callable[[], Mapping[str, Any]] = dict,
     clock: Callable[[], float] = time.monotonic,
 ) -> RecordingReport:
     """Keep the frames that come from now on; of stored ones all.
@@ -110,14 +110,14 @@ def record(
     beside
         Further columns of the index, e.g. the force at each frame.
     about
-        What else the report's file should hold, e.g. the identity of the calibration.
+        Asked at the end what else the report's file should hold, e.g. the calibration and what the gauge did.
     clock
         Seconds, monotonic.
     """
     place = as_path(folder)
     tally, end = _Tally(most=frames), _End(clock() + seconds if seconds is not None else None, stopped, clock)
     beside = beside or FurtherColumns(names=(), of=lambda arrival: ())
-    begun_s, ended_by = clock(), ""
+    begun_s, ended_by, missed = clock(), "", 0 if acquisition.ring.patient else acquisition.account().missed
     try:
         with (place / INDEX).open("x", newline="", encoding="utf-8") as index, closing(sink):
             rows = csv.writer(index)
@@ -136,9 +136,9 @@ def record(
         ended_by = f"{shown(place)} took no more frames after {tally.kept}: {error.strerror or error}"
     except TsisError as error:
         ended_by = str(error)
-    report = tally.report(acquisition.account().interruptions, begun_s, ended_by)
-    _write_summary(place, report, acquisition, about or {})
-    return report
+    account = acquisition.account()
+    report = tally.report(account, begun_s, account.missed - missed, ended_by)
+    return _with_summary(place, report, acquisition, about())
 
 
 def _batches(acquisition: Acquisition, ended: Callable[[], bool]) -> Iterator[tuple[tuple[Arrival, ...], int]]:
@@ -172,7 +172,6 @@ class _Tally:
     most: int | None
     kept: int = 0
     overrun: int = 0
-    gaps: int = 0
     first_s: float = 0.0
     last: Arrival | None = None
 
@@ -187,20 +186,16 @@ class _Tally:
     def add(self, arrival: Arrival) -> None:
         if self.last is None:
             self.first_s = arrival.arrived_s
-        elif self.last.connection == arrival.connection:
-            self.gaps += arrival.frame.sequence - self.last.frame.sequence - 1
-        else:
-            self.gaps += arrival.frame.sequence
         self.kept += 1
         self.last = arrival
 
-    def report(self, interruptions: Iterable[Interruption], begun_s: float, ended_by: str) -> RecordingReport:
+    def report(self, account: Account, begun_s: float, missed: int, ended_by: str) -> RecordingReport:
         seconds = 0.0 if self.last is None else self.last.arrived_s - self.first_s
         return RecordingReport(
             kept=self.kept,
-            missed=max(0, self.gaps - self.overrun),
+            missed=missed,
             overrun=self.overrun,
-            interruptions=sum(gone.at_s + gone.noticed_after_s >= begun_s for gone in interruptions),
+            interruptions=sum(gone.at_s + gone.noticed_after_s >= begun_s for gone in account.interruptions),
             seconds=seconds,
             frames_per_s=(self.kept - 1) / seconds if seconds > 0 else 0.0,
             ended_by=ended_by,
@@ -217,7 +212,10 @@ def _end_of(acquisition: Acquisition) -> str:
     return "" if acquisition.failure is None else str(acquisition.failure)
 
 
-def _write_summary(place: Path, report: RecordingReport, acquisition: Acquisition, about: Mapping[str, Any]) -> None:
+def _with_summary(
+    place: Path, report: RecordingReport, acquisition: Acquisition, about: Mapping[str, Any]
+) -> RecordingReport:
+    """Write the report's file; a report that could not be written says so."""
     document = {
         "format": FORMAT,
         "version": VERSION,
@@ -229,5 +227,9 @@ def _write_summary(place: Path, report: RecordingReport, acquisition: Acquisitio
         "interruptions": [asdict(gone) for gone in acquisition.account().interruptions],
         **about,
     }
-    with suppress(OSError):  # of a disk that is full; the report is returned as well
+    try:
         write_durably(place / SUMMARY, (json.dumps(document, indent=2, default=str) + "\n").encode())
+    except OSError as error:
+        unwritten = f"{SUMMARY} could not be written: {error.strerror or error}"
+        return replace(report, ended_by="; ".join(part for part in (report.ended_by, unwritten) if part))
+    return report

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import re
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
 
 from tsis.instrument.camera import Frame, Mode
 from tsis.instrument.file_bytes import file_size, shown
@@ -15,6 +17,8 @@ if TYPE_CHECKING:
     import os
     from collections.abc import Iterator
     from pathlib import Path
+
+    from numpy.typing import NDArray
 
     from tsis.model import TactileImage
 
@@ -88,7 +92,7 @@ class ImageFiles(StoredFrames):
             image = first if sequence == 0 else read_image(file)
             _require_alike(first, image)
             yield Frame(
-                pixels=image.grey,
+                pixels=_compact(image),
                 sequence=sequence,
                 full_scale=image.full_scale,
                 name=file.name,
@@ -130,3 +134,9 @@ def _require_alike(first: TactileImage, image: TactileImage) -> None:
             f"frames of one folder must be alike; {first.name!r} has shape {first.grey.shape} and full scale "
             f"{first.full_scale:g}, {image.name!r} has {image.grey.shape} and {image.full_scale:g}"
         )
+
+
+def _compact(image: TactileImage) -> NDArray[Any]:
+    """Whole grey levels in the bytes that they need; those made of colour as they are."""
+    whole = image.grey.astype(np.uint8 if image.full_scale <= 255 else np.uint16)
+    return whole if np.array_equal(whole, image.grey) else image.grey
