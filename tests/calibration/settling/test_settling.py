@@ -127,8 +127,42 @@ def test_any_finite_series_gets_a_verdict(steps: list[float], values: list[float
     assert (found.wait_s is None) == (found.verdict == "cannot tell")
 
 
-def test_a_constant_series_is_settled_when_it_is_long() -> None:
-    assert judge_settling(np.arange(600) / 5.0, np.full(600, 42.0)).settled
+def test_a_constant_series_is_settled_when_it_is_long_and_its_step_is_known() -> None:
+    time, value = np.arange(600) / 5.0, np.full(600, 42.0)
+    assert judge_settling(time, value, step=0.01).settled
+    assert not judge_settling(time[:50], value[:50], step=0.1).settled
+    assert judge_settling(time, value, step=1.0).verdict == "cannot tell"  # 2.4 % may hide below a step
+    assert judge_settling(time, value).verdict == "cannot tell"
+
+
+@pytest.mark.parametrize("step", [0.001, 0.002, 0.005, 0.01])
+@pytest.mark.parametrize("noise", [0.0, 3e-4, 1e-3])
+def test_steps_of_a_display_hide_no_slow_fall(step: float, noise: float) -> None:
+    """Four per cent in 80 s: at each of these times more than two are still to come."""
+    for until in (3.0, 5.0, 8.0, 12.0, 20.0, 30.0, 40.0):
+        time = np.arange(0.0, until, 0.1)
+        for seed in range(4):
+            scatter = noise * np.random.default_rng(seed).standard_normal(time.size)
+            shown = np.round((1 - 0.04 * (1 - np.exp(-time / 80.0)) + scatter) / step) * step
+            assert not judge_settling(time, shown).settled
+
+
+@given(step=st.floats(5e-4, 2e-2), size=st.floats(0.02, 0.1), tau=st.floats(5.0, 100.0), seed=st.integers(0, 1000))
+@settings(max_examples=60, deadline=None)
+def test_a_display_says_settled_before_it_is_hardly_ever(step: float, size: float, tau: float, seed: int) -> None:
+    until = tau * np.log(size / 0.012)  # a fifth more than the tolerance is still to come
+    if until < 2.0:
+        return
+    time = np.arange(0.0, until, 0.1)
+    scatter = 0.2 * step * np.random.default_rng(seed).standard_normal(time.size)
+    assert not judge_settling(time, np.round((1 + size * np.exp(-time / tau) + scatter) / step) * step).settled
+
+
+def test_a_fine_display_lets_a_long_plateau_settle() -> None:
+    time, value = fading([0.2], [1.0], 40.0, 5e-4)
+    found = judge_settling(time, np.round(value, 3))
+    assert found.settled
+    assert found.bound >= 0.001  # a step
 
 
 @given(scale=st.floats(1e-3, 1e6), unit_s=st.floats(0.5, 3.0), seed=st.integers(0, 50))

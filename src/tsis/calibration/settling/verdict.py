@@ -4,6 +4,9 @@ A standard linear solid fades with one time constant, a Prony series with severa
 such a sum with time constants up to the longest that is reckoned with (`tsis.calibration.settling.decay`). Settled is a
 press whose remaining change is below the tolerance with the stated certainty; a plateau that is too short for the
 longest time constant, or too noisy, is neither settled nor settling but unknown.
+
+Values of a display come in steps. Their rounding is no noise that averages out: it stays the same while the value stays
+on one step, so a run of equal values counts as one value of it, and less than a step may always be still to come.
 """
 
 from __future__ import annotations
@@ -32,6 +35,7 @@ FEWEST = 16  # values with which two exponentials and the noise can be told apar
 LEAST_NOISE = 2e-4  # of the value: the grid of time constants is no finer
 TERMS = 5  # that a fit spends: level, two amplitudes and two time constants
 DOUBT = 3.0  # standard deviations by which a fit may miss its noise
+SAME = 1e-9  # of the value: a difference below it is the arithmetic's
 CAPPED = 1.0  # shares beyond it are said as the whole
 
 
@@ -62,8 +66,16 @@ class Settling:
         return self.verdict == "settled"
 
 
+UNKNOWN = Settling(verdict="cannot tell", remaining=Measured(value=0.0, sd=CAPPED), bound=CAPPED, wait_s=None)
+
+
 def judge_settling(
-    time_s: ArrayLike, value: ArrayLike, *, tolerance: float = 0.01, longest_s: float = LONGEST_S
+    time_s: ArrayLike,
+    value: ArrayLike,
+    *,
+    tolerance: float = 0.01,
+    longest_s: float = LONGEST_S,
+    step: float | None = None,
 ) -> Settling:
     """Judge from a series of force, sum of grey levels or area whether a press that is held has settled.
 
@@ -78,11 +90,15 @@ def judge_settling(
         Remaining change, a share of the settled value, in [1e-4, 0.5], below which a press counts as settled.
     longest_s
         Longest time constant to be reckoned with, s, in [1e-2, 1e5].
+    step
+        Smallest step in which the values come, in their unit, in [0, 1e12], as 0.01 of a gauge that shows 1.23 N. When
+        None, the smallest difference between them where some repeat.
 
     Returns
     -------
     Settling
-        The verdict; ``"cannot tell"`` below 16 values.
+        The verdict; ``"cannot tell"`` below 16 values, and where all are equal and ``step`` is None: then nothing tells
+        how much they hide.
 
     Raises
     ------
@@ -104,24 +120,46 @@ def judge_settling(
     if (np.diff(time) <= 0).any():
         at = int(np.argmax(np.diff(time) <= 0))
         raise InputError(f"time_s must ascend; got {time[at]:g} s and then {time[at + 1]:g} s")
-    return judged(*_averaged(time, values), tolerance=tolerance, longest_s=longest_s)
+    if step is None:
+        step = display_step(values)
+    else:
+        check.number("step", step, 0.0, 1e12, hint="in the unit of the values")
+    if step is None:
+        return UNKNOWN
+    return judged(*_averaged(time, values), tolerance=tolerance, longest_s=longest_s, step=step)
+
+
+def display_step(value: NDArray[np.float64]) -> float | None:
+    """Smallest difference between values of which some repeat; 0 where none does, None where all are equal."""
+    apart = np.diff(np.sort(value))
+    equal = apart <= SAME * np.abs(value).max()
+    if equal.all():
+        return None
+    return float(apart[~equal].min()) if equal.any() else 0.0
 
 
 def judged(
-    time: NDArray[np.float64], value: NDArray[np.float64], *, tolerance: float, longest_s: float = LONGEST_S
+    time: NDArray[np.float64],
+    value: NDArray[np.float64],
+    *,
+    tolerance: float,
+    longest_s: float = LONGEST_S,
+    step: float | None = None,
 ) -> Settling:
-    """`settling` of a series already checked and averaged to at most `BINS` values."""
-    while len(time) >= FEWEST:
+    """`judge_settling` of a series already checked and averaged to at most `BINS` values."""
+    if step is None:
+        step = display_step(value)
+    while step is not None and len(time) >= FEWEST:
         if value[-1] * value.mean() <= 0:
             break
         try:
-            found = _described(time, value, longest_s)
+            found = _described(time, value, longest_s, step)
         except RuntimeError:  # the solver does not end on this series
             found = None
         if found is not None:
-            return _verdict(found, len(time), tolerance)
+            return _verdict(found, len(time), tolerance, step)
         time, value = (part[len(part) // 2 :] for part in (time, value))
-    return Settling(verdict="cannot tell", remaining=Measured(value=0.0, sd=CAPPED), bound=CAPPED, wait_s=None)
+    return UNKNOWN
 
 
 def _averaged(time: NDArray[np.float64], value: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -134,12 +172,13 @@ def _averaged(time: NDArray[np.float64], value: NDArray[np.float64]) -> tuple[ND
     return time[first:].reshape(-1, by).mean(axis=1), value[first:].reshape(-1, by).mean(axis=1)
 
 
-def _described(time: NDArray[np.float64], value: NDArray[np.float64], longest_s: float) -> Decay | None:
+def _described(time: NDArray[np.float64], value: NDArray[np.float64], longest_s: float, display: float) -> Decay | None:
     """The fit, or None when it misses the series by more than the noise between neighbours."""
     count, size = len(time), float(np.abs(value[len(value) // 2 :]).mean())
     differences = np.diff(value, 2)
     noise = GAUSSIAN_MAD * float(np.median(np.abs(differences))) / np.sqrt(6.0)  # (1 -2 1) has the norm sqrt(6)
-    noise = max(noise, LEAST_NOISE * size)
+    rounding = display / np.sqrt(12.0)  # standard deviation of what is lost between steps
+    noise = max(noise, LEAST_NOISE * size, rounding)
     step = float(time[-1] - time[0]) / (count - 1)
     fit = DecayFit(time, value, tau_range_s=(min(step, longest_s / 2), longest_s))
     missed = fit.best()[1] / (count - TERMS)
@@ -147,14 +186,17 @@ def _described(time: NDArray[np.float64], value: NDArray[np.float64], longest_s:
     if missed > noise**2 * (1 + DOUBT * np.sqrt(10.0 / count)):
         return None
     quantile = float(stdtrit(count - TERMS, CERTAINTY))
-    return fit.decay(max(noise, float(np.sqrt(missed))), deviations=quantile)
+    runs = 1 + int(np.count_nonzero(np.diff(value)))
+    noise = max(noise, float(np.sqrt(missed)), rounding * float(np.sqrt(count / runs)))
+    return fit.decay(noise, deviations=quantile)
 
 
-def _verdict(found: Decay, count: int, tolerance: float) -> Settling:
+def _verdict(found: Decay, count: int, tolerance: float, display: float) -> Settling:
     fading = found.fading(np.zeros(1))[0]
     present = found.level + fading
     low, high = sorted(min(max(-end / present, -CAPPED), CAPPED) for end in (found.low, found.high))
-    bound = max(-low, high)
+    # Less than a step may come without being seen.
+    bound = max(-low, high, min(display / abs(present), CAPPED))
     quantile = float(stdtrit(count - TERMS, CERTAINTY))
     change = Measured(
         value=float(-fading / present), sd=(high - low) / (2 * quantile), degrees_of_freedom=count - TERMS
