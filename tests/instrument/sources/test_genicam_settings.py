@@ -56,5 +56,5 @@ def test_running_free_means_no_trigger_and_nothing_automatic() -> None:
 
 def test_a_slow_camera_is_given_the_time_of_two_frames() -> None:
     assert patience_s({}) == 1.0
-    assert patience_s({"frames_per_s": 0.25}) == 8.0
-    assert patience_s({"frames_per_s": 30.0, "exposure_ms": 3000.0}) == 6.0
+    assert patience_s({"frames_per_s": 0.25}) == 12.0
+    assert patience_s({"frames_per_s": 30.0, "exposure_ms": 3000.0}) == 9.0

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Self
 from tsis.instrument.acquisition.intake import Intake, silence
 from tsis.instrument.acquisition.ring import FrameRing
 from tsis.instrument.camera import named_mode
+from tsis.instrument.patience import LATE_FRAMES
 from tsis.model import check
 from tsis.model.errors import CameraError, TsisError
 
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 LOST_AFTER_S = 0.8  # so that with the watch's own steps a loss is seen within a second
 WATCH_STEP_S = 0.1
 FIRST_FRAME_S = 5.0  # cameras need a while to begin
-LATE_FRAMES = 3.0  # a slow camera is lost when this many frames are overdue
 OPEN_S = 10.0  # within which a driver opens a camera, or is taken for stuck
 STOP_S = 2.0  # for which a driver is waited for
 MOST_STUCK = 3  # threads inside drivers that do not return

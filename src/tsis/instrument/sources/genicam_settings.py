@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tsis.instrument.camera import Setting
+from tsis.instrument.patience import LATE_FRAMES, SILENT_S
 from tsis.instrument.sources.genicam_nodes import choice, choose, first_number, number
 from tsis.model import check
 from tsis.model.errors import CameraError
@@ -19,8 +20,6 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from tsis.instrument.sources.genicam_nodes import Nodes, Number
-
-_SHORTEST_PATIENCE_S = 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -102,18 +101,18 @@ def run_free(nodes: Nodes) -> None:
 
 
 def patience_s(values: Mapping[str, float]) -> float:
-    """How long a running camera may deliver nothing before it counts as lost: 1 s, or two frames if that is longer.
+    """How long a running camera may deliver nothing before it counts as lost: 1 s, or three frames if that is longer.
 
     Examples
     --------
     >>> patience_s({"frames_per_s": 30.0, "exposure_ms": 20.0})
     1.0
     >>> patience_s({"frames_per_s": 0.5})
-    4.0
+    6.0
     """
     rate = values.get("frames_per_s", 0.0)
     period_s = 1.0 / rate if rate > 0 else 0.0
-    return max(_SHORTEST_PATIENCE_S, 2.0 * max(period_s, values.get("exposure_ms", 0.0) / 1000.0))
+    return max(SILENT_S, LATE_FRAMES * max(period_s, values.get("exposure_ms", 0.0) / 1000.0))
 
 
 def _setting(name: str, held: Number) -> Setting:

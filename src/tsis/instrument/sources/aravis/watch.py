@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from tsis.instrument.patience import LATE_FRAMES, SILENT_S
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-SILENT_S = 1.0  # without any part of a frame
-PERIODS = 3.0  # of a slow camera that may pass in silence
 TORN_S = 10.0  # with parts of frames alone
 
 
@@ -39,7 +39,7 @@ class Watch:
         now_s = self._clock()
         if heard:
             self._heard_s, self._torn = now_s, self._torn + 1
-        silent_s = max(SILENT_S, PERIODS * period_s)
+        silent_s = max(SILENT_S, LATE_FRAMES * period_s)
         if now_s - self._heard_s >= silent_s:
             return f"nothing came for {silent_s:g} s"
         if now_s - self._began_s >= max(TORN_S, silent_s) and self._torn:
