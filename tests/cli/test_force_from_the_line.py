@@ -48,9 +48,9 @@ def _known(**changes: Any) -> ProbeCalibration:
             dark_frames=8,
             untouched_frames=8,
             flat_frames=0,
-            read_noise_grey=_sure(0.5),
-            shot_noise_grey=_sure(0.02),
-            stray_grey=_sure(0.0),
+            read_noise_grey=_sure(0.5, "grey"),
+            shot_noise_grey=_sure(0.02, "grey"),
+            stray_grey=_sure(0.0, "grey"),
         ),
         "force_line": ForceLine(
             intercept_grey=_sure(0.0, "grey"),

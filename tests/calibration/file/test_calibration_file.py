@@ -6,6 +6,7 @@ import json
 import math
 import re
 import zlib
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
 from typing import TYPE_CHECKING, Any
 
@@ -18,6 +19,7 @@ from tsis.calibration import ForceLine, Measured
 from tsis.calibration.file import ProbeCalibration, calibration_bytes, identity, read_calibration, write_calibration
 from tsis.calibration.reference.making import Reference
 from tsis.calibration.scale import Scale
+from tsis.calibration.specification.sheet import Specification, SpecificationRow
 from tsis.model import Calibration, LightMap
 from tsis.model.errors import CalibrationError, FileInputError, InputError, TsisError
 
@@ -57,10 +59,33 @@ def _reference() -> Reference:
         dark_frames=16,
         untouched_frames=16,
         flat_frames=0,
-        read_noise_grey=_measured(0.5),
-        shot_noise_grey=_measured(0.017),
-        stray_grey=_measured(2.0),
+        read_noise_grey=_measured(0.5, "grey"),
+        shot_noise_grey=_measured(0.017, "grey"),
+        stray_grey=_measured(2.0, "grey"),
     )
+
+
+def _line(**changes: Any) -> ForceLine:
+    values: dict[str, Any] = {
+        "intercept_grey": _measured(900.0, "grey"),
+        "slope_grey_per_n": _measured(1e5, "grey/N"),
+        "unit_covariance": (0.0, 0.0, 0.0),
+        "units": 3,
+        "residual_grey": _measured(100.0, "grey"),
+        "residual_share": _measured(0.01),
+        "least_n": 0.1,
+        "most_n": 2.0,
+        "pixels": 1200,
+        "full_scale": 255.0,
+        "tips_mm": (2.0, 10.0, 14.0),
+    }
+    return ForceLine(**{**values, **changes})
+
+
+def _sheet(unit: str = "N", *, probe: str = "tsis-2011", note: str = "") -> Specification:
+    measured = _measured(0.01, "N")
+    row = SpecificationRow(quantity="force", unit=unit, measured=measured, fingertip="", printed="", note=note)
+    return Specification(probe=probe, rows=(row,))
 
 
 def _known(**changes: Any) -> ProbeCalibration:
@@ -167,9 +192,9 @@ def test_damaged_files_are_one_sentence_never_another_calibration(path: Path, at
         (b"", "must hold data"),
         (b"[]", "must hold a JSON object"),
         (b'{"format": "else"}', "must be a file of tsis-calibration; got 'else'"),
-        (b'{"format": "tsis-calibration", "version": 1}', r"must be of version 2; got 1 \(calibrate again"),
-        (b'{"format": "tsis-calibration", "version": 2, "calibration": {}, "sha256": null}', "changed or damaged"),
-        (b'{"format": "tsis-calibration", "version": 2, "calibration": NaN, "sha256": ""}', "changed|must be"),
+        (b'{"format": "tsis-calibration", "version": 2}', r"must be of version 3; got 2 \(calibrate again"),
+        (b'{"format": "tsis-calibration", "version": 3, "calibration": {}, "sha256": null}', "changed or damaged"),
+        (b'{"format": "tsis-calibration", "version": 3, "calibration": NaN, "sha256": ""}', "changed|must be"),
         (b"[" * 100_000, "readable JSON"),
         (b"\xff\xfe\x00", "readable JSON"),
     ],
@@ -290,8 +315,69 @@ def test_a_part_that_was_not_measured_is_named() -> None:
         {"settings": {"gain": math.nan}},
         {"scale": 0.05},
         {"name": None},
+        {"expires": None},
+        {"made": datetime(1, 1, 1, tzinfo=timezone(timedelta(hours=23, minutes=59)))},
+        {"expires": datetime(9999, 12, 31, 23, 59, tzinfo=timezone(-timedelta(hours=23, minutes=59)))},
+        {"made": datetime(1999, 12, 31, 12, tzinfo=UTC)},
+        {"expires": datetime(2201, 1, 1, tzinfo=UTC)},
+        {"made": "2026-11-22"},
+        {"name": "\ud800"},
+        {"name": "bench\n2"},
+        {"probe": "\x1b[31mtsis"},
+        {"camera": "c" * 201},
+        {"settings": {"gain\n": 1.0}},
     ],
 )
 def test_values_that_make_no_calibration_are_refused(wrong: dict[str, Any]) -> None:
-    with pytest.raises(InputError, match=next(iter(wrong)) if wrong != {"made": None} else "expires"):
+    with pytest.raises(InputError, match=next(iter(wrong)).removesuffix("s")) as caught:
         _known(**wrong)
+    assert str(caught.value).isprintable()
+    assert len(str(caught.value)) < 300
+
+
+def test_the_longest_name_and_the_first_and_last_year_are_taken() -> None:
+    far = {"made": datetime(2000, 1, 1, tzinfo=UTC), "expires": datetime(2200, 12, 31, tzinfo=UTC)}
+    known = _known(name="ä" * 200, force_line=_line(), specification=_sheet(), **far)
+    east, west = (timezone(sign * timedelta(hours=23, minutes=59)) for sign in (1, -1))
+    known.require_usable(MADE.astimezone(east))
+    known.require_usable(MADE.astimezone(west))
+    assert _known(made=None, expires=None).made is None
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"force_line": _line(slope_grey_per_n=_measured(1e5, "grey/mN"))}, "slope_grey_per_n must be in grey/N; got"),
+        ({"force_line": _line(intercept_grey=_measured(9.0))}, "force_line.intercept_grey must be in grey; got ''"),
+        ({"force_line": _line(residual_share=_measured(0.1, "%"))}, "residual_share must be in no unit"),
+        ({"force_line": _line(residual_grey=_measured(-1.0, "grey"))}, "residual_grey must not be negative; got -1"),
+        ({"reference": replace(_reference(), read_noise_grey=_measured(0.5, "N"))}, "read_noise_grey must be in grey"),
+        ({"reference": replace(_reference(), read_noise_grey=_measured(-0.5, "grey"))}, "must not be negative"),
+        ({"reference": replace(_reference(), shot_noise_grey=_measured(-0.5, "grey"))}, "must not be negative"),
+        (
+            {"response": Calibration(gain_grey_per_kpa=60, saturation_kpa=20.0, probe="tsis-domed")},
+            "response.probe must be that of the calibration, 'tsis-2011'; got 'tsis-domed'",
+        ),
+        ({"response": Calibration(gain_grey_per_kpa=60, saturation_kpa=20.0, name="\x1b[2J")}, "response.name must be"),
+        ({"specification": _sheet(probe="tsis-domed")}, "specification.probe must be that of the calibration"),
+        ({"specification": _sheet("mN")}, r"specification.rows\[0\].measured must be in mN; got 'N'"),
+        ({"specification": _sheet(note="a\nb")}, r"specification.rows\[0\].note must be printable"),
+    ],
+)
+def test_parts_that_make_no_sense_are_refused(wrong: dict[str, Any], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        _known(**wrong)
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        ({"tips_mm": ()}, "tips_mm must hold the radius of at least one tip"),
+        ({"tips_mm": (2.0, -1.0)}, r"tips_mm must lie in \[0.1, 1000\]; got -1"),
+        ({"tips_mm": (math.inf,)}, "tips_mm must lie in"),
+        ({"method": "x"}, "no segmentation method is called 'x'"),
+    ],
+)
+def test_force_lines_that_make_no_sense_are_refused(wrong: dict[str, Any], said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        _line(**wrong)

@@ -17,7 +17,7 @@ from tsis.model.errors import CalibrationError, FileInputError, InputError
 if TYPE_CHECKING:
     import os
 
-FORMAT, VERSION = "tsis-calibration", 2
+FORMAT, VERSION = "tsis-calibration", 3
 
 
 def identity(known: ProbeCalibration) -> str:

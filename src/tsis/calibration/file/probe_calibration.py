@@ -7,6 +7,7 @@ from datetime import UTC, datetime
 from types import MappingProxyType
 from typing import TYPE_CHECKING, TypeVar
 
+from tsis.calibration.file.soundness import require_measured, require_name, require_sheet, require_time
 from tsis.calibration.force.line import ForceLine
 from tsis.calibration.reference.making import Reference
 from tsis.calibration.scale import Scale
@@ -28,7 +29,7 @@ class ProbeCalibration:
     Parameters
     ----------
     name
-        What people call this calibration.
+        What people call this calibration; like all names printable and at most 200 characters.
     probe, camera
         Whose it is; empty when nobody wrote it down, and then nothing is compared.
     settings
@@ -50,7 +51,8 @@ class ProbeCalibration:
     Raises
     ------
     InputError
-        When a part is of the wrong kind, or a time has no zone or the wrong order.
+        When a part is of the wrong kind, of another probe or in another unit; when a time has no zone, the wrong order
+        or no end; when a name cannot be shown on one line.
 
     Examples
     --------
@@ -77,18 +79,35 @@ new one: tsis calibrate)
 
     def __post_init__(self) -> None:
         for name in ("name", "probe", "camera"):
-            check.kind(name, getattr(self, name), str)
+            require_name(name, getattr(self, name))
         for name, kind in PARTS.items():
             if getattr(self, name) is not None:
                 check.kind(name, getattr(self, name), kind)
+                require_measured(name, getattr(self, name))
+        self._require_one_probe()
+        if self.specification is not None:
+            require_sheet(self.specification)
+        for name in self.settings:
+            require_name("the name of a setting", name)
         values = {name: check.number(f"settings.{name}", value, -1e12, 1e12) for name, value in self.settings.items()}
         object.__setattr__(self, "settings", MappingProxyType(values))
         for name in ("made", "expires"):
-            moment = getattr(self, name)
-            if moment is not None and (not isinstance(moment, datetime) or moment.tzinfo is None):
-                raise InputError(f"{name} must be a time with its zone; got {moment!r:.60}")
-        if self.expires is not None and (self.made is None or self.expires <= self.made):
+            require_time(name, getattr(self, name))
+        if (self.made is None) != (self.expires is None):
+            raise InputError(f"made and expires must be given together; got {self.made} and {self.expires}")
+        if self.made is not None and self.expires is not None and self.expires <= self.made:
             raise InputError(f"expires must lie after made; got {self.expires} and {self.made}")
+
+    def _require_one_probe(self) -> None:
+        if self.response is not None:
+            require_name("response.name", self.response.name)
+        for part in (self.response, self.specification):
+            if part is None:
+                continue
+            what = "response" if part is self.response else "specification"
+            require_name(f"{what}.probe", part.probe)
+            if part.probe and self.probe and part.probe != self.probe:
+                raise InputError(f"{what}.probe must be that of the calibration, {self.probe!r}; got {part.probe!r}")
 
     def require_usable(
         self,

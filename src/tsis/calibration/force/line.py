@@ -8,6 +8,7 @@ import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import t as student
 
+from tsis.calibration.force.reading import METHODS
 from tsis.calibration.measured import Measured
 from tsis.model import check
 from tsis.model.errors import InputError
@@ -45,7 +46,7 @@ class ForceLine:
     pixels, full_scale
         Size of the frame and level at which it clips, from which follows the largest sum that can be.
     tips_mm
-        Radii of the tips.
+        Radii of the tips, one or more, each in [0.1, 1000] mm.
     method
         How the bright patch was found, ``"threshold"`` or ``"canny"``.
 
@@ -96,6 +97,11 @@ class ForceLine:
         check.number("least_n", self.least_n, 0.0, self.most_n, hint="newtons, at most most_n")
         check.whole("pixels", self.pixels, 1, 2**40)
         check.number("full_scale", self.full_scale, 1.0, 65535.0)
+        if not self.tips_mm:
+            raise InputError("tips_mm must hold the radius of at least one tip; got none")
+        for tip in self.tips_mm:
+            check.number("tips_mm", tip, 0.1, 1000.0, hint="millimetres")
+        check.known("segmentation method", self.method, METHODS)
         self._refuse_impossible_sums()
 
     def _refuse_impossible_sums(self) -> None:
