@@ -113,6 +113,32 @@ def test_single_bad_lines_are_skipped_and_counted() -> None:
     assert gauge.skipped == 29 * (1 + 5)  # 300 bytes are cut into five
 
 
+@pytest.mark.parametrize("unit", ["N", None])
+def test_after_a_unit_a_reply_without_one_is_skipped_and_counted(unit: str | None) -> None:
+    answers = iter([b"1 N\r", b"0.800 N\r\n", b"800\r\n", b"0.8\r\n", b"0.801 N\r\n"])
+    gauge = FakePort(lambda _: next(answers)).gauge(unit=unit)
+    assert [reading.force_n for reading in islice(gauge.readings(), 2)] == [0.8, 0.801]
+    assert gauge.skipped == 2  # the first line, which is never whole, is dropped uncounted
+
+
+def test_a_gauge_that_stops_sending_its_unit_is_refused_and_one_that_never_does_is_not() -> None:
+    answers = iter([b"1 N\r", b"1.0 N\r\n", *[b"2.0\r\n"] * MOST_SKIPPED_IN_A_ROW])
+    readings = FakePort(lambda _: next(answers)).gauge(unit="N").readings()
+    assert next(readings).force_n == 1.0
+    with pytest.raises(GaugeError, match=r"lines in a row that are no force, the last b'2\.0'"):
+        next(readings)
+    never = FakePort(lambda _: b"2.0\r\n").gauge(unit="N")
+    assert [reading.force_n for reading in islice(never.readings(), 5)] == [2.0] * 5
+
+
+def test_a_gauge_opened_again_is_heard_anew() -> None:
+    answers = iter([b"1 N\r", b"1.0 N\r\n", b"2.0\r\n", b"3.0\r\n"])
+    gauge = FakePort(lambda _: next(answers)).gauge(unit="N")
+    next(gauge.readings())
+    gauge.open()
+    assert next(gauge.readings()).force_n == 3.0
+
+
 def test_forces_beyond_any_gauge_are_skipped() -> None:
     answers = iter([b"1 N\r", b"999999999 kN\r", b"1 kN\r"])
     gauge = FakePort(lambda _: next(answers)).gauge(unit="kN")

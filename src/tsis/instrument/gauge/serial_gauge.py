@@ -38,7 +38,7 @@ class SerialGauge:
         Speed that the gauge is set to, in bits per second.
     unit
         The unit that its replies must have: N, mN, kN, gf, kgf, lbf or ozf. None takes the unit of its first reply,
-        and refuses a gauge that sends none.
+        and refuses a gauge that sends none. Once a reply had a unit, one without is skipped: it was cut short.
     poll
         What asks for one reading; None for a gauge that sends on its own.
     tare_command
@@ -116,7 +116,7 @@ class SerialGauge:
             timeout=min(_SLICE_S, self._timeout_s),
             write_timeout=self._timeout_s,
         )
-        self._unit, self._last_s = self._stated_unit, -math.inf
+        self._unit, self._last_s, self._sends_unit = self._stated_unit, -math.inf, False
         self._lost, self._skipped, self._in_a_row = False, 0, 0
         self._line = SerialLine(port, poll=self._poll, clock=self._clock)
 
@@ -181,7 +181,9 @@ class SerialGauge:
 
     def _reading(self, line: Line) -> ForceReading | None:
         reply = read_reply(line.content) if line.whole else Reply(kind=ReplyKind.GARBAGE)
-        if reply.kind is ReplyKind.GARBAGE:
+        # After a reply with a unit, one without was cut short: "0.8" may be the beginning of "0.812 N", or of "0.8 mN".
+        cut = reply.kind is ReplyKind.NUMBER and not reply.unit and self._sends_unit
+        if reply.kind is ReplyKind.GARBAGE or cut:
             self._skip(line)
             return None
         force_n, resolution_n = self._newtons(reply)
@@ -200,6 +202,7 @@ class SerialGauge:
         except GaugeError as error:
             raise GaugeError(f"{self.name} gives no force: {error}") from error
         self._unit = self._unit or reply.unit
+        self._sends_unit = self._sends_unit or bool(reply.unit)
         return force
 
     def _skip(self, line: Line) -> None:
