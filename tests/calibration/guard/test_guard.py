@@ -205,6 +205,25 @@ def test_mains_flicker_is_seen_and_a_trembling_press_is_none() -> None:
     assert "flicker" not in series(watch, trembling, 1 / rate)[-1]
 
 
+def test_a_picture_that_comes_again_and_again_is_frozen_and_no_settled_press() -> None:
+    watch = PressWatch(FrameShape.of(scene()), reference=reference(), longest_s=1.0)
+    live, stuck = [scene(seed=number) for number in range(4)], [scene(seed=9)] * 120
+    found = series(watch, [*live, *stuck, scene(seed=10)])
+    assert ["frozen" in flags for flags in found] == [False] * 6 + [True] * 118 + [False]
+    from_the_start = series(watch, stuck)
+    assert "frozen" not in from_the_start[1]
+    assert from_the_start[-1] == {"frozen", "moving"}
+
+
+def test_frames_that_clip_all_over_are_alike_and_not_frozen() -> None:
+    watch = PressWatch(FrameShape.of(scene()), reference=reference())
+    for level in (0.0, 255.0):
+        grey = np.full((ROWS, COLUMNS), level)
+        grey[100, 100:104] = [40.0, 80.0, 120.0, 160.0]  # stuck pixels
+        even = TactileImage(grey=grey)
+        assert not any("frozen" in flags for flags in series(watch, [even] * 5))
+
+
 def test_memory_stays_bounded() -> None:
     small = TactileImage(grey=scene().grey[64:182:2, 92:292:2])
     watch, state = PressWatch(FrameShape.of(small)), WatchState()

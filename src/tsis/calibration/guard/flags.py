@@ -60,6 +60,12 @@ class FlagMeaning:
 
 CONTACT_SHARE, UNTOUCHED = "share of the contact's light", "an untouched frame"
 FLAGS = {
+    "frozen": FlagMeaning(
+        means="the camera delivers one picture again and again",
+        limit="frozen",
+        unit="identical frames in a row",
+        needs="a series of frames",
+    ),
     "no-contact": FlagMeaning(means="nothing stands out of the frame", limit="contact", unit="share of full scale"),
     "force-too-small": FlagMeaning(
         means="pressed too lightly", limit="least_force_n", unit="N", needs="the gauge's force"
@@ -122,6 +128,7 @@ def findings(
     *,
     settling: Settling | None = None,
     flicker_grey: float | None = None,
+    in_a_row: int = 0,
 ) -> Iterator[Finding]:
     """Hold every number that is known against its limit, in the order in which faults are best cured.
 
@@ -135,7 +142,12 @@ def findings(
         Of the series; None when it is not known.
     flicker_grey
         Amplitude at the mains' frequencies, grey levels; None when it is not known.
+    in_a_row
+        Number of identical frames that the frame ends; 0 when it is not known.
     """
+    if in_a_row:
+        advice = f"stop and start the camera: {in_a_row} frames in a row are one and the same picture"
+        yield _above("frozen", in_a_row, limits.frozen, advice)
     least = max(limits.contact, reading.noise)
     contrast = max(reading.contrast, 0.0)
     touched = contrast >= limits.release * least

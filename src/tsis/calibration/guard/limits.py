@@ -39,6 +39,9 @@ class GuardLimits:
     cropped
         Level at which the contact's patch reaches the frame's border over the contact's peak, in [0.01, 1]. At one half
         the patch at half of the peak, which sizes are read from, runs out of the frame.
+    frozen
+        How many frames in a row may be alike bit by bit, in [1, 1000]. A sensor's noise never repeats; 2 lets a frame
+        that was delivered twice pass.
     contact
         Least peak of a contact above what is untouched, a share of full scale, in [1e-4, 1]: 0.01 is two and a half
         levels of 8 bits, above what black levels wander by; the frame's own noise may ask for more.
@@ -65,6 +68,7 @@ class GuardLimits:
     flicker: float = 0.03
     led_drift: float = 0.02
     cropped: float = 0.5
+    frozen: float = 2.0
     contact: float = 0.01
     dark: float = 0.05
     moving: float = 0.01
@@ -89,6 +93,7 @@ RANGES = {
     "flicker": (1e-3, 1.0),
     "led_drift": (1e-4, 1.0),
     "cropped": (0.01, 1.0),
+    "frozen": (1.0, 1000.0),
     "contact": (1e-4, 1.0),
     "dark": (1e-3, 1.0),
     "moving": (1e-4, 0.5),

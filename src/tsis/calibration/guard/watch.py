@@ -14,6 +14,7 @@ from tsis.calibration.guard.history import PressHistory
 from tsis.calibration.guard.limits import GuardLimits
 from tsis.calibration.guard.reading import read_press
 from tsis.calibration.guard.reference import GuardReference, prepared
+from tsis.calibration.guard.stillness import Stillness
 from tsis.calibration.settling.verdict import LONGEST_S, judged
 from tsis.model import check
 
@@ -37,6 +38,8 @@ class WatchState:
         Light of the present press.
     outside
         Time and level where no press reaches, of the newest frames.
+    stillness
+        How often in a row the newest picture came.
     reading, settling
         Of the newest frame; None before the first, and ``settling`` without contact or times.
     """
@@ -44,6 +47,7 @@ class WatchState:
     raised: frozenset[str] = frozenset()
     history: PressHistory = field(default_factory=PressHistory)
     outside: tuple[tuple[float, float], ...] = ()
+    stillness: Stillness = field(default_factory=Stillness)
     reading: PressReading | None = None
     settling: Settling | None = None
 
@@ -135,12 +139,26 @@ class PressWatch:
         history, outside = self._remembered(state, frame.time_s, reading)
         # Between two closed bins the series is the same, and so is the verdict.
         settling = state.settling if history.time_s is state.history.time_s else self._judged(history)
-        found = findings(reading, self.limits, settling=settling, flicker_grey=flicker_amplitude(*_columns(outside)))
+        stillness = state.stillness.with_picture(frame.pixels)
+        found = findings(
+            reading,
+            self.limits,
+            settling=settling,
+            flicker_grey=flicker_amplitude(*_columns(outside)),
+            in_a_row=stillness.in_a_row,
+        )
         up = tuple(
             one.flag for one in found if one.excess > (self.limits.release if one.flag.name in state.raised else 1.0)
         )
         raised = frozenset(flag.name for flag in up)
-        return up, WatchState(raised=raised, history=history, outside=outside, reading=reading, settling=settling)
+        return up, WatchState(
+            raised=raised,
+            history=history,
+            outside=outside,
+            stillness=stillness,
+            reading=reading,
+            settling=settling,
+        )
 
     def _remembered(
         self, state: WatchState, time_s: float | None, reading: PressReading
