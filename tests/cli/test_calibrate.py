@@ -97,7 +97,7 @@ def test_the_virtual_bench_start_to_end(run_tsis: RunTsis, tmp_path: Path) -> No
     for number in range(1, STEPS + 1):
         assert f"{number} of {STEPS}, " in finished.err
     before = kept(tmp_path / "tsis-calibration-frames")
-    again = run_tsis("calibrate", *QUICK, "--seed", "3", "--json")
+    again = run_tsis("calibrate", *QUICK, "--seed", "3", "--name", "first", "--json")
     assert again.code == 0, again.err
     assert again.err.count("done before") == STEPS
     assert json.loads(again.out)["sha256"] == document["sha256"]
@@ -136,6 +136,41 @@ def test_an_interrupted_session_goes_on_with_the_step_that_was_not_finished(
     assert finished.err.count("done before") == len(done)
     after = kept(tmp_path / "s")
     assert {name: after[name] for name in before} == before
+
+
+@pytest.mark.parametrize(
+    ("changed", "began", "now"),
+    [
+        (("--pitch-mm", "2.4"), "--pitch-mm 1.5;", "--pitch-mm 2.4 ("),
+        (("--pitch-sd-mm", "0.1"), "--pitch-sd-mm 0;", "--pitch-sd-mm 0.1 ("),
+        (("--gauge-share", "0.02"), "--gauge-share 0.001;", "--gauge-share 0.02 ("),
+        (("--name", "b", "--repeats", "2"), "--name 'bench' --repeats 1;", "--name 'b' --repeats 2 ("),
+        (("--tip-mm", "2"), "--tip-mm 10 --tip-mm 14;", "--tip-mm 10 --tip-mm 14 --tip-mm 2 ("),
+    ],
+)
+@pytest.mark.usefixtures("small_bench")
+def test_a_session_does_not_go_on_with_other_options(
+    run_tsis: RunTsis, tmp_path: Path, changed: tuple[str, ...], began: str, now: str
+) -> None:
+    bench = VirtualBench(PROBE, rng=np.random.default_rng(4), sensor=SENSOR, pitch_mm=PITCH_MM)
+    SessionFolder(tmp_path / "s").begin(
+        SessionTerms(
+            name="bench",
+            probe="tsis-direct",
+            camera="virtual bench, seed 4",
+            pitch_mm=PITCH_MM,
+            patch_px=bench.patch_px,
+            tips_mm=(10.0, 14.0),
+        )
+    )
+    before = kept(tmp_path / "s")
+    finished = run_tsis("calibrate", *QUICK, *changed, "--session", "s")
+    assert finished.code == 2
+    assert f"the session in 's' was begun with {began}" in finished.err
+    assert f"this command says {now}" in finished.err
+    assert "or choose another --session" in finished.err
+    assert finished.err.count("\n") == 1
+    assert kept(tmp_path / "s") == before
 
 
 @pytest.mark.slow
@@ -225,6 +260,13 @@ def test_sealed_values_are_a_calibration_that_examine_takes(run_tsis: RunTsis, t
         ('{"name": "x", "response": {"gain_grey_per_kpa": NaN, "saturation_kpa": 20}}', "gain_grey_per_kpa"),
         ('{"name": "x", "response": {"gain_grey_per_kpa": -1, "saturation_kpa": 20}}', "gain_grey_per_kpa"),
         ('{"name": "x", "settings": {"gain": "high"}}', "calibration.settings.gain must be a number"),
+        ('{"name": "x"}', "must hold at least one of response, scale; got none"),
+        (json.dumps({**VALUES, "made": "2020-01-01T00:00:00+00:00"}), "got made, which a session's frames give"),
+        (json.dumps({**VALUES, "expires": "2020-01-01T00:00:00+00:00"}), "got expires, which"),
+        (json.dumps({**VALUES, "specification": {"probe": "tsis-2011", "rows": []}}), "got specification, which"),
+        (json.dumps({**VALUES, "reference": {}, "force_line": {}}), "written by hand (name, probe, camera"),
+        (json.dumps({**VALUES, "name": "\ud800"}), "name must be printable, on one line; got '\\ud800'"),
+        (json.dumps({**VALUES, "probe": "tsis-domed"}), "response.probe must be that of the calibration"),
     ],
 )
 def test_values_that_are_none_are_not_sealed(run_tsis: RunTsis, tmp_path: Path, content: str, sentence: str) -> None:
@@ -247,6 +289,8 @@ def test_values_that_are_none_are_not_sealed(run_tsis: RunTsis, tmp_path: Path, 
         (("--pitch-sd-mm", "nan"), "pitch_sd_mm must lie in"),
         (("--gauge-share", "3"), "gauge_share must lie in"),
         (("--repeats", "0"), "--repeats"),
+        (("--name", "two\nlines"), "name must be printable, on one line; got 'two\\nlines'"),
+        (("--name", "n" * 201), "name must hold at most 200 characters; got 201"),
         (("--probe", "nobody"), "no probe is called 'nobody'"),
         (("--camera", "webcam:0"), "no camera source is called 'webcam'"),
         (("--camera", "files:nowhere"), "'nowhere' does not exist"),

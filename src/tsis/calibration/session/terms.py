@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from datetime import datetime  # noqa: TC003 - the file format reads the type
 from types import MappingProxyType
 
+from tsis.calibration.file.soundness import require_name, require_time
 from tsis.calibration.force.loading import TIPS_MM
 from tsis.calibration.session.steps import plan
 from tsis.model import check
@@ -20,7 +21,7 @@ class SessionTerms:
     Parameters
     ----------
     name
-        What people will call the calibration.
+        What people will call the calibration; like all names printable and at most 200 characters.
     probe, camera
         Names of both.
     began
@@ -56,7 +57,8 @@ class SessionTerms:
 
     def __post_init__(self) -> None:
         for name in ("name", "probe", "camera"):
-            check.kind(name, getattr(self, name), str)
+            require_name(name, getattr(self, name))
+        require_time("began", self.began)
         check.number("pitch_mm", self.pitch_mm, 0.05, 50.0, hint="millimetres")
         check.number("pitch_sd_mm", self.pitch_sd_mm, 0.0, 1.0, hint="millimetres")
         check.number("gauge_share", self.gauge_share, 0.0, 0.5, hint="a share of one")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
@@ -12,11 +11,11 @@ import numpy as np
 import typer
 from rich.console import Console
 
-from tsis.calibration.file.probe_calibration import SETTING_TOLERANCE
 from tsis.calibration.force.loading import TIPS_MM
 from tsis.calibration.session import LiveBench, SessionFolder, SessionTerms
 from tsis.calibration.session.result import DAYS
 from tsis.cli.acquire.chosen_camera import VIRTUAL, live_connector, wanted_settings
+from tsis.cli.calibrate.beginning import begin
 from tsis.cli.calibrate.make import OUT, Days, Out
 from tsis.cli.calibrate.operator import Operator
 from tsis.cli.calibrate.outcome import made
@@ -24,10 +23,9 @@ from tsis.cli.console_output import publish
 from tsis.cli.demo import LARGEST_SEED
 from tsis.cli.force_gauge import BAUD, GaugeBaud, GaugeLatency, GaugePort, GaugeSends, GaugeUnit, gauge_log
 from tsis.cli.targets import AsJson
-from tsis.instrument import shown
 from tsis.instrument.acquisition import Acquisition
 from tsis.model import check, load_probe
-from tsis.model.errors import CalibrationError, InputError
+from tsis.model.errors import InputError
 from tsis.virtual.calibration_bench import VirtualBench
 
 if TYPE_CHECKING:
@@ -65,9 +63,9 @@ def guide(
     patch_px: Annotated[
         str | None, typer.Option(help="Where the lamps are seen past the probe: left,top,right,bottom in pixels.")
     ] = None,
-    session: Annotated[Path, typer.Option(help="Folder for the frames; a session in it goes on where it was.")] = Path(
-        "tsis-calibration-frames"
-    ),
+    session: Annotated[
+        Path, typer.Option(help="Folder for the frames; with the same options a session in it goes on.")
+    ] = Path("tsis-calibration-frames"),
     seed: Annotated[int, typer.Option(help="Seed of the virtual bench.", min=0, max=LARGEST_SEED)] = 4,
     days: Days = DAYS,
     out: Out = OUT,
@@ -96,7 +94,7 @@ def guide(
             raise InputError("--gauge, --mode, --set and --patch-px need --camera; the virtual bench has its own")
         bench = VirtualBench(load_probe(probe), rng=np.random.default_rng(seed), pitch_mm=pitch_mm)
         bench_name = f"virtual bench, seed {seed}"  # another seed is another bench, whose frames do not mix
-        _begin(folder, replace(terms, camera=bench_name, patch_px=bench.patch_px), console)
+        begin(folder, replace(terms, camera=bench_name, patch_px=bench.patch_px), console)
         console.print("The virtual bench does every step by itself; a person would be told:")
         _take_steps(folder, bench.shots, console)
     else:
@@ -108,30 +106,9 @@ def guide(
         ):
             settings = {one.name: one.value for one in acquisition.settings()}
             began = datetime.now(UTC).replace(microsecond=0)
-            _begin(folder, replace(terms, camera=acquisition.name, settings=settings, began=began), console)
+            begin(folder, replace(terms, camera=acquisition.name, settings=settings, began=began), console)
             _take_steps(folder, Operator(LiveBench(acquisition, log), console, has_gauge=log is not None).take, console)
     publish(made(folder, days=days), out, as_json=as_json)
-
-
-def _begin(folder: SessionFolder, terms: SessionTerms, console: Console) -> None:
-    """Begin a session, or go on with the one in the folder, whose terms then hold."""
-    if not folder.begun:
-        folder.begin(terms)
-        return
-    held = folder.terms()
-    if (held.probe, held.camera) != (terms.probe, terms.camera):
-        raise CalibrationError(
-            f"the session in {shown(folder.path)} must be of probe {terms.probe!r} and camera {terms.camera!r}; it is "
-            f"of {held.probe!r} and {held.camera!r} (choose another --session)"
-        )
-    for setting, value in held.settings.items():
-        now = terms.settings.get(setting, value)
-        if not math.isclose(now, value, rel_tol=SETTING_TOLERANCE, abs_tol=1e-9):
-            raise CalibrationError(
-                f"the session in {shown(folder.path)} was begun at {setting} = {value:g}; the camera is at {now:g} "
-                f"(--set {setting}={value:g}, or choose another --session)"
-            )
-    console.print(f"Going on with the session in {folder.path}; its terms hold.", markup=False, soft_wrap=True)
 
 
 def _take_steps(folder: SessionFolder, take: Callable[[Step], Iterable[Shot] | None], console: Console) -> None:

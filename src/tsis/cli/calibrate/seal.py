@@ -10,7 +10,6 @@ import typer
 
 from tsis.calibration.file import ProbeCalibration, write_calibration
 from tsis.calibration.file.plain_values import from_plain
-from tsis.calibration.file.probe_calibration import PARTS
 from tsis.calibration.session.result import DAYS
 from tsis.cli.calibrate.make import Days
 from tsis.cli.console_output import people, print_json, print_notice
@@ -20,6 +19,9 @@ from tsis.instrument.file_bytes import read_object
 from tsis.model import check
 from tsis.model.errors import FileInputError, InputError
 from tsis.report.document import envelope
+
+BY_HAND = ("response", "scale")  # parts that a person can write down
+FROM_FRAMES = ("reference", "force_line", "specification", "made", "expires")
 
 
 def seal(
@@ -44,12 +46,17 @@ def seal(
 
 def _read(path: Path, days: float) -> ProbeCalibration:
     content = read_object(path)
+    if measured := [name for name in FROM_FRAMES if content.get(name) is not None]:
+        raise FileInputError(
+            f"{shown(path)} must hold values written by hand (name, probe, camera, settings, response, scale); got "
+            f"{', '.join(measured)}, which a session's frames give and whose date cannot be renewed (tsis calibrate)"
+        )
     now = datetime.now(UTC).replace(microsecond=0)
     dated: dict[str, Any] = {**content, "made": now.isoformat(), "expires": (now + timedelta(days=days)).isoformat()}
     try:
         known: ProbeCalibration = from_plain(ProbeCalibration, dated, "calibration")
     except InputError as error:
         raise FileInputError(f"{shown(path)}: {error}") from error
-    if all(getattr(known, part) is None for part in PARTS):
-        raise FileInputError(f"{shown(path)} must hold at least one of {', '.join(PARTS)}; got none")
+    if all(getattr(known, part) is None for part in BY_HAND):
+        raise FileInputError(f"{shown(path)} must hold at least one of {', '.join(BY_HAND)}; got none")
     return known

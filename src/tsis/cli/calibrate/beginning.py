@@ -1,0 +1,71 @@
+"""How a guided session begins, or goes on where one was left."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from tsis.calibration.file.probe_calibration import SETTING_TOLERANCE
+from tsis.instrument import shown
+from tsis.model.errors import CalibrationError
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from tsis.calibration.session import SessionFolder, SessionTerms
+
+OPTIONS = {  # by the term that each one states
+    "name": "--name",
+    "pitch_mm": "--pitch-mm",
+    "pitch_sd_mm": "--pitch-sd-mm",
+    "gauge_share": "--gauge-share",
+    "patch_px": "--patch-px",
+    "tips_mm": "--tip-mm",
+    "repeats": "--repeats",
+}
+
+
+def begin(folder: SessionFolder, terms: SessionTerms, console: Console) -> None:
+    """Begin a session, or go on with the one in the folder.
+
+    Raises
+    ------
+    CalibrationError
+        When it was begun on other terms: what is calculated would be those, whatever the command says now.
+    """
+    if not folder.begun:
+        folder.begin(terms)
+        return
+    held = folder.terms()
+    if (held.probe, held.camera) != (terms.probe, terms.camera):
+        raise CalibrationError(
+            f"the session in {shown(folder.path)} must be of probe {terms.probe!r} and camera {terms.camera!r}; it is "
+            f"of {held.probe!r} and {held.camera!r} (choose another --session)"
+        )
+    if other := [term for term in OPTIONS if getattr(held, term) != getattr(terms, term)]:
+        raise CalibrationError(
+            f"the session in {shown(folder.path)} was begun with {_told(held, other)}; this command says "
+            f"{_told(terms, other)} (give the options that it was begun with, or choose another --session)"
+        )
+    for setting, value in held.settings.items():
+        now = terms.settings.get(setting, value)
+        if not math.isclose(now, value, rel_tol=SETTING_TOLERANCE, abs_tol=1e-9):
+            raise CalibrationError(
+                f"the session in {shown(folder.path)} was begun at {setting} = {value:g}; the camera is at {now:g} "
+                f"(--set {setting}={value:g}, or choose another --session)"
+            )
+    console.print(f"Going on with the session in {folder.path}; its terms hold.", markup=False, soft_wrap=True)
+
+
+def _told(terms: SessionTerms, names: list[str]) -> str:
+    """Terms as one types them."""
+    return " ".join(_typed(OPTIONS[name], getattr(terms, name)) for name in names)
+
+
+def _typed(option: str, value: object) -> str:
+    if value is None:
+        return f"no {option}"
+    if option == "--patch-px" and isinstance(value, tuple):
+        return f"{option} {','.join(map(str, value))}"
+    each = value if isinstance(value, tuple) else (value,)
+    return " ".join(f"{option} {one!r}" if isinstance(one, str) else f"{option} {one:.12g}" for one in each)
