@@ -7,11 +7,9 @@ from typing import TYPE_CHECKING
 from tsis.calibration.guard.blocks import FrameShape
 from tsis.calibration.guard.reference import GuardReference
 from tsis.calibration.guard.watch import PressWatch
-from tsis.calibration.lamps.patch import ReferencePatch
 from tsis.model import TactileImage, list_probes, load_probe
 
 if TYPE_CHECKING:
-    from tsis.calibration.reference.making import Reference
     from tsis.cli.cited_calibration import CitedCalibration
     from tsis.instrument import Frame
 
@@ -27,7 +25,7 @@ def guard_reference(calibration: CitedCalibration | None) -> GuardReference:
             mm_per_pixel=_scale(calibration),
             full_scale=reference.full_scale,
         ),
-        patch=_patch(reference),
+        patch=reference.patch,
         face_radius_mm=_face_radius_mm(calibration),
         dark_grey=float(reference.dark_grey.mean()),
     )
@@ -48,10 +46,3 @@ def _face_radius_mm(calibration: CitedCalibration | None) -> float | None:
     """Radius of the face of a probe that the catalog knows."""
     name = "" if calibration is None else calibration.known.probe
     return load_probe(name).radius_mm if name in list_probes() else None
-
-
-def _patch(reference: Reference) -> ReferencePatch | None:
-    if reference.patch_px is None:
-        return None
-    left, top, right, bottom = reference.patch_px
-    return ReferencePatch(first_row=top, last_row=bottom, first_column=left, last_column=right)
