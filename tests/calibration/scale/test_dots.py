@@ -15,6 +15,7 @@ from tsis.model.errors import CalibrationError, ImageMismatchError, InputError
 from tsis.virtual.scale_targets import dot_board_frame, untouched_frame
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -47,7 +48,7 @@ def test_turned_boards_give_both_axes_and_the_angle(angle_deg: float) -> None:
 @settings(max_examples=6, deadline=None)
 @given(
     width=st.floats(0.03, 0.045),
-    share=st.floats(0.75, 1.33),
+    share=st.floats(0.82, 1.22),
     angle_deg=st.floats(-45.0, 45.0),
     seed=st.integers(0, 10_000),
 )
@@ -137,6 +138,27 @@ def askew() -> TactileImage:
     return TactileImage(grey=np.asarray(grey))
 
 
+LATTICE_PIXEL = (0.0336, 0.0392)
+
+
+def lattice_at(
+    one: tuple[float, float],
+    other: tuple[float, float],
+    *,
+    seen: Callable[..., tuple[NDArray[np.float64], NDArray[np.float64]]] = lambda x, y: (x, y),
+) -> TactileImage:
+    """Clean round dots on the lattice of two steps on the face, mm, through what the camera does to its places."""
+    rows, columns = np.mgrid[:492, :768]
+    x, y = seen((columns - 383.5) * LATTICE_PIXEL[0], (rows - 245.5) * LATTICE_PIXEL[1])
+    grey = np.random.default_rng(5).normal(20.0, 1.0, x.shape)
+    for i in range(-9, 10):
+        for j in range(-9, 10):
+            across, down = 0.3 + i * one[0] + j * other[0], 0.2 + i * one[1] + j * other[1]
+            if abs(across) < 12.3 and abs(down) < 9.1:
+                grey += 100 * np.exp(-((x - across) ** 2 + (y - down) ** 2) / (2 * 0.27**2))
+    return TactileImage(grey=np.clip(np.round(grey), 0, 255))
+
+
 @pytest.mark.parametrize(
     ("image", "said"),
     [
@@ -146,12 +168,77 @@ def askew() -> TactileImage:
         (TactileImage(grey=np.full((480, 640), 255.0)), "at least 16 dots"),
         (scattered(), "lattice"),
         (askew(), "askew"),
+        (lattice_at((2.5, 0.0), (0.35, 2.5)), "8.0 degrees askew"),
+        (lattice_at((2.5, 0.0), (1.25, 2.165)), "one pitch apart.*not a hexagonal one"),
+        (lattice_at((2.5, 0.0), (0.0, 5.0)), "one pitch apart, with no row missing"),
+        (lattice_at((5.0, 0.0), (0.0, 2.5)), "one pitch apart, with no row missing"),
     ],
-    ids=["untouched", "black", "tiny", "white", "scattered", "askew"],
+    ids=[
+        "untouched",
+        "black",
+        "tiny",
+        "white",
+        "scattered",
+        "askew",
+        "sheared",
+        "hexagonal",
+        "rows missing",
+        "columns missing",
+    ],
 )
 def test_what_is_no_board_is_refused(image: TactileImage, said: str) -> None:
     with pytest.raises(CalibrationError, match=said):
         scale_from_dots(image, pitch_mm=PITCH_MM)
+
+
+@pytest.mark.parametrize("ratio", [0.77, 1.3])
+def test_pixels_of_no_camera_are_refused(ratio: float) -> None:
+    sensor = Sensor(columns=640, rows=480, mm_per_pixel=(0.034, 0.034 * ratio))
+    with pytest.raises(CalibrationError, match=f"{ratio:.2f} times as high as wide.*0.8 to 1.25"):
+        scale_from_dots(board(sensor=sensor), pitch_mm=PITCH_MM)
+
+
+def perspective(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    away = 1 + 0.02 * x + 0.01 * y
+    return x / away, y / away
+
+
+def barrel(x: NDArray[np.float64], y: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    longer = 1 + 1e-3 * (x**2 + y**2)
+    return x * longer, y * longer
+
+
+@pytest.mark.parametrize(
+    "image",
+    [
+        lattice_at((2.5, 0.0), (0.0, 2.5)),
+        lattice_at((2.5, 0.0), (0.13, 2.5)),
+        lattice_at((2.5, 0.0), (0.0, 2.5), seen=perspective),
+        lattice_at((2.5, 0.0), (0.0, 2.5), seen=barrel),
+    ],
+    ids=["square", "sheared", "tilted", "wide lens"],
+)
+def test_clean_dots_are_not_surer_than_what_the_map_leaves_out(image: TactileImage) -> None:
+    """The truth is the pixel at the axis itself, which the map, bent over a pitch to either side, does not give."""
+    scale, _ = scale_from_dots(image, pitch_mm=PITCH_MM)
+    for size, true in zip((scale.mm_per_pixel_x, scale.mm_per_pixel_y), LATTICE_PIXEL, strict=True):
+        low, high = size.interval(0.95)
+        assert low < true < high
+        assert size.sd >= 2e-4 * size.value
+        assert size.sd < 0.02 * size.value
+
+
+def test_unlike_pitches_show_as_skew_where_the_board_is_turned() -> None:
+    """Along the axes nothing tells them from longer pixels."""
+    way = 0.5**0.5
+    turned = [(2.5 * way, 2.5 * way), (-2.6 * way, 2.6 * way)]
+    scale, _ = scale_from_dots(lattice_at(*turned), pitch_mm=PITCH_MM)
+    wide = scale.mm_per_pixel_x
+    assert abs(scale.skew_deg) == pytest.approx(np.degrees(np.arcsin((2.6**2 - 2.5**2) / (2.6**2 + 2.5**2))), abs=0.05)
+    assert wide.interval(0.95)[0] < LATTICE_PIXEL[0] < wide.interval(0.95)[1]
+    unlike = [(2.5 * way, 2.5 * way), (-2.9 * way, 2.9 * way)]
+    with pytest.raises(CalibrationError, match="askew"):
+        scale_from_dots(lattice_at(*unlike), pitch_mm=PITCH_MM)
 
 
 @pytest.mark.parametrize("pitch_mm", [0.25, 25.0])

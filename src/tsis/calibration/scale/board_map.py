@@ -80,12 +80,12 @@ class BoardMap:
             cell = cell + np.clip(step, -1.0, 1.0)
         return np.asarray(cell)
 
-    def face_step(self, cell: NDArray[np.float64]) -> NDArray[np.float64]:
+    def face_step(self, cell: NDArray[np.float64], *, reach: float = 1.0) -> NDArray[np.float64]:
         """Way on the face, in pitches, of one pixel along each image axis: columns x and y of a (2, 2) array.
 
-        It is the mean over one pitch to either side: a board resolves no finer.
+        It is the mean over ``reach`` pitches to either side: one, for a board resolves no finer.
         """
-        return np.asarray(np.linalg.inv(self._step_px(cell, reach=1.0)))
+        return np.asarray(np.linalg.inv(self._step_px(cell, reach=reach)))
 
     def pixel_size(self, cell: NDArray[np.float64], *, pitch: Measured) -> tuple[Measured, Measured]:
         """Size (x, y) of a pixel on the face about a place on the lattice, by propagation of the residuals' variance.

@@ -19,6 +19,7 @@ from tsis.calibration.scale.board_map import (
     fit_order,
     without_strays,
 )
+from tsis.calibration.scale.doubt import with_doubt
 from tsis.calibration.scale.lattice import index_lattice
 from tsis.calibration.scale.spots import Spots, find_spots, in_even_light
 from tsis.calibration.scale.value import Scale, check_field
@@ -97,7 +98,12 @@ def scale_from_dots(
 
     The dots may be darker or brighter than what surrounds them, turned by any angle, and some may be missing. The scale
     is that at the probe's axis (``image.axis_px``), as the mean over one pitch to either side. Perspective and lens
-    distortion are fitted along, so that they widen the interval and do not shift the scale.
+    distortion are fitted along, so that they widen the interval and do not shift the scale. The interval also allows
+    for how much the pixel size bends over that pitch, for a skew beyond noise, and for 2e-4 of the size in any case.
+
+    Along the image's axes a board with two pitches looks like one whose camera has longer pixels: it is refused only
+    where the pixels' sides would differ by more than a quarter. A board turned by 45 degrees shows unlike pitches as
+    skew. Where every second dot is missing as on a chessboard the lattice is again square, and nothing shows it.
 
     Parameters
     ----------
@@ -122,8 +128,9 @@ def scale_from_dots(
     Raises
     ------
     CalibrationError
-        When there are no dots, or too few, when they form no square lattice or more than one, or when the scale would
-        be no tactile probe's.
+        When there are no dots, or too few, when they form no square lattice or more than one, when a pixel would be
+        outside 0.8 to 1.25 times as high as wide or the lattice more than 3 degrees askew, or when the scale would be
+        no tactile probe's.
     ImageMismatchError
         When the reference is no companion of the image.
     InputError
@@ -153,7 +160,7 @@ def scale_from_dots(
     fitted = with_square_axes(fitted, cell)
     cell = fitted.cell_at(image.axis())
     _check_rough(fitted)
-    x, y = fitted.pixel_size(cell, pitch=pitch)
+    x, y = with_doubt(fitted.pixel_size(cell, pitch=pitch), fitted, cell)
     check_field((x.value, y.value), image.grey.shape, "pitch_mm", pitch_mm)
     residuals = fitted.residuals_px()
     step = fitted.face_step(cell)
