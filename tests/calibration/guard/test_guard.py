@@ -1,6 +1,6 @@
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -122,6 +122,25 @@ def test_lamps_and_light_from_outside_are_told_apart(lamps: float, stray: float)
     reading = read_press(image.grey, prepared(reference(), FrameShape.of(image)))
     assert reading.led_drift == pytest.approx(lamps - 1, abs=0.004)
     assert reading.ambient_grey == pytest.approx(stray, abs=0.25)
+
+
+def test_a_frame_that_clips_all_over_is_saturated_and_one_that_is_black_shows_no_contact() -> None:
+    for grey, told, denied in ((255.0, "saturated", "no-contact"), (0.0, "no-contact", "saturated")):
+        frame = TactileImage(grey=np.full((ROWS, COLUMNS), grey), mm_per_pixel=(0.05, 0.05))
+        for against in (reference(), GuardReference()):
+            found = names(frame, against)
+            assert told in found
+            assert denied not in found
+
+
+def test_a_camera_that_moved_against_the_face_is_told_by_two_flags() -> None:
+    """What the page says cannot be told apart from light from outside, and a contact from border to border."""
+    probe = tsis.load_probe("tsis-2011")
+    virtual = VirtualProbe(probe, rng=np.random.default_rng(1))
+    against = GuardReference(untouched=virtual.no_contact(), face_radius_mm=probe.radius_mm)
+    press = virtual.press(tsis.load_phantom("plain"), force_n=1.0)
+    for shift, axis, told in ((80, 1, ["off-centre", "ambient-light"]), (40, 0, ["tilted"])):
+        assert names(replace(press, grey=np.roll(press.grey, shift, axis)), against) == told
 
 
 def test_a_level_press_takes_uneven_lamps_out() -> None:

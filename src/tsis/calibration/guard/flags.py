@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from tsis.calibration.guard.reading import MOST
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -151,13 +153,17 @@ def findings(
     least = max(limits.contact, reading.noise)
     contrast = max(reading.contrast, 0.0)
     touched = contrast >= limits.release * least
-    yield _below("no-contact", contrast, least, "press the probe on the tissue, or check lamps and exposure")
+    blind = not touched and reading.saturated is not None and reading.saturated > MOST
+    if not blind:
+        yield _below("no-contact", contrast, least, "press the probe on the tissue, or check lamps and exposure")
     if reading.force_n is not None:
         force, low, high = reading.force_n, limits.least_force_n, limits.most_force_n
         yield _below("force-too-small", force, low, f"press more: {force:.2g} N is below {low:g} N")
         yield _above("force-too-large", force, high, f"press less: {force:.2g} N is above {high:g} N")
     if touched:
         yield from _contact_findings(reading, limits)
+    elif blind:
+        yield _clipping(reading.saturated or 0.0, limits)
     # The light that stray light is held against: what the contact gives, or what a contact would give at the least.
     light = max(reading.light, limits.dark * reading.full_scale) if touched else limits.dark * reading.full_scale
     if reading.ambient_grey is not None:
@@ -183,8 +189,7 @@ def findings(
 
 def _contact_findings(reading: PressReading, limits: GuardLimits) -> Iterator[Finding]:
     if reading.saturated is not None:
-        advice = f"press less or expose shorter: {reading.saturated:.2%} of the contact clips"
-        yield _above("saturated", reading.saturated, limits.saturated, advice)
+        yield _clipping(reading.saturated, limits)
     advice = f"press more or expose longer: the contact's peak is {reading.contrast:.1%} of full scale"
     yield _below("dark-frame", reading.contrast, limits.dark, advice)
     if reading.cropped is not None:
@@ -199,6 +204,11 @@ def _contact_findings(reading: PressReading, limits: GuardLimits) -> Iterator[Fi
             f"lower the {_side(*reading.tilt)} of the probe: the other is brighter by {size:.0%} from centre to edge"
         )
         yield _above("tilted", size, limits.tilt, advice)
+
+
+def _clipping(share: float, limits: GuardLimits) -> Finding:
+    advice = f"press less or expose shorter: {share:.2%} of the contact clips"
+    return _above("saturated", share, limits.saturated, advice)
 
 
 def _side(x: float, y: float) -> str:

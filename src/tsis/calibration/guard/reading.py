@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 FOOT = 0.05  # of the peak: where the contact's light counts as its own
 BORDER_STEPS = 6  # of a bisection: to a sixtieth of the peak
+MOST = 0.5  # of the frame's pixels: when more of them clip it is the frame that is saturated
 LEAST_AREA = 9  # blocks: a smaller contact has no moments
 
 
@@ -44,7 +45,8 @@ class PressReading:
     off_centre
         Distance of the contact's centre from the axis over the contact's radius.
     saturated
-        Share of the contact's pixels at full scale.
+        Share of the contact's pixels at full scale; of all pixels where most of them are, which leaves no contact to
+        stand out.
     cropped
         Level at which the contact's patch reaches the frame's border, over the peak.
     ambient_grey
@@ -100,6 +102,9 @@ def read_press(pixels: NDArray[Any], prepared: Prepared, *, force_n: float | Non
             tilt, off_centre = _moments(smooth, mask, prepared)
             saturated = _clipped(pixels, mask, prepared)
             cropped = _reaches_border(smooth, (int(row), int(column))) / peak
+    everywhere = float((pixels >= shape.full_scale).mean())
+    if everywhere > MOST:
+        saturated = everywhere
     return PressReading(
         force_n=force_n,
         full_scale=shape.full_scale,
