@@ -193,6 +193,45 @@ def test_a_loading_that_begins_on_the_tissue_is_refused_with_its_step(copied: Se
         calibrate(copied)
 
 
+def repeat_frame(session: SessionFolder, step: str, number: int, *, noisy: bool) -> None:
+    """What a camera that froze delivers; with ``noisy`` one that goes on with noise, as of a held scene."""
+    (own,) = (each for each in session.plan() if each.name == step)
+    shots = session.shots(own)
+    shutil.rmtree(session.path / step)
+    rng, held = np.random.default_rng(3), shots[number].image
+    for at in range(number + 1, len(shots)):
+        flips = rng.integers(0, 2, held.grey.shape) if noisy else 0
+        shots[at] = replace(shots[at], image=replace(held, grey=np.clip(held.grey + flips, 0, held.full_scale)))
+    session.keep(own, shots)
+
+
+@pytest.mark.parametrize("number", [0, 5, 10, 38])
+def test_a_camera_that_froze_in_a_loading_is_refused_with_its_step(copied: SessionFolder, number: int) -> None:
+    repeat_frame(copied, "tip-2mm-1", number, noisy=False)
+    said = f"step 'tip-2mm-1': every frame must be a new one; frames {number + 1} and {number + 2} are alike"
+    with pytest.raises(CalibrationError, match=said):
+        calibrate(copied)
+
+
+@pytest.mark.parametrize("number", [5, 10, 20, 30])
+def test_light_that_does_not_follow_the_force_is_refused_with_its_step(copied: SessionFolder, number: int) -> None:
+    repeat_frame(copied, "tip-10mm-1", number, noisy=True)
+    with pytest.raises(CalibrationError, match=r"step 'tip-10mm-1': the sum of grey levels must rise with the force"):
+        calibrate(copied)
+
+
+def test_loadings_that_leave_the_slope_untold_are_refused(copied: SessionFolder) -> None:
+    def halve(rows: list[list[str]]) -> None:
+        for row in rows:
+            row[2] = f"{float(row[2]) / 2:.6f}"
+
+    change_rows(copied, "tip-2mm-1", halve)
+    change_rows(copied, "tip-10mm-1", halve)
+    change_rows(copied, "tip-10mm-1", halve)
+    with pytest.raises(CalibrationError, match=r"slope of the force line must be told from zero; .* is -.* to "):
+        calibrate(copied)
+
+
 def test_a_board_without_dots_is_refused_with_its_step(copied: SessionFolder) -> None:
     replace_frames(copied, "board", "board-untouched")
     with pytest.raises(CalibrationError, match="step 'board': ") as caught:

@@ -11,11 +11,10 @@ import numpy as np
 
 from tsis.calibration.file import ProbeCalibration
 from tsis.calibration.force.fit import fit_force_line
-from tsis.calibration.force.loading import UNTOUCHED_N, Loading
-from tsis.calibration.force.reading import read_press
 from tsis.calibration.reference.making import make_reference
 from tsis.calibration.response.fit import fit_response
 from tsis.calibration.scale import scale_from_dots
+from tsis.calibration.session.loading import read_loading, require_told_slope
 from tsis.calibration.session.steps import BOARD, BOARD_UNTOUCHED, DARK, EDGE, FLAT, UNTOUCHED
 from tsis.calibration.specification.edge import edge_width
 from tsis.calibration.specification.rate import frame_rate
@@ -28,6 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from tsis.calibration.force.line import ForceLineDiagnostics
+    from tsis.calibration.force.loading import Loading
     from tsis.calibration.measured import Measured
     from tsis.calibration.reference.making import Reference
     from tsis.calibration.response.value import Response
@@ -36,8 +36,6 @@ if TYPE_CHECKING:
     from tsis.calibration.session.shot import Shot
     from tsis.calibration.session.steps import Step
 
-TOUCHED_N = 0.03  # above the zero: between it and an unloaded gauge's wandering nobody can tell
-AT_REST = 0.02  # share of the largest sum of grey levels that a frame without contact may show
 DAYS = 180
 
 
@@ -110,9 +108,10 @@ def calibrate(
             pressed = session.shots(step)
             _require_alike(pressed, step, shots[DARK][0].image)
             with _named(step.name):
-                loadings.append(_loading(pressed, step, reference))
+                loadings.append(read_loading(pressed, step, reference))
             progress(len(still) + len(loadings), len(steps) + 1)
     line, diagnostics = fit_force_line(loadings, reference=reference, gauge_share=terms.gauge_share)
+    require_told_slope(line)
     response = fit_response(loadings, reference=reference, gauge_share=terms.gauge_share, area_share=_area_share(scale))
     known = ProbeCalibration(
         name=terms.name,
@@ -161,29 +160,6 @@ def _reference(
     # Without flats little of the light that tells the photons' noise is left but that beside the dot board.
     scenes = [] if flats else [scaled(BOARD_UNTOUCHED)]
     return make_reference(scaled(DARK), scaled(UNTOUCHED), flats, patch_px=patch_px, scenes=scenes)
-
-
-def _loading(shots: Sequence[Shot], step: Step, reference: Reference) -> Loading:
-    """Read a loading; presses so light that the gauge cannot tell them from none are left out."""
-    assert step.tip_mm is not None
-    forces = [shot.force_n for shot in shots]
-    if any(force is None for force in forces):
-        raise CalibrationError("every frame must have a force; one has none (is the gauge silent?)")
-    zero = float(forces[0] or 0.0)
-    readings = []
-    for shot in shots:
-        load = float(shot.force_n or 0.0) - zero
-        if abs(load) <= UNTOUCHED_N or load >= TOUCHED_N:
-            reading = read_press(shot.image, reference, force_n=zero + load, touched=load >= TOUCHED_N)
-            readings.append(reading)
-    loading = Loading.of(step.tip_mm, readings, run=step.run)
-    first = float(loading.total_grey[0] / max(loading.total_grey.max(), 1.0))
-    if first > AT_REST:
-        raise CalibrationError(
-            f"the tip must not touch in the first frame, whose force is the gauge's zero; it shows {first:.0%} of the "
-            "largest sum of grey levels (repeat the step, and begin it untouched)"
-        )
-    return loading
 
 
 def _edge(shots: Mapping[str, Sequence[Shot]], reference: Reference) -> Measured | None:
