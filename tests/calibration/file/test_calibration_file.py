@@ -375,6 +375,8 @@ def test_parts_that_make_no_sense_are_refused(wrong: dict[str, Any], said: str) 
         ({"tips_mm": ()}, "tips_mm must hold the radius of at least one tip"),
         ({"tips_mm": (2.0, -1.0)}, r"tips_mm must lie in \[0.1, 1000\]; got -1"),
         ({"tips_mm": (math.inf,)}, "tips_mm must lie in"),
+        ({"unit_covariance": (-1.0, 0.0, 0.0)}, "unit_covariance must lie in"),
+        ({"unit_covariance": (0.0, 0.0, -1.0)}, "unit_covariance must lie in"),
         ({"method": "x"}, "no segmentation method is called 'x'"),
     ],
 )

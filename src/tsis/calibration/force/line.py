@@ -88,8 +88,8 @@ class ForceLine:
         for name in ("intercept_grey", "slope_grey_per_n", "residual_grey", "residual_share"):
             check.kind(name, getattr(self, name), Measured)
         check.number("slope_grey_per_n", self.slope_grey_per_n.value, 1e-9, 1e15, hint="grey levels a newton")
-        for value in self.unit_covariance:
-            check.number("unit_covariance", value, -1e30, 1e30)
+        for value, least in zip(self.unit_covariance, (0.0, -1e30, 0.0), strict=True):
+            check.number("unit_covariance", value, least, 1e30, hint="variance, covariance, variance")
         check.whole("units", self.units, 2, 10_000)
         for name in ("assumed_tip_share", "drift_share", "gauge_share"):
             check.number(name, getattr(self, name), 0.0, 1.0, hint="a share of one")
