@@ -100,16 +100,34 @@ class BoardMap:
 
     def _one_size(self, back: NDArray[np.float64], slopes: NDArray[np.float64], axis: int, pitch: Measured) -> Measured:
         size = float(np.linalg.norm(back[:, axis]))
-        # d|K e| = -u K dJ K e with K the inverse of J and u the direction of K e.
-        weights = (back[:, axis] / size) @ back
-        along = slopes @ back[:, axis]
-        variances = (weights * self.sd_px) ** 2 * float(along @ self.spread @ along)
+        variances = self._variances(back, slopes, axis)
         by_dots, by_pitch = float(variances.sum()) * pitch.value**2, (size * pitch.sd) ** 2
         squares = float((variances**2).sum()) * pitch.value**4 / self.degrees_of_freedom
         squares += by_pitch**2 / pitch.degrees_of_freedom
         total = by_dots + by_pitch
         freedom = total**2 / squares if squares > 0.0 else float(self.degrees_of_freedom)
         return Measured(value=size * pitch.value, sd=total**0.5, degrees_of_freedom=freedom, unit=UNIT)
+
+    def bend(
+        self, cell: NDArray[np.float64], *, point: float = 1e-3
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """How the pixel size bends over one pitch to either side: the share, and its noise.
+
+        The share (x, y) is that of the mean over one pitch above the size at the place itself; its standard deviation
+        comes by propagation of the residuals' variance.
+        """
+        back, here = (self.face_step(cell, reach=reach) for reach in (1.0, point))
+        sizes = np.linalg.norm(back, axis=0)
+        slopes = self._slopes(cell, reach=1.0) - self._slopes(cell, reach=point)
+        noise = np.array([np.sqrt(self._variances(back, slopes, axis).sum()) for axis in (0, 1)])
+        return sizes / np.linalg.norm(here, axis=0) - 1, noise / sizes
+
+    def _variances(self, back: NDArray[np.float64], slopes: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
+        """Variance of a pixel's size, in pitches, that each image axis of the dots' places brings, shape (2,)."""
+        # d|K e| = -u K dJ K e with K the inverse of J and u the direction of K e.
+        weights = back[:, axis] / np.linalg.norm(back[:, axis]) @ back
+        along = slopes @ back[:, axis]
+        return np.asarray((weights * self.sd_px) ** 2 * float(along @ self.spread @ along))
 
     def _slopes(self, cell: NDArray[np.float64], *, reach: float) -> NDArray[np.float64]:
         """Change of each term for a step of one pitch along each lattice axis, shape (terms, 2)."""

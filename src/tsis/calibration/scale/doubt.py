@@ -1,7 +1,7 @@
 """What a clean fit of the dots cannot know of the scale: bent pixels, a board that is not square, a spot's own bias.
 
 The residuals tell how well the dots fit the map. Where they fit to a hundredth of a pixel, what the map leaves out is
-larger. Each part is an even distribution between two bounds (GUM 4.3.7: bound over the root of three).
+larger. The bend counts in full: the mean over a pitch and the size at the place itself are both called the scale.
 """
 
 from __future__ import annotations
@@ -12,19 +12,15 @@ import numpy as np
 
 from tsis.calibration.measured import Measured
 from tsis.calibration.scale.axes import skew_deg
-from tsis.calibration.scale.board_map import LENS_ORDER, fit_order
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.calibration.scale.board_map import BoardMap
 
-LEAST_SHARE = (
-    2e-4  # relative standard uncertainty that no image of spots goes below: light, aberrations, the gel's creep
-)
-POINT = 1e-3  # pitches; over so short a way the map is straight
+LEAST_SHARE = 2e-4  # relative; no picture of spots goes below it: light, aberrations, the gel's creep
 EVEN = 3**0.5  # bound of an even distribution over its standard deviation
-BY_CHANCE = 2.0  # standard deviations of the skew that noise explains
+BY_CHANCE = 2.0  # standard deviations that noise explains
 
 
 def with_doubt(sizes: tuple[Measured, Measured], fitted: BoardMap, cell: NDArray[np.float64]) -> tuple[Measured, ...]:
@@ -39,25 +35,16 @@ def with_doubt(sizes: tuple[Measured, Measured], fitted: BoardMap, cell: NDArray
     cell
         Place on the lattice, shape (2,), in pitches.
     """
-    bend, rest = _bend(fitted, cell), _rest_of_lens(fitted, cell)
-    askew = _skew_beyond_noise(fitted, cell) / 2
-    shares = np.sqrt(LEAST_SHARE**2 + (bend**2 + rest**2 + askew**2) / EVEN**2)
+    bend = _beyond_noise(*fitted.bend(cell))
+    # Between no error and half the skew anything is as likely (GUM 4.3.7: bound over the root of three).
+    askew = _skew_beyond_noise(fitted, cell) / 2 / EVEN
+    shares = np.sqrt(LEAST_SHARE**2 + bend**2 + askew**2)
     return tuple(_widened(size, float(share)) for size, share in zip(sizes, shares, strict=True))
 
 
-def _bend(fitted: BoardMap, cell: NDArray[np.float64]) -> NDArray[np.float64]:
-    """By what share the mean pixel over one pitch to either side differs from the one at the place itself, (x, y)."""
-    mean, here = (np.linalg.norm(fitted.face_step(cell, reach=reach), axis=0) for reach in (1.0, POINT))
-    return np.asarray(np.abs(mean / here - 1))
-
-
-def _rest_of_lens(fitted: BoardMap, cell: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Share (x, y) that a wide-angle lens's orders above the fitted one may bring: no more than its last order did."""
-    if fitted.order <= LENS_ORDER:
-        return np.zeros(2)
-    lower = fit_order(fitted.cells, fitted.places_px, LENS_ORDER)
-    before, now = (np.linalg.norm(one.face_step(cell), axis=0) for one in (lower, fitted))
-    return np.asarray(np.abs(before / now - 1))
+def _beyond_noise(found: NDArray[np.float64], noise: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Size of what was found less what noise explains, which the residuals' part has counted already."""
+    return np.asarray(np.sqrt(np.maximum(found**2 - (BY_CHANCE * noise) ** 2, 0.0)))
 
 
 def _skew_beyond_noise(fitted: BoardMap, cell: NDArray[np.float64]) -> float:
@@ -68,9 +55,8 @@ def _skew_beyond_noise(fitted: BoardMap, cell: NDArray[np.float64]) -> float:
     by 1 - cos(s), which is less.
     """
     sine = np.sin(np.radians(skew_deg(fitted.face_step(cell))))
-    sizes = fitted.pixel_size(cell, pitch=Measured(value=1.0, sd=0.0))
-    noise = BY_CHANCE * np.hypot(*(size.sd / size.value for size in sizes))
-    return float(np.sqrt(max(sine**2 - noise**2, 0.0)))
+    x, y = fitted.pixel_size(cell, pitch=Measured(value=1.0, sd=0.0))
+    return float(_beyond_noise(np.array(sine), np.hypot(x.sd / x.value, y.sd / y.value)))
 
 
 def _widened(size: Measured, share: float) -> Measured:
