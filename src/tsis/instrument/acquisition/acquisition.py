@@ -262,7 +262,7 @@ class Acquisition:
                 self._begin_reader()
 
     def _require_sound(self) -> None:
-        if not self.ring.has_room():  # the reader is slow, not the camera
+        if self.ring.patient:  # stored frames wait for their reader, and no silence means that they are lost
             return
         silent_s, connection = self._intake.silent_s(), self._intake.connection
         if connection is None or silent_s <= self._patience_s():
