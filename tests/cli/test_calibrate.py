@@ -182,7 +182,8 @@ def test_the_virtual_bench_at_full_size(run_tsis: RunTsis, tmp_path: Path) -> No
     for name, truth in (("scale x", 0.0336), ("scale y", 0.0392)):
         low, high = values[name]
         middle, half = (low + high) / 2, (high - low) / 2
-        assert abs(truth - middle) < 2 * half < 0.005 * truth
+        # Half of the width is for the map's bend over a pitch, which this board shows beyond its noise.
+        assert abs(truth - middle) < 2 * half < 0.008 * truth
     shown = run_tsis("calibrate", "show", "tsis-calibration/calibration.json")
     assert "It may be used today." in shown.out
 
