@@ -383,3 +383,10 @@ def test_parts_that_make_no_sense_are_refused(wrong: dict[str, Any], said: str) 
 def test_force_lines_that_make_no_sense_are_refused(wrong: dict[str, Any], said: str) -> None:
     with pytest.raises(InputError, match=said):
         _line(**wrong)
+
+
+def test_a_response_that_names_no_probe_is_that_of_the_calibrations() -> None:
+    """Else an estimate under another probe would not be refused."""
+    silent = Calibration(gain_grey_per_kpa=60.0, saturation_kpa=20.0)
+    assert _known(response=silent, probe="tsis-domed").known_response("0" * 64).probe == "tsis-domed"
+    assert _known().known_response("0" * 64).probe == "tsis-2011"

@@ -174,9 +174,10 @@ new one: tsis calibrate)
         return found
 
     def known_response(self, identity: str) -> Calibration:
-        """The response, under a name that tells which file it came from."""
+        """The response, under a name that tells which file it came from, and of the calibration's probe."""
         response = self.need(Calibration, "an estimate")
-        return replace(response, name=f"{self.name or response.name} ({identity[:12]})")
+        name = f"{self.name or response.name} ({identity[:12]})"
+        return replace(response, name=name, probe=response.probe or self.probe)
 
 
 PARTS: Mapping[str, type] = MappingProxyType(

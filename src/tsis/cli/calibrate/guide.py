@@ -50,7 +50,7 @@ def guide(
         float, typer.Option(help="Relative uncertainty of the gauge, from its certificate.")
     ] = 0.001,
     probe: Annotated[
-        str, typer.Option(help="Name of the probe; of the catalog for the virtual bench.")
+        str, typer.Option(help="Design of the probe, as the catalog names it; estimates need it.")
     ] = "tsis-direct",
     name: Annotated[str, typer.Option(help="What the calibration will be called.")] = "bench",
     pitch_mm: Annotated[float, typer.Option(help="Pitch of the dot board, millimetres.")] = 2.5,
