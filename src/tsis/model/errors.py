@@ -12,6 +12,8 @@
     ├── SweepError          a sweep that cannot go on; what it has computed is kept
     ├── MissingExtraError   (also an ImportError) an optional library is not installed
     ├── CalibrationError    a calibration that cannot be made, or that may not be used
+    ├── RecordsError        a store of records that cannot be opened, written or believed
+    │   └── StaleRecordError    an edit of a record that somebody else has changed meanwhile
     ├── CameraError         a camera that cannot be opened or was lost
     └── GaugeError          a force gauge that cannot be opened, is silent, or says what is no force
 
@@ -57,6 +59,14 @@ class MissingExtraError(TsisError, ImportError):
 
 class CalibrationError(TsisError):
     """A calibration that cannot be made from what was given, or that may not be used: expired, foreign, tampered."""
+
+
+class RecordsError(TsisError):
+    """A store of records that cannot be opened, written or believed; what was acknowledged is as it was."""
+
+
+class StaleRecordError(RecordsError):
+    """An edit of a record that somebody else has changed since it was read."""
 
 
 class CameraError(TsisError):

@@ -1,0 +1,200 @@
+"""What a store holds: targets, the presses on them, and what was estimated."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from tsis.model import check
+from tsis.model.errors import InputError
+
+if TYPE_CHECKING:
+    from tsis.model import Estimate
+
+KINDS = ("phantom", "subject")  # of stores; what is known of one must never get into the other
+ROLES = ("target", "plain", "untouched", "ball")  # plain: on plain tissue; ball: on a known one, for hardness
+ESTIMATES = ("inclusion", "hardness")
+LONGEST_NAME, LONGEST_NOTE = 200, 4000
+
+
+def require_text(name: str, value: object, longest: int) -> None:
+    """Refuse what cannot be shown on a page: no text, too long, or with control characters other than line ends."""
+    check.kind(name, value, str)
+    assert isinstance(value, str)
+    if len(value) > longest or any(not letter.isprintable() and letter != "\n" for letter in value):
+        raise InputError(f"{name} must be printable text of at most {longest} characters; got {value!r:.80}")
+
+
+def require_moment(name: str, value: object) -> None:
+    """Refuse a time without its zone."""
+    check.kind(name, value, datetime)
+    assert isinstance(value, datetime)
+    if value.tzinfo is None:
+        raise InputError(f"{name} must have a time zone; got {value.isoformat()}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Target:
+    """One place that was pressed: a phantom, an object, a site on a subject.
+
+    Parameters
+    ----------
+    number
+        What people call it, in [1, 99999]; unique in its store.
+    kind
+        ``"phantom"`` or ``"subject"``, as that of the store.
+    name
+        A label; of a subject a pseudonym, never a name.
+    note
+        Anything that people want to remember.
+    truth
+        Of a phantom the true values by name with their unit, as ``diameter_mm``; empty where nobody knows them.
+    made
+        When it was entered, with its time zone.
+    id
+        Identifies it for ever, in any store; empty before it is stored.
+    version
+        Counts its edits from 1.
+    """
+
+    number: int
+    kind: str
+    name: str = ""
+    note: str = ""
+    truth: Mapping[str, float] = field(default_factory=dict)
+    made: datetime
+    id: str = ""
+    version: int = 1
+
+    def __post_init__(self) -> None:
+        check.whole("number", self.number, 1, 99_999, hint="number of the target")
+        check.known("kind", self.kind, KINDS)
+        require_text("name", self.name, LONGEST_NAME)
+        require_text("note", self.note, LONGEST_NOTE)
+        require_moment("made", self.made)
+        check.kind("truth", self.truth, Mapping)
+        if self.truth and self.kind == "subject":
+            raise InputError(f"truth must be empty for a subject, of whom nothing is known; got {dict(self.truth)}")
+        truth = {str(name): check.number(f"truth[{name!r}]", value, -1e9, 1e9) for name, value in self.truth.items()}
+        object.__setattr__(self, "truth", MappingProxyType(truth))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Press:
+    """One frame of the probe, and what is known of it.
+
+    Parameters
+    ----------
+    role
+        ``"target"``, ``"plain"`` (the same probe on plain tissue), ``"untouched"`` or ``"ball"`` (a known one).
+    taken
+        When, with its time zone.
+    frame
+        SHA-256 of the stored file of the frame.
+    rows, columns
+        Size of the frame in pixels.
+    full_scale
+        Grey level at which the camera clips.
+    force_n
+        Force in newtons; None where nobody measured it.
+    mm_per_pixel
+        Size (x, y) of a pixel on the face in mm; None where nobody measured it.
+    axis_px
+        Where the probe's axis meets the image, (x, y) in pixels.
+    probe
+        Name of the probe; empty where nobody wrote it down.
+    calibration
+        SHA-256 under which the calibration in force is stored; None without one.
+    flags
+        What the press guard said against it.
+    settings
+        What the camera was set to, and where the file came from.
+    name
+        What reports call the frame.
+    note
+        Anything that people want to remember.
+    id, target
+        Its own identity and that of its target; empty before it is stored.
+    version
+        Counts its edits from 1.
+    """
+
+    role: str
+    taken: datetime
+    frame: str
+    rows: int
+    columns: int
+    full_scale: float
+    force_n: float | None = None
+    mm_per_pixel: tuple[float, float] | None = None
+    axis_px: tuple[float, float]
+    probe: str = ""
+    calibration: str | None = None
+    flags: tuple[str, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    name: str = ""
+    note: str = ""
+    id: str = ""
+    target: str = ""
+    version: int = 1
+
+    def __post_init__(self) -> None:
+        check.known("role", self.role, ROLES)
+        require_moment("taken", self.taken)
+        for name in ("name", "probe"):
+            require_text(name, getattr(self, name), LONGEST_NAME)
+        require_text("note", self.note, LONGEST_NOTE)
+        check.kind("flags", self.flags, tuple)
+        for flag in self.flags:
+            require_text("flag", flag, LONGEST_NAME)
+        object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StoredEstimate:
+    """An estimate with all that is needed to make it again.
+
+    Parameters
+    ----------
+    kind
+        ``"inclusion"`` or ``"hardness"``.
+    estimate
+        What was estimated, samples and all.
+    made
+        When, with its time zone.
+    probe
+        Name of the probe in the catalog.
+    presses
+        Identities of the presses that it rests on, in the order in which they were given.
+    calibration
+        SHA-256 under which the calibration is stored.
+    options
+        Arguments of the call by name as plain values, e.g. the fields of the prior.
+    environment
+        Versions of this program and its libraries, and the SHA-256 of its code.
+    supersedes
+        Identity of the estimate that this one recomputes; None for a first one.
+    id, target
+        Its own identity and that of its target; empty before it is stored.
+    """
+
+    kind: str
+    estimate: Estimate
+    made: datetime
+    probe: str
+    presses: tuple[str, ...]
+    calibration: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    environment: Mapping[str, Any] = field(default_factory=dict)
+    supersedes: str | None = None
+    id: str = ""
+    target: str = ""
+
+    def __post_init__(self) -> None:
+        check.known("kind of estimate", self.kind, ESTIMATES)
+        require_moment("made", self.made)
+        object.__setattr__(self, "options", MappingProxyType(dict(self.options)))
+        object.__setattr__(self, "environment", MappingProxyType(dict(self.environment)))
