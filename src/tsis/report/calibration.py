@@ -9,7 +9,7 @@ from tsis.calibration.file.plain_values import to_plain
 from tsis.plots.calibration_figures import force_residuals, force_sums, hysteresis_loops
 from tsis.plots.scale_figures import dot_board
 from tsis.report.document import envelope
-from tsis.report.page import Card, Page, Picture, Table, html, picture_source
+from tsis.report.page import Card, Page, Picture, Table, html
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -155,18 +155,21 @@ def calibration_report(known: ProbeCalibration, findings: SessionFindings, *, pr
     pictures = (
         Picture(
             title="Sum of grey levels over the force",
-            source=picture_source(sums, size=(6.4, 4.2)),
+            draw=sums,
+            size=(6.4, 4.2),
             alt="Sums of grey levels rise in a straight line with the force; rings loading, crosses unloading",
         ),
         Picture(
             title="What the line leaves, and the loop",
-            source=picture_source(residuals, size=(9.6, 4.0)),
+            draw=residuals,
+            size=(9.6, 4.0),
             alt="Departures from the line in per cent of the range, and loading less unloading, by tip",
             wide=True,
         ),
         Picture(
             title="The dot board",
-            source=picture_source(board, size=(6.4, 4.4)),
+            draw=board,
+            size=(6.4, 4.4),
             alt="Frame of the board with the dots found, their lattice, and what the fit leaves, magnified",
         ),
     )

@@ -9,7 +9,7 @@ import numpy as np
 
 from tsis.imaging import features, find_contact, signal, surface
 from tsis.plots import relief, ring_profile, tactile_image
-from tsis.report.page import Card, Page, Picture, Table, html, picture_source
+from tsis.report.page import Card, Page, Picture, Table, html
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -150,7 +150,8 @@ def _pictures(finding: Finding) -> tuple[Picture, ...]:
     pictures = [
         Picture(
             title=f"Signal of {image.name}",
-            source=picture_source(outline, size=(6.0, 4.2)),
+            draw=outline,
+            size=(6.0, 4.2),
             alt=f"Change of grey level in {image.name} with the contact's outline and centroid",
             caption="Change of grey level, positive where the probe is pressed; outline and centroid in white.",
         )
@@ -163,7 +164,9 @@ def _pictures(finding: Finding) -> tuple[Picture, ...]:
         pictures.append(
             Picture(
                 title="Surface",
-                source=picture_source(lifted, size=(6.0, 4.2), vector=False),
+                draw=lifted,
+                size=(6.0, 4.2),
+                vector=False,
                 alt="The same signal as a surface in three dimensions",
                 caption="Heights are grey levels, not millimetres.",
             )
@@ -173,7 +176,8 @@ def _pictures(finding: Finding) -> tuple[Picture, ...]:
         pictures.append(
             Picture(
                 title="Profile",
-                source=picture_source(lambda figure: _draw_profile(figure, profile), size=(5.5, 3.6)),
+                draw=lambda figure: _draw_profile(figure, profile),
+                size=(5.5, 3.6),
                 alt="Mean grey level in rings around the centroid",
                 caption="Mean change of grey level in rings around the centroid.",
             )

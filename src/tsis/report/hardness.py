@@ -8,7 +8,7 @@ from tsis.hardness import shore
 from tsis.plots import tactile_image
 from tsis.plots.hardness import contact_growth, modulus
 from tsis.report.document import LEVEL, doubt_of
-from tsis.report.page import Card, Page, Picture, Table, html, picture_source
+from tsis.report.page import Card, Page, Picture, Table, html
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -113,7 +113,7 @@ def hardness_notes(estimate: Estimate) -> tuple[str, ...]:
 
 
 def _picture(title: str, draw: Any, alt: str) -> Picture:
-    return Picture(title=title, source=picture_source(draw, size=(4.2, 3.0)), alt=alt)
+    return Picture(title=title, draw=draw, size=(4.2, 3.0), alt=alt)
 
 
 def _frame(image: TactileImage) -> Picture:
@@ -122,7 +122,8 @@ def _frame(image: TactileImage) -> Picture:
 
     return Picture(
         title=image.name or "Frame",
-        source=picture_source(draw, size=(4.2, 3.0)),
+        draw=draw,
+        size=(4.2, 3.0),
         alt=f"Grey levels of {image.name or 'a frame'}",
         caption=f"{image.force_n:g} N by the gauge.",
     )

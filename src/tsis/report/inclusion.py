@@ -10,7 +10,7 @@ import numpy as np
 from tsis.imaging import features, radial_profile, subtract_background, surface
 from tsis.plots import marginal, relief, ring_profile, tactile_image, trade_off
 from tsis.report.document import LEVEL, doubt_of, sentences, shown_probability, spread
-from tsis.report.page import Card, Page, Picture, html, picture_source
+from tsis.report.page import Card, Page, Picture, html
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -135,7 +135,8 @@ def _marginals_picture(estimate: Estimate, prior: InclusionPrior, truth: Mapping
     marked = "" if truth is None else " The dashed line is the truth."
     return Picture(
         title="What the presses told",
-        source=picture_source(marginals, size=(9.5, 2.8)),
+        draw=marginals,
+        size=(9.5, 2.8),
         alt=f"Posterior of each parameter, 90 % intervals: {words or 'not to be trusted'}",
         caption=f"{doubt}Posterior (blue) against the uniform prior (grey), 90 % interval shaded.{marked}",
         wide=True,
@@ -152,7 +153,8 @@ def _trade_off_picture(estimate: Estimate, truth: Mapping[str, float] | None) ->
     marked = "" if truth is None else " The cross is the truth."
     return Picture(
         title="Which parameters trade off",
-        source=picture_source(pairs, size=(9.5, 3.0)),
+        draw=pairs,
+        size=(9.5, 3.0),
         alt="Joint posterior of each pair of parameters",
         caption=f"{doubt}Joint posteriors: a slanted band is a combination known better than its parts.{marked}",
         wide=True,
@@ -175,7 +177,8 @@ def _image_pictures(target: TactileImage, reference: TactileImage | None) -> tup
     pictures = [
         Picture(
             title="Tactile image",
-            source=picture_source(frame, size=(6.0, 4.0)),
+            draw=frame,
+            size=(6.0, 4.0),
             alt=f"Tactile image of {target.name}, bright where the pressure is high",
             caption=f"{target.name}, {target.force_n:g} N. Bright is high pressure; the rim is the edge of the face.",
         )
@@ -184,7 +187,8 @@ def _image_pictures(target: TactileImage, reference: TactileImage | None) -> tup
         pictures.append(
             Picture(
                 title="What the inclusion adds",
-                source=picture_source(change, size=(6.0, 4.0)),
+                draw=change,
+                size=(6.0, 4.0),
                 alt="Target minus reference press, with the outline and the centroid of the bright patch",
                 caption="Target minus reference press on plain tissue; outline and centroid in white.",
             )
@@ -192,7 +196,9 @@ def _image_pictures(target: TactileImage, reference: TactileImage | None) -> tup
     pictures.append(
         Picture(
             title="Surface",
-            source=picture_source(lifted, size=(6.0, 4.2), vector=False),
+            draw=lifted,
+            size=(6.0, 4.2),
+            vector=False,
             alt="The same signal as a surface in three dimensions",
             caption="The same as a surface; heights are grey levels, not millimetres.",
         )
@@ -213,7 +219,8 @@ def _profile_picture(
 
     return Picture(
         title="The profiles that the estimate rests on",
-        source=picture_source(profiles, size=(5.5, 3.6)),
+        draw=profiles,
+        size=(5.5, 3.6),
         alt="Mean grey level in rings around the probe's axis, one line a press",
         caption="Mean grey level in rings around the probe's axis, one line a press.",
     )

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
-import matplotlib as mpl
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
-from matplotlib.figure import Figure
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.report.drawing import address
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-DPI = 120
+    from matplotlib.figure import Figure
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -31,13 +28,33 @@ class Card:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Picture:
-    """A figure with a caption, and words for those who do not see it."""
+    """A figure with a caption, and words for those who do not see it.
+
+    Attributes
+    ----------
+    title
+        Its heading.
+    draw
+        Draws it into an empty figure, the same each time; whoever shows the page calls it.
+    size
+        Width and height in inches at which letters have 9 points.
+    alt
+        What it shows, in words.
+    caption
+        What to know to read it.
+    wide
+        Whether it takes the page's whole width.
+    vector
+        Whether it is a line drawing; a relief of many facets is smaller as pixels.
+    """
 
     title: str
-    source: str
+    draw: Callable[[Figure], None]
+    size: tuple[float, float]
     alt: str
     caption: str = ""
     wide: bool = False
+    vector: bool = True
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,20 +80,6 @@ class Page:
     provenance: Mapping[str, Any] = field(default_factory=dict)
 
 
-def picture_source(draw: Callable[[Figure], None], *, size: tuple[float, float], vector: bool = True) -> str:
-    """Draw a figure of ``size`` inches and return it as a data address; equal drawings give equal bytes."""
-    with mpl.rc_context({"svg.hashsalt": "tsis", "font.size": 9.0}):
-        figure = Figure(figsize=size, layout="constrained")
-        draw(figure)
-        buffer = io.BytesIO()
-        if vector:
-            figure.savefig(buffer, format="svg", dpi=DPI, metadata={"Date": None})
-        else:
-            figure.savefig(buffer, format="png", dpi=DPI)
-    kind = "image/svg+xml" if vector else "image/png"
-    return f"data:{kind};base64,{base64.b64encode(buffer.getvalue()).decode()}"
-
-
 def html(page: Page) -> bytes:
     """The page as UTF-8."""
     environment = Environment(
@@ -87,4 +90,4 @@ def html(page: Page) -> bytes:
         lstrip_blocks=True,
     )
     template = environment.get_template("page.html")
-    return template.render(page=page, notice=RESEARCH_USE_ONLY, version=__version__).encode()
+    return template.render(page=page, notice=RESEARCH_USE_ONLY, version=__version__, address=address).encode()

@@ -1,0 +1,40 @@
+"""From a picture to bytes: a data address for a web page, pixels for paper; equal drawings give equal bytes."""
+
+from __future__ import annotations
+
+import base64
+import io
+from typing import TYPE_CHECKING
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+if TYPE_CHECKING:
+    from tsis.report.page import Picture
+
+DPI = 120
+PAPER_DPI = 200
+
+
+def address(picture: Picture) -> str:
+    """The picture as a data address: SVG, or PNG where it is no line drawing."""
+    content = _drawn(picture, picture.size, kind="svg" if picture.vector else "png", dpi=DPI)
+    kind = "image/svg+xml" if picture.vector else "image/png"
+    return f"data:{kind};base64,{base64.b64encode(content).decode()}"
+
+
+def pixels(picture: Picture, *, size: tuple[float, float], dpi: float = PAPER_DPI) -> bytes:
+    """The picture as a PNG file, drawn on ``size`` inches."""
+    return _drawn(picture, size, kind="png", dpi=dpi)
+
+
+def _drawn(picture: Picture, size: tuple[float, float], *, kind: str, dpi: float) -> bytes:
+    with mpl.rc_context({"svg.hashsalt": "tsis", "font.size": 9.0}):
+        figure = Figure(figsize=size, layout="constrained")
+        picture.draw(figure)
+        buffer = io.BytesIO()
+        if kind == "svg":
+            figure.savefig(buffer, format="svg", dpi=dpi, metadata={"Date": None})
+        else:
+            figure.savefig(buffer, format="png", dpi=dpi)
+    return buffer.getvalue()
