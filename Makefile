@@ -10,7 +10,7 @@ PYTEST_FLAGS ?= -n 2
 MANIFESTS := pyproject.toml constraints.txt
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test peers test-slow benchmark lint docs constraints clean
+.PHONY: help demo test peers test-slow benchmark lint docs sbom constraints clean
 
 help:  ## say what there is
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -61,11 +61,14 @@ lint: $(VENV)/.dev  ## style, room boundaries and types
 docs: $(VENV)/.docs  ## the pages, into docs/_build/html; a warning is an error
 	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html
 
+sbom: $(VENV)/.release  ## the software bill of materials, build/sbom.cdx.json, of the plain install and every extra
+	$(BIN)/python release/bill_of_materials.py build/sbom.cdx.json
+
 constraints: $(VENV)/.pip  ## resolve every dependency afresh and write constraints.txt
 	rm -rf build/fresh
 	$(BIN)/python -m venv build/fresh
 	build/fresh/bin/python -m pip install --quiet --upgrade pip
-	build/fresh/bin/python -m pip install --quiet --editable . --group dev --group peers --group docs hatchling
+	build/fresh/bin/python -m pip install --quiet --editable . --group dev --group peers --group docs --group release hatchling
 	{ sed '/^[^#]/,$$d' constraints.txt; \
 	  build/fresh/bin/python -m pip freeze --all --exclude-editable --exclude setuptools; } > build/constraints.txt
 	mv build/constraints.txt constraints.txt
@@ -113,4 +116,8 @@ $(VENV)/.peers: $(VENV)/.dev
 
 $(VENV)/.docs: $(VENV)/.pip $(MANIFESTS)
 	$(PIP) install --quiet $(PINNED) --editable . --group docs
+	@touch $@
+
+$(VENV)/.release: $(VENV)/.peers
+	$(PIP) install --quiet $(PINNED) --group release
 	@touch $@
