@@ -1,8 +1,8 @@
 """The software bill of materials, CycloneDX JSON: `make sbom`.
 
-Covers the Python packages that a plain install of tsis and each of its extras bring, with versions and declared licences,
-as installed in this environment. Scope `required` is the plain install, `optional` an extra. Libraries inside wheels and
-packages of the system are not looked into.
+Covers the Python packages that a plain install of tsis and each of its extras bring, with the versions and licences
+that they declare, as installed in this environment. Scope `required` is the plain install, `optional` an extra. What
+lies inside wheels and packages of the system are not looked into.
 """
 
 from __future__ import annotations
