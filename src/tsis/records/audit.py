@@ -1,0 +1,76 @@
+"""The audit: who stored or changed what and when, each entry bound to the one before it by its hash.
+
+An entry holds the digest of the row as it is from then on. So a changed, added or removed row shows against its last
+entry, and a changed, added or removed entry breaks the chain. That the chain was not cut short, or written anew as a
+whole, is what the anchor outside the database tells (`tsis.records.anchor`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+from sqlalchemy import insert, select, update
+
+from tsis.records.canonical import digest
+from tsis.records.tables import audit, audit_head
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from sqlalchemy import Connection
+
+FIRST = "0" * 64  # what stands before the first entry
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Change:
+    """A row as it is from now on: what was done, in which table, to which key."""
+
+    action: str
+    kind: str
+    row: str
+    values: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Head:
+    """Number and hash of the last entry."""
+
+    number: int
+    hash: str
+
+
+def begin_audit(connection: Connection) -> None:
+    """Start the chain of a new store."""
+    connection.execute(insert(audit_head).values(id=1, number=0, hash=FIRST))
+
+
+def locked_head(connection: Connection) -> Head:
+    """The last entry; from here to the end of the transaction nobody else appends."""
+    row = connection.execute(select(audit_head).where(audit_head.c.id == 1).with_for_update()).one()
+    return Head(number=row.number, hash=row.hash)
+
+
+def append(connection: Connection, head: Head, changes: Iterable[Change], *, actor: str) -> Head:
+    """Enter changes after ``head``, which `locked_head` gave, and return the new one."""
+    moment = datetime.now(UTC).isoformat()
+    entries = []
+    for change in changes:
+        entry: dict[str, Any] = {
+            "number": head.number + 1,
+            "moment": moment,
+            "actor": actor,
+            "action": change.action,
+            "kind": change.kind,
+            "row": change.row,
+            "content": digest(change.values),
+            "previous": head.hash,
+        }
+        entries.append({**entry, "hash": digest(entry)})
+        head = Head(number=head.number + 1, hash=str(entries[-1]["hash"]))
+    if entries:
+        connection.execute(insert(audit), entries)
+        connection.execute(update(audit_head).where(audit_head.c.id == 1).values(number=head.number, hash=head.hash))
+    return head

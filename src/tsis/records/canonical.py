@@ -1,0 +1,51 @@
+"""One spelling of plain values, so that equal content has equal bytes on every machine and in every database."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import TYPE_CHECKING, Any
+
+from tsis.model.errors import RecordsError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+def canonical(value: Any) -> str:
+    """JSON with sorted names and no spaces; NaN and infinities are refused.
+
+    Examples
+    --------
+    >>> canonical({"b": 0.1, "a": [1, None]})
+    '{"a":[1,null],"b":0.1}'
+    """
+    return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False, ensure_ascii=False)
+
+
+def parsed(text: str, what: str) -> Any:
+    """The value of a text that `canonical` wrote; ``what`` names it in errors.
+
+    Raises
+    ------
+    RecordsError
+        When it is not such a text.
+    """
+    try:
+        return json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise RecordsError(
+            f"{what} must hold what this program wrote; got {text!r:.60} (tsis records verify)"
+        ) from error
+
+
+def digest(values: Mapping[str, Any]) -> str:
+    """SHA-256 of named values, whatever holds nothing left out, so that a later schema's new column changes no digest.
+
+    Examples
+    --------
+    >>> digest({"number": 3, "note": None}) == digest({"number": 3})
+    True
+    """
+    held = {name: value for name, value in values.items() if value is not None}
+    return hashlib.sha256(canonical(held).encode()).hexdigest()

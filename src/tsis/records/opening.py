@@ -1,0 +1,139 @@
+"""Where stores lie, and how one is opened or made."""
+
+from __future__ import annotations
+
+import os
+import uuid
+from datetime import UTC, datetime
+from pathlib import Path
+
+import platformdirs
+from sqlalchemy import insert, select
+
+from tsis.instrument import shown
+from tsis.instrument.file_bytes import as_path
+from tsis.model import check
+from tsis.model.durable import DISK, Disk, make_folder_durably
+from tsis.model.errors import RecordsError
+from tsis.records import rows, tables
+from tsis.records.anchor import FILE as ANCHOR
+from tsis.records.anchor import read_anchor, write_anchor
+from tsis.records.audit import Change, append, begin_audit, locked_head
+from tsis.records.database import FILE, Database
+from tsis.records.store import FILES, Store
+from tsis.records.values import KINDS
+
+
+def default_folder(kind: str) -> Path:
+    """Folder of this user's store of a kind: below ``$TSIS_RECORDS_DIR``, else the platform's folder for data."""
+    check.known("kind of store", kind, KINDS)
+    return Path(os.environ.get("TSIS_RECORDS_DIR") or Path(platformdirs.user_data_dir("tsis")) / "records") / f"{kind}s"
+
+
+def open_store(
+    folder: str | os.PathLike[str] | None = None,
+    *,
+    kind: str = "phantom",
+    database: str | None = None,
+    create: bool = True,
+    actor: str | None = None,
+    disk: Disk = DISK,
+) -> Store:
+    """Open a store, or make an empty one.
+
+    Parameters
+    ----------
+    folder
+        Where its files lie; by default that of this user and kind.
+    kind
+        ``"phantom"`` or ``"subject"``; a store of the other kind is refused.
+    database
+        URL of a PostgreSQL database for the rows; by default they lie in SQLite in the folder.
+    create
+        Whether a new one may be made.
+    actor
+        Who works, for the audit; by default the user of this machine.
+    disk
+        By which steps files get onto the disk.
+
+    Raises
+    ------
+    RecordsError
+        When there is none and ``create`` is false; when it cannot be made, read or believed, or is of another kind.
+    """
+    check.known("kind of store", kind, KINDS)
+    place = default_folder(kind) if folder is None else as_path(folder)
+    if not create and (not place.is_dir() if database else not (place / FILE).is_file()):
+        raise RecordsError(f"{shown(place)} must be a store of records; there is none (tsis records import makes one)")
+    try:
+        make_folder_durably(place / FILES, disk=disk)
+    except OSError as error:
+        raise RecordsError(
+            f"{shown(place)} must be a folder that can be made; got: {error.strerror or error} (choose another)"
+        ) from error
+    rows_of = Database(database, place)
+    try:
+        if not create:
+            _require_begun(rows_of)
+        rows_of.migrate()
+        found = _terms(rows_of) or _begun(rows_of, place, kind, actor or "", disk)
+        _require_kind(place, kind, found["kind"])
+        _require_own_place(place, found["identity"])
+        return Store(place, rows_of, identity=found["identity"], kind=kind, actor=actor, disk=disk)
+    except BaseException:
+        rows_of.close()
+        raise
+
+
+def _require_begun(database: Database) -> None:
+    if database.empty():
+        raise RecordsError(f"{database.name} must hold a store of records; it is empty (tsis records import makes one)")
+
+
+def _require_kind(place: Path, wanted: str, kind: str) -> None:
+    if kind != wanted:
+        raise RecordsError(
+            f"{shown(place)} must be a store of {wanted}s; it is one of {kind}s, which are kept apart "
+            f"(name it with --kind {kind})"
+        )
+
+
+def _require_own_place(place: Path, identity: str) -> None:
+    """Refuse a folder whose files are those of another store."""
+    if not (place / ANCHOR).exists():
+        return  # power was lost before the first one was written; `verify` says so
+    anchored = read_anchor(place)[0]
+    if anchored != identity:
+        raise RecordsError(
+            f"{shown(place)} must be the folder of the store {identity[:12]}; it is that of {anchored[:12]!r} "
+            "(name the folder and the database that belong together)"
+        )
+
+
+def _terms(database: Database) -> dict[str, str]:
+    """What the store says of itself; empty for a new one."""
+    with database.reading() as connection:
+        found = {row.name: row.value for row in connection.execute(select(tables.store))}
+    if found and (found.get("kind") not in KINDS or "identity" not in found):
+        raise RecordsError(f"{database.name} must say what store it is; got {sorted(found)!r:.80}")
+    return found
+
+
+def _begun(database: Database, place: Path, kind: str, actor: str, disk: Disk) -> dict[str, str]:
+    terms = {"kind": kind, "identity": uuid.uuid4().hex, "made": rows.moment(datetime.now(UTC))}
+    with database.writing() as connection:
+        if connection.execute(select(tables.audit_head)).first() is not None:
+            head = None  # another program was faster
+        else:
+            begin_audit(connection)
+            entered = [{"name": name, "value": value} for name, value in terms.items()]
+            connection.execute(insert(tables.store), entered)
+            changes = [Change(action="add", kind="store", row=row["name"], values=row) for row in entered]
+            head = append(connection, locked_head(connection), changes, actor=actor)
+    if head is None:
+        return _terms(database)
+    try:
+        write_anchor(place, terms["identity"], head, disk=disk)
+    except OSError as error:
+        raise RecordsError(f"{shown(place)} must be a folder that can be written; got: {error.strerror}") from error
+    return terms

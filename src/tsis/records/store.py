@@ -1,0 +1,397 @@
+"""The store: what was measured, kept so that nothing that was acknowledged is ever lost.
+
+A press is written frame, sync, rename, sync of the folder, row, and only then acknowledged: by returning. Who loses
+power before that has lost what nobody was told was kept; who loses it after has lost nothing.
+"""
+
+from __future__ import annotations
+
+import getpass
+import threading
+import uuid
+from dataclasses import replace
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any, Self, TypeVar
+
+from sqlalchemy import func, insert, select, update
+
+from tsis.calibration.file import calibration_bytes, identity, read_calibration
+from tsis.instrument import shown
+from tsis.model import check
+from tsis.model.durable import DISK, Disk
+from tsis.model.errors import InputError, RecordsError, StaleRecordError
+from tsis.records import rows, tables
+from tsis.records.anchor import write_anchor
+from tsis.records.audit import Change, append, locked_head
+from tsis.records.blobs import Blobs
+from tsis.records.dossier import Dossier
+from tsis.records.frame_file import frame_bytes, frame_levels
+from tsis.records.plain import press_of_plain, press_to_plain
+from tsis.records.samples import samples_bytes, samples_of
+from tsis.records.summary import TargetSummary, target_summaries
+from tsis.records.values import LONGEST_NAME, Press, StoredEstimate, Target, require_text
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+    from sqlalchemy import Connection, Table
+
+    from tsis.calibration import ProbeCalibration
+    from tsis.model import Estimate, TactileImage
+    from tsis.records.database import Database
+
+FILES = "files"
+Kept = TypeVar("Kept")
+EDITABLE = {"target": ("name", "note", "truth"), "press": ("role", "force_n", "flags", "note")}
+
+
+class Store:
+    """Targets with their presses, calibrations and estimates; made by `tsis.records.open_store`.
+
+    Parameters
+    ----------
+    folder, database
+        Where files and rows lie.
+    identity, kind
+        Of the store: its own, and ``"phantom"`` or ``"subject"``.
+    actor
+        Who works, for the audit.
+    disk
+        By which steps files get onto the disk.
+    """
+
+    def __init__(
+        self, folder: Path, database: Database, *, identity: str, kind: str, actor: str | None = None, disk: Disk = DISK
+    ) -> None:
+        self.folder, self.database, self.identity, self.kind = folder, database, identity, kind
+        self.actor = _user() if actor is None else actor
+        require_text("actor", self.actor, LONGEST_NAME)
+        self.blobs = Blobs(folder / FILES, disk=disk)
+        self._disk = disk
+        self._one_at_a_time = threading.Lock()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let go of the database."""
+        self.database.close()
+
+    # What is stored
+
+    def add_target(
+        self, *, number: int | None = None, name: str = "", note: str = "", truth: Mapping[str, float] | None = None
+    ) -> Target:
+        """Enter a target; ``number`` is the next free one by default.
+
+        Raises
+        ------
+        InputError
+            When the number is taken or a value lies outside what `Target` accepts.
+        RecordsError
+            When it cannot be stored.
+        """
+        wanted = Target(
+            number=1 if number is None else number,
+            kind=self.kind,
+            name=name,
+            note=note,
+            truth=truth or {},
+            made=datetime.now(UTC),
+            id=uuid.uuid4().hex,
+        )
+
+        def enter(connection: Connection) -> tuple[Target, list[Change]]:
+            column = tables.targets.c.number
+            if number is None:
+                last = connection.execute(select(func.max(column))).scalar_one()
+                target = replace(wanted, number=(last or 0) + 1)
+            else:
+                if connection.execute(select(column).where(column == number)).first() is not None:
+                    raise InputError(f"number must be that of no target of this store; {number} is taken")
+                target = wanted
+            return target, [_inserted(connection, tables.targets, rows.target_row(target))]
+
+        return self._write(enter)
+
+    def add_press(
+        self,
+        target: Target,
+        image: TactileImage,
+        *,
+        role: str = "target",
+        taken: datetime,
+        probe: str = "",
+        calibration: ProbeCalibration | None = None,
+        flags: tuple[str, ...] = (),
+        note: str = "",
+    ) -> Press:
+        """Keep a frame and what is known of it; when this returns, no loss of power takes it away.
+
+        Parameters
+        ----------
+        target
+            What was pressed.
+        image
+            The frame as the camera gave it: whole grey levels.
+        role, taken, probe, flags, note
+            As of `Press`.
+        calibration
+            What was in force; kept with it.
+
+        Raises
+        ------
+        InputError
+            When grey levels are not whole numbers, or a value lies outside what `Press` accepts.
+        RecordsError
+            When it cannot be stored; what was stored before is as it was.
+        """
+        content = frame_bytes(image)
+        shape = image.grey.shape
+        press = Press(
+            role=role,
+            taken=taken.astimezone(UTC) if taken.tzinfo else taken,  # which `Press` refuses
+            frame=self.blobs.put(content, "png"),
+            rows=shape[0],
+            columns=shape[1],
+            full_scale=image.full_scale,
+            force_n=image.force_n,
+            mm_per_pixel=image.mm_per_pixel,
+            axis_px=image.axis(),
+            probe=probe,
+            calibration=None if calibration is None else identity(calibration),
+            flags=flags,
+            settings=image.settings,
+            name=image.name,
+            note=note,
+            id=uuid.uuid4().hex,
+            target=target.id,
+        )
+        press = press_of_plain(press_to_plain(press))  # as it will be read again: settings as lists, not as tuples
+        held = None if calibration is None else self._calibration_row(calibration)
+        frame = {"id": press.frame, "rows": shape[0], "columns": shape[1], "bytes": len(content)}
+
+        def enter(connection: Connection) -> tuple[Press, list[Change]]:
+            _require(connection, tables.targets, target.id, "target")
+            return press, [
+                *_inserted_once(connection, tables.calibrations, held),
+                *_inserted_once(connection, tables.frames, frame),
+                _inserted(connection, tables.presses, rows.press_row(press)),
+            ]
+
+        return self._write(enter)
+
+    def add_estimate(
+        self,
+        target: Target,
+        estimate: Estimate,
+        *,
+        kind: str,
+        presses: Iterable[Press],
+        probe: str,
+        calibration: ProbeCalibration,
+        options: Mapping[str, Any] | None = None,
+        environment: Mapping[str, Any] | None = None,
+        supersedes: StoredEstimate | None = None,
+    ) -> StoredEstimate:
+        """Keep an estimate with all that is needed to make it again; parameters as of `StoredEstimate`.
+
+        Raises
+        ------
+        InputError
+            When a value lies outside what `StoredEstimate` accepts.
+        RecordsError
+            When a press is none of this target, or it cannot be stored.
+        """
+        stored = StoredEstimate(
+            kind=kind,
+            estimate=estimate,
+            made=datetime.now(UTC),
+            probe=probe,
+            presses=tuple(press.id for press in presses),
+            calibration=identity(calibration),
+            options=options or {},
+            environment=environment or {},
+            supersedes=None if supersedes is None else supersedes.id,
+            id=uuid.uuid4().hex,
+            target=target.id,
+        )
+        held = self._calibration_row(calibration)
+        row = rows.estimate_row(stored, self.blobs.put(samples_bytes(estimate), "samples"))
+
+        def enter(connection: Connection) -> tuple[StoredEstimate, list[Change]]:
+            _require(connection, tables.targets, target.id, "target")
+            for press in stored.presses:
+                _require(connection, tables.presses, press, "press", target=target.id)
+            changes = _inserted_once(connection, tables.calibrations, held)
+            return stored, [*changes, _inserted(connection, tables.estimates, row)]
+
+        return self._write(enter)
+
+    def _calibration_row(self, known: ProbeCalibration) -> rows.Row:
+        return {
+            "id": identity(known),
+            "file": self.blobs.put(calibration_bytes(known), "json"),
+            "name": known.name,
+            "probe": known.probe,
+            "made": "" if known.made is None else rows.moment(known.made),
+        }
+
+    # What is changed: the old version stays in the audit as a digest, the new one takes its place
+
+    def edit_target(self, target: Target, **changes: Any) -> Target:
+        """Change ``name``, ``note`` or ``truth`` of a target as it was read.
+
+        Raises
+        ------
+        StaleRecordError
+            When somebody else has changed it since it was read.
+        InputError
+            When a value is not accepted, or may not be changed.
+        """
+        edited: Target = _edited(target, "target", changes)
+        self._write(lambda connection: (None, [_updated(connection, tables.targets, target, rows.target_row(edited))]))
+        return edited
+
+    def edit_press(self, press: Press, **changes: Any) -> Press:
+        """Change ``role``, ``force_n``, ``flags`` or ``note`` of a press as it was read; errors as `edit_target`."""
+        edited: Press = _edited(press, "press", changes)
+        self._write(lambda connection: (None, [_updated(connection, tables.presses, press, rows.press_row(edited))]))
+        return edited
+
+    # What is read
+
+    def targets(self) -> tuple[TargetSummary, ...]:
+        """Every target with the number of its presses and estimates, by number."""
+        with self.database.reading() as connection:
+            return target_summaries(connection)
+
+    def target(self, number: int) -> Target:
+        """The target that people call by this number; `InputError` when there is none."""
+        check.whole("target", number, 1, 99_999, hint="number of the target")
+        with self.database.reading() as connection:
+            query = select(tables.targets).where(tables.targets.c.number == int(number))
+            row = connection.execute(query).first()
+        if row is None:
+            raise InputError(
+                f"target must be a number that this store of {self.kind}s holds; got {number} (tsis records list)"
+            )
+        return rows.target_of_row(row._asdict())
+
+    def presses(self, target: Target, *, limit: int | None = None, offset: int = 0) -> tuple[Press, ...]:
+        """Presses of a target in the order in which they were taken, ``limit`` of them after the first ``offset``."""
+        query = _presses().where(tables.presses.c.target == target.id)
+        query = query.order_by(tables.presses.c.taken, tables.presses.c.id).limit(limit).offset(offset)
+        with self.database.reading() as connection:
+            found = connection.execute(query).all()
+        return tuple(rows.press_of_row(row._asdict()) for row in found)
+
+    def estimates(self, target: Target) -> tuple[StoredEstimate, ...]:
+        """Estimates of a target in the order in which they were made."""
+        table = tables.estimates
+        query = select(table).where(table.c.target == target.id).order_by(table.c.made, table.c.id)
+        with self.database.reading() as connection:
+            found = [row._asdict() for row in connection.execute(query)]
+        return tuple(rows.estimate_of_row(row, self._samples(row["samples"])) for row in found)
+
+    def _samples(self, name: str) -> Mapping[str, NDArray[Any]]:
+        return samples_of(self.blobs.get(name, "samples"), f"samples {name[:12]}")
+
+    def levels(self, frame: str) -> NDArray[Any]:
+        """Grey levels of a stored frame, shape (rows, columns), uint8 or uint16; `RecordsError` when it is damaged."""
+        return frame_levels(self.blobs.get(frame, "png"), frame)
+
+    def calibration(self, cited: str) -> ProbeCalibration:
+        """The stored calibration of that identity; `RecordsError` when there is none or it is damaged."""
+        table = tables.calibrations
+        with self.database.reading() as connection:
+            file = connection.execute(select(table.c.file).where(table.c.id == cited)).scalar()
+        if file is None:
+            raise RecordsError(f"a calibration must be stored before it is cited; {cited[:12]!r} is not")
+        self.blobs.get(file, "json")  # found whole
+        return read_calibration(self.blobs.path(file, "json"))
+
+    def dossier(self, target: Target) -> Dossier:
+        """All that is stored of a target; frames are read when they are asked for."""
+        presses, estimates = self.presses(target), self.estimates(target)
+        cited = {each.calibration for each in estimates}
+        cited |= {each.calibration for each in presses if each.calibration is not None}
+        return Dossier(
+            target=target,
+            presses=presses,
+            estimates=estimates,
+            calibrations={each: self.calibration(each) for each in sorted(cited)},
+            read=self.levels,
+        )
+
+    # How it is written
+
+    def _write(self, enter: Callable[[Connection], tuple[Kept, list[Change]]]) -> Kept:
+        """Run one transaction that enters rows and their audit; when this returns, it lasts."""
+        with self._one_at_a_time:
+            with self.database.writing() as connection:
+                head = locked_head(connection)
+                kept, changes = enter(connection)
+                head = append(connection, head, changes, actor=self.actor)
+            try:
+                write_anchor(self.folder, self.identity, head, disk=self._disk)
+            except OSError as error:
+                raise RecordsError(
+                    f"the anchor of the audit must be written into {shown(self.folder)}; got: "
+                    f"{error.strerror or error} (the record itself is stored; free some space)"
+                ) from error
+        return kept
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError):  # a container's user without a name
+        return "unknown"
+
+
+def _presses() -> Any:
+    sizes = (tables.frames.c.rows, tables.frames.c.columns)
+    return select(tables.presses, *sizes).join(tables.frames, tables.presses.c.frame == tables.frames.c.id)
+
+
+def _edited(record: Any, kind: str, changes: Mapping[str, Any]) -> Any:
+    for name in changes:
+        check.known(f"field of a {kind} that may be changed", name, EDITABLE[kind])
+    return replace(record, **changes, version=record.version + 1)
+
+
+def _inserted(connection: Connection, table: Table, row: rows.Row) -> Change:
+    connection.execute(insert(table).values(row))
+    return Change(action="add", kind=table.name, row=row["id"], values=row)
+
+
+def _inserted_once(connection: Connection, table: Table, row: rows.Row | None) -> list[Change]:
+    """Enter what many records share, where it is not there yet."""
+    if row is None or connection.execute(select(table.c.id).where(table.c.id == row["id"])).first() is not None:
+        return []
+    return [_inserted(connection, table, row)]
+
+
+def _updated(connection: Connection, table: Table, before: Any, row: rows.Row) -> Change:
+    what = "target" if table is tables.targets else "press"
+    unchanged = (table.c.id == before.id) & (table.c.version == before.version)
+    if connection.execute(update(table).where(unchanged).values(row)).rowcount != 1:
+        raise StaleRecordError(
+            f"the {what} must be as it was read to be changed; somebody else has changed it since version "
+            f"{before.version} (read it again)"
+        )
+    return Change(action="edit", kind=table.name, row=before.id, values=row)
+
+
+def _require(connection: Connection, table: Table, wanted: str, what: str, **of: str) -> None:
+    query = select(table.c.id).where(table.c.id == wanted)
+    for name, value in of.items():
+        query = query.where(table.c[name] == value)
+    if connection.execute(query).first() is None:
+        raise RecordsError(f"a {what} must be stored before another record names it; {wanted!r:.40} is not")

@@ -1,0 +1,190 @@
+"""A store gives back what was put in, after it was closed and opened again too."""
+
+from __future__ import annotations
+
+import threading
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays
+from tests.records.sample import WHEN, levels, sample_calibration, sample_estimate
+
+from tsis.calibration.file import identity
+from tsis.model import TactileImage
+from tsis.model.errors import InputError, RecordsError, StaleRecordError
+from tsis.records import environment, open_store, verify
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from tsis.records import Store
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    with open_store(tmp_path / "phantoms") as opened:
+        yield opened
+
+
+def image(seed: int = 0, *, full_scale: float = 255.0) -> TactileImage:
+    return TactileImage(
+        grey=levels(seed, full_scale=full_scale),
+        full_scale=full_scale,
+        mm_per_pixel=(0.11, 0.13),
+        force_n=0.7,
+        name="press.png",
+        settings={"exposure_ms": 10.0, "roi": (0, 8)},
+    )
+
+
+def test_a_press_comes_back_after_reopening(tmp_path: Path) -> None:
+    known = sample_calibration()
+    with open_store(tmp_path) as store:
+        target = store.add_target(name="size-10", truth={"diameter_mm": 10.0})
+        kept = store.add_press(
+            target, image(full_scale=4095.0), taken=WHEN, calibration=known, flags=("moving",), note="first"
+        )
+    with open_store(tmp_path, create=False) as store:
+        (press,) = store.presses(store.target(1))
+        assert press == kept
+        np.testing.assert_array_equal(store.levels(press.frame), levels(0, full_scale=4095.0))
+        assert identity(store.calibration(press.calibration or "")) == identity(known)
+        assert store.target(1) == target
+        assert verify(store).sound
+
+
+@settings(max_examples=30, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    pixels=arrays.arrays(
+        st.sampled_from([np.uint8, np.uint16]), arrays.array_shapes(min_dims=2, max_dims=2, max_side=40)
+    )
+)
+def test_any_frame_comes_back_bit_for_bit(store: Store, pixels: NDArray[np.uint8 | np.uint16]) -> None:
+    scale = float(np.iinfo(pixels.dtype).max)
+    press = store.add_press(store.add_target(), TactileImage(grey=pixels.astype(float), full_scale=scale), taken=WHEN)
+    found = store.levels(press.frame)
+    np.testing.assert_array_equal(found, pixels)
+    assert found.dtype == pixels.dtype
+
+
+def test_an_estimate_comes_back_with_every_sample(store: Store) -> None:
+    target, known, made = store.add_target(), sample_calibration(), sample_estimate()
+    presses = [store.add_press(target, image(seed), taken=WHEN + timedelta(seconds=seed)) for seed in range(3)]
+    first = store.add_estimate(
+        target, made, kind="inclusion", presses=presses, probe="tsis-2011", calibration=known, environment=environment()
+    )
+    again = store.add_estimate(
+        target, made, kind="inclusion", presses=presses, probe="tsis-2011", calibration=known, supersedes=first
+    )
+    found = store.dossier(target)
+    assert [each.id for each in found.estimates] == [first.id, again.id]
+    assert found.estimates[1].supersedes == first.id
+    assert found.estimates[0].presses == tuple(press.id for press in presses)
+    assert found.estimates[0].environment == environment()
+    for name, values in made.samples.items():
+        np.testing.assert_array_equal(found.estimates[0].estimate.samples[name], values)
+    assert list(found.calibrations) == [identity(known)]
+    assert found.image(found.presses[1]).force_n == 0.7
+
+
+def test_presses_are_listed_in_the_order_in_which_they_were_taken(store: Store) -> None:
+    target = store.add_target()
+    for seconds in (3, 0, 2, 1):
+        store.add_press(target, image(seconds), taken=WHEN + timedelta(seconds=seconds, milliseconds=seconds))
+    assert [press.taken.second for press in store.presses(target)] == [0, 1, 2, 3]
+    assert [press.taken.second for press in store.presses(target, limit=2, offset=1)] == [1, 2]
+    (summary,) = store.targets()
+    assert (summary.presses, summary.estimates, summary.last) == (4, 0, WHEN + timedelta(seconds=3, milliseconds=3))
+
+
+def test_an_edit_of_what_somebody_else_has_changed_is_refused(store: Store) -> None:
+    read_by_both = store.add_target(name="a")
+    press = store.add_press(read_by_both, image(), taken=WHEN)
+    store.edit_target(read_by_both, name="b")
+    with pytest.raises(StaleRecordError, match="somebody else has changed it since version 1"):
+        store.edit_target(read_by_both, name="c")
+    assert store.target(1).name == "b"
+    edited = store.edit_press(press, force_n=1.0, flags=("moving",))
+    with pytest.raises(StaleRecordError):
+        store.edit_press(press, note="late")
+    assert store.presses(read_by_both) == (edited,)
+    assert verify(store).sound
+
+
+def test_what_may_not_be_changed_is_not(store: Store) -> None:
+    press = store.add_press(store.add_target(), image(), taken=WHEN)
+    with pytest.raises(InputError, match="no field of a press that may be changed is called 'frame'"):
+        store.edit_press(press, frame="0" * 64)
+
+
+def test_two_that_write_at_once_both_keep_everything(tmp_path: Path) -> None:
+    open_store(tmp_path).close()
+
+    def work(seed: int) -> None:
+        with open_store(tmp_path) as store:
+            target = store.add_target()
+            for i in range(8):
+                store.add_press(target, image(100 * seed + i), taken=WHEN)
+
+    threads = [threading.Thread(target=work, args=(seed,)) for seed in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    with open_store(tmp_path) as store:
+        assert [each.presses for each in store.targets()] == [8, 8, 8]
+        assert verify(store).sound
+
+
+def test_a_number_is_taken_once(store: Store) -> None:
+    assert store.add_target(number=7).number == 7
+    assert store.add_target().number == 8
+    with pytest.raises(InputError, match="7 is taken"):
+        store.add_target(number=7)
+
+
+def test_stores_of_phantoms_and_of_subjects_are_kept_apart(tmp_path: Path) -> None:
+    open_store(tmp_path, kind="subject").close()
+    with pytest.raises(RecordsError, match="it is one of subjects"):
+        open_store(tmp_path, kind="phantom")
+    with open_store(tmp_path, kind="subject") as store, pytest.raises(InputError, match="truth must be empty"):
+        store.add_target(truth={"diameter_mm": 10.0})
+
+
+def test_what_is_not_there_is_not_made(tmp_path: Path) -> None:
+    with pytest.raises(RecordsError, match="there is none"):
+        open_store(tmp_path / "none", create=False)
+    assert not (tmp_path / "none").exists()
+
+
+def test_a_file_that_is_no_database_is_refused_and_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "records.sqlite3").write_bytes(b"not a database, but something that somebody needs" * 100)
+    before = (tmp_path / "records.sqlite3").read_bytes()
+    with pytest.raises(RecordsError, match="file is not a database"):
+        open_store(tmp_path)
+    assert (tmp_path / "records.sqlite3").read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("values", "sentence"),
+    [
+        ({"taken": datetime(2026, 11, 22)}, "taken must have a time zone"),
+        ({"role": "lump"}, "no role is called 'lump'"),
+        ({"note": "\x1b[2J"}, "note must be printable"),
+        ({"flags": ("a\x00b",)}, "flag must be printable"),
+    ],
+)
+def test_what_a_press_cannot_be_is_refused_and_nothing_is_stored(
+    store: Store, values: dict[str, object], sentence: str
+) -> None:
+    target = store.add_target()
+    with pytest.raises(InputError, match=sentence):
+        store.add_press(target, image(), **{"taken": datetime.now(UTC), **values})  # type: ignore[arg-type]
+    assert store.presses(target) == ()
