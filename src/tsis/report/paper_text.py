@@ -1,0 +1,140 @@
+"""Text on paper: embedded fonts, what they cannot show, and the order of letters that run from right to left."""
+
+from __future__ import annotations
+
+import functools
+import html
+import re
+import unicodedata
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import matplotlib as mpl
+from reportlab.pdfbase import pdfmetrics
+from reportlab.pdfbase.ttfonts import TTFont
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+SANS, BOLD, MONO = "DejaVuSans", "DejaVuSans-Bold", "DejaVuSansMono"  # matplotlib brings them; free to embed
+TURNS = frozenset("\u200e\u200f\u061c\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")  # turn text around
+RIGHT_TO_LEFT = frozenset({"R", "AL"})
+NUMBER = re.compile(r"\d+(?:[.,:/-]\d+)*")
+WASTE = 2.0  # wrapping between words takes up to so many times the lines of an unbroken text
+
+
+@functools.cache
+def register_fonts() -> None:
+    """Make the fonts known to reportlab, which keeps them for the whole process."""
+    folder = Path(mpl.get_data_path()) / "fonts" / "ttf"
+    for name in (SANS, BOLD, MONO):
+        pdfmetrics.registerFont(TTFont(name, folder / f"{name}.ttf"))
+    pdfmetrics.registerFontFamily(SANS, normal=SANS, bold=BOLD, italic=SANS, boldItalic=BOLD)
+
+
+def shown(text: str, font: str = SANS) -> str:
+    r"""``text`` as it is drawn: what the font cannot draw, or what turns text around, by its code point.
+
+    Examples
+    --------
+    >>> shown("4 mm²\t± 1\x07")
+    '4 mm² ± 1[U+0007]'
+    """
+    plain = unicodedata.normalize("NFC", text).replace("\r\n", "\n").replace("\t", " ")
+    return "\n".join(_drawable(in_drawn_order(line), font) for line in plain.split("\n"))
+
+
+def markup(text: str, font: str = SANS) -> str:
+    """``text`` as the markup of a reportlab paragraph that shows it and nothing else."""
+    return escaped(shown(text, font))
+
+
+def escaped(drawable: str) -> str:
+    """Markup of a text that `shown` returned."""
+    return html.escape(drawable, quote=False).replace("\n", "<br/>")
+
+
+def width(drawable: str, font: str, size: float) -> float:
+    """Width in points of the widest line of a text that `shown` returned."""
+    return max(float(pdfmetrics.stringWidth(line, font, size)) for line in drawable.split("\n"))
+
+
+def pieces(drawable: str, font: str, size: float, *, within: float, lines: int) -> Iterator[str]:
+    """Cut a text into pieces of which none takes more than ``WASTE * lines`` lines of ``within`` points."""
+    piece, used = "", 0.0
+    for part in re.findall(r"\n|[^\s]+|[^\S\n]+", drawable):
+        need = within if part == "\n" else float(pdfmetrics.stringWidth(part, font, size))
+        if used + need > lines * within and piece:
+            yield piece
+            piece, used = "", 0.0
+        while need > lines * within:  # one endless word
+            count = max(1, int(len(part) * lines * within / need) // 2)
+            yield part[:count]
+            part = part[count:]
+            need = float(pdfmetrics.stringWidth(part, font, size))
+        piece, used = piece + part, used + need
+    yield piece
+
+
+def in_drawn_order(line: str) -> str:
+    """Letters from left to right as they are drawn: words that are read from the right are turned around.
+
+    Paper does not do this by itself, as a browser does. It holds for what fits on one line, a name for instance; Arabic
+    letters keep their isolated shapes.
+
+    Examples
+    --------
+    >>> in_drawn_order("phantom \u05d0\u05d1\u05d2 7") == "phantom \u05d2\u05d1\u05d0 7"
+    True
+    """
+    kinds = [unicodedata.bidirectional(letter) for letter in line]
+    if not RIGHT_TO_LEFT.intersection(kinds):
+        return line
+    drawn, start = "", 0
+    while start < len(line):
+        end = _end_of_run(kinds, start)
+        drawn += line[start] if end == start else _turned(line[start:end])
+        start = max(end, start + 1)
+    return drawn
+
+
+def _end_of_run(kinds: list[str], start: int) -> int:
+    """Where what is read from the right ends, without blanks behind it; ``start`` where none begins there."""
+    end = start
+    if kinds[start] not in RIGHT_TO_LEFT:
+        return end
+    for place in range(start, len(kinds)):
+        if kinds[place] == "L":
+            break
+        if kinds[place] in RIGHT_TO_LEFT or kinds[place] == "NSM":
+            end = place + 1
+    return end
+
+
+def _turned(run: str) -> str:
+    clusters: list[str] = []
+    place = 0
+    while place < len(run):
+        number = NUMBER.match(run, place)
+        if number:
+            clusters.append(number.group())
+        elif clusters and unicodedata.bidirectional(run[place]) == "NSM":
+            clusters[-1] += run[place]  # an accent stays behind its letter
+        else:
+            clusters.append(_mirrored(run[place]))
+        place = number.end() if number else place + 1
+    return "".join(reversed(clusters))
+
+
+def _mirrored(letter: str) -> str:
+    pairs = "()[]{}<>"
+    found = pairs.find(letter)
+    return letter if found < 0 else pairs[found ^ 1]
+
+
+def _drawable(line: str, font: str) -> str:
+    register_fonts()
+    known = pdfmetrics.getFont(font).face.charToGlyph
+    return "".join(
+        letter if ord(letter) in known and letter not in TURNS else f"[U+{ord(letter):04X}]" for letter in line
+    )
