@@ -1,0 +1,127 @@
+"""An estimate and the presses as measurement groups of TID 1501."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from tsis.__about__ import __version__
+from tsis.records.dicom import codes
+from tsis.records.dicom.cover import one_line
+from tsis.records.dicom.files import deterministic_uid
+from tsis.records.dicom.libraries import highdicom
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from pydicom.dataset import Dataset
+
+    from tsis.model import Estimate
+    from tsis.records import Press, StoredEstimate
+    from tsis.records.dicom.cover import Cover
+
+LEVEL = 0.9  # probability of the interval between fifth and ninety-fifth percentile
+NOT_TRUSTED = "A flag says that the model does not hold, so this estimate has no numbers that may be used."
+ROLES = {"target": "on the target", "plain": "on plain tissue", "untouched": "without touch", "ball": "on a known ball"}
+
+
+def estimate_group(stored: StoredEstimate, cover: Cover, sources: Sequence[Dataset]) -> Any:
+    """What was estimated, with its doubts; no numbers where the model does not hold.
+
+    A parameter that the data do not identify has no mean and no standard deviation either: its percentiles say in
+    which range it may lie.
+    """
+    sr, estimate = highdicom("sr"), stored.estimate
+    trusted = codes.concept(codes.YES if estimate.trusted else codes.NO)
+    group = sr.MeasurementsAndQualitativeEvaluations(
+        tracking_identifier=_tracking(f"estimate of {stored.kind}", cover, stored.id),
+        method=codes.own("imaging"),
+        algorithm_id=_algorithm(stored),
+        measurements=_numbers(estimate) if estimate.trusted else [],
+        qualitative_evaluations=[sr.QualitativeEvaluation(name=codes.own("trusted"), value=trusted)],
+        source_images=[sr.SourceImageForMeasurementGroup(each.SOPClassUID, each.SOPInstanceUID) for each in sources],
+    )
+    for name, sentence in _sentences(estimate, cover):
+        group[0].ContentSequence.append(text(name, sentence))
+    return group
+
+
+def _numbers(estimate: Estimate) -> list[Any]:
+    found = []
+    for name in estimate.samples:
+        if name in codes.PARAMETERS:
+            low, high = estimate.interval(LEVEL)[name]
+            known = f"{name}_not_identified" not in estimate.flags
+            values = [(codes.MEAN, estimate.mean[name]), (codes.STANDARD_DEVIATION, estimate.sd[name])] if known else []
+            values += [(codes.FIFTH_PERCENTILE, low), (codes.NINETY_FIFTH_PERCENTILE, high)]
+            found += [_number(codes.PARAMETERS[name], value, derivation) for derivation, value in values]
+    if estimate.presence is not None:
+        found.append(_number((codes.PROBABILITY, codes.ONE, "presence"), estimate.presence, None))
+    return found
+
+
+def _number(kind: tuple[Any, Any, str | None], value: float, derivation: tuple[str, str, str] | None) -> Any:
+    name, unit, method = kind
+    return highdicom("sr").Measurement(
+        name=codes.concept(name),
+        value=float(f"{value:.6g}"),
+        unit=codes.concept(unit),
+        method=codes.own(method) if method else None,
+        derivation=codes.concept(derivation) if derivation else None,
+    )
+
+
+def _sentences(estimate: Estimate, cover: Cover) -> list[tuple[str, str]]:
+    """Texts by our code; the sentence on what is identified holds numbers, so an untrusted one is not told."""
+    loose = [name for name in estimate.samples if f"{name}_not_identified" in estimate.flags or not estimate.trusted]
+    said = [("no-number", name) for name in loose]
+    said += [("flag", flag) for flag in cover.flags(estimate.flags)]
+    if estimate.trusted:
+        said.append(("identifiability", cover.text(estimate.identifiability)))
+    else:
+        said.append(("identifiability", NOT_TRUSTED))
+    said.append(("prior", cover.text(estimate.prior)))
+    return [(name, sentence) for name, sentence in said if sentence.strip()]
+
+
+def press_group(press: Press, cover: Cover, source: Dataset, frame: int) -> Any:
+    """The force of one press and what its guard said, with the frame that it belongs to."""
+    sr = highdicom("sr")
+    frames = [frame] if "NumberOfFrames" in source else None
+    group = sr.MeasurementsAndQualitativeEvaluations(
+        tracking_identifier=_tracking(f"press {ROLES[press.role]}", cover, press.id or press.frame),
+        method=codes.own("imaging"),
+        measurements=[
+            sr.Measurement(
+                name=codes.concept(codes.FORCE), value=float(press.force_n), unit=codes.concept(codes.NEWTON)
+            )
+        ]
+        if press.force_n is not None
+        else [],
+        source_images=[sr.SourceImageForMeasurementGroup(source.SOPClassUID, source.SOPInstanceUID, frames)],
+    )
+    for name, word in [("role", press.role), *(("flag", flag) for flag in cover.flags(press.flags))]:
+        group[0].ContentSequence.append(text(name, word))
+    return group
+
+
+def text(name: str, sentence: str) -> Any:
+    """A sentence under one of our codes."""
+    sr = highdicom("sr")
+    return sr.TextContentItem(
+        name=codes.own(name), value=sentence, relationship_type=sr.RelationshipTypeValues.CONTAINS
+    )
+
+
+def _tracking(what: str, cover: Cover, identity: str) -> Any:
+    return highdicom("sr").TrackingIdentifier(uid=deterministic_uid("tracking", cover.key, identity), identifier=what)
+
+
+def _algorithm(stored: StoredEstimate) -> Any:
+    """Which program computed it, and which code of it, as the record says; not the program that exports."""
+    environment: Mapping[str, Any] = stored.environment
+    code = environment.get("code_sha256")
+    return highdicom("sr").AlgorithmIdentification(
+        name=f"tsis {stored.kind}",
+        version=one_line(str(environment.get("tsis") or stored.estimate.provenance.get("tsis") or __version__)),
+        parameters=[f"code_sha256={one_line(str(code))}"] if code else None,
+    )

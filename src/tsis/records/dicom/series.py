@@ -1,0 +1,101 @@
+"""Presses put together into the instances that hold them."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.model.errors import RecordsError
+from tsis.records.values import ROLES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from tsis.records import Dossier, Press
+
+MOST_BYTES = 2**28  # of pixels in an instance: what archives take at one time, and far below DICOM's 4 GiB
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Stack:
+    """Presses of one role, size, depth and scale, in the order of their times.
+
+    Parameters
+    ----------
+    role
+        Of all of them.
+    number
+        Of the instance in its series, from 1.
+    presses
+        One a frame.
+    levels
+        Grey levels, shape (frames, rows, columns), uint8 or uint16.
+    """
+
+    role: str
+    number: int
+    presses: tuple[Press, ...]
+    levels: NDArray[Any]
+
+
+def stacks(dossier: Dossier) -> Iterator[Stack]:
+    """The instances that a dossier's frames become, role by role; frames of one kind are together.
+
+    Raises
+    ------
+    RecordsError
+        When a frame is not of the size that its press states, or of a depth that the store does not keep.
+    """
+    for role in ROLES:
+        kinds: dict[tuple[Any, ...], list[tuple[Press, NDArray[Any]]]] = {}
+        for press in sorted((each for each in dossier.presses if each.role == role), key=lambda each: each.taken):
+            levels = _levels(dossier, press)
+            kinds.setdefault((levels.shape, levels.dtype, press.mm_per_pixel, press.full_scale), []).append(
+                (press, levels)
+            )
+        number = 0
+        for frames in kinds.values():
+            most = max(1, MOST_BYTES // frames[0][1].nbytes)
+            for first in range(0, len(frames), most):
+                number += 1
+                some = frames[first : first + most]
+                yield Stack(
+                    role=role,
+                    number=number,
+                    presses=tuple(press for press, _ in some),
+                    levels=np.stack([levels for _, levels in some]),
+                )
+
+
+def _levels(dossier: Dossier, press: Press) -> NDArray[Any]:
+    levels = dossier.levels(press)
+    if levels.shape != (press.rows, press.columns) or levels.dtype not in (np.uint8, np.uint16):
+        raise RecordsError(
+            f"the frame of press {press.id or press.name!r} must be {press.rows} x {press.columns} pixels of 8 or 16 "
+            f"bit; got shape {levels.shape} of {levels.dtype}"
+        )
+    return levels
+
+
+def increments_ms(presses: tuple[Press, ...]) -> list[str]:
+    """Times from frame to frame in milliseconds as decimal strings, the first 0."""
+    times = [press.taken for press in presses]
+    gaps = [0.0, *((late - early).total_seconds() * 1e3 for early, late in itertools.pairwise(times))]
+    return [decimal(gap) for gap in gaps]
+
+
+def decimal(value: float) -> str:
+    """A number as DICOM's decimal string of at most 16 characters, with the most digits that fit."""
+    if not math.isfinite(value):
+        raise RecordsError(f"a number of a DICOM file must be finite; got {value}")
+    for digits in range(17, 0, -1):
+        text = f"{value:.{digits}g}"
+        if len(text) <= 16:
+            return text
+    raise AssertionError(value)  # one digit with sign and exponent has at most 7 characters
