@@ -1,0 +1,5 @@
+"""A target in open forms: tables, HDF5, Zarr, FHIR, and a bundle that another store takes in."""
+
+from tsis.records.export.csv_files import csv_files, write_csv
+
+__all__ = ["csv_files", "write_csv"]

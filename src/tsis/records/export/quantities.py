@@ -1,0 +1,41 @@
+"""Units of what was measured, by the ending of its name, as UCUM writes them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from tsis.model import Estimate
+
+UNITS = {"_mm": "mm", "_kpa": "kPa", "_n": "N"}
+NO_UNIT = "1"
+INTERVAL = 0.9  # level of the intervals that exports give
+
+
+def unit_of(name: str) -> str:
+    """The unit of a quantity in UCUM; ``"1"`` for a pure number.
+
+    Examples
+    --------
+    >>> unit_of("young_kpa"), unit_of("presence")
+    ('kPa', '1')
+    """
+    return next((unit for ending, unit in UNITS.items() if name.endswith(ending)), NO_UNIT)
+
+
+def words_of(name: str) -> str:
+    """A quantity's name in words, without its unit.
+
+    Examples
+    --------
+    >>> words_of("young_kpa"), words_of("depth_mm")
+    ("Young's modulus", 'depth')
+    """
+    ending = next((ending for ending in UNITS if name.endswith(ending)), "")
+    bare = name.removesuffix(ending).replace("_", " ")
+    return "Young's modulus" if bare == "young" else bare
+
+
+def identified(estimate: Estimate, name: str) -> bool:
+    """Whether the data told something of a parameter."""
+    return f"{name}_not_identified" not in estimate.flags
