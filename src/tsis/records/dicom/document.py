@@ -49,8 +49,8 @@ def report(dossier: Dossier, cover: Cover, images: Sequence[tuple[Stack, Dataset
             highdicom("coding_schemes").CodingSchemeIdentificationItem(codes.SCHEME, name=codes.SCHEME_NAME)
         ],
     )
-    describe(document, cover, Series(number=SERIES, what="report", description="Estimate and forces, research use only", modality="SR", started=made))
-        document.ReferencedPerformedProcedureStepSequence = []
+    described = "Estimate and forces, research use only"
+    describe(document, cover, Series(number=SERIES, what="report", description=described, modality="SR", started=made))
     for when in ("InstanceCreationDate", "InstanceCreationTime"):  # of now: the same export would not be the same
         del document[when]
     document.ContentDate, document.ContentTime = date, time
