@@ -136,7 +136,7 @@ def test_the_strongest_press_is_shown_and_every_profile(an_estimate: Estimate, m
         drawn.append(label)
         return real(profile, ax, label=label, marker=marker)
 
-    monkeypatch.setattr("tsis.report.inclusion.ring_profile", note)
+    monkeypatch.setattr("tsis.report.frames.ring_profile", note)
     read = Reader(the_page(an_estimate, a_press("plain", 0.0, force_n=0.75)))
     assert drawn == ["target, 1 N", "target, 0.5 N", "plain tissue, 0.75 N"]
     assert sum(HOSTILE in text for text in read.alternatives) == 1

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.imaging import features, radial_profile, subtract_background, surface
-from tsis.plots import marginal, relief, ring_profile, tactile_image, trade_off
+from tsis.imaging import subtract_background
+from tsis.plots import marginal, trade_off
 from tsis.report.document import LEVEL, doubt_of, sentences, shown_probability, spread
+from tsis.report.frames import change_picture, force_of, frame_picture, profile_picture, surface_picture
 from tsis.report.page import Card, Page, Picture, html
 
 if TYPE_CHECKING:
@@ -63,13 +64,13 @@ def inclusion_report(
         Page(
             title=title,
             subtitle=subtitle,
-            cards=(*(_card(estimate, name, truth) for name in estimate.samples), *_presence_card(estimate)),
+            cards=inclusion_cards(estimate, truth),
             notes=sentences(estimate),
             pictures=(
-                _marginals_picture(estimate, prior, truth),
+                marginals_picture(estimate, prior, truth),
                 *_image_pictures(target, reference),
-                _profile_picture(targets, references, ring_edges_mm),
-                _trade_off_picture(estimate, truth),
+                profile_picture({"target": targets, "plain tissue": references}, ring_edges_mm),
+                trade_off_picture(estimate, truth),
             ),
             provenance={**(provenance or {}), **estimate.provenance},
         )
@@ -80,17 +81,18 @@ def _shown(
     targets: Sequence[TactileImage], references: Sequence[TactileImage]
 ) -> tuple[TactileImage, TactileImage | None]:
     """The target of the highest force, and the reference whose force is nearest."""
-    target = max(targets, key=_force)
-    return target, min(references, key=lambda frame: abs(_force(frame) - _force(target)), default=None)
+    target = max(targets, key=force_of)
+    return target, min(references, key=lambda frame: abs(force_of(frame) - force_of(target)), default=None)
 
 
-def _force(frame: TactileImage) -> float:
-    return frame.force_n or 0.0
+def inclusion_cards(estimate: Estimate, truth: Mapping[str, float] | None = None) -> tuple[Card, ...]:
+    """One card a parameter, without a number where the estimate is not to be trusted, and that of the presence."""
+    return (*(_card(estimate, name, truth or {}) for name in estimate.samples), *_presence_card(estimate))
 
 
-def _card(estimate: Estimate, name: str, truth: Mapping[str, float] | None) -> Card:
-    heading, unit = TITLES[name]
-    known = [] if truth is None else [f"truth {truth[name]:.3g} {unit}"]
+def _card(estimate: Estimate, name: str, truth: Mapping[str, float]) -> Card:
+    heading, unit = TITLES.get(name, (name, ""))
+    known = [f"truth {truth[name]:.3g} {unit}"] if name in truth else []
     doubt = doubt_of(estimate, name)
     if not estimate.trusted:
         return Card(title=heading, value=doubt, detail="; ".join(known), doubtful=True)
@@ -121,18 +123,20 @@ def _presence_card(estimate: Estimate) -> tuple[Card, ...]:
     )
 
 
-def _marginals_picture(estimate: Estimate, prior: InclusionPrior, truth: Mapping[str, float] | None) -> Picture:
+def marginals_picture(estimate: Estimate, prior: InclusionPrior, truth: Mapping[str, float] | None) -> Picture:
+    """Posterior of each parameter against its prior."""
+
     def marginals(figure: Figure) -> None:
-        axes = figure.subplots(1, len(estimate.samples))
+        axes = figure.subplots(1, len(estimate.samples), squeeze=False)[0]
         for name, ax in zip(estimate.samples, axes, strict=True):
-            known = None if truth is None else truth[name]
+            known = (truth or {}).get(name)
             marginal(estimate, name, ax, prior_range=getattr(prior, name), truth=known)
         axes[0].legend(frameon=False, fontsize=8)
 
     intervals = estimate.interval(LEVEL) if estimate.trusted else {}
     words = ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in intervals.items())
     doubt = "" if estimate.trusted else "Not to be trusted. "
-    marked = "" if truth is None else " The dashed line is the truth."
+    marked = "" if not truth else " The dashed line is the truth."
     return Picture(
         title="What the presses told",
         draw=marginals,
@@ -143,14 +147,17 @@ def _marginals_picture(estimate: Estimate, prior: InclusionPrior, truth: Mapping
     )
 
 
-def _trade_off_picture(estimate: Estimate, truth: Mapping[str, float] | None) -> Picture:
+def trade_off_picture(estimate: Estimate, truth: Mapping[str, float] | None) -> Picture:
+    """Joint posterior of each pair of parameters, of which there are at least two."""
+
     def pairs(figure: Figure) -> None:
         names = list(itertools.combinations(estimate.samples, 2))
-        for pair, ax in zip(names, figure.subplots(1, len(names)), strict=True):
-            trade_off(estimate, pair, ax, truth=None if truth is None else (truth[pair[0]], truth[pair[1]]))
+        for (one, other), ax in zip(names, figure.subplots(1, len(names), squeeze=False)[0], strict=True):
+            known = (truth[one], truth[other]) if truth and one in truth and other in truth else None
+            trade_off(estimate, (one, other), ax, truth=known)
 
     doubt = "" if estimate.trusted else "Not to be trusted. "
-    marked = "" if truth is None else " The cross is the truth."
+    marked = "" if not truth else " The cross is the truth."
     return Picture(
         title="Which parameters trade off",
         draw=pairs,
@@ -163,64 +170,5 @@ def _trade_off_picture(estimate: Estimate, truth: Mapping[str, float] | None) ->
 
 def _image_pictures(target: TactileImage, reference: TactileImage | None) -> tuple[Picture, ...]:
     signal = target if reference is None else subtract_background(target, reference)
-    found = features(signal) if reference is not None else None
-
-    def frame(figure: Figure) -> None:
-        tactile_image(target, figure.subplots())
-
-    def change(figure: Figure) -> None:
-        tactile_image(signal, figure.subplots(), found=found, low=0.0)
-
-    def lifted(figure: Figure) -> None:
-        relief(surface(signal, max_points=96), figure.add_subplot(projection="3d"))
-
-    pictures = [
-        Picture(
-            title="Tactile image",
-            draw=frame,
-            size=(6.0, 4.0),
-            alt=f"Tactile image of {target.name}, bright where the pressure is high",
-            caption=f"{target.name}, {target.force_n:g} N. Bright is high pressure; the rim is the edge of the face.",
-        )
-    ]
-    if reference is not None:
-        pictures.append(
-            Picture(
-                title="What the inclusion adds",
-                draw=change,
-                size=(6.0, 4.0),
-                alt="Target minus reference press, with the outline and the centroid of the bright patch",
-                caption="Target minus reference press on plain tissue; outline and centroid in white.",
-            )
-        )
-    pictures.append(
-        Picture(
-            title="Surface",
-            draw=lifted,
-            size=(6.0, 4.2),
-            vector=False,
-            alt="The same signal as a surface in three dimensions",
-            caption="The same as a surface; heights are grey levels, not millimetres.",
-        )
-    )
-    return tuple(pictures)
-
-
-def _profile_picture(
-    targets: Sequence[TactileImage], references: Sequence[TactileImage], edges: NDArray[np.float64]
-) -> Picture:
-    def profiles(figure: Figure) -> None:
-        ax = figure.subplots()
-        for frames, what, marker in ((targets, "target", "o"), (references, "plain tissue", "s")):
-            for frame in sorted(frames, key=_force, reverse=True):
-                profile = radial_profile(frame, edges_mm=edges)
-                ring_profile(profile, ax, label=f"{what}, {_force(frame):g} N", marker=marker)
-        ax.legend(frameon=False)
-
-    return Picture(
-        title="The profiles that the estimate rests on",
-        draw=profiles,
-        size=(5.5, 3.6),
-        alt="Mean grey level in rings around the probe's axis, one line a press",
-        caption="Mean grey level in rings around the probe's axis, one line a press.",
-    )
+    change = () if reference is None else (change_picture(signal),)
+    return (frame_picture(target), *change, surface_picture(signal))
