@@ -1,4 +1,16 @@
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
 from tsis import __version__
+
+ROOT = Path(__file__).parents[1]
+sys.path.insert(0, str(ROOT))
+
+from release import traceability  # noqa: E402
+
+if TYPE_CHECKING:
+    from sphinx.application import Sphinx
 
 project = "tsis"
 author = "the TSIS founders"
@@ -18,3 +30,13 @@ napoleon_use_ivar = True
 
 html_theme = "furo"
 html_title = f"tsis {release}"
+
+
+def add_requirements(app: "Sphinx", docname: str, source: list[str]) -> None:
+    if docname == "reference/requirements":
+        app.env.note_dependency(str(ROOT / traceability.LIST))
+        source[0] += "\n" + traceability.page(traceability.read(ROOT), ROOT)
+
+
+def setup(app: "Sphinx") -> None:
+    app.connect("source-read", add_requirements)
