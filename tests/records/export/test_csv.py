@@ -1,0 +1,118 @@
+import csv
+import hashlib
+import io
+import json
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from tests.records.sample import sample_dossier
+
+from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.model.errors import FileInputError, RecordsError
+from tsis.records.export import csv_files, write_csv
+from tsis.records.export.csv_files import cell, table_bytes
+
+
+def rows(content: bytes) -> list[dict[str, str]]:
+    return list(csv.DictReader(io.StringIO(content.decode(), newline="")))
+
+
+def test_tables_hold_what_the_dossier_holds() -> None:
+    dossier = sample_dossier()
+    files = csv_files(dossier)
+    (target,) = rows(files["target.csv"])
+    assert (target["target"], target["true depth (mm)"], target["true Young's modulus (kPa)"]) == ("3", "5.0", "80.0")
+    presses = rows(files["presses.csv"])
+    assert [float(each["force (N)"]) for each in presses] == [press.force_n for press in dossier.presses]
+    assert [each["frame (SHA-256)"] for each in presses] == [press.frame for press in dossier.presses]
+    assert json.loads(presses[0]["settings (JSON)"]) == {"exposure_ms": 10.0, "gain": 1.0}
+    assert presses[1]["flags"] == "moving"
+    estimates = rows(files["estimates.csv"])
+    assert dossier.estimate is not None
+    found = dossier.estimate.estimate
+    for row in estimates:
+        name = row["parameter"]
+        assert float(row["mean (in unit)"]) == np.mean(found.samples[name])
+        assert float(row["sd (in unit)"]) == np.std(found.samples[name])
+        low, high = np.quantile(found.samples[name], [0.05, 0.95])
+        assert float(row["90% interval from (in unit)"]) == pytest.approx(low, rel=1e-12)
+        assert float(row["90% interval to (in unit)"]) == pytest.approx(high, rel=1e-12)
+    assert [(row["unit"], row["identified"], row["trusted"]) for row in estimates] == [
+        ("mm", "yes", "yes"),
+        ("mm", "yes", "yes"),
+        ("kPa", "no", "yes"),
+    ]
+    assert [row["Cramer-Rao sd (in unit)"] for row in estimates] == ["0.38", "0.47", "infinite"]
+    assert RESEARCH_USE_ONLY in files["README.txt"].decode()
+
+
+def test_what_nobody_measured_is_an_empty_cell() -> None:
+    dossier = sample_dossier(estimated=False)
+    press = replace(dossier.presses[0], force_n=None, mm_per_pixel=None, calibration=None)
+    files = csv_files(replace(dossier, presses=(press,)))
+    (row,) = rows(files["presses.csv"])
+    assert (row["force (N)"], row["pixel size x (mm)"], row["calibration (SHA-256)"]) == ("", "", "")
+    assert rows(files["estimates.csv"]) == []
+
+
+@pytest.mark.parametrize("full_scale", [255.0, 4095.0])
+def test_frames_and_manifest_hold_every_level(tmp_path: Path, full_scale: float) -> None:
+    dossier = sample_dossier(full_scale=full_scale)
+    write_csv(dossier, tmp_path / "out")
+    files = csv_files(dossier)
+    for press, row in zip(dossier.presses, rows(files["presses.csv"]), strict=True):
+        read = cv2.imread(str(tmp_path / "out" / row["frame file"]), cv2.IMREAD_UNCHANGED)
+        assert read is not None
+        assert read.dtype == dossier.levels(press).dtype
+        np.testing.assert_array_equal(read, dossier.levels(press))
+    manifest = json.loads((tmp_path / "out" / "manifest.json").read_bytes())
+    assert manifest["notice"] == RESEARCH_USE_ONLY
+    on_disk = {str(path.relative_to(tmp_path / "out")) for path in (tmp_path / "out").rglob("*") if path.is_file()}
+    assert on_disk == set(manifest["files"]) | {"manifest.json"} == set(files)
+    for name, entry in manifest["files"].items():
+        content = (tmp_path / "out" / name).read_bytes()
+        assert content == files[name]
+        assert entry == {"sha256": hashlib.sha256(content).hexdigest(), "bytes": len(content)}
+
+
+def test_a_folder_that_exists_is_left_alone(tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    with pytest.raises(FileInputError, match="must be a new name"):
+        write_csv(sample_dossier(), tmp_path / "out")
+    assert list(tmp_path.rglob("*")) == [tmp_path / "out"]
+
+
+def test_a_frame_that_is_not_as_its_press_says_leaves_nothing(tmp_path: Path) -> None:
+    dossier = sample_dossier()
+    wrong = replace(dossier, presses=(*dossier.presses[:3], replace(dossier.presses[3], rows=95)))
+    with pytest.raises(RecordsError, match="95 x 150"):
+        write_csv(wrong, tmp_path / "out")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("text", ["=1+1", "+1", "-1", "@SUM(A1)", "\t=1", " =cmd|' /C calc'!A0", "＝1", "'=1"])
+def test_no_text_begins_like_a_formula_and_one_apostrophe_gives_it_back(text: str) -> None:
+    assert cell(text) == f"'{text}"
+
+
+def test_numbers_are_never_guarded() -> None:
+    assert [cell(value) for value in (-1.5, -3, 1e-9, 0.1)] == ["-1.5", "-3", "1e-09", "0.1"]
+
+
+@given(st.lists(st.lists(st.text(st.characters(codec="utf-8")), min_size=2, max_size=2), max_size=5))
+def test_tables_are_after_rfc_4180(table: list[list[str]]) -> None:
+    content = table_bytes(table)
+    read = list(csv.reader(io.StringIO(content.decode(), newline=""), strict=True))
+    guard = re.compile(r"\s*[=+\-@\t\r'＝＋－＠]")
+    back = [[text[1:] if guard.match(text[1:]) and text[0] == "'" else text for text in row] for row in read]
+    assert back == table
+    assert content == b"" or content.endswith(b"\r\n")
+    bare = re.sub(rb'"[^"]*"', b"", content)
+    assert bare.count(b"\n") == bare.count(b"\r\n") == len(table)
+    assert not any(text[:1] in tuple("=+-@\t\r") and text for row in read for text in row)

@@ -1,0 +1,120 @@
+import json
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from fhir.resources.bundle import Bundle as BundleR5
+from fhir.resources.R4B.bundle import Bundle as BundleR4B
+from tests.records.sample import sample_dossier, sample_estimate
+
+from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.records import Dossier
+from tsis.records.export.fhir import fhir_observations
+
+
+def observed(dossier: Dossier, **options: bool) -> dict[str, list[dict[str, Any]]]:
+    """Observations by their code."""
+    found: dict[str, list[dict[str, Any]]] = {}
+    for entry in json.loads(fhir_observations(dossier, **options))["entry"]:
+        if entry["resource"]["resourceType"] == "Observation":
+            found.setdefault(entry["resource"]["code"]["coding"][0]["code"], []).append(entry["resource"])
+    return found
+
+
+def with_estimate(dossier: Dossier, **changes: Any) -> Dossier:
+    stored = replace(dossier.estimates[0], estimate=replace(dossier.estimates[0].estimate, **changes))
+    return replace(dossier, estimates=(stored,))
+
+
+@pytest.mark.parametrize("kind", ["phantom", "subject"])
+@pytest.mark.parametrize("identified", [True, False])
+@pytest.mark.parametrize("trusted", [True, False])
+@pytest.mark.parametrize("model", [BundleR4B, BundleR5], ids=["R4B", "R5"])
+def test_the_bundle_is_valid_and_says_the_same_after_the_model(
+    model: Any, trusted: bool, identified: bool, kind: str
+) -> None:
+    dossier = with_estimate(sample_dossier(kind=kind), trusted=trusted)
+    content = fhir_observations(dossier, identified=identified)
+    bundle = model.model_validate_json(content)
+    assert json.loads(bundle.model_dump_json().replace('Z"', '+00:00"')) == json.loads(content)
+    kinds = [type(entry.resource).__name__ for entry in bundle.entry]
+    assert kinds == ["Patient" if kind == "subject" else "Device", "Device"] + 8 * ["Observation"]
+
+
+@pytest.mark.parametrize("model", [BundleR4B, BundleR5], ids=["R4B", "R5"])
+def test_the_judge_refuses_what_is_wrong(model: Any) -> None:
+    content = json.loads(fhir_observations(sample_dossier()))
+    content["entry"][5]["resource"]["value"] = 3
+    with pytest.raises(ValueError, match="value"):
+        model.model_validate(content)
+
+
+def test_numbers_have_their_unit_and_their_interval() -> None:
+    dossier = sample_dossier()
+    found = observed(dossier)
+    assert dossier.estimate is not None
+    estimate = dossier.estimate.estimate
+    (depth,) = found["depth_mm"]
+    assert depth["valueQuantity"]["code"] == "mm"
+    assert depth["valueQuantity"]["value"] == pytest.approx(estimate.mean["depth_mm"], rel=1e-5)
+    parts = {part["code"]["coding"][0]["code"]: part["valueQuantity"] for part in depth["component"]}
+    low, high = estimate.interval(0.9)["depth_mm"]
+    assert [parts["interval-low"]["value"], parts["interval-high"]["value"]] == pytest.approx([low, high], rel=1e-5)
+    assert {part["code"] for part in parts.values()} == {"mm"}
+    assert [each["valueQuantity"]["value"] for each in found["force_n"]] == [0.7, 1.0, 0.7, 1.0]
+    assert {each["valueQuantity"]["code"] for each in found["force_n"]} == {"N"}
+    assert found["presence"][0]["valueQuantity"] == {
+        "value": 0.97,
+        "system": "http://unitsofmeasure.org",
+        "code": "1",
+    }
+    assert "referenceRange" not in json.dumps(found)
+
+
+def test_what_may_not_be_used_is_absent_with_its_reason() -> None:
+    found = observed(sample_dossier())
+    (young,) = found["young_kpa"]  # the sample says that it is not identified
+    assert "valueQuantity" not in young
+    assert young["dataAbsentReason"]["coding"][0]["code"] == "unknown"
+    bound = next(part for part in young["component"] if part["code"]["coding"][0]["code"] == "cramer-rao-sd")
+    assert bound["dataAbsentReason"]["coding"][0]["code"] == "positive-infinity"
+    for name, each in observed(with_estimate(sample_dossier(), trusted=False)).items():
+        if name != "force_n":
+            assert each[0]["dataAbsentReason"]["coding"][0]["code"] == "error"
+            assert not {"valueQuantity", "component"} & set(each[0])
+
+
+def test_times_and_names_are_told_only_when_asked_for() -> None:
+    dossier = sample_dossier(kind="subject")
+    dossier = replace(dossier, target=replace(dossier.target, name="P-17", note="Jane Doe, born 1950"))
+    masked, told = fhir_observations(dossier).decode(), fhir_observations(dossier, identified=True).decode()
+    for secret in ("2026", "P-17", "Jane", ".png"):
+        assert secret not in masked
+    assert "P-17" in told
+    assert "Jane" not in told
+    (depth,) = observed(dossier, identified=True)["depth_mm"]
+    assert depth["effectiveDateTime"] == "2026-11-22T09:31:00+00:00"
+    assert observed(dossier)["depth_mm"][0]["_effectiveDateTime"]["extension"][0]["valueCode"] == "masked"
+
+
+def test_every_observation_is_preliminary_and_says_what_it_is_for() -> None:
+    content = json.loads(fhir_observations(sample_dossier()))
+    names = {entry["fullUrl"] for entry in content["entry"]}
+    assert len(names) == len(content["entry"])
+    for entry in content["entry"]:
+        resource = entry["resource"]
+        assert resource["note"] == [{"text": RESEARCH_USE_ONLY}]
+        if resource["resourceType"] == "Observation":
+            assert resource["status"] == "preliminary"
+            assert {resource["subject"]["reference"], resource["device"]["reference"]} <= names
+            assert resource["derivedFrom"][0]["identifier"]["value"].startswith("ni:///sha-256;")
+
+
+def test_the_last_estimate_of_each_kind_is_told() -> None:
+    dossier = sample_dossier()
+    first = dossier.estimates[0]
+    second = replace(first, estimate=replace(sample_estimate(), presence=0.5), id="b", supersedes=first.id)
+    both = observed(replace(dossier, estimates=(first, second)))
+    assert [each["valueQuantity"]["value"] for each in both["presence"]] == [0.5]
+    assert "depth_mm" not in observed(replace(dossier, estimates=()))
+    assert fhir_observations(dossier) == fhir_observations(sample_dossier())
