@@ -1,0 +1,242 @@
+"""Loaders of calibrations, sessions and sweeps, with small files for each."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from datetime import UTC, datetime
+from functools import cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from benchmarks.hostile.bytes_changed import damaged
+from benchmarks.hostile.json_changed import changed_document, text_of
+from benchmarks.hostile.loader import Loader
+from benchmarks.hostile.picture_loaders import token
+from tsis.calibration import Measured
+from tsis.calibration.file import ProbeCalibration, calibration_bytes, content, identity, read_calibration
+from tsis.calibration.file.plain_values import without_maps
+from tsis.calibration.reference.value import Reference
+from tsis.calibration.session import SessionFolder, SessionTerms, Shot
+from tsis.cli.calibrate.seal import _read as values_to_seal
+from tsis.model import Calibration, LightMap, TactileImage, load_probe
+from tsis.sweep import EXAMPLE, Plan, Range, load_plan
+from tsis.sweep import read as read_sweep
+from tsis.sweep import manifest as manifests
+from tsis.sweep import shards
+from tsis.sweep.plan_file import plan_document
+from tsis.sweep.presses import Rows
+
+if TYPE_CHECKING:
+    from collections.abc import Hashable
+
+MADE, EXPIRES = datetime(2026, 11, 22, 10, 0, tzinfo=UTC), datetime(2027, 5, 22, 10, 0, tzinfo=UTC)
+
+
+def record_loaders() -> tuple[Loader, ...]:
+    """Calibration files, values to seal, sessions, plans, manifests and shards."""
+    return (*_calibrations(), *_sessions(), *_sweeps())
+
+
+@cache
+def known_calibration(rows: int = 9, columns: int = 11) -> ProbeCalibration:
+    """A calibration with maps, a response and settings."""
+    rng = np.random.default_rng(3)
+    shape = (rows, columns)
+    return ProbeCalibration(
+        name="bench",
+        probe="tsis-2011",
+        camera="camera",
+        settings={"exposure_ms": 20.0, "gain": 0.0},
+        made=MADE,
+        expires=EXPIRES,
+        reference=Reference(
+            dark_grey=rng.normal(8.0, 0.1, shape),
+            untouched_grey=rng.normal(2.0, 0.1, shape),
+            relative_light=np.ones(shape),
+            usable=np.ones(shape, dtype=bool),
+            full_scale=255.0,
+            mm_per_pixel=(0.0336, 0.0392),
+            dark_frames=16,
+            untouched_frames=16,
+            flat_frames=0,
+            read_noise_grey=_grey(0.5),
+            shot_noise_grey=_grey(0.017),
+            stray_grey=_grey(2.0),
+        ),
+        response=Calibration(gain_grey_per_kpa=60, saturation_kpa=20.0, light=LightMap.uniform(), probe="tsis-2011"),
+    )
+
+
+def _grey(value: float) -> Measured:
+    return Measured(value=value, sd=0.01 * value, unit="grey")
+
+
+def sealed(document: dict[str, Any]) -> dict[str, Any]:
+    """The document with the hash of what it holds now."""
+    if "calibration" in document:
+        document["sha256"] = content._hash(without_maps(document["calibration"]))
+    return document
+
+
+def _forged_calibration(original: bytes, rng: np.random.Generator) -> bytes:
+    return text_of(sealed(changed_document(original, rng)), rng)
+
+
+def _forged_json(original: bytes, rng: np.random.Generator) -> bytes:
+    return text_of(changed_document(original, rng), rng)
+
+
+def _calibrations() -> tuple[Loader, ...]:
+    by_hand = {"name": "bench", "probe": "tsis-2011", "response": json.loads(calibration_bytes(known_calibration()))}
+    by_hand["response"] = by_hand["response"]["calibration"]["response"]
+    return (
+        Loader(
+            name="calibration",
+            file="bench.json",
+            originals=(calibration_bytes(known_calibration()),),
+            load=lambda path: identity(read_calibration(path)),
+            integrity=True,
+            text=True,
+            forge=_forged_calibration,
+        ),
+        Loader(
+            name="values to seal",
+            file="values.json",
+            originals=(json.dumps(by_hand, indent=1).encode(),),
+            load=lambda path: values_to_seal(path, 180).response is not None,
+            text=True,
+            forge=_forged_json,
+        ),
+    )
+
+
+def _sessions() -> tuple[Loader, ...]:
+    with tempfile.TemporaryDirectory() as place:
+        folder = SessionFolder(Path(place))
+        folder.begin(SessionTerms(name="bench", probe="tsis-direct", camera="camera", began=MADE, tips_mm=(10.0, 14.0)))
+        step = folder.plan()[0]
+        grey = np.random.default_rng(1).integers(0, 256, (9, 13)).astype(float)
+        folder.keep(step, [Shot(image=TactileImage(grey=grey), time_s=0.1 * time) for time in range(2)])
+        files = {str(path.relative_to(place)): path.read_bytes() for path in Path(place).rglob("*") if path.is_file()}
+    index = f"{step.name}/shots.csv"
+
+    def shots(path: Path) -> Hashable:
+        found = SessionFolder(path.parents[1]).shots(step)
+        return tuple((*token(shot.image.grey), shot.image.full_scale, shot.time_s, shot.force_n) for shot in found)
+
+    return (
+        Loader(
+            name="session, terms",
+            file="session.json",
+            originals=(files["session.json"],),
+            load=lambda path: repr(SessionFolder(path.parent).terms()),
+            text=True,
+            forge=_forged_json,
+        ),
+        Loader(name="session, index", file=index, originals=(files[index],), load=shots, text=True, around=files),
+    )
+
+
+def _sweeps() -> tuple[Loader, ...]:
+    plan = Plan(
+        probe=load_probe(),
+        quantities={
+            "tissue_young_kpa": 5.0,
+            "thickness_mm": 40.0,
+            "diameter_mm": Range(low=4.0, high=12.0),
+            "depth_mm": 8.0,
+            "young_kpa": Range(low=20.0, high=200.0, logarithmic=True),
+        },
+        count=4,
+        seed=4,
+        batch=4,
+        radii_mm=(0.0, 3.0),
+    )
+    start = manifests.head(plan)
+    key = manifests.data_set_key(start)
+    shard = shards.encode(_rows(), shard=0, data_set=key)
+    with tempfile.TemporaryDirectory() as place:
+        manifests.write_manifest(Path(place), start, [_receipt(shard, key)])
+        manifest = (Path(place) / manifests.MANIFEST).read_bytes()
+    name = shards.shard_name(0)
+
+    def forged_manifest(original: bytes, rng: np.random.Generator) -> bytes:
+        document = changed_document(original, rng)
+        try:
+            document["plan_sha256"] = manifests._hash(document["plan"])
+            document["data_set"] = manifests.data_set_key({key: document[key] for key in manifests.START})
+        except (KeyError, ValueError, RecursionError, TypeError):
+            pass
+        return text_of(document, rng)
+
+    def settled(folder: Path) -> None:
+        document = json.loads(manifest)
+        document["shards"][0]["sha256"] = shards.sha256((folder / name).read_bytes())
+        (folder / manifests.MANIFEST).write_text(json.dumps(document))
+
+    def columns(path: Path) -> Hashable:
+        return tuple((column, *token(values)) for column, values in read_sweep(path.parent).items())
+
+    return (
+        Loader(
+            name="sweep, plan",
+            file="plan.toml",
+            originals=(EXAMPLE.encode(),),
+            load=lambda path: json.dumps(plan_document(load_plan(path))),
+            text=True,
+        ),
+        Loader(
+            name="sweep, manifest",
+            file=manifests.MANIFEST,
+            originals=(manifest,),
+            load=columns,
+            integrity=True,
+            text=True,
+            forge=forged_manifest,
+            around={name: shard},
+        ),
+        Loader(
+            name="sweep, shard",
+            file=name,
+            originals=(shard,),
+            load=columns,
+            integrity=True,
+            forge=_signed_again,
+            around={manifests.MANIFEST: manifest},
+            settle=settled,
+        ),
+        Loader(
+            name="sweep, shard to resume",
+            file=name,
+            originals=(shard,),
+            load=lambda path: repr((shards.data_set_of(path), shards.receipt_of(path.read_bytes(), shard=0, data_set=key))),
+            integrity=True,
+            forge=_signed_again,
+        ),
+    )
+
+
+def _rows() -> Rows:
+    rng = np.random.default_rng(5)
+    names = ("force_n", "tissue_young_kpa", "thickness_mm", "diameter_mm", "depth_mm", "young_kpa", "approach_mm")
+    numbers = {name: rng.random(4) for name in names}
+    numbers |= {name: rng.random((4, 2)) for name in ("face_displacement_mm", "pressure_kpa")}
+    return Rows(sample=np.arange(4), numbers=numbers, error=["", "", "", "refused"])
+
+
+def _receipt(shard: bytes, key: str) -> shards.Receipt:
+    found = shards.receipt_of(shard, shard=0, data_set=key)
+    assert found is not None
+    return found
+
+
+def _signed_again(original: bytes, rng: np.random.Generator) -> bytes:
+    """A damaged shard whose own digest is right again."""
+    changed = damaged(original, original, rng)
+    place = shards._digest_place(changed)
+    if place is None:
+        return changed
+    return changed[:place] + shards._digest(changed, place) + changed[place + 64 :]
