@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import copy
 import json
+import tomllib
 from importlib import metadata
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -84,6 +85,16 @@ def test_an_extra_that_only_names_others_adds_nothing() -> None:
     assert manifest.extras["all"] == []
     assert {"numpy", "pydicom", "h5py", "psycopg"} <= manifest.direct
     assert "tsis" not in manifest.direct
+
+
+def test_what_writes_the_bill_is_pinned() -> None:
+    pytest.importorskip("cyclonedx", reason="needs cyclonedx-bom, which `make sbom` installs")
+    groups = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["dependency-groups"]
+    lines = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
+    pinned = {key(line.split("==")[0]) for line in lines if "==" in line}
+    brought = set(closure(groups["release"]))
+    assert {"cyclonedx-bom", "cyclonedx-python-lib", "jsonschema", "lxml"} <= brought
+    assert not brought - pinned
 
 
 def test_the_real_bill_names_every_direct_dependency(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
