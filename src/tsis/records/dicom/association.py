@@ -1,0 +1,145 @@
+"""Instances sent by DICOM's own protocol, C-STORE over an association."""
+
+from __future__ import annotations
+
+import socket
+from typing import TYPE_CHECKING, Any
+
+from tsis.model import check
+from tsis.model.errors import InputError, RecordsError
+from tsis.model.extra import library
+from tsis.records.dicom.libraries import pydicom
+
+if TYPE_CHECKING:
+    import ssl
+    from collections.abc import Sequence
+
+    from tsis.records.dicom.files import DicomFile
+
+WARNINGS = range(0xB000, 0xC000)  # stored, and the archive changed or disliked something
+
+
+def c_store(
+    files: Sequence[DicomFile],
+    *,
+    host: str,
+    port: int,
+    called_ae: str,
+    calling_ae: str = "TSIS",
+    timeout_s: float = 30.0,
+    tls: ssl.SSLContext | None = None,
+) -> tuple[str, ...]:
+    """Store instances in an archive and return the UIDs that it took, in order.
+
+    Parameters
+    ----------
+    files
+        Of `dicom_files`.
+    host, port
+        Where the archive listens.
+    called_ae, calling_ae
+        Names of the archive and of this program as the archive knows them, at most 16 characters of ASCII.
+    timeout_s
+        Seconds in [0.1, 600] to wait for a connection and for each answer.
+    tls
+        Encrypts the association, checking the archive's certificate as it says; plain without it, which is how most
+        archives are run inside a hospital's network, and which anybody on the way can read.
+
+    Raises
+    ------
+    RecordsError
+        When the archive cannot be reached, refuses the association, or does not take every instance; the message says
+        of each that failed why. The others are stored then, and sending all of them again does no harm.
+    InputError
+        When a name of an application, the port or the time is not possible.
+    """
+    port, timeout_s = check.whole("port", port, 1, 65_535), check.number("timeout_s", timeout_s, 0.1, 600.0)
+    entity = _entity(files, calling_ae, timeout_s)
+    where = f"{called_ae} at {host}:{port}"
+    opened: list[Any] = []
+    association = entity.associate(
+        _address(host, port),
+        port,
+        ae_title=_title("called_ae", called_ae),
+        tls_args=(tls, host) if tls else None,
+        evt_handlers=[(library("pynetdicom", feature="C-STORE", extra="dicom").evt.EVT_CONN_OPEN, opened.append)],
+    )
+    if not association.is_established:
+        raise RecordsError(_refusal(association, where, opened=bool(opened), timeout_s=timeout_s))
+    try:
+        failed = [(file, why) for file in files if (why := _store(association, file))]
+    finally:
+        if association.is_established:
+            association.release()
+    if failed:
+        told = "; ".join(f"{file.name}: {why}" for file, why in failed)
+        raise RecordsError(f"{where} must take every instance; {len(failed)} of {len(files)} failed: {told}")
+    return tuple(file.sop_instance_uid for file in files)
+
+
+def _entity(files: Sequence[DicomFile], calling_ae: str, timeout_s: float) -> Any:
+    if not files:
+        raise InputError("files must hold at least one instance; got none")
+    entity = library("pynetdicom", feature="C-STORE", extra="dicom").AE(ae_title=_title("calling_ae", calling_ae))
+    entity.connection_timeout = entity.acse_timeout = entity.dimse_timeout = entity.network_timeout = timeout_s
+    for sop_class in sorted({file.sop_class_uid for file in files}):
+        entity.add_requested_context(sop_class, pydicom("uid").ExplicitVRLittleEndian)
+    return entity
+
+
+def _title(name: str, value: str) -> str:
+    check.kind(name, value, str)
+    if not 0 < len(value.strip()) <= 16 or not value.isascii() or not value.isprintable() or "\\" in value:
+        raise InputError(f"{name} must have 1 to 16 printable characters of ASCII without backslash; got {value!r}")
+    return value.strip()
+
+
+def _address(host: str, port: int) -> str:
+    """The numeric address: a name that nobody knows is told apart from an archive that does not answer."""
+    try:
+        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+    except (OSError, UnicodeError) as error:
+        raise RecordsError(
+            f"host must be a name or address that can be found; got {host!r}, which is unknown"
+        ) from error
+    return str(min(found, key=lambda each: each[0] != socket.AF_INET)[4][0])
+
+
+def _refusal(association: Any, where: str, *, opened: bool, timeout_s: float) -> str:
+    if not opened:
+        return (
+            f"{where} must accept a connection within {timeout_s:g} s; nothing answers there: is the archive running?"
+        )
+    if association.is_rejected:
+        answer = association.acceptor.primitive
+        return (
+            f"{where} refused the association: {answer.reason_str.lower()}; check both names of applications, "
+            "and that the archive knows this one"
+        )
+    if (
+        association.acceptor.primitive is not None
+        and not association.accepted_contexts
+        and association.rejected_contexts
+    ):
+        return f"{where} takes none of the kinds of instances: {_kinds(association.rejected_contexts)}"
+    return f"{where} must answer the request for an association within {timeout_s:g} s; it broke off or was silent"
+
+
+def _kinds(contexts: Any) -> str:
+    return ", ".join(str(context.abstract_syntax.name) for context in contexts)
+
+
+def _store(association: Any, file: DicomFile) -> str:
+    """Why the archive did not take an instance; empty where it did."""
+    if not association.is_established:
+        return "not sent, because the archive broke off"
+    if file.sop_class_uid not in {str(context.abstract_syntax) for context in association.accepted_contexts}:
+        return f"the archive does not take {pydicom('uid').UID(file.sop_class_uid).name}"
+    status = association.send_c_store(file.dataset()).get("Status")
+    if status is None:
+        return "the archive gave no answer in time, or broke off"
+    if status == 0 or status in WARNINGS:
+        return ""
+    known = library("pynetdicom.status", feature="C-STORE", extra="dicom").STORAGE_SERVICE_CLASS_STATUS
+    meaning = " ".join(known.get(status, ("unknown", ""))).strip()
+    return f"the archive answered 0x{status:04X} ({meaning})"

@@ -1,0 +1,148 @@
+"""Dossiers of every kind that an export may meet, made from the sample."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import replace
+from datetime import timedelta
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from tests.records.sample import WHEN, sample_dossier, sample_estimate
+
+from tsis.model import Estimate
+from tsis.records import Dossier, Press, StoredEstimate, Target
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+NAME, NOTE, FRAME = "Zwölf-Ünïcode 触覚 ^=\\ label", "seen by Nurse Quibble\non ward 7", "frame-Quagmire.png"
+SETTING = "bench-of-Quentin"
+
+
+def framed(frames: Sequence[NDArray[Any]], **known: Any) -> Dossier:
+    """A target of which frames of any size and depth were taken, a second apart, with their presses' fields."""
+    levels = {hashlib.sha256(repr(i).encode()).hexdigest(): frame for i, frame in enumerate(frames)}
+    given = {"role": "target", "full_scale": 255.0, "axis_px": (0.0, 0.0), **known}
+    presses = tuple(
+        Press(
+            taken=WHEN + timedelta(seconds=i),
+            frame=name,
+            rows=frame.shape[0],
+            columns=frame.shape[1],
+            id=f"press-{i}",
+            target="target-b",
+            **given,
+        )
+        for i, (name, frame) in enumerate(levels.items())
+    )
+    target = Target(number=7, kind="phantom", name="any", made=WHEN, id="target-b")
+    return Dossier(target=target, presses=presses, read=levels.__getitem__)
+
+
+def noise(rows: int, columns: int, *, bits: int = 8, seed: int = 0) -> NDArray[Any]:
+    """A frame of any size that uses every bit."""
+    kind = np.uint8 if bits <= 8 else np.uint16
+    found = np.random.default_rng(seed).integers(0, 2**bits, (rows, columns)).astype(kind)
+    found.flat[0] = 2**bits - 1
+    return found
+
+
+def with_presses(dossier: Dossier, **known: Any) -> Dossier:
+    """The same with other fields of its presses."""
+    return replace(dossier, presses=tuple(replace(press, **known) for press in dossier.presses))
+
+
+def with_estimate(dossier: Dossier, estimate: Estimate, kind: str = "inclusion", **environment: Any) -> Dossier:
+    """The same with another estimate in force."""
+    stored = StoredEstimate(
+        kind=kind,
+        estimate=estimate,
+        made=WHEN + timedelta(minutes=3),
+        probe="tsis-2011",
+        presses=tuple(press.id for press in dossier.presses),
+        calibration="0" * 64,
+        environment=environment,
+        id="estimate-b",
+        target=dossier.target.id,
+    )
+    return replace(dossier, estimates=(stored,))
+
+
+def hardness() -> Estimate:
+    """A modulus alone, as the measurement of hardness gives it."""
+    return Estimate(
+        samples={"young_kpa": np.random.default_rng(5).normal(80, 4, 400)},
+        prior_sd={"young_kpa": 50.0},
+        identifiability="The modulus lies between 73 and 87 kPa with a probability of 90 %.",
+        prior="log-uniform modulus 5 to 500 kPa",
+    )
+
+
+def named(kind: str = "subject") -> Dossier:
+    """A target whose every text says who it is of."""
+    dossier = sample_dossier(kind=kind)
+    presses = tuple(
+        replace(
+            press, name=f"{i}-{FRAME}", note=NOTE, settings={"file": SETTING}, flags=("Quorn said no",), probe="Quill's"
+        )
+        for i, press in enumerate(dossier.presses)
+    )
+    estimate = replace(sample_estimate(), identifiability=f"The frame {presses[0].name} tells all.", notes=(NOTE,))
+    target = replace(dossier.target, name=NAME, note=NOTE)
+    return with_estimate(replace(dossier, target=target, presses=presses), estimate)
+
+
+def variants() -> Iterator[tuple[str, Dossier]]:
+    """Name and dossier of each kind of export."""
+    for kind in ("phantom", "subject"):
+        for bits in (8, 10, 12, 16):
+            yield f"{kind}, {bits} bit", sample_dossier(kind=kind, full_scale=2.0**bits - 1)
+    plain = sample_dossier()
+    one = replace(plain, presses=plain.presses[:1])
+    yield "one frame, 8 bit", one
+    deep = framed([noise(31, 33, bits=12)], full_scale=4095.0, mm_per_pixel=(0.1, 0.2), force_n=1.0)
+    yield "one frame, 12 bit", deep
+    yield "no scale", with_presses(plain, mm_per_pixel=None)
+    yield "no force", with_presses(plain, force_n=None)
+    yield "no estimate", sample_dossier(estimated=False)
+    yield (
+        "nothing known",
+        with_presses(sample_dossier(estimated=False), force_n=None, mm_per_pixel=None, flags=(), probe=""),
+    )
+    yield "not trusted", with_estimate(plain, sample_estimate(trusted=False))
+    yield "hardness", with_estimate(plain, hardness(), "hardness", tsis="0.1.0", code_sha256="ab" * 32)
+    yield "hardness not trusted", with_estimate(plain, replace(hardness(), trusted=False), "hardness")
+    yield "no presence", with_estimate(plain, replace(sample_estimate(), presence=None))
+    yield "one pixel", framed([noise(1, 1)])
+    yield (
+        "odd sizes",
+        framed([noise(3, 5), noise(3, 5, seed=1), noise(3, 5, seed=2), noise(7, 1), noise(2, 2, bits=16)]),
+    )
+    yield "16 bit, odd", framed([noise(5, 7, bits=16), noise(5, 7, bits=16, seed=1)], full_scale=65535.0)
+    yield "scale of many digits", framed([noise(4, 4)], mm_per_pixel=(1 / 3, 2.0 / 7e5))
+    yield (
+        "all roles",
+        replace(
+            plain,
+            presses=tuple(
+                replace(press, role=role)
+                for press, role in zip(plain.presses, ("target", "plain", "untouched", "ball"), strict=True)
+            ),
+        ),
+    )
+    yield "label that is not ASCII", named()
+    yield "longest label", replace(plain, target=replace(plain.target, name="触" * 200))
+    yield "longest label, ASCII", replace(plain, target=replace(plain.target, name="long " * 40))
+    yield "no label", replace(plain, target=replace(plain.target, name=""))
+    yield "label of separators", replace(plain, target=replace(plain.target, name="^^==\\\\"))
+    yield (
+        "long texts",
+        with_estimate(
+            with_presses(plain, name="n" * 200, probe="p" * 200, flags=("f" * 200,)),
+            replace(sample_estimate(), identifiability="word " * 2000, flags=("young_kpa_not_identified", "g" * 190)),
+        ),
+    )
+    yield "many frames", framed([noise(9, 11, seed=i) for i in range(40)], force_n=1.25, flags=("moving",))
