@@ -1,0 +1,72 @@
+"""The layout as an HDF5 file."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from tsis.model.errors import FileInputError
+from tsis.model.extra import library
+from tsis.records.export.arrays.layout import write_layout
+from tsis.records.export.whole import new_file
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Iterable, Mapping
+
+    from numpy.typing import NDArray
+
+    from tsis.records.dossier import Dossier
+    from tsis.records.export.arrays.tree import Attribute
+
+LEVEL = 4  # of gzip
+
+
+def write_hdf5(dossier: Dossier, path: str | os.PathLike[str]) -> None:
+    """Write a dossier as one new HDF5 file, frame by frame; it appears whole or not at all.
+
+    Raises
+    ------
+    MissingExtraError
+        When h5py is not installed.
+    FileInputError
+        When there is such a file, or it cannot be written.
+    RecordsError
+        When a frame is not what its press says.
+    """
+    h5py = library("h5py", feature="HDF5 export", extra="exchange")
+    with new_file(path) as draft:
+        try:
+            with h5py.File(draft, "x", track_order=True) as file:
+                write_layout(dossier, _Hdf5Tree(file))
+        except RuntimeError as error:  # as HDF5 says that the disk is full
+            raise FileInputError(f"the file of HDF5 must be one that can be written; got: {error}") from error
+
+
+class _Hdf5Tree:
+    def __init__(self, file: Any) -> None:
+        self.file = file
+
+    def group(self, path: str, attributes: Mapping[str, Attribute]) -> None:
+        self.file.require_group(path or "/").attrs.update(attributes)
+
+    def array(self, path: str, values: NDArray[Any], attributes: Mapping[str, Attribute]) -> None:
+        self._dataset(path, attributes, data=values, chunks=values.shape)
+
+    def stack(
+        self,
+        path: str,
+        frames: Iterable[NDArray[Any]],
+        shape: tuple[int, int, int],
+        dtype: str,
+        attributes: Mapping[str, Attribute],
+    ) -> None:
+        dataset = self._dataset(path, attributes, shape=shape, dtype=dtype, chunks=(1, *shape[1:]))
+        for at, frame in enumerate(frames):
+            dataset[at] = frame
+
+    def _dataset(self, path: str, attributes: Mapping[str, Attribute], **options: Any) -> Any:
+        dataset = self.file.create_dataset(
+            path, compression="gzip", compression_opts=LEVEL, shuffle=True, fletcher32=True, **options
+        )
+        dataset.attrs.update(attributes)
+        return dataset

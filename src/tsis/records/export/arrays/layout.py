@@ -1,0 +1,152 @@
+"""The layout: which groups and arrays hold a target, its frames, its estimates and its calibrations."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.calibration.file import calibration_bytes
+from tsis.model.errors import RecordsError
+from tsis.records.export.frame_png import checked_levels
+from tsis.records.export.quantities import INTERVAL, identified, unit_of
+from tsis.records.plain import estimate_to_plain, press_to_plain, target_to_plain
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.records.dossier import Dossier
+    from tsis.records.export.arrays.tree import Attribute, Tree
+    from tsis.records.values import Press, StoredEstimate
+
+FORMAT, VERSION = "tsis-arrays", 1
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+def write_layout(dossier: Dossier, tree: Tree) -> None:
+    """Write all of a dossier, frame by frame.
+
+    Raises
+    ------
+    RecordsError
+        When a frame is not what its press says.
+    """
+    head: dict[str, Attribute] = {
+        "format": FORMAT,
+        "version": VERSION,
+        "notice": RESEARCH_USE_ONLY,
+        "tsis": __version__,
+    }
+    tree.group("", head)
+    plain = target_to_plain(dossier.target)
+    shown = ("number", "kind", "name", "note", "made", "id", "version")
+    tree.group("target", {name: plain[name] for name in shown})
+    for name, value in dossier.target.truth.items():
+        tree.array(f"target/truth/{_link(name)}", np.array([value]), {"units": unit_of(name), "quantity": name})
+    _document(tree, "presses", [press_to_plain(press) for press in dossier.presses])
+    for place, numbered in _stacks(dossier).items():
+        _write_stack(dossier, tree, place, numbered)
+    for number, stored in enumerate(dossier.estimates):
+        _write_estimate(tree, f"estimates/{number}", stored, in_force=stored is dossier.estimate)
+    for name, known in dossier.calibrations.items():
+        _bytes(tree, f"calibrations/{_link(name)}", calibration_bytes(known))
+
+
+def _stacks(dossier: Dossier) -> dict[str, list[tuple[int, Press]]]:
+    """Numbered presses by where their frames go: one stack a role, size and number of bits."""
+    found: dict[str, dict[tuple[int, int, bool], list[tuple[int, Press]]]] = {}
+    for number, press in enumerate(dossier.presses):
+        kind = (press.rows, press.columns, press.full_scale > 255)
+        found.setdefault(press.role, {}).setdefault(kind, []).append((number, press))
+    return {f"frames/{role}/{at}": each for role, kinds in found.items() for at, each in enumerate(kinds.values())}
+
+
+def _write_stack(dossier: Dossier, tree: Tree, place: str, numbered: list[tuple[int, Press]]) -> None:
+    presses = [press for _, press in numbered]
+    first = presses[0]
+    dtype = "uint16" if first.full_scale > 255 else "uint8"
+    tree.group(place, {"role": first.role})
+    tree.stack(
+        f"{place}/grey",
+        (_levels(dossier, press, dtype) for press in presses),
+        (len(presses), first.rows, first.columns),
+        dtype,
+        {"units": "grey level", "axes": "press, row, column"},
+    )
+    pixels = [press.mm_per_pixel or (math.nan, math.nan) for press in presses]
+    columns: dict[str, tuple[Any, str, str]] = {
+        "force": ([press.force_n if press.force_n is not None else math.nan for press in presses], "N", "press"),
+        "pixel_size": (pixels, "mm", "press, (x, y)"),
+        "axis": ([press.axis_px for press in presses], "px", "press, (x, y)"),
+        "full_scale": ([press.full_scale for press in presses], "grey level", "press"),
+    }
+    for name, (values, units, axes) in columns.items():
+        tree.array(f"{place}/{name}", np.array(values, dtype=float), {"units": units, "axes": axes})
+    since = [(press.taken - EPOCH) // timedelta(microseconds=1) for press in presses]
+    units = "microseconds since 1970-01-01T00:00:00Z"
+    tree.array(f"{place}/taken", np.array(since, dtype=np.int64), {"units": units, "axes": "press"})
+    order = [dossier.presses.index(press) for press in presses]
+    tree.array(
+        f"{place}/press", np.array(order, dtype=np.int64), {"units": "1", "axes": "press", "index_of": "presses"}
+    )
+
+
+def _levels(dossier: Dossier, press: Press, dtype: str) -> NDArray[Any]:
+    found = checked_levels(dossier, press)
+    if int(found.max()) > np.iinfo(dtype).max:  # a file of 8 bits would wrap it round
+        raise RecordsError(
+            f"frame {press.frame:.12} must hold levels up to its full scale, {press.full_scale:g}; got {found.max()}"
+        )
+    return found.astype(dtype, copy=False)
+
+
+def _write_estimate(tree: Tree, place: str, stored: StoredEstimate, *, in_force: bool) -> None:
+    found = stored.estimate
+    head: dict[str, Attribute] = {
+        "kind": stored.kind,
+        "made": stored.made.isoformat(),
+        "trusted": found.trusted,
+        "in_force": in_force,
+        "flags": json.dumps(list(found.flags)),
+    }
+    if found.presence is not None:
+        head["presence"] = float(found.presence)
+    tree.group(place, head)
+    mean, sd, interval = found.mean, found.sd, found.interval(INTERVAL)
+    for name, values in found.samples.items():
+        said: dict[str, Attribute] = {
+            "quantity": name,
+            "units": unit_of(name),
+            "axes": "sample",
+            "mean": mean[name],
+            "sd": sd[name],
+            "interval_level": INTERVAL,
+            "interval_low": interval[name][0],
+            "interval_high": interval[name][1],
+            "prior_sd": float(found.prior_sd[name]),
+            "identified": identified(found, name),
+        }
+        bound = found.cramer_rao_sd.get(name)
+        if bound is not None:
+            said["cramer_rao_sd"] = "infinity" if bound == math.inf else float(bound)
+        tree.array(f"{place}/samples/{_link(name)}", values, said)
+    _document(tree, f"{place}/document", estimate_to_plain(stored))
+
+
+def _link(name: str) -> str:
+    """A name that any format takes for one; the attribute ``quantity`` holds the name itself."""
+    plain = re.sub(r"[^A-Za-z0-9_-]", "_", name)[:100]
+    return plain if plain == name else f"{plain}-{name.encode('utf-8', 'surrogatepass').hex()[:64]}"
+
+
+def _document(tree: Tree, path: str, content: Any) -> None:
+    _bytes(tree, path, json.dumps(content, allow_nan=False).encode())
+
+
+def _bytes(tree: Tree, path: str, content: bytes) -> None:
+    tree.array(path, np.frombuffer(content, np.uint8), {"units": "1", "media_type": "application/json"})
