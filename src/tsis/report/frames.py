@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from tsis.model import TactileImage
 
 MARKERS = "os^v"
+ACROSS, SHEET_WIDTH = 4, 9.5  # frames in a row of a sheet, and its inches
 
 
 def force_of(frame: TactileImage) -> float:
@@ -110,3 +111,41 @@ def profile_picture(
         alt="Mean grey level in rings around the probe's axis, one line a press",
         caption="Mean grey level in rings around the probe's axis, one line a press.",
     )
+
+
+def sheet_picture(frames: Sequence[tuple[str, TactileImage]]) -> Picture:
+    """Every frame small, with its role, all in one colour map.
+
+    Parameters
+    ----------
+    frames
+        Role and frame, at least one.
+    """
+    rows, across = -(-len(frames) // ACROSS), min(ACROSS, len(frames))
+    tall = max(_aspect(frame) * frame.grey.shape[0] / frame.grey.shape[1] for _, frame in frames)
+    height = min(max(SHEET_WIDTH / across * tall, 0.5), 4.0) + 0.25
+
+    def sheet(figure: Figure) -> None:
+        high = max(float(frame.grey.max()) for _, frame in frames)
+        axes = figure.subplots(rows, across, squeeze=False).ravel()
+        for ax in axes:
+            ax.set_axis_off()
+        for (role, frame), ax in zip(frames, axes, strict=False):
+            ax.imshow(frame.grey, cmap="viridis", vmin=0.0, vmax=high, aspect=_aspect(frame))
+            force = "" if frame.force_n is None else f", {frame.force_n:g} N"
+            ax.set_title(f"{role}{force}", fontsize=8)
+
+    return Picture(
+        title="Every frame",
+        draw=sheet,
+        size=(SHEET_WIDTH, rows * height),
+        vector=False,
+        wide=True,
+        alt=f"{len(frames)} frames side by side in the order in which they were taken",
+        caption="In one colour map, from black to the brightest level of all.",
+    )
+
+
+def _aspect(frame: TactileImage) -> float:
+    """Height over width of a pixel."""
+    return 1.0 if frame.mm_per_pixel is None else frame.mm_per_pixel[1] / frame.mm_per_pixel[0]

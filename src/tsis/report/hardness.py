@@ -47,23 +47,12 @@ def hardness_report(
     truth_kpa
         The true modulus where it is known.
     """
-    low, high = estimate.interval(LEVEL)["young_kpa"]
-    doubt = doubt_of(estimate, "young_kpa")
-    card = Card(
-        title="Young's modulus",
-        value=doubt or f"{estimate.mean['young_kpa']:.3g} kPa",
-        detail=f"90 % interval {low:.3g} to {high:.3g} kPa",
-        doubtful=bool(doubt),
-    )
-
-    def density(figure: Figure) -> None:
-        modulus(estimate, figure.subplots(), truth_kpa=truth_kpa)
 
     def growth(figure: Figure) -> None:
         contact_growth(estimate, figure.subplots(), table=table)
 
     pictures = [
-        _picture("Modulus", density, "Posterior density of the modulus with its 90 % interval"),
+        modulus_picture(estimate, truth_kpa),
         _picture("Growth of the contact", growth, "Contact radius over force, of the frames and of the estimate"),
     ]
     pictures += [_frame(image) for image in images]
@@ -71,13 +60,36 @@ def hardness_report(
         Page(
             title=title,
             subtitle=", ".join(image.name for image in images),
-            cards=(card,),
+            cards=(hardness_card(estimate, truth_kpa),),
             notes=hardness_notes(estimate),
             pictures=tuple(pictures),
             tables=(Table(title="Result", headings=("quantity", "value"), rows=hardness_rows(estimate)),),
             provenance=provenance,
         )
     )
+
+
+def hardness_card(estimate: Estimate, truth_kpa: float | None = None) -> Card:
+    """The modulus, if it is to be trusted, with the truth where it is known."""
+    doubt = doubt_of(estimate, "young_kpa")
+    low, high = estimate.interval(LEVEL)["young_kpa"]
+    said = [f"90 % interval {low:.3g} to {high:.3g} kPa"] if estimate.trusted else []
+    known = [] if truth_kpa is None else [f"truth {truth_kpa:.3g} kPa"]
+    return Card(
+        title="Young's modulus",
+        value=doubt or f"{estimate.mean['young_kpa']:.3g} kPa",
+        detail="; ".join(said + known),
+        doubtful=bool(doubt),
+    )
+
+
+def modulus_picture(estimate: Estimate, truth_kpa: float | None = None) -> Picture:
+    """Posterior of the modulus."""
+
+    def density(figure: Figure) -> None:
+        modulus(estimate, figure.subplots(), truth_kpa=truth_kpa)
+
+    return _picture("Modulus", density, "Posterior density of the modulus with its 90 % interval")
 
 
 def hardness_rows(estimate: Estimate) -> tuple[tuple[str, str], ...]:
@@ -92,7 +104,7 @@ def hardness_rows(estimate: Estimate) -> tuple[tuple[str, str], ...]:
         readings = shore(estimate.mean["young_kpa"])
         for name, value in (("Shore 00", readings.shore_00), ("Shore A", readings.shore_a)):
             rows.append((f"{name} (converted)", "outside the scale" if value is None else f"{value:.0f}"))
-    for press in estimate.provenance["presses"]:
+    for press in estimate.provenance.get("presses", ()):
         seen = press["seen"]
         rows.append(
             (

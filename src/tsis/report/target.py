@@ -1,0 +1,109 @@
+"""Report of a target: everything that a store holds of it, on one page."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from tsis.__about__ import __version__
+from tsis.report.hardness import hardness_card
+from tsis.report.inclusion import inclusion_cards
+from tsis.report.page import Card, Page
+from tsis.report.pseudonym import without_names
+from tsis.report.target_pictures import target_gallery
+from tsis.report.target_tables import target_tables
+from tsis.report.target_words import count_of, moment, roles, target_notes
+
+if TYPE_CHECKING:
+    from tsis.records import Dossier, Press, StoredEstimate
+
+
+def target_page(dossier: Dossier) -> Page:
+    """The page of a target, for `tsis.report.page.html` and `tsis.report.pdf.pdf`.
+
+    Parameters
+    ----------
+    dossier
+        All that the store holds of it; with no estimate, scale, force or calibration the page says so.
+
+    Returns
+    -------
+    Page
+        The estimate in force, pictures of the strongest press, every press with its flags, calibrations, all estimates
+        and where each number came from. That of a subject shows the pseudonym and no other name.
+    """
+    shown = without_names(dossier)
+    target, gallery = shown.target, target_gallery(shown)
+    name = f": {target.name}" if target.name else ""
+    return Page(
+        title=f"{'Subject, target' if target.kind == 'subject' else 'Target'} {target.number}{name}",
+        subtitle=_subtitle(shown),
+        cards=_cards(shown),
+        notes=(*target_notes(shown), *gallery.notes),
+        pictures=gallery.pictures,
+        tables=target_tables(shown),
+        provenance=_provenance(shown),
+    )
+
+
+def _subtitle(dossier: Dossier) -> str:
+    presses = dossier.presses
+    if not presses:
+        return f"{dossier.target.kind}, entered {moment(dossier.target.made)} UTC, nothing recorded"
+    first, last = min(press.taken for press in presses), max(press.taken for press in presses)
+    taken = moment(first) if first == last else f"{moment(first)} to {moment(last)}"
+    probes = ", ".join(sorted({press.probe for press in presses if press.probe})) or "not named"
+    return f"{dossier.target.kind}, probe {probes}, recorded {taken} UTC"
+
+
+def _cards(dossier: Dossier) -> tuple[Card, ...]:
+    stored = dossier.estimate
+    if stored is None:
+        return (
+            Card(title="Estimate", value="none yet", detail="the frames are kept and can be estimated", doubtful=True),
+            Card(title="Recorded", value=count_of(len(dossier.presses), "press"), detail=roles(dossier.presses)),
+        )
+    if stored.kind == "hardness":
+        return (hardness_card(stored.estimate, dossier.target.truth.get("young_kpa")),)
+    return inclusion_cards(stored.estimate, dossier.target.truth)
+
+
+def _provenance(dossier: Dossier) -> dict[str, Any]:
+    """Where every number came from, with whole hashes and identities."""
+    target = dossier.target
+    stored = {} if dossier.estimate is None else {"estimate in force": _estimate(dossier.estimate)}
+    return {
+        "target": {"id": target.id, "version": target.version, "entered": moment(target.made) + " UTC"},
+        "report": f"tsis {__version__}",
+        **stored,
+        "presses": [_press(number, press) for number, press in enumerate(dossier.presses, 1)],
+        "calibrations": [
+            {"name": known.name, "sha256": identity} for identity, known in sorted(dossier.calibrations.items())
+        ],
+    }
+
+
+def _estimate(stored: StoredEstimate) -> dict[str, Any]:
+    return {
+        "id": stored.id,
+        "kind": stored.kind,
+        "probe": stored.probe,
+        "presses": list(stored.presses),
+        "calibration": stored.calibration,
+        "options": dict(stored.options),
+        "environment": dict(stored.environment),
+        "supersedes": stored.supersedes or "nothing",
+        "came from": dict(stored.estimate.provenance),
+    }
+
+
+def _press(number: int, press: Press) -> dict[str, Any]:
+    return {
+        "no.": number,
+        "id": press.id,
+        "version": press.version,
+        "frame": press.frame,
+        "size": f"{press.columns} × {press.rows} pixels, full scale {press.full_scale:g}",
+        "axis": "({:g}, {:g}) px".format(*press.axis_px),
+        "calibration": press.calibration or "none",
+        "settings": dict(press.settings),
+    }

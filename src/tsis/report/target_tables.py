@@ -1,0 +1,151 @@
+"""Tables of a target: the estimate in force beside the truth, the presses, the calibrations, earlier estimates."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.report.calibration import held_rows
+from tsis.report.document import LEVEL, doubt_of, spread
+from tsis.report.hardness import hardness_rows
+from tsis.report.inclusion import TITLES
+from tsis.report.page import Table
+from tsis.report.target_words import SHORT, moment
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from tsis.model import Estimate
+    from tsis.records import Dossier, Press, StoredEstimate
+
+UNITS = {"_mm": "mm", "_kpa": "kPa", "_n": "N", "_deg": "degrees"}
+
+
+def target_tables(dossier: Dossier) -> tuple[Table, ...]:
+    """All tables that there is anything to say in."""
+    return (
+        *_result(dossier),
+        *_presses(dossier),
+        *(
+            Table(
+                title=f"Calibration {known.name} ({identity[:SHORT]})",
+                headings=("quantity", "value", "95 % interval"),
+                rows=held_rows(known),
+            )
+            for identity, known in sorted(dossier.calibrations.items())
+        ),
+        *_history(dossier),
+    )
+
+
+def named(name: str) -> tuple[str, str]:
+    """Words and unit of a parameter."""
+    if name in TITLES:
+        return TITLES[name]
+    ending = next((ending for ending in UNITS if name.endswith(ending)), "")
+    return name.removesuffix(ending).replace("_", " "), UNITS.get(ending, "")
+
+
+def measure(value: float, unit: str) -> str:
+    """A number with its unit."""
+    return f"{value:.4g} {unit}".strip()
+
+
+def _result(dossier: Dossier) -> tuple[Table, ...]:
+    stored, truth = dossier.estimate, dossier.target.truth
+    if stored is None:
+        known = tuple((named(name)[0], measure(value, named(name)[1])) for name, value in truth.items())
+        return (
+            (Table(title="What is true of the phantom", headings=("quantity", "truth"), rows=known),) if known else ()
+        )
+    if stored.kind == "hardness":
+        true = [(f"truth of {named(name)[0]}", measure(value, named(name)[1])) for name, value in truth.items()]
+        values = (*hardness_rows(stored.estimate), *true)
+        return (Table(title="Estimate in force", headings=("quantity", "value"), rows=values),)
+    headings = ("quantity", "mean", "90 % interval", "sd", "prior sd", "least sd (Cramér-Rao)")
+    names = (*stored.estimate.samples, *(name for name in truth if name not in stored.estimate.samples))
+    rows = tuple(_parameter_row(stored.estimate, name, truth) for name in names)
+    return (Table(title="Estimate in force", headings=(*headings, "truth") if truth else headings, rows=rows),)
+
+
+def _parameter_row(estimate: Estimate, name: str, truth: Mapping[str, float]) -> tuple[str, ...]:
+    words, unit = named(name)
+    known = () if not truth else (measure(truth[name], unit) if name in truth else "not known",)
+    if name not in estimate.samples:
+        return (words, "not estimated", "", "", "", "", *known)
+    doubt = doubt_of(estimate, name)
+    if not estimate.trusted:
+        return (words, doubt, "", "", "", "", *known)
+    low, high = estimate.interval(LEVEL)[name]
+    bound = estimate.cramer_rao_sd.get(name, np.inf)
+    return (
+        words,
+        doubt or f"{estimate.mean[name]:.3g} {unit}",
+        f"{low:.3g} to {high:.3g} {unit}",
+        spread(estimate.sd[name]),
+        spread(estimate.prior_sd[name]),
+        spread(bound) if np.isfinite(bound) else "none known",
+        *known,
+    )
+
+
+def _presses(dossier: Dossier) -> tuple[Table, ...]:
+    if not dossier.presses:
+        return ()
+    noted = any(press.name or press.note for press in dossier.presses)
+    headings = ("no.", "taken (UTC)", "role", "force", "mm per pixel", "flags", "frame, SHA-256")
+    rows = tuple(
+        _press_row(number, press) + ((_said(press),) if noted else ())
+        for number, press in enumerate(dossier.presses, 1)
+    )
+    return (Table(title="Presses", headings=(*headings, "name and note") if noted else headings, rows=rows),)
+
+
+def _press_row(number: int, press: Press) -> tuple[str, ...]:
+    return (
+        str(number),
+        moment(press.taken),
+        press.role,
+        "not measured" if press.force_n is None else f"{press.force_n:.3g} N",
+        "not known" if press.mm_per_pixel is None else "{:.4g} × {:.4g}".format(*press.mm_per_pixel),
+        ", ".join(press.flags) or "none",
+        press.frame[:SHORT],
+    )
+
+
+def _said(press: Press) -> str:
+    return ": ".join(part for part in (press.name, press.note) if part)
+
+
+def _history(dossier: Dossier) -> tuple[Table, ...]:
+    if not dossier.estimates:
+        return ()
+    headings = ("made (UTC)", "estimate", "kind", "tsis", "mean and 90 % interval", "presses", "takes the place of")
+    rows = tuple(_history_row(stored) for stored in dossier.estimates)
+    return (Table(title="All estimates, the last one in force", headings=headings, rows=rows),)
+
+
+def _history_row(stored: StoredEstimate) -> tuple[str, ...]:
+    estimate = stored.estimate
+    told = "; ".join(_told(estimate, name) for name in estimate.samples)
+    return (
+        moment(stored.made),
+        stored.id[:SHORT],
+        stored.kind,
+        _version(stored.environment),
+        told if estimate.trusted else "not to be trusted",
+        str(len(stored.presses)),
+        stored.supersedes[:SHORT] if stored.supersedes else "none",
+    )
+
+
+def _version(environment: Mapping[str, Any]) -> str:
+    return str(environment.get("tsis", "not known"))
+
+
+def _told(estimate: Estimate, name: str) -> str:
+    words, unit = named(name)
+    low, high = estimate.interval(LEVEL)[name]
+    mean = doubt_of(estimate, name) or f"{estimate.mean[name]:.3g} {unit}".strip()
+    return f"{words} {mean} ({low:.3g} to {high:.3g})"

@@ -1,0 +1,117 @@
+"""What a reader must know of a target besides numbers and pictures, one sentence each."""
+
+from __future__ import annotations
+
+from collections import Counter
+from datetime import UTC
+from typing import TYPE_CHECKING
+
+from tsis.calibration.guard import FLAGS
+from tsis.report.document import sentences
+from tsis.report.hardness import hardness_notes
+from tsis.report.pseudonym import SAID
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from datetime import datetime
+
+    from tsis.records import Dossier, Press, StoredEstimate
+
+MOST_NAMED = 12  # presses that a sentence names by their numbers
+SHORT = 12  # letters of a SHA-256 or an identity that tell it from others on a page
+ROLES = {
+    "target": "on the target",
+    "plain": "on plain tissue",
+    "untouched": "untouched",
+    "ball": "on the known ball",
+}
+
+
+def moment(when: datetime) -> str:
+    """A time as pages show it, in UTC."""
+    return f"{when.astimezone(UTC):%Y-%m-%d %H:%M:%S}"
+
+
+def count_of(number: int, what: str) -> str:
+    """``"1 press"``, ``"2 presses"``."""
+    plural = f"{what}es" if what.endswith("s") else f"{what}s"
+    return f"{number} {what if number == 1 else plural}"
+
+
+def roles(presses: Sequence[Press]) -> str:
+    """How many presses there are of each role."""
+    counts = Counter(press.role for press in presses)
+    return ", ".join(f"{counts[role]} {words}" for role, words in ROLES.items() if counts[role])
+
+
+def target_notes(dossier: Dossier) -> tuple[str, ...]:
+    """All sentences, those of the estimate in force first."""
+    return (
+        *_estimate_notes(dossier),
+        *_flag_notes(dossier),
+        *_gap_notes(dossier),
+        *((f"Note: {dossier.target.note}",) if dossier.target.note else ()),
+        *((SAID,) if dossier.target.kind == "subject" else ()),
+    )
+
+
+def _estimate_notes(dossier: Dossier) -> tuple[str, ...]:
+    stored = dossier.estimate
+    if stored is None:
+        return ("Nothing was estimated from these presses yet.",) if dossier.presses else ("Nothing was recorded yet.",)
+    said = hardness_notes(stored.estimate) if stored.kind == "hardness" else sentences(stored.estimate)
+    return (*said, _origin(stored), *_coverage(dossier, stored))
+
+
+def _origin(stored: StoredEstimate) -> str:
+    version = f"tsis {stored.environment['tsis']}" if "tsis" in stored.environment else "an unknown version of tsis"
+    again = f" It takes the place of {stored.supersedes[:SHORT]}." if stored.supersedes else ""
+    return (
+        f"Estimated {moment(stored.made)} UTC by {version} from {count_of(len(stored.presses), 'press')} of probe "
+        f"{stored.probe or 'not named'} with calibration {stored.calibration[:SHORT]}.{again}"
+    )
+
+
+def _coverage(dossier: Dossier, stored: StoredEstimate) -> tuple[str, ...]:
+    known = {press.id for press in dossier.presses}
+    left, gone = len(known.difference(stored.presses)), len(set(stored.presses).difference(known))
+    said = [f"The estimate does not rest on {count_of(left, 'other press')} of this target."] if left else []
+    if gone:
+        said.append(f"The store no longer shows {count_of(gone, 'press')} that the estimate rests on.")
+    return tuple(said)
+
+
+def _flag_notes(dossier: Dossier) -> tuple[str, ...]:
+    """One sentence a flag of the press guard: the presses that it was raised for, and what it means."""
+    raised: dict[str, list[int]] = {}
+    for number, press in enumerate(dossier.presses, 1):
+        for flag in press.flags:
+            raised.setdefault(flag, []).append(number)
+    return tuple(
+        f"{_numbered(numbers)} flagged {flag}: "
+        f"{FLAGS[flag].means if flag in FLAGS else 'no flag of the press guard; somebody wrote it down'}."
+        for flag, numbers in raised.items()
+    )
+
+
+def _gap_notes(dossier: Dossier) -> tuple[str, ...]:
+    """What nobody measured."""
+    pressed = [(number, press) for number, press in enumerate(dossier.presses, 1) if press.role != "untouched"]
+    gaps = {
+        "without a measured force": [number for number, press in pressed if press.force_n is None],
+        "without a scale, so that lengths are in pixels": [
+            number for number, press in enumerate(dossier.presses, 1) if press.mm_per_pixel is None
+        ],
+        "without a calibration": [
+            number for number, press in enumerate(dossier.presses, 1) if press.calibration is None
+        ],
+    }
+    return tuple(f"{_numbered(numbers)} {what}." for what, numbers in gaps.items() if numbers)
+
+
+def _numbered(numbers: Sequence[int]) -> str:
+    if len(numbers) == 1:
+        return f"Press {numbers[0]} is"
+    if len(numbers) > MOST_NAMED:
+        return f"{len(numbers)} presses, the first of them {numbers[0]}, are"
+    return f"Presses {', '.join(map(str, numbers[:-1]))} and {numbers[-1]} are"
