@@ -1,7 +1,8 @@
 """The anchor: the audit's last entry, kept in a file outside the database.
 
-Who cuts the audit short in the database, or writes all of it anew, has to change this file as well. The file may lag
-behind by the last commits of a machine that lost power, never be ahead of the database.
+Who cuts the audit short in the database, or writes all of it anew, has to change this file as well. It is written
+after the commit, so it may lag behind by what was cut short in between or found the disk full, never be ahead; the
+next that is stored brings it up to date. `tsis.records.verify` tells by how much it lags.
 """
 
 from __future__ import annotations
@@ -16,12 +17,15 @@ from tsis.instrument.file_bytes import read_object
 from tsis.model import check
 from tsis.model.durable import DISK, Disk, write_durably
 from tsis.model.errors import RecordsError, TsisError
-from tsis.records.audit import Head
+from tsis.records.audit import FIRST, Head, has_entry
 
 if TYPE_CHECKING:
     from pathlib import Path
 
+    from sqlalchemy import Connection
+
 FILE = "audit-anchor.json"
+BEFORE = Head(number=0, hash=FIRST)  # of a store that is about to be begun
 
 
 def write_anchor(folder: Path, store: str, head: Head, *, disk: Disk = DISK) -> None:
@@ -47,3 +51,22 @@ def read_anchor(folder: Path) -> tuple[str, Head]:
         return str(store), Head(number=check.whole("number", number, 0, 2**62), hash=str(found))
     except TsisError as error:
         raise RecordsError(f"the anchor of the audit, {shown(path)}, must be there and whole; {error}") from error
+
+
+def require_anchored(connection: Connection, folder: Path) -> None:
+    """Refuse to add to an audit that the anchor contradicts: the next anchor would cover up what was done to it.
+
+    Raises
+    ------
+    RecordsError
+        When the audit does not hold the entry that the anchor tells, or the anchor is damaged.
+    """
+    if not (folder / FILE).exists():
+        return  # somebody took it away to go on without it
+    anchored = read_anchor(folder)[1]
+    if anchored != BEFORE and not has_entry(connection, anchored):
+        raise RecordsError(
+            f"the audit must hold entry {anchored.number} as {shown(folder / FILE)} tells; it was cut off or "
+            "rewritten, or the database is an older copy (tsis records verify tells more; to go on with what there "
+            "is, move that file away)"
+        )

@@ -53,6 +53,12 @@ def locked_head(connection: Connection) -> Head:
     return Head(number=row.number, hash=row.hash)
 
 
+def has_entry(connection: Connection, head: Head) -> bool:
+    """Whether the audit holds the entry of that number with that hash."""
+    found = connection.execute(select(audit.c.hash).where(audit.c.number == head.number)).scalar()
+    return bool(found == head.hash)
+
+
 def append(connection: Connection, head: Head, changes: Iterable[Change], *, actor: str) -> Head:
     """Enter changes after ``head``, which `locked_head` gave, and return the new one."""
     moment = datetime.now(UTC).isoformat()

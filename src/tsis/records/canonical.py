@@ -13,14 +13,17 @@ if TYPE_CHECKING:
 
 
 def canonical(value: Any) -> str:
-    """JSON with sorted names and no spaces; NaN and infinities are refused.
+    """JSON with sorted names and no spaces; NaN and infinities are refused, with ValueError.
+
+    What is half of a letter, as in names of files that are no UTF-8, is escaped, for no database holds it as it is.
 
     Examples
     --------
     >>> canonical({"b": 0.1, "a": [1, None]})
     '{"a":[1,null],"b":0.1}'
     """
-    return json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False, ensure_ascii=False)
+    spelt = json.dumps(value, sort_keys=True, separators=(",", ":"), allow_nan=False, ensure_ascii=False)
+    return spelt.encode("utf-8", "backslashreplace").decode()  # a lone surrogate becomes JSON's own escape of it
 
 
 def parsed(text: str, what: str) -> Any:

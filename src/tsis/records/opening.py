@@ -11,14 +11,14 @@ import platformdirs
 from sqlalchemy import insert, select
 
 from tsis.instrument import shown
-from tsis.instrument.file_bytes import as_path
+from tsis.instrument.file_bytes import as_path, one_line
 from tsis.model import check
 from tsis.model.durable import DISK, Disk, make_folder_durably
 from tsis.model.errors import RecordsError
 from tsis.records import rows, tables
+from tsis.records.anchor import BEFORE, read_anchor, write_anchor
 from tsis.records.anchor import FILE as ANCHOR
-from tsis.records.anchor import read_anchor, write_anchor
-from tsis.records.audit import Change, append, begin_audit, locked_head
+from tsis.records.audit import Change, Head, append, begin_audit, locked_head
 from tsis.records.database import FILE, Database
 from tsis.records.store import FILES, Store
 from tsis.records.values import KINDS
@@ -67,9 +67,9 @@ def open_store(
         raise RecordsError(f"{shown(place)} must be a store of records; there is none (tsis records import makes one)")
     try:
         make_folder_durably(place / FILES, disk=disk)
-    except OSError as error:
+    except (OSError, ValueError) as error:  # ValueError: a NUL character in its name
         raise RecordsError(
-            f"{shown(place)} must be a folder that can be made; got: {error.strerror or error} (choose another)"
+            f"{shown(place)} must be a folder that can be made; got: {one_line(error)} (choose another)"
         ) from error
     rows_of = Database(database, place)
     try:
@@ -101,7 +101,7 @@ def _require_kind(place: Path, wanted: str, kind: str) -> None:
 def _require_own_place(place: Path, identity: str) -> None:
     """Refuse a folder whose files are those of another store."""
     if not (place / ANCHOR).exists():
-        return  # power was lost before the first one was written; `verify` says so
+        return  # `verify` says so
     anchored = read_anchor(place)[0]
     if anchored != identity:
         raise RecordsError(
@@ -121,19 +121,36 @@ def _terms(database: Database) -> dict[str, str]:
 
 def _begun(database: Database, place: Path, kind: str, actor: str, disk: Disk) -> dict[str, str]:
     terms = {"kind": kind, "identity": uuid.uuid4().hex, "made": rows.moment(datetime.now(UTC))}
-    with database.writing() as connection:
+    with database.beginning() as connection:
         if connection.execute(select(tables.audit_head)).first() is not None:
             head = None  # another program was faster
         else:
+            _require_no_other(database, place)
             begin_audit(connection)
             entered = [{"name": name, "value": value} for name, value in terms.items()]
             connection.execute(insert(tables.store), entered)
             changes = [Change(action="add", kind="store", row=row["name"], values=row) for row in entered]
             head = append(connection, locked_head(connection), changes, actor=actor)
+            _anchor(place, terms["identity"], BEFORE, disk)  # so that a store without one was tampered with
     if head is None:
         return _terms(database)
-    try:
-        write_anchor(place, terms["identity"], head, disk=disk)
-    except OSError as error:
-        raise RecordsError(f"{shown(place)} must be a folder that can be written; got: {error.strerror}") from error
+    _anchor(place, terms["identity"], head, disk)
     return terms
+
+
+def _require_no_other(database: Database, place: Path) -> None:
+    """Refuse to begin anew in a folder whose database was lost."""
+    if (place / ANCHOR).exists():
+        identity, anchored = read_anchor(place)
+        if anchored != BEFORE:  # else a first beginning was cut short
+            raise RecordsError(
+                f"{shown(place)} must have its database; {database.name} is empty, and the anchor tells of "
+                f"{anchored.number} entries of the store {identity[:12]!r} (take the database from a backup)"
+            )
+
+
+def _anchor(place: Path, identity: str, head: Head, disk: Disk) -> None:
+    try:
+        write_anchor(place, identity, head, disk=disk)
+    except OSError as error:
+        raise RecordsError(f"{shown(place)} must be a folder that can be written; got: {one_line(error)}") from error

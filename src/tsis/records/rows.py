@@ -48,14 +48,16 @@ def press_row(press: Press) -> Row:
     """Row of a press; the size of its frame stands in that of the frame."""
     plain = press_to_plain(press)
     scale, axis = plain.pop("mm_per_pixel") or (None, None), plain.pop("axis_px")
+    force = plain["force_n"]
     for name in ("rows", "columns"):
         del plain[name]
     return plain | {
         "taken": moment(press.taken),
         "mm_per_pixel_x": scale[0],
         "mm_per_pixel_y": scale[1],
-        "axis_px_x": axis[0],
-        "axis_px_y": axis[1],
+        "axis_px_x": axis[0] + 0.0,  # -0.0 becomes 0.0, as SQLite makes it
+        "axis_px_y": axis[1] + 0.0,
+        "force_n": None if force is None else force + 0.0,
         "settings": canonical(plain["settings"]),
         "flags": canonical(plain["flags"]) if plain["flags"] else None,
         "note": plain["note"] or None,

@@ -1,0 +1,97 @@
+"""Connections to SQLite and to PostgreSQL, set so that commits last and numbers come back exactly."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from sqlalchemy import URL, create_engine, event, make_url
+from sqlalchemy.exc import ArgumentError, NoSuchModuleError
+
+from tsis.model.errors import RecordsError
+from tsis.model.extra import library
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from sqlalchemy import Connection, Engine
+
+BUSY_S = 30  # how long one waits for another that writes
+CONNECT_S = 10  # how long one waits for a server to answer at all
+IMMEDIATE = "tsis_immediate"
+_LOOK_ALIVE = {"keepalives_idle": 10, "keepalives_interval": 5, "keepalives_count": 4, "tcp_user_timeout": 30_000}
+_SESSION = (
+    f"SET lock_timeout = '{BUSY_S}s'",
+    f"SET idle_in_transaction_session_timeout = '{2 * BUSY_S}s'",  # one who sleeps must not stop all others
+    "SET extra_float_digits = 1",  # the shortest digits that mean the same number, whatever the server is set to
+    "SET bytea_output = 'hex'",
+)
+
+
+def sqlite_engine(file: Path) -> Engine:
+    """Connections to a SQLite file: a write-ahead log, every commit synced."""
+    engine = create_engine(URL.create("sqlite", database=str(file)), connect_args={"timeout": float(BUSY_S)})
+
+    @event.listens_for(engine, "connect")
+    def configure(connection: Any, _record: Any) -> None:
+        connection.isolation_level = None  # SQLAlchemy's own BEGIN, below, and no other
+        for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", "trusted_schema=OFF"):
+            connection.execute(f"PRAGMA {pragma}")
+
+    @event.listens_for(engine, "begin")
+    def begin(connection: Connection) -> None:
+        # A transaction that will write takes its lock at once: one that reads first could not get it later.
+        immediate = connection.get_execution_options().get(IMMEDIATE)
+        connection.exec_driver_sql("BEGIN IMMEDIATE" if immediate else "BEGIN")
+
+    return engine
+
+
+def postgresql_engine(url: URL) -> Engine:
+    """Connections to a PostgreSQL server that never wait for ever.
+
+    Raises
+    ------
+    MissingExtraError
+        When the driver is not installed.
+    RecordsError
+        When the driver does not understand the URL.
+    """
+    library("psycopg", feature="a store of records in PostgreSQL", extra="postgres")
+    settings = {"connect_timeout": CONNECT_S, "client_encoding": "utf8", **_LOOK_ALIVE}
+    try:
+        engine = create_engine(url, pool_pre_ping=True, connect_args=settings)
+    except (NoSuchModuleError, ArgumentError) as error:
+        raise RecordsError("the database must be a URL that its driver understands; got another") from error
+
+    @event.listens_for(engine, "connect")
+    def configure(connection: Any, _record: Any) -> None:
+        for statement in _SESSION:
+            connection.execute(statement)
+        connection.commit()
+
+    return engine
+
+
+def postgresql_url(text: str) -> URL:
+    """The URL of a PostgreSQL database; `RecordsError`, which never repeats it, for anything else."""
+    try:
+        found = make_url(text)
+    except (ArgumentError, ValueError) as error:
+        raise RecordsError("the database must be a URL as postgresql://user@host/name; got something else") from error
+    if found.get_backend_name() != "postgresql":
+        raise RecordsError(
+            f"the database must be PostgreSQL, as postgresql://user@host/name; got {found.drivername!r:.40} "
+            "(for SQLite name no database, only the folder)"
+        )
+    return found.set(drivername="postgresql+psycopg")
+
+
+def public_name(url: URL) -> str:
+    """What messages call a database: without password and options, either of which may hold a secret.
+
+    Examples
+    --------
+    >>> public_name(make_url("postgresql://me:secret@bench:5433/records?passfile=/secret"))
+    'postgresql://me@bench:5433/records'
+    """
+    return url.set(drivername="postgresql", query={})._replace(password=None).render_as_string()
