@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from tsis.model import check
@@ -12,7 +13,7 @@ from tsis.records.dicom.libraries import pydicom
 
 if TYPE_CHECKING:
     import ssl
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from tsis.records.dicom.files import DicomFile
 
@@ -56,21 +57,10 @@ def c_store(
     port, timeout_s = check.whole("port", port, 1, 65_535), check.number("timeout_s", timeout_s, 0.1, 600.0)
     entity = _entity(files, calling_ae, timeout_s)
     where = f"{called_ae} at {host}:{port}"
-    opened: list[Any] = []
-    association = entity.associate(
-        _address(host, port),
-        port,
-        ae_title=_title("called_ae", called_ae),
-        tls_args=(tls, host) if tls else None,
-        evt_handlers=[(library("pynetdicom", feature="C-STORE", extra="dicom").evt.EVT_CONN_OPEN, opened.append)],
-    )
-    if not association.is_established:
-        raise RecordsError(_refusal(association, where, opened=bool(opened), timeout_s=timeout_s))
-    try:
+    with _associated(entity, host, port, _title("called_ae", called_ae), timeout_s, tls) as association:
+        if not association.is_established:
+            raise RecordsError(_refusal(association, where, timeout_s))
         failed = [(file, why) for file in files if (why := _store(association, file))]
-    finally:
-        if association.is_established:
-            association.release()
     if failed:
         told = "; ".join(f"{file.name}: {why}" for file, why in failed)
         raise RecordsError(f"{where} must take every instance; {len(failed)} of {len(files)} failed: {told}")
@@ -94,22 +84,49 @@ def _title(name: str, value: str) -> str:
     return value.strip()
 
 
-def _address(host: str, port: int) -> str:
-    """The numeric address: a name that nobody knows is told apart from an archive that does not answer."""
+@contextmanager
+def _associated(
+    entity: Any, host: str, port: int, called_ae: str, timeout_s: float, tls: ssl.SSLContext | None
+) -> Iterator[Any]:
+    """An association, established or refused, that leaves no connection behind."""
+    event = library("pynetdicom", feature="C-STORE", extra="dicom").evt.EVT_CONN_OPEN
+    opened: list[Any] = []
+    association = entity.associate(
+        _reachable(host, port, f"{called_ae} at {host}:{port}", timeout_s),
+        port,
+        ae_title=called_ae,
+        tls_args=(tls, host) if tls else None,
+        evt_handlers=[(event, lambda happened: opened.append(happened.assoc.dul.socket.socket))],
+    )
     try:
-        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
-    except (OSError, UnicodeError) as error:
+        yield association
+    finally:
+        if association.is_established:
+            association.release()
+        for connection in opened:  # pynetdicom leaves one open that the archive has shut
+            connection.close()
+
+
+def _reachable(host: str, port: int, where: str, timeout_s: float) -> str:
+    """The numeric address at which something listens.
+
+    A connection of our own tells why there is none, and is closed whatever happens; pynetdicom leaves one open then.
+    """
+    try:
+        with socket.create_connection((host, port), timeout_s) as found:
+            return str(found.getpeername()[0])
+    except (socket.gaierror, UnicodeError) as error:
+        raise RecordsError(f"host must be a name or address that is known; got {host!r}") from error
+    except TimeoutError as error:
+        raise RecordsError(f"{where} must accept a connection within {timeout_s:g} s; nothing answered") from error
+    except OSError as error:
+        why = error.strerror or str(error)
         raise RecordsError(
-            f"host must be a name or address that can be found; got {host!r}, which is unknown"
+            f"{where} must accept a connection: {why}; is the archive running, and is it there?"
         ) from error
-    return str(min(found, key=lambda each: each[0] != socket.AF_INET)[4][0])
 
 
-def _refusal(association: Any, where: str, *, opened: bool, timeout_s: float) -> str:
-    if not opened:
-        return (
-            f"{where} must accept a connection within {timeout_s:g} s; nothing answers there: is the archive running?"
-        )
+def _refusal(association: Any, where: str, timeout_s: float) -> str:
     if association.is_rejected:
         answer = association.acceptor.primitive
         return (
