@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
+from PIL import Image
 
 if TYPE_CHECKING:
     from tsis.report.page import Picture
 
 DPI = 120
-PAPER_DPI = 200
+PAPER_DPI = 220  # at the size at which a picture stands on the paper
 
 
 def address(picture: Picture) -> str:
@@ -24,8 +25,11 @@ def address(picture: Picture) -> str:
 
 
 def pixels(picture: Picture, *, size: tuple[float, float], dpi: float = PAPER_DPI) -> bytes:
-    """The picture as a PNG file, drawn on ``size`` inches."""
-    return _drawn(picture, size, kind="png", dpi=dpi)
+    """The picture as an opaque PNG file, drawn on ``size`` inches: paper has no use for transparency."""
+    buffer = io.BytesIO()
+    with Image.open(io.BytesIO(_drawn(picture, size, kind="png", dpi=dpi))) as drawn:
+        drawn.convert("RGB").save(buffer, format="PNG")
+    return buffer.getvalue()
 
 
 def _drawn(picture: Picture, size: tuple[float, float], *, kind: str, dpi: float) -> bytes:

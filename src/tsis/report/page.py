@@ -90,4 +90,6 @@ def html(page: Page) -> bytes:
         lstrip_blocks=True,
     )
     template = environment.get_template("page.html")
-    return template.render(page=page, notice=RESEARCH_USE_ONLY, version=__version__, address=address).encode()
+    return template.render(page=page, notice=RESEARCH_USE_ONLY, version=__version__, address=address).encode(
+        errors="backslashreplace"
+    )

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from reportlab.platypus import Image, Paragraph, Spacer, Table
 
-from tsis.report.drawing import pixels
+from tsis.report.drawing import PAPER_DPI, pixels
 from tsis.report.paper_style import (
     BLUE,
     CODE,
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from tsis.report.page import Card, Picture
 
 CARDS = 4  # in a row
-LONG = 400  # letters: a card or caption with more does not keep its place beside others
+LONG_CARD, LONG_CAPTION = 200, 400  # drawn letters: what has more does not keep its place beside others
 VALUE_SIZES = (14, 12, 10, 8.5)
 EASE = 1.3  # pictures are drawn so much larger than they stand on the paper: letters of 9 points become 7
 TALLEST, TALLEST_WIDE = 0.32 * HEIGHT, 0.8 * HEIGHT
@@ -42,10 +42,14 @@ PADDING = 6.0
 
 def cards(given: Sequence[Card]) -> list[Any]:
     """Cards in rows; those with long texts below them as a table."""
-    short = [card for card in given if max(len(card.title), len(card.value), len(card.detail)) <= LONG]
-    long = [(card.title, card.value, card.detail) for card in given if card not in short]
+    short = [card for card in given if _longest(card) <= LONG_CARD]
+    long = [(card.title, card.value, card.detail) for card in given if _longest(card) > LONG_CARD]
     rows = [_card_row(short[start : start + CARDS], min(CARDS, len(short))) for start in range(0, len(short), CARDS)]
     return [*rows, *(table(("result", "value", "detail"), long) if long else [])]
+
+
+def _longest(card: Card) -> int:
+    return max(len(shown(text)) for text in (card.title, card.value, card.detail))
 
 
 def _card_row(given: Sequence[Card], count: int) -> Table:
@@ -69,11 +73,16 @@ def _card_row(given: Sequence[Card], count: int) -> Table:
 
 
 def _card(card: Card, wide: float) -> list[Paragraph]:
-    drawn = shown(card.value, BOLD)
+    drawn = shown(_one_line(card.value), BOLD)
     size = next((size for size in VALUE_SIZES if width(drawn, BOLD, size) <= wide), VALUE_SIZES[-1])
     value = style(size, BOLD, textColor=WARM if card.doubtful else BLUE, spaceBefore=1, spaceAfter=2)
-    parts = [line(card.title, style(8, SANS, textColor=INK)), line(card.value, value)]
-    return [*parts, *([line(card.detail, style(7, SANS, textColor=SOFT))] if card.detail else [])]
+    detail = _one_line(card.detail)
+    parts = [line(_one_line(card.title), style(8, SANS, textColor=INK)), line(_one_line(card.value), value)]
+    return [*parts, *([line(detail, style(7, SANS, textColor=SOFT))] if detail else [])]
+
+
+def _one_line(text: str) -> str:
+    return " ".join(text.split())
 
 
 def picture_rows(given: Sequence[Picture]) -> list[list[Any]]:
@@ -103,7 +112,7 @@ def _image(picture: Picture, wide: float) -> Image:
     shrink = min(1.0, EASE * wide / size[0], EASE * tall / size[1])
     drawn = tuple(max(shrink * side, LEAST_POINTS) for side in size)
     place = min(wide / drawn[0], tall / drawn[1], 1.0)
-    content = pixels(picture, size=(drawn[0] / POINTS, drawn[1] / POINTS))
+    content = pixels(picture, size=(drawn[0] / POINTS, drawn[1] / POINTS), dpi=PAPER_DPI * place)
     return Image(io.BytesIO(content), width=place * drawn[0], height=place * drawn[1], hAlign="LEFT")
 
 
@@ -114,20 +123,24 @@ def _words(picture: Picture) -> str:
 
 
 def _sentence(text: str) -> str:
-    return text if text.rstrip().endswith((".", "!", "?")) else f"{text.rstrip()}."
+    said = _one_line(text)
+    return said if said.endswith((".", "!", "?")) else f"{said}."
+
+
+def _long(text: str) -> bool:
+    return len(shown(text)) > LONG_CAPTION
 
 
 def _caption(picture: Picture) -> list[Paragraph]:
-    title = picture.title if len(picture.title) <= LONG else f"{picture.title[:LONG]} (goes on below)"
-    words = _words(picture)
-    said = markup(words) if len(words) <= LONG else "Described below."
-    return [Paragraph(f'<font name="{BOLD}" color="#1b1f24">{markup(_sentence(title), BOLD)}</font> {said}', SMALL)]
+    title, words = _sentence(picture.title), _words(picture)
+    heading = "Named below." if _long(title) else title
+    said = "Described below." if _long(words) else words
+    return [Paragraph(f'<font name="{BOLD}" color="#1b1f24">{markup(heading, BOLD)}</font> {markup(said)}', SMALL)]
 
 
 def _long_caption(picture: Picture) -> list[Paragraph]:
-    title = picture.title if len(picture.title) > LONG else ""
-    words = _words(picture) if len(_words(picture)) > LONG else ""
-    return paragraphs(": ".join(part for part in (title, words) if part), SMALL) if title or words else []
+    said = [text for text in (_sentence(picture.title), _words(picture)) if _long(text)]
+    return [part for text in said for part in paragraphs(text, SMALL)]
 
 
 def provenance(given: Mapping[str, Any]) -> list[Any]:
@@ -149,9 +162,13 @@ def leaves(value: Any, path: str = "") -> list[tuple[str, str]]:
     if isinstance(value, Sequence) and not isinstance(value, str | bytes):
         if any(isinstance(inner, Mapping | list | tuple) for inner in value):
             return [leaf for place, inner in enumerate(value) for leaf in leaves(inner, f"{path}[{place}]")]
-        return [(path, ", ".join(str(inner) for inner in value))]
-    return [(path, "" if isinstance(value, Mapping) else str(value))]
+        return [(path, ", ".join(str(inner) for inner in value) or "none")]
+    return [(path, "none" if isinstance(value, Mapping) else str(value))]
 
 
 def _no_padding() -> list[Any]:
-    return [(f"{side}PADDING", (0, 0), (-1, -1), 0) for side in ("LEFT", "RIGHT", "TOP", "BOTTOM")]
+    """Cells without a rim; the font is that of empty cells, which would name one that the file does not hold."""
+    return [
+        ("FONTNAME", (0, 0), (-1, -1), SANS),
+        *((f"{side}PADDING", (0, 0), (-1, -1), 0) for side in ("LEFT", "RIGHT", "TOP", "BOTTOM")),
+    ]

@@ -24,7 +24,13 @@ BLOCK_LINES = 40  # of a paragraph; a longer text becomes several, since laying 
 def style(size: float, font: str = SANS, **more: Any) -> ParagraphStyle:
     """A paragraph's style with the page's colour, leading and wrapping."""
     register_fonts()
-    given: dict[str, Any] = {"textColor": INK, "leading": 1.3 * size, "splitLongWords": 1, **more}
+    given: dict[str, Any] = {
+        "textColor": INK,
+        "leading": 1.3 * size,
+        "bulletFontName": font,
+        "splitLongWords": 1,
+        **more,
+    }
     return ParagraphStyle(f"{font}-{size}", fontName=font, fontSize=size, **given)
 
 

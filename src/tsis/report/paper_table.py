@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from reportlab.platypus import LongTable, Paragraph
 
 from tsis.report.paper_style import CELL, CELL_HEADING, LINE, SMALL, TINT, WIDTH, paragraphs
-from tsis.report.paper_text import escaped, pieces, shown, width
+from tsis.report.paper_text import SANS, escaped, pieces, shown, width
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -89,6 +89,7 @@ def _part(headings: tuple[str, ...], rows: Rows, cell: ParagraphStyle) -> LongTa
         cells += _cells(row, cell, widths)
         ends.append(len(cells) - 1)
     looks: list[Any] = [
+        ("FONTNAME", (0, 0), (-1, -1), SANS),  # of empty cells, which would name a font that the file does not hold
         ("VALIGN", (0, 0), (-1, -1), "TOP"),
         ("LEFTPADDING", (0, 0), (-1, -1), PADDING),
         ("RIGHTPADDING", (0, 0), (-1, -1), PADDING),

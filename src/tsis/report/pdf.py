@@ -136,6 +136,7 @@ class _Sheets(BaseDocTemplate):  # type: ignore[misc]  # reportlab has no types
             producer="ReportLab",
             lang="en",
             displayDocTitle=1,
+            initialFontName=SANS,  # or the file names a font that it does not hold
             invariant=1,
         )
         self.heading = title
@@ -159,7 +160,7 @@ def _margins(canvas: Canvas, sheets: _Sheets) -> None:
     canvas.setFont(SANS, FOOT_SIZE)
     canvas.line(SIDE, FOOT + 9, SIDE + WIDTH, FOOT + 9)
     canvas.drawString(SIDE, FOOT, RESEARCH_USE_ONLY)
-    total = width("0000", SANS, FOOT_SIZE)
+    total = width("00", SANS, FOOT_SIZE)
     canvas.drawRightString(SIDE + WIDTH - total, FOOT, f"tsis {__version__}, page {sheets.page} of ")
     canvas.translate(SIDE + WIDTH - total, FOOT)
     canvas.doForm(TOTAL)

@@ -75,7 +75,7 @@ def _provenance(dossier: Dossier) -> dict[str, Any]:
         "target": {"id": target.id, "version": target.version, "entered": moment(target.made) + " UTC"},
         "report": f"tsis {__version__}",
         **stored,
-        "presses": [_press(number, press) for number, press in enumerate(dossier.presses, 1)],
+        **{f"press {number}": _press(press) for number, press in enumerate(dossier.presses, 1)},
         "calibrations": [
             {"name": known.name, "sha256": identity} for identity, known in sorted(dossier.calibrations.items())
         ],
@@ -96,14 +96,15 @@ def _estimate(stored: StoredEstimate) -> dict[str, Any]:
     }
 
 
-def _press(number: int, press: Press) -> dict[str, Any]:
-    return {
-        "no.": number,
-        "id": press.id,
-        "version": press.version,
-        "frame": press.frame,
-        "size": f"{press.columns} × {press.rows} pixels, full scale {press.full_scale:g}",
-        "axis": "({:g}, {:g}) px".format(*press.axis_px),
-        "calibration": press.calibration or "none",
-        "settings": dict(press.settings),
-    }
+def _press(press: Press) -> str:
+    """One line a press: there may be hundreds."""
+    said = [
+        f"frame {press.frame}",
+        f"id {press.id}, version {press.version}",
+        f"{press.columns} × {press.rows} pixels, full scale {press.full_scale:g}",
+        "axis at ({:g}, {:g}) px".format(*press.axis_px),
+        f"probe {press.probe or 'not named'}",
+        f"calibration {press.calibration or 'none'}",
+        *(f"{name} {value}" for name, value in press.settings.items()),
+    ]
+    return "; ".join(said)
