@@ -1,0 +1,80 @@
+"""What a bundle may hold: names, sizes, and how many of each."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+from tsis.model.errors import FileInputError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+FORMAT, VERSION = "tsis-bundle", 1
+MANIFEST, TARGET, PRESSES, ESTIMATES = "manifest.json", "target.json", "presses.json", "estimates.json"
+DOCUMENTS = (TARGET, PRESSES, ESTIMATES)
+FRAMES, CALIBRATIONS, SAMPLES = "frames", "calibrations", "samples"
+FOLDERS = (FRAMES, CALIBRATIONS, SAMPLES)
+SHA256 = re.compile(r"[0-9a-f]{64}")
+
+MIB = 2**20
+MOST_FILES = 20_000
+MOST_BYTES = 16 * 1024 * MIB
+MOST_PIXELS = 32_000_000  # of a frame
+MOST_SAMPLE_BYTES = 32 * MIB  # of all estimates together: they are held at once
+# Longest file of each kind, by the pattern of its name.
+LARGEST = {
+    re.compile(r"(manifest|target|presses|estimates)\.json"): 16 * MIB,
+    re.compile(r"frames/[0-9a-f]{64}\.png"): 80 * MIB,
+    re.compile(r"calibrations/[0-9a-f]{64}\.json"): 128 * MIB,
+    re.compile(r"samples/[0-9]{5}\.samples"): MOST_SAMPLE_BYTES,
+}
+
+
+def frame_name(sha256: str) -> str:
+    """Name of the file of a frame."""
+    return f"{FRAMES}/{sha256}.png"
+
+
+def calibration_name(sha256: str) -> str:
+    """Name of the file of a calibration."""
+    return f"{CALIBRATIONS}/{sha256}.json"
+
+
+def samples_name(number: int) -> str:
+    """Name of the file of an estimate's samples."""
+    return f"{SAMPLES}/{number:05d}.samples"
+
+
+def largest(name: str) -> int:
+    """Most bytes that a file of that name may hold; 0 for one that a bundle may not hold at all.
+
+    Examples
+    --------
+    >>> largest("target.json"), largest("../target.json")
+    (16777216, 0)
+    """
+    return next((most for pattern, most in LARGEST.items() if pattern.fullmatch(name)), 0)
+
+
+def require_bounded(sizes: Mapping[str, int]) -> None:
+    """Refuse names that a bundle may not hold, and sizes that nobody needs, before anything is read.
+
+    Raises
+    ------
+    FileInputError
+        Naming the file.
+    """
+    if len(sizes) > MOST_FILES:
+        raise FileInputError(f"a bundle must hold at most {MOST_FILES} files; got more")
+    for name, size in sizes.items():
+        most = largest(name)
+        if not most:
+            raise FileInputError(f"{name!r:.120} must not be in a bundle; it is no file of one")
+        if not 0 < size <= most:
+            raise FileInputError(f"{name} must hold 1 to {most} bytes; got {size}")
+    if (total := sum(sizes.values())) > MOST_BYTES:
+        raise FileInputError(f"a bundle must hold at most {MOST_BYTES} bytes; got {total}")
+    samples = sum(size for name, size in sizes.items() if name.startswith(SAMPLES))
+    if samples > MOST_SAMPLE_BYTES:
+        raise FileInputError(f"{SAMPLES} must hold at most {MOST_SAMPLE_BYTES} bytes together; got {samples}")

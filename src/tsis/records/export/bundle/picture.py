@@ -1,0 +1,77 @@
+"""Frames of a bundle: grey PNG files whose header is believed before a pixel is unpacked."""
+
+from __future__ import annotations
+
+import struct
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+
+from tsis.instrument.completeness import png_fault
+from tsis.instrument.quiet import quiet_decoders
+from tsis.model.errors import FileInputError
+from tsis.records.export.bundle.contents import MOST_PIXELS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+SIGNATURE = b"\x89PNG\r\n\x1a\n"
+
+
+def read_picture(content: bytes, name: str, rows: int, columns: int) -> NDArray[Any]:
+    """Grey levels of a PNG file, shape (rows, columns), uint8 or uint16, read-only.
+
+    Parameters
+    ----------
+    content
+        The whole file.
+    name
+        Its name, for errors.
+    rows, columns
+        What it must be.
+
+    Raises
+    ------
+    FileInputError
+        When it is no whole grey PNG file of 8 or 16 bits, of another size, too large, or holds anything but a picture.
+    """
+    if rows * columns > MOST_PIXELS:
+        raise FileInputError(f"{name} must hold at most {MOST_PIXELS} pixels; its press says {rows} x {columns}")
+    dtype = _require_header(content, name, rows, columns)
+    if (broken := png_fault(content) or _foreign_chunk(content)) is not None:
+        raise FileInputError(f"{name} must be a complete PNG file, but {broken}")
+    try:
+        with quiet_decoders():
+            levels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
+    except cv2.error as error:
+        raise FileInputError(f"{name} must be a readable PNG file; decoding failed") from error
+    if levels is None or levels.shape != (rows, columns) or levels.dtype != dtype:
+        raise FileInputError(f"{name} must be a readable PNG file of {rows} x {columns} grey levels; it is not")
+    levels.flags.writeable = False
+    return levels
+
+
+def _require_header(content: bytes, name: str, rows: int, columns: int) -> type:
+    if content[:8] != SIGNATURE or content[12:16] != b"IHDR" or len(content) < 33:
+        raise FileInputError(f"{name} must be a PNG file; got something else")
+    width, height, bits, colour, packing, filtering, interlaced = struct.unpack_from(">IIBBBBB", content, 16)
+    if (height, width) != (rows, columns):
+        raise FileInputError(f"{name} must be {rows} x {columns} pixels, as its press says; got {height} x {width}")
+    if bits not in (8, 16) or (colour, packing, filtering, interlaced) != (0, 0, 0, 0):
+        raise FileInputError(f"{name} must hold 8 or 16 bits of grey, not interlaced; got another kind of PNG")
+    return np.uint8 if bits == 8 else np.uint16
+
+
+def _foreign_chunk(content: bytes) -> str | None:
+    """Compressed text and profiles unpack to any size; a picture needs none of them."""
+    position = len(SIGNATURE)
+    while position < len(content):
+        (length,) = struct.unpack_from(">I", content, position)
+        kind = content[position + 4 : position + 8]
+        if kind not in (b"IHDR", b"IDAT", b"IEND"):
+            return f"it holds a chunk {kind.decode('latin-1')!r} that is no part of a picture"
+        position += 12 + length
+        if kind == b"IEND":
+            break
+    return None if position == len(content) else "it goes on after its end"

@@ -1,0 +1,191 @@
+"""A bundle back as a dossier: nothing in it is believed before its size, its hash and its kind were checked."""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from tsis.calibration.file import identity, read_calibration
+from tsis.model.errors import CalibrationError, FileInputError, InputError
+from tsis.records.dossier import Dossier
+from tsis.records.export.bundle.contents import (
+    CALIBRATIONS,
+    DOCUMENTS,
+    ESTIMATES,
+    FORMAT,
+    FRAMES,
+    MANIFEST,
+    PRESSES,
+    SAMPLES,
+    SHA256,
+    TARGET,
+    VERSION,
+    calibration_name,
+    frame_name,
+    require_bounded,
+    samples_name,
+)
+from tsis.records.export.bundle.document import parse, parse_sealed
+from tsis.records.export.bundle.picture import read_picture
+from tsis.records.export.bundle.places import place_of
+from tsis.records.export.bundle.soundness import require_calibrations, require_estimates, require_presses
+from tsis.records.plain import estimate_of_plain, press_of_plain, target_of_plain
+from tsis.records.samples import samples_of
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from tsis.calibration import ProbeCalibration
+    from tsis.records.export.bundle.places import Place
+    from tsis.records.values import Press, StoredEstimate
+
+
+def read_bundle(path: str | os.PathLike[str]) -> Dossier:
+    """Read a folder or zip file that `write_bundle` wrote, wherever it comes from.
+
+    Every file is checked, each frame unpacked once; frames are read again, and checked again, when they are asked for.
+
+    Raises
+    ------
+    FileInputError
+        When a file is missing, unknown, too large, changed by a single byte, or holds what no dossier holds; the
+        message names the file.
+    """
+    return read_place(place_of(path))
+
+
+def read_place(place: Place) -> Dossier:
+    """The same from wherever the files are listed and read: see `read_bundle`."""
+    bundle = _Bundle(place)
+    with _naming(TARGET):
+        target = target_of_plain(bundle.document(TARGET))
+    presses = _presses(bundle)
+    estimates = _estimates(bundle)
+    with _naming(PRESSES):
+        require_presses(target, presses)
+    with _naming(ESTIMATES):
+        require_estimates(target, presses, estimates)
+    calibrations = _calibrations(bundle)
+    with _naming(CALIBRATIONS):
+        require_calibrations(presses, estimates, calibrations)
+    sizes = {press.frame: (press.rows, press.columns) for press in presses}
+    bundle.require_names(FRAMES, {frame_name(frame) for frame in sizes})
+
+    def levels(frame: str) -> NDArray[Any]:
+        return read_picture(bundle.content(frame_name(frame)), frame_name(frame), *sizes[frame])
+
+    for frame in sizes:
+        levels(frame)
+    return Dossier(target=target, presses=presses, estimates=estimates, calibrations=calibrations, read=levels)
+
+
+class _Bundle:
+    """A place, and what its manifest says of each file."""
+
+    def __init__(self, place: Place) -> None:
+        self.place = place
+        sizes = place.sizes()
+        require_bounded(sizes)
+        for name in (MANIFEST, *DOCUMENTS):
+            if name not in sizes:
+                raise FileInputError(f"{name} must be in the bundle; it is missing")
+        manifest = parse_sealed(place.read(MANIFEST, sizes[MANIFEST]), MANIFEST)
+        self.files = _entries(manifest)
+        for name in sorted(set(sizes) ^ {*self.files, MANIFEST}):
+            raise FileInputError(f"{name!r:.120} must be both in the bundle and in its manifest; it is in one of them")
+        for name, (_, size) in self.files.items():
+            if sizes[name] != size:
+                raise FileInputError(f"{name} must hold {size} bytes, as the manifest says; got {sizes[name]}")
+
+    def content(self, name: str) -> bytes:
+        """Content of a file, found as the manifest says."""
+        sha256, size = self.files[name]
+        content = self.place.read(name, size)
+        if len(content) != size or hashlib.sha256(content).hexdigest() != sha256:
+            raise FileInputError(f"{name} must be as it was written; its SHA-256 differs from that in the manifest")
+        return content
+
+    def document(self, name: str) -> Any:
+        """Plain values of a file."""
+        return parse(self.content(name), name)
+
+    def list(self, name: str) -> list[Any]:
+        """The list of plain values that a file holds."""
+        found = self.document(name)
+        if not isinstance(found, list):
+            raise FileInputError(f"{name} must hold a JSON list; got a {type(found).__name__}")
+        return found
+
+    def require_names(self, folder: str, wanted: set[str]) -> None:
+        """Refuse files in a folder that nothing cites, and cited ones that are missing."""
+        for name in sorted(wanted ^ {name for name in self.files if name.startswith(f"{folder}/")}):
+            what = "it is missing" if name in wanted else "nothing cites it"
+            raise FileInputError(f"{name} must be in the bundle and cited by it; {what}")
+
+
+def _entries(manifest: dict[str, Any]) -> dict[str, tuple[str, int]]:
+    if (manifest.get("format"), manifest.get("version")) != (FORMAT, VERSION):
+        got = f"{manifest.get('format')!r:.60} {manifest.get('version')!r:.20}"
+        raise FileInputError(f"{MANIFEST} must be of {FORMAT} {VERSION}; got {got}")
+    files = manifest.get("files")
+    sound = isinstance(files, dict) and all(
+        isinstance(entry, dict)
+        and set(entry) == {"sha256", "bytes"}
+        and isinstance(entry["sha256"], str)
+        and SHA256.fullmatch(entry["sha256"])
+        and type(entry["bytes"]) is int
+        for entry in files.values()
+    )
+    if not sound or files is None:
+        raise FileInputError(f"{MANIFEST} must give the SHA-256 and the bytes of every file; it does not")
+    return {name: (entry["sha256"], entry["bytes"]) for name, entry in files.items()}
+
+
+def _presses(bundle: _Bundle) -> tuple[Press, ...]:
+    plain = bundle.list(PRESSES)
+    with _naming(PRESSES):
+        return tuple(press_of_plain(each, f"press {at + 1}") for at, each in enumerate(plain))
+
+
+def _estimates(bundle: _Bundle) -> tuple[StoredEstimate, ...]:
+    plain = bundle.list(ESTIMATES)
+    bundle.require_names(SAMPLES, {samples_name(at) for at in range(len(plain))})
+    found = []
+    for at, each in enumerate(plain):
+        samples = samples_of(bundle.content(samples_name(at)), samples_name(at))
+        with _naming(ESTIMATES):
+            found.append(estimate_of_plain(each, samples, f"estimate {at + 1}"))
+    return tuple(found)
+
+
+def _calibrations(bundle: _Bundle) -> dict[str, ProbeCalibration]:
+    found = {}
+    for name in sorted(name for name in bundle.files if name.startswith(f"{CALIBRATIONS}/")):
+        with _naming(name), tempfile.TemporaryDirectory(prefix="tsis-bundle-") as folder:
+            draft = Path(folder) / "calibration.json"
+            draft.write_bytes(bundle.content(name))
+            known = read_calibration(draft)
+        cited = identity(known)
+        if calibration_name(cited) != name:
+            raise FileInputError(f"{name} must be named after what it holds; it holds calibration {cited}")
+        found[cited] = known
+    return found
+
+
+@contextmanager
+def _naming(name: str) -> Iterator[None]:
+    """Say in which file a value was that its own class refuses."""
+    try:
+        yield
+    except FileInputError as error:
+        if name in str(error):
+            raise
+        raise FileInputError(f"{name}: {error}") from error
+    except (InputError, CalibrationError) as error:
+        raise FileInputError(f"{name}: {error}") from error

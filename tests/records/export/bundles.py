@@ -1,0 +1,54 @@
+"""Bundles in memory, so that thousands of them can be forged."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import TYPE_CHECKING, Any
+
+from tsis.records.export.bundle.document import sealed_bytes
+from tsis.records.export.bundle.writing import _write
+from tsis.records.plain import estimate_to_plain, press_to_plain, target_to_plain
+
+if TYPE_CHECKING:
+    from tsis.records import Dossier
+
+
+class Memory:
+    def __init__(self, files: dict[str, bytes]) -> None:
+        self.files = files
+
+    def sizes(self) -> dict[str, int]:
+        return {name: len(content) for name, content in self.files.items()}
+
+    def read(self, name: str, most: int) -> bytes:
+        return self.files[name][: most + 1]
+
+
+def files_of(dossier: Dossier) -> dict[str, bytes]:
+    found: dict[str, bytes] = {}
+    _write(dossier, found.__setitem__)
+    return found
+
+
+def sealed(files: dict[str, bytes]) -> dict[str, bytes]:
+    """The files with a manifest that fits them, as a forger would make it."""
+    manifest = json.loads(files["manifest.json"])
+    manifest.pop("sha256")
+    manifest["files"] = {
+        name: {"sha256": hashlib.sha256(content).hexdigest(), "bytes": len(content)}
+        for name, content in sorted(files.items())
+        if name != "manifest.json"
+    }
+    return files | {"manifest.json": sealed_bytes(manifest)}
+
+
+def plain(dossier: Dossier) -> Any:
+    """All of a dossier but its frames."""
+    return [
+        target_to_plain(dossier.target),
+        [press_to_plain(press) for press in dossier.presses],
+        [estimate_to_plain(stored) for stored in dossier.estimates],
+        [{name: values.tolist() for name, values in each.estimate.samples.items()} for each in dossier.estimates],
+        sorted(dossier.calibrations),
+    ]

@@ -1,0 +1,246 @@
+import json
+import random
+import struct
+import tracemalloc
+import zipfile
+import zlib
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import pytest
+from tests.records.export.bundles import Memory, files_of, plain, sealed
+from tests.records.sample import sample_dossier
+
+from tsis.model.errors import FileInputError
+from tsis.records.export import read_bundle, write_bundle
+from tsis.records.export.bundle.picture import read_picture
+from tsis.records.export.bundle.reading import read_place
+
+WHOLE = files_of(sample_dossier())
+FRAMES = sorted(name for name in WHOLE if name.startswith("frames/"))
+MIB = 2**20
+
+
+def chunk(kind: bytes, content: bytes) -> bytes:
+    return struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+
+
+def png(
+    rows: int,
+    columns: int,
+    data: bytes,
+    extra: bytes = b"",
+    kind: tuple[int, ...] = (8, 0, 0, 0, 0),
+) -> bytes:
+    head = chunk(b"IHDR", struct.pack(">IIBBBBB", columns, rows, *kind))
+    return b"\x89PNG\r\n\x1a\n" + head + extra + chunk(b"IDAT", zlib.compress(data, 9)) + chunk(b"IEND", b"")
+
+
+@contextmanager
+def at_most(mebibytes: float) -> Iterator[None]:
+    """Little memory is taken by Python and NumPy."""
+    tracemalloc.start()
+    try:
+        yield
+        assert tracemalloc.get_traced_memory()[1] < mebibytes * MIB
+    finally:
+        tracemalloc.stop()
+
+
+def refused(files: dict[str, bytes], says: str) -> None:
+    with at_most(150), pytest.raises(FileInputError, match=says):
+        read_place(Memory(files))
+
+
+def test_the_bundles_in_memory_are_bundles() -> None:
+    assert plain(read_place(Memory(WHOLE))) == plain(sample_dossier())
+    assert sealed(WHOLE) == WHOLE
+    good = png(96, 150, bytes(96 * 151))
+    read_place(Memory(sealed(WHOLE | {FRAMES[0]: good})))  # so that what is refused below is refused for its fault
+
+
+@pytest.mark.parametrize(
+    ("picture", "says"),
+    [
+        (png(60_000, 60_000, bytes(10 * MIB)), "must be 96 x 150 pixels"),
+        (png(96, 150, bytes(96 * 151), chunk(b"zTXt", b"a\0\0" + zlib.compress(bytes(50 * MIB)))), "'zTXt'"),
+        (png(96, 150, bytes(96 * 151), chunk(b"iCCP", b"a\0\0" + zlib.compress(bytes(50 * MIB)))), "'iCCP'"),
+        (png(96, 150, bytes(96 * 451), kind=(8, 2, 0, 0, 0)), "8 or 16 bits of grey"),
+        (png(96, 150, bytes(96 * 151), kind=(8, 0, 0, 0, 1)), "not interlaced"),
+        (png(96, 150, bytes(96 * 20), kind=(1, 0, 0, 0, 0)), "8 or 16 bits of grey"),
+        (png(96, 150, bytes(5)), "frames/"),
+        (png(96, 150, bytes(96 * 151)) + b"more", "goes on after its end"),
+        (png(96, 150, bytes(96 * 151))[:-12], "truncated"),
+        (b"\xff\xd8\xff\xe0" + bytes(60), "must be a PNG file"),
+    ],
+)
+def test_frames_that_are_bombs_or_no_frames_are_refused(picture: bytes, says: str) -> None:
+    refused(sealed(WHOLE | {FRAMES[0]: picture}), says)
+
+
+def test_a_picture_with_far_more_data_than_its_header_says_takes_no_memory() -> None:
+    endless = png(96, 150, bytes(100 * MIB))
+    with at_most(20), suppress(FileInputError):
+        read_picture(endless, FRAMES[0], 96, 150)  # the decoder stops at the last row
+
+
+def test_a_press_that_agrees_with_a_picture_too_large_is_refused_before_it_is_unpacked() -> None:
+    presses = json.loads(WHOLE["presses.json"])
+    presses[0] |= {"rows": 60_000, "columns": 60_000}
+    name = f"frames/{presses[0]['frame']}.png"
+    files = WHOLE | {"presses.json": json.dumps(presses).encode(), name: png(60_000, 60_000, bytes(MIB))}
+    refused(sealed(files), "must hold at most 32000000 pixels")
+
+
+@pytest.mark.parametrize(
+    ("content", "says"),
+    [
+        (b"[" * 100_000, "readable JSON|values"),
+        (b"[" * 400_000 + b"]" * 400_000, "readable JSON"),
+        (b"[" + b"[],{}," * 2_000_000 + b"1]", "at most 500000 values"),
+        (b"[" + b"9" * 1_000_000 + b"]", "readable JSON"),
+        (b"[NaN]", "NaN"),
+        (b"[Infinity]", "Infinity"),
+        (b'[{"role":1,"role":2}]', "a name twice"),
+        (b"[1e999]", "press 1 must be an object"),
+        (b"\xff\xfe[]", "readable JSON"),
+        (b"{}", "JSON list"),
+        (b"[" + b" " * (16 * MIB) + b"]", "must hold 1 to"),
+    ],
+)
+def test_documents_that_are_bombs_or_no_documents_are_refused(content: bytes, says: str) -> None:
+    refused(sealed(WHOLE | {"presses.json": content}), says)
+
+
+@pytest.mark.parametrize("name", ["target.json", "presses.json", "estimates.json"])
+def test_forged_values_are_refused_or_are_values(name: str) -> None:
+    """Every value in turn is replaced by every odd one, with hashes that fit: a dossier or a typed refusal."""
+    odd: list[Any] = [None, True, -1, 0, 10**400, 1e308, "", "x" * 5000, "\0", "\ud800", [], {}, [[]], {"a": 1}, "../x"]
+    refusals = 0
+    document = json.loads(WHOLE[name])
+    for path in paths(document):
+        for value in odd:
+            forged = put(document, path, value)
+            try:
+                read_place(Memory(sealed(WHOLE | {name: json.dumps(forged).encode()})))
+            except FileInputError:
+                refusals += 1
+    assert refusals > 0.5 * len(odd) * len(paths(document)) * (0.5 if name == "estimates.json" else 1)
+
+
+def paths(value: Any) -> list[tuple[Any, ...]]:
+    if isinstance(value, dict):
+        return [(), *((key, *rest) for key, each in value.items() for rest in paths(each))]
+    if isinstance(value, list):
+        return [(), *((at, *rest) for at, each in list(enumerate(value))[:1] for rest in paths(each))]
+    return [()]
+
+
+def put(value: Any, path: tuple[Any, ...], new: Any) -> Any:
+    if not path:
+        return new
+    copy = dict(value) if isinstance(value, dict) else list(value)
+    copy[path[0]] = put(value[path[0]], path[1:], new)
+    return copy
+
+
+def flipped(rng: random.Random, data: bytes) -> bytes:
+    at = rng.randrange(len(data))
+    return data[:at] + bytes([data[at] ^ (1 << rng.randrange(8))]) + data[at + 1 :]
+
+
+def cut(rng: random.Random, data: bytes) -> bytes:
+    return data[: rng.randrange(len(data))]
+
+
+def grown(rng: random.Random, data: bytes) -> bytes:
+    at = rng.randrange(len(data))
+    return data[:at] + rng.randbytes(rng.randrange(1, 9)) + data[at:]
+
+
+def holed(rng: random.Random, data: bytes) -> bytes:
+    at = rng.randrange(len(data))
+    return data[:at] + data[at + rng.randrange(1, 99) :]
+
+
+CHANGES = (flipped, cut, grown, holed)
+
+
+def test_two_thousand_changed_files_are_refused_by_name() -> None:
+    rng = random.Random(5)
+    names = sorted(WHOLE)
+    for _ in range(2000):
+        name = rng.choice(names)
+        changed = rng.choice(CHANGES)(rng, WHOLE[name])
+        if changed == WHOLE[name]:
+            continue
+        with pytest.raises(FileInputError) as refusal:
+            read_place(Memory(WHOLE | {name: changed}))
+        assert name in str(refusal.value)
+
+
+def test_a_thousand_changed_files_with_hashes_that_fit_raise_nothing_else() -> None:
+    rng = random.Random(6)
+    names = sorted(set(WHOLE) - {"manifest.json"})
+    accepted = 0
+    for _ in range(1000):
+        name = rng.choice(names)
+        try:
+            read_place(Memory(sealed(WHOLE | {name: rng.choice(CHANGES)(rng, WHOLE[name])})))
+            accepted += name.startswith(("frames", "samples"))
+        except FileInputError:
+            pass
+    assert accepted == 0  # these hold check sums of their own
+
+
+def test_hundreds_of_changed_zip_files_are_refused_or_the_same(tmp_path: Path) -> None:
+    write_bundle(sample_dossier(), tmp_path / "out.zip")
+    whole, wanted = (tmp_path / "out.zip").read_bytes(), plain(sample_dossier())
+    rng, directory = random.Random(7), len(whole) - 3000
+    changed = tmp_path / "changed.zip"
+    same = 0
+    for number in range(400):
+        data = bytearray(whole)
+        data[rng.randrange(directory if number % 2 else 0, len(whole))] ^= 1 << rng.randrange(8)
+        changed.write_bytes(data)
+        try:
+            found = plain(read_bundle(changed))
+        except FileInputError:
+            continue
+        assert found == wanted  # a time or a right that nobody reads was changed
+        same += 1
+    assert same < 320
+
+
+def test_zip_bombs_are_refused_before_they_are_unpacked(tmp_path: Path) -> None:
+    bomb = tmp_path / "bomb.zip"
+    with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED) as file:
+        for name in ("manifest.json", "target.json", "presses.json", "estimates.json"):
+            file.writestr(name, bytes(16 * MIB))
+    with pytest.raises(FileInputError, match="must unpack to at most 100 times its size"):
+        read_bundle(bomb)
+
+
+def test_a_zip_file_that_lies_about_a_size_is_refused_at_that_size(tmp_path: Path) -> None:
+    bomb = tmp_path / "bomb.zip"
+    with zipfile.ZipFile(bomb, "w", zipfile.ZIP_DEFLATED) as file:
+        for name, content in sorted(WHOLE.items(), key=lambda each: each[0] != "manifest.json"):
+            file.writestr(name, bytes(100 * MIB) if name == "manifest.json" else content)
+    data = bytearray(bomb.read_bytes())
+    for at in (data.index(b"PK\x03\x04") + 22, data.index(b"PK\x01\x02") + 24):
+        data[at : at + 4] = struct.pack("<I", 2000)
+    bomb.write_bytes(data)
+    with at_most(20), pytest.raises(FileInputError, match=r"manifest\.json"):
+        read_bundle(bomb)
+
+
+def test_a_zip_file_with_a_long_directory_is_refused_before_it_is_read(tmp_path: Path) -> None:
+    crowd = tmp_path / "crowd.zip"
+    entry = struct.pack("<4s6H3I5H2I", b"PK\x01\x02", 20, 20, 0, 0, 0, 33, 0, 0, 0, 1, 0, 0, 0, 0, 0, 0) + b"a"
+    directory = entry * 200_000
+    end = struct.pack("<4s4H2IH", b"PK\x05\x06", 0, 0, 65535, 65535, len(directory), 0, 0)
+    crowd.write_bytes(directory + end)
+    with at_most(5), pytest.raises(FileInputError, match="its directory is longer"):
+        read_bundle(crowd)
