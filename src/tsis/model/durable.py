@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import secrets
+import sys
+import time
 from contextlib import suppress
 from typing import IO, TYPE_CHECKING
 
@@ -11,6 +13,19 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 UNFINISHED = ".unfinished"
+
+if sys.platform == "darwin":
+    import fcntl
+
+    def _sync(handle: int) -> None:
+        """Sync a file; macOS' own fsync leaves it in the drive's cache."""
+        try:
+            fcntl.fcntl(handle, fcntl.F_FULLFSYNC)
+        except OSError:  # a file system that has no such call
+            os.fsync(handle)
+
+else:
+    _sync = os.fsync
 
 
 class Disk:
@@ -27,7 +42,12 @@ class Disk:
 
     def sync(self, file: IO[bytes]) -> None:
         """Return when what was written to the file is on the disk."""
-        os.fsync(file.fileno())
+        _sync(file.fileno())
+
+    def sync_again(self, path: Path) -> None:
+        """Return when a file that somebody else wrote is on the disk, whether it already was or not."""
+        with path.open("rb" if os.name == "posix" else "r+b") as file:
+            self.sync(file)
 
     def rename(self, draft: Path, path: Path) -> None:
         """Give the file its name, in place of what had it."""
@@ -39,7 +59,7 @@ class Disk:
         if os.name == "posix":
             handle = os.open(folder, os.O_RDONLY)
             try:
-                os.fsync(handle)
+                _sync(handle)
             finally:
                 os.close(handle)
 
@@ -55,15 +75,24 @@ class Disk:
 DISK = Disk()
 
 
-def write_durably(path: Path, content: bytes, *, disk: Disk = DISK) -> None:
+def write_durably(path: Path, content: bytes, *, disk: Disk = DISK, drafts: Path | None = None) -> None:
     """Write ``content``; when this returns it is on the disk, and readers never see a part of it.
+
+    Parameters
+    ----------
+    path, content
+        Which file, and all of what it shall hold.
+    disk
+        By which steps it gets there.
+    drafts
+        Folder of the same disk in which it is written before it gets its name; by default that of ``path``.
 
     Raises
     ------
     OSError
         When it cannot be written; nothing is left then.
     """
-    draft = path.with_name(f".{path.name}-{secrets.token_hex(8)}{UNFINISHED}")
+    draft = (drafts or path.parent) / f".{path.name}-{secrets.token_hex(8)}{UNFINISHED}"
     try:
         with disk.create(draft) as file:
             disk.write(file, content)
@@ -79,19 +108,28 @@ def write_durably(path: Path, content: bytes, *, disk: Disk = DISK) -> None:
 def make_folder_durably(folder: Path, *, disk: Disk = DISK) -> None:
     """Make a folder and those above it that are missing; when this returns they are on the disk.
 
+    Those that were there are synced too: who made them may have been killed before they lasted.
+
     Raises
     ------
     OSError
         When one cannot be made.
     """
-    if folder.parent != folder and not folder.parent.exists():
-        make_folder_durably(folder.parent, disk=disk)
-    disk.make_folder(folder)
-    disk.sync_folder(folder.parent)
+    folder = folder.absolute()
+    for each in (*reversed(folder.parents), folder):
+        made = not each.is_dir()
+        if made:
+            disk.make_folder(each)
+        try:
+            disk.sync_folder(each.parent)
+        except OSError:
+            if made or each == folder:  # others, up to the root, need not let themselves be synced
+                raise
 
 
-def remove_unfinished(folder: Path) -> None:
-    """Remove what killed writers left."""
+def remove_unfinished(folder: Path, *, age_s: float = 0.0) -> None:
+    """Remove what killed writers left, where it is at least as old as a living one would let it become."""
     for draft in folder.glob(f".*{UNFINISHED}"):
         with suppress(OSError):
-            draft.unlink()
+            if time.time() - draft.stat().st_mtime >= age_s:
+                draft.unlink()

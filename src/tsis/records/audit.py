@@ -59,6 +59,12 @@ def has_entry(connection: Connection, head: Head) -> bool:
     return bool(found == head.hash)
 
 
+def read_head(connection: Connection) -> Head:
+    """The last entry as this transaction sees it."""
+    row = connection.execute(select(audit_head)).first()
+    return Head(number=0, hash=FIRST) if row is None else Head(number=row.number, hash=row.hash)
+
+
 def append(connection: Connection, head: Head, changes: Iterable[Change], *, actor: str) -> Head:
     """Enter changes after ``head``, which `locked_head` gave, and return the new one."""
     moment = datetime.now(UTC).isoformat()

@@ -7,7 +7,7 @@ import re
 from typing import TYPE_CHECKING
 
 from tsis.instrument import read_bytes, shown
-from tsis.model.durable import DISK, Disk, make_folder_durably, write_durably
+from tsis.model.durable import DISK, Disk, write_durably
 from tsis.model.errors import FileInputError, RecordsError
 
 if TYPE_CHECKING:
@@ -32,11 +32,13 @@ class Blobs:
     def __init__(self, folder: Path, *, disk: Disk = DISK) -> None:
         self.folder = folder
         self._disk = disk
+        self._lasting: set[str] = set()  # folders whose names this program has synced
 
     def put(self, content: bytes, ending: str) -> str:
         """Keep ``content``, and return its name; then it is on the disk, whatever happens next.
 
-        A file that is there already is written again: whether it ever reached the disk, and whole, nobody knows.
+        A file that is there already and whole is not written again, since a file that is replaced can be lost on the
+        way; but it is synced again: whether it and its name ever reached the disk, nobody knows.
 
         Raises
         ------
@@ -46,14 +48,31 @@ class Blobs:
         name = hashlib.sha256(content).hexdigest()
         path = self.path(name, ending)
         try:
-            make_folder_durably(path.parent, disk=self._disk)
-            write_durably(path, content, disk=self._disk)
+            self._make_folder(path)
+            if self._holds(path, content):
+                self._disk.sync_again(path)
+                self._disk.sync_folder(path.parent)
+            else:
+                write_durably(path, content, disk=self._disk, drafts=self.folder)
         except OSError as error:
             raise RecordsError(
                 f"a file of {len(content)} bytes must be written into {shown(self.folder)}; got: "
                 f"{error.strerror or error} (what was stored before is as it was; free some space)"
             ) from error
         return name
+
+    def _make_folder(self, path: Path) -> None:
+        folder = path.parent
+        if folder.name not in self._lasting or not folder.is_dir():
+            self._disk.make_folder(folder)
+            self._disk.sync_folder(self.folder)  # also for one that is there: who made it may have been killed
+            self._lasting.add(folder.name)
+
+    def _holds(self, path: Path, content: bytes) -> bool:
+        try:
+            return path.exists() and read_bytes(path) == content
+        except FileInputError:
+            return False  # damaged: written anew
 
     def get(self, name: str, ending: str) -> bytes:
         """The content of that name, found to be what was stored.

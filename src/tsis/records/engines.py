@@ -19,6 +19,14 @@ BUSY_S = 30  # how long one waits for another that writes
 CONNECT_S = 10  # how long one waits for a server to answer at all
 IMMEDIATE = "tsis_immediate"
 _LOOK_ALIVE = {"keepalives_idle": 10, "keepalives_interval": 5, "keepalives_count": 4, "tcp_user_timeout": 30_000}
+_PRAGMAS = (
+    "journal_mode=WAL",
+    "synchronous=FULL",
+    "fullfsync=ON",  # these two: macOS leaves what was synced plainly in the drive's cache
+    "checkpoint_fullfsync=ON",
+    "foreign_keys=ON",
+    "trusted_schema=OFF",
+)
 _SESSION = (
     f"SET lock_timeout = '{BUSY_S}s'",
     f"SET idle_in_transaction_session_timeout = '{2 * BUSY_S}s'",  # one who sleeps must not stop all others
@@ -34,7 +42,7 @@ def sqlite_engine(file: Path) -> Engine:
     @event.listens_for(engine, "connect")
     def configure(connection: Any, _record: Any) -> None:
         connection.isolation_level = None  # SQLAlchemy's own BEGIN, below, and no other
-        for pragma in ("journal_mode=WAL", "synchronous=FULL", "foreign_keys=ON", "trusted_schema=OFF"):
+        for pragma in _PRAGMAS:
             connection.execute(f"PRAGMA {pragma}")
 
     @event.listens_for(engine, "begin")

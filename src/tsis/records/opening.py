@@ -13,7 +13,7 @@ from sqlalchemy import insert, select
 from tsis.instrument import shown
 from tsis.instrument.file_bytes import as_path, one_line
 from tsis.model import check
-from tsis.model.durable import DISK, Disk, make_folder_durably
+from tsis.model.durable import DISK, Disk, make_folder_durably, remove_unfinished
 from tsis.model.errors import RecordsError
 from tsis.records import rows, tables
 from tsis.records.anchor import BEFORE, read_anchor, write_anchor
@@ -22,6 +22,8 @@ from tsis.records.audit import Change, Head, append, begin_audit, locked_head
 from tsis.records.database import FILE, Database
 from tsis.records.store import FILES, Store
 from tsis.records.values import KINDS
+
+ABANDONED_S = 86_400.0  # no file takes a day to be written: a draft of that age is a killed program's
 
 
 def default_folder(kind: str) -> Path:
@@ -71,6 +73,8 @@ def open_store(
         raise RecordsError(
             f"{shown(place)} must be a folder that can be made; got: {one_line(error)} (choose another)"
         ) from error
+    for folder in (place, place / FILES):
+        remove_unfinished(folder, age_s=ABANDONED_S)
     rows_of = Database(database, place)
     try:
         if not create:

@@ -9,9 +9,9 @@ from sqlalchemy import select
 
 from tsis.model.errors import RecordsError
 from tsis.records.anchor import read_anchor
-from tsis.records.audit import FIRST, Head
+from tsis.records.audit import FIRST, Head, read_head
 from tsis.records.canonical import digest
-from tsis.records.tables import RECORDED, audit, audit_head, calibrations, estimates, frames
+from tsis.records.tables import RECORDED, audit, calibrations, estimates, frames
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -35,6 +35,9 @@ class Verification:
         How many were compared.
     unnamed
         Files that no row names: of saves that were cut short before they were acknowledged. No fault.
+    unanchored
+        How many of the last entries of the audit its anchor does not vouch for: of saves that were killed between row
+        and anchor, or found no room for it. No fault; the next record brings it up to date.
     """
 
     faults: tuple[str, ...]
@@ -42,6 +45,7 @@ class Verification:
     rows: int
     files: int
     unnamed: int
+    unanchored: int
 
     @property
     def sound(self) -> bool:
@@ -65,11 +69,11 @@ def verify(store: Store, *, progress: Callable[[int, int], None] | None = None) 
         When the database cannot be read at all.
     """
     with store.database.reading() as connection:
-        faults = [*_chain_faults(connection), *_anchor_faults(connection, store)]
+        faults, head = [*_chain_faults(connection)], read_head(connection)
+        anchor_faults, unanchored = _anchor_faults(connection, store, head)
         row_faults, count = _row_faults(connection)
-        head = _head(connection)
         wanted = dict(_files(connection))
-    faults += row_faults
+    faults += [*anchor_faults, *row_faults]
     for done, ((name, ending), of) in enumerate(wanted.items(), start=1):
         try:
             store.blobs.get(name, ending)
@@ -78,12 +82,9 @@ def verify(store: Store, *, progress: Callable[[int, int], None] | None = None) 
         if progress is not None:
             progress(done, len(wanted))
     unnamed = sum(1 for each in store.blobs.names() if each not in wanted)
-    return Verification(faults=tuple(faults), head=head, rows=count, files=len(wanted), unnamed=unnamed)
-
-
-def _head(connection: Connection) -> Head:
-    row = connection.execute(select(audit_head)).first()
-    return Head(number=0, hash=FIRST) if row is None else Head(number=row.number, hash=row.hash)
+    return Verification(
+        faults=tuple(faults), head=head, rows=count, files=len(wanted), unnamed=unnamed, unanchored=unanchored
+    )
 
 
 def _entries(connection: Connection) -> Iterator[dict[str, Any]]:
@@ -103,21 +104,25 @@ def _chain_faults(connection: Connection) -> Iterator[str]:
         if digest(content) != entry["hash"]:
             yield f"audit entry {number} must be as it was written; it was changed"
         last = Head(number=number, hash=entry["hash"])
-    if _head(connection) != last:
-        yield f"the audit must end at entry {_head(connection).number}; it ends at {last.number}"
+    if read_head(connection) != last:
+        yield f"the audit must end at entry {read_head(connection).number}; it ends at {last.number}"
 
 
-def _anchor_faults(connection: Connection, store: Store) -> Iterator[str]:
+def _anchor_faults(connection: Connection, store: Store, head: Head) -> tuple[list[str], int]:
+    """What is wrong with the anchor, and by how many entries it lags."""
+    faults = []
     try:
         identity, anchored = read_anchor(store.folder)
     except RecordsError as error:
-        yield str(error)
-        return
+        return [str(error)], head.number
     if identity != store.identity:
-        yield f"the anchor must be that of this store, {store.identity}; it is that of {identity!r:.60}"
+        faults.append(f"the anchor must be that of this store, {store.identity}; it is that of {identity!r:.60}")
     found = connection.execute(select(audit.c.hash).where(audit.c.number == anchored.number)).scalar()
     if found != anchored.hash and anchored != Head(number=0, hash=FIRST):
-        yield f"audit entry {anchored.number} must be the one that the anchor tells; it is another, or was cut off"
+        faults.append(
+            f"audit entry {anchored.number} must be the one that the anchor tells; it is another, or was cut off"
+        )
+    return faults, max(0, head.number - anchored.number)
 
 
 def _row_faults(connection: Connection) -> tuple[list[str], int]:
