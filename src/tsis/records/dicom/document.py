@@ -23,6 +23,9 @@ if TYPE_CHECKING:
 SERIES = 9
 NO_DATE, NO_TIME = "19000101", "000000"  # a report must have a time; this one says that it was taken out
 
+# The moment at which highdicom made the document; with it, the same export would not be the same.
+OF_NOW = ("InstanceCreationDate", "InstanceCreationTime", "ContributingEquipmentSequence")
+
 
 def has_report(dossier: Dossier) -> bool:
     """Whether there is anything to report: an estimate, a force, or a flag."""
@@ -51,8 +54,8 @@ def report(dossier: Dossier, cover: Cover, images: Sequence[tuple[Stack, Dataset
     )
     described = "Estimate and forces, research use only"
     describe(document, cover, Series(number=SERIES, what="report", description=described, modality="SR", started=made))
-    for when in ("InstanceCreationDate", "InstanceCreationTime"):  # of now: the same export would not be the same
-        del document[when]
+    for what in OF_NOW:
+        del document[what]
     document.ContentDate, document.ContentTime = date, time
     return document
 

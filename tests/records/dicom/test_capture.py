@@ -1,0 +1,123 @@
+"""Frames come back from a Secondary Capture instance as the camera gave them, read by pydicom."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from datetime import timedelta
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from tests.records.dicom.variants import framed, noise, with_presses
+from tests.records.sample import WHEN, sample_dossier
+
+from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.model.errors import RecordsError
+from tsis.records.dicom import dicom_files
+
+if TYPE_CHECKING:
+    from pydicom.dataset import Dataset
+
+    from tsis.records import Dossier
+
+SINGLE = "1.2.840.10008.5.1.4.1.1.7"
+BYTES, WORDS = f"{SINGLE}.2", f"{SINGLE}.3"
+
+
+def images(dossier: Dossier, *, identified: bool = False) -> list[Dataset]:
+    found = [file.dataset() for file in dicom_files(dossier, identified=identified)]
+    return [each for each in found if "PixelData" in each]
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    rows=st.integers(1, 40),
+    columns=st.integers(1, 40),
+    frames=st.integers(1, 4),
+    bits=st.sampled_from([8, 9, 10, 12, 14, 16]),
+    seed=st.integers(0, 2**31),
+    scale=st.none() | st.tuples(st.floats(1e-4, 10), st.floats(1e-4, 10)),
+)
+def test_frames_and_scale_come_back(
+    rows: int, columns: int, frames: int, bits: int, seed: int, scale: tuple[float, float] | None
+) -> None:
+    given_frames = [noise(rows, columns, bits=bits, seed=seed + i) for i in range(frames)]
+    (image,) = images(framed(given_frames, full_scale=2.0**bits - 1, mm_per_pixel=scale))
+    back = np.reshape(image.pixel_array, (frames, rows, columns))
+    assert back.dtype == given_frames[0].dtype
+    np.testing.assert_array_equal(back, given_frames)
+    assert image.SOPClassUID == (SINGLE if frames == 1 else BYTES if bits == 8 else WORDS)
+    assert image.BitsStored == bits
+    assert len(image.PixelData) % 2 == 0
+    if scale is None:
+        assert "PixelSpacing" not in image
+    else:  # the distance of rows, y, comes first; 16 characters hold at least 11 digits of these
+        np.testing.assert_allclose([float(each) for each in image.PixelSpacing], scale[::-1], rtol=1e-10)
+
+
+def test_grey_levels_above_full_scale_are_kept() -> None:
+    frame = np.array([[5000, 4095]], dtype=np.uint16)
+    (image,) = images(framed([frame], full_scale=4095.0))
+    np.testing.assert_array_equal(image.pixel_array, frame)
+    assert image.BitsStored == 13
+
+
+def test_series_are_the_roles_and_frames_their_times() -> None:
+    first, second = images(sample_dossier())
+    assert first.SeriesInstanceUID != second.SeriesInstanceUID
+    assert first.StudyInstanceUID == second.StudyInstanceUID
+    assert "target" in first.SeriesDescription
+    assert "plain" in second.SeriesDescription
+    assert first["FrameIncrementPointer"].value == 0x00181065
+    assert [float(each) for each in first.FrameTimeVector] == [0.0, 20_000.0]
+
+
+def test_frames_are_in_the_order_of_their_times() -> None:
+    dossier = framed([noise(3, 3, seed=seed) for seed in range(3)])
+    moved = replace(dossier.presses[0], taken=WHEN + timedelta(minutes=1))
+    (image,) = images(replace(dossier, presses=(moved, *dossier.presses[1:])))
+    wanted = [dossier.levels(dossier.presses[i]) for i in (1, 2, 0)]
+    np.testing.assert_array_equal(image.pixel_array, wanted)
+    assert [float(each) for each in image.FrameTimeVector] == [0.0, 1_000.0, 58_000.0]
+
+
+def test_frames_of_other_size_depth_or_scale_are_instances_of_their_own() -> None:
+    found = images(framed([noise(3, 4), noise(4, 3), noise(3, 4, bits=16), noise(3, 4, seed=1)]))
+    assert [(each.Rows, each.Columns, each.BitsAllocated, each.get("NumberOfFrames", 1)) for each in found] == [
+        (3, 4, 8, 2),
+        (4, 3, 8, 1),
+        (3, 4, 16, 1),
+    ]
+    assert [each.InstanceNumber for each in found] == [1, 2, 3]
+    assert len({each.SeriesInstanceUID for each in found}) == 1
+
+
+def test_long_series_are_cut_into_instances(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("tsis.records.dicom.series.MOST_BYTES", 30)
+    frames = [noise(3, 4, seed=seed) for seed in range(5)]
+    found = images(framed(frames))
+    assert [int(each.get("NumberOfFrames", 1)) for each in found] == [2, 2, 1]
+    np.testing.assert_array_equal(np.concatenate([each.pixel_array.reshape(-1, 3, 4) for each in found]), frames)
+
+
+@pytest.mark.parametrize("identified", [False, True])
+@pytest.mark.parametrize("kind", ["phantom", "subject"])
+def test_every_instance_says_what_it_is(kind: str, identified: bool) -> None:
+    for image in images(sample_dossier(kind=kind), identified=identified):
+        assert image.ImageComments.startswith(RESEARCH_USE_ONLY)
+        assert image.QualityControlSubject == ("YES" if kind == "phantom" else "NO")
+        assert image.PatientIdentityRemoved == ("NO" if identified else "YES")
+        assert (image.WindowCenter, image.WindowWidth) == (128, 256)
+
+
+def test_a_frame_that_is_not_what_its_press_says_is_refused() -> None:
+    dossier = with_presses(framed([noise(3, 4)]), rows=4)
+    with pytest.raises(RecordsError, match=r"must be 4 x 4 pixels of 8 or 16 bit; got shape \(3, 4\)"):
+        dicom_files(dossier)
+
+
+def test_no_press_is_refused() -> None:
+    with pytest.raises(RecordsError, match="at least one press"):
+        dicom_files(replace(sample_dossier(), presses=()))

@@ -1,0 +1,105 @@
+"""What a de-identified export does not say, and what an identified one does."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+
+import pytest
+from tests.records.dicom.variants import FRAME, NAME, NOTE, SETTING, framed, named, noise
+from tests.records.sample import WHEN, sample_dossier
+
+from tsis.model.errors import RecordsError
+from tsis.records.dicom import dicom_files
+
+# Each word of what identifies, as it could be written; numbers and dates too.
+WORDS = ("Zwölf", "Ünïcode", "触覚", "label", "Nurse", "Quibble", "Quagmire", "Quentin", "Quorn", "Quill")
+DATES = ("20261122", "2026-11-22", "0930", "20261122093", "target-a", "00003", "press-0", "estimate-b")
+
+
+def every_uid(content: bytes) -> set[bytes]:
+    return set(re.findall(rb"2\.25\.\d+", content))
+
+
+def test_nothing_that_identifies_is_in_any_byte() -> None:
+    files = dicom_files(named())
+    assert len(files) == 3
+    for file in files:
+        readable = file.content
+        if "PixelData" in (image := file.dataset()):
+            readable = readable.replace(image.PixelData, b"")  # noise, in which any short word may occur
+        for word in (*WORDS, *DATES):
+            assert word.casefold().encode() not in readable.lower(), (file.name, word)
+            assert word.casefold() not in file.name
+        for text in (NAME, NOTE, FRAME, SETTING):
+            assert text.encode() not in readable
+        assert not re.search(rb"2026", re.sub(rb"2\.25\.\d+", b"", readable))
+
+
+def test_the_search_finds_them_in_an_identified_export() -> None:
+    everything = b"".join(file.content for file in dicom_files(named(), identified=True))
+    for word in ("Zwölf", "Quagmire", "20261122", "target-a", "Quill", "Quorn"):
+        assert word.encode() in everything, word
+    for word in ("Quibble", "Quentin"):  # notes and settings are in no export
+        assert word.encode() not in everything, word
+
+
+def test_what_says_that_it_was_de_identified() -> None:
+    image = dicom_files(named())[0].dataset()
+    assert image.PatientIdentityRemoved == "YES"
+    assert [each.CodeValue for each in image.DeidentificationMethodCodeSequence] == ["113100", "113104", "113105"]
+    assert len(image.DeidentificationMethod) == 4
+    assert image.LongitudinalTemporalInformationModified == "REMOVED"
+    assert (image.StudyDate, image.StudyTime, image.ContentDate, image.ContentTime) == ("", "", "", "")
+    assert "SeriesDate" not in image
+    assert "AcquisitionDateTime" not in image
+    report = dicom_files(named())[-1].dataset()
+    assert (report.ContentDate, report.ContentTime) == ("19000101", "000000")
+
+
+def test_the_pseudonym_is_that_of_the_target_and_of_nothing_else() -> None:
+    first = dicom_files(named())[0].dataset()
+    relabelled = replace(named(), target=replace(named().target, name="other", number=9))
+    assert dicom_files(relabelled)[0].dataset().PatientID == first.PatientID
+    assert re.fullmatch("TSIS-[0-9A-F]{12}", first.PatientID)
+    other = replace(named(), target=replace(named().target, id="target-z"))
+    assert dicom_files(other)[0].dataset().PatientID != first.PatientID
+
+
+def test_an_identified_export_tells_label_and_time() -> None:
+    image = dicom_files(named(), identified=True)[0].dataset()
+    assert str(image.PatientName) == "Zwölf-Ünïcode 触覚 / label^"
+    assert NAME in image.PatientComments
+    assert (image.PatientID, image.StudyID) == ("target-a", "3")
+    assert image.AcquisitionDateTime == f"{WHEN:%Y%m%d%H%M%S.%f}"
+    assert image.TimezoneOffsetFromUTC == "+0000"
+
+
+def test_the_two_exports_share_no_uid() -> None:
+    hidden, told = dicom_files(sample_dossier()), dicom_files(sample_dossier(), identified=True)
+    foreign = dicom_files(framed([noise(2, 2)], force_n=1.0))
+    standing = every_uid(b"".join(file.content for file in foreign))
+    for one in hidden:
+        for other in told:
+            shared = every_uid(one.content) & every_uid(other.content)
+            assert shared <= standing, shared  # that of this program and its version, which every export bears
+
+
+def test_the_same_is_exported_as_the_same_instance() -> None:
+    assert dicom_files(sample_dossier()) == dicom_files(sample_dossier())
+    uids = [file.sop_instance_uid for file in dicom_files(sample_dossier())]
+    assert len(set(uids)) == len(uids)
+    assert all(re.fullmatch(r"2\.25\.[1-9]\d{0,38}", uid) for uid in uids)
+
+
+def test_another_content_is_another_instance_of_the_same_series() -> None:
+    plain = sample_dossier()
+    fewer = replace(plain, presses=plain.presses[1:])
+    one, other = dicom_files(plain)[0].dataset(), dicom_files(fewer)[0].dataset()
+    assert one.SeriesInstanceUID == other.SeriesInstanceUID
+    assert one.SOPInstanceUID != other.SOPInstanceUID
+
+
+def test_a_target_without_identity_is_refused() -> None:
+    with pytest.raises(RecordsError, match="must have an identity"):
+        dicom_files(replace(sample_dossier(), target=replace(sample_dossier().target, id="")))
