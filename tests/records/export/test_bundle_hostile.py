@@ -5,10 +5,12 @@ import tracemalloc
 import zipfile
 import zlib
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import cv2
+import numpy as np
 import pytest
 from tests.records.export.bundles import Memory, files_of, plain, sealed
 from tests.records.sample import sample_dossier
@@ -70,7 +72,9 @@ def test_the_bundles_in_memory_are_bundles() -> None:
         (png(96, 150, bytes(96 * 451), kind=(8, 2, 0, 0, 0)), "8 or 16 bits of grey"),
         (png(96, 150, bytes(96 * 151), kind=(8, 0, 0, 0, 1)), "not interlaced"),
         (png(96, 150, bytes(96 * 20), kind=(1, 0, 0, 0, 0)), "8 or 16 bits of grey"),
-        (png(96, 150, bytes(5)), "frames/"),
+        (png(96, 150, bytes(5)), "do not unpack to 14496 bytes"),
+        (png(96, 150, bytes(96 * 151 + 1)), "do not unpack to 14496 bytes"),
+        (png(96, 150, b"\x09" + bytes(96 * 151 - 1)), "readable PNG"),
         (png(96, 150, bytes(96 * 151)) + b"more", "goes on after its end"),
         (png(96, 150, bytes(96 * 151))[:-12], "truncated"),
         (b"\xff\xd8\xff\xe0" + bytes(60), "must be a PNG file"),
@@ -80,10 +84,19 @@ def test_frames_that_are_bombs_or_no_frames_are_refused(picture: bytes, says: st
     refused(sealed(WHOLE | {FRAMES[0]: picture}), says)
 
 
-def test_a_picture_with_far_more_data_than_its_header_says_takes_no_memory() -> None:
+def test_a_picture_with_far_more_data_than_its_header_says_is_refused_without_unpacking_it() -> None:
     endless = png(96, 150, bytes(100 * MIB))
-    with at_most(20), suppress(FileInputError):
-        read_picture(endless, FRAMES[0], 96, 150)  # the decoder stops at the last row
+    with at_most(5), pytest.raises(FileInputError, match="do not unpack to 14496 bytes"):
+        read_picture(endless, FRAMES[0], 96, 150)
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1024, 1023), (1025, 1023), (2048, 2047), (1500, 3000)])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize("packing", [1, 9])
+def test_black_frames_of_every_size_are_pictures(shape: tuple[int, int], dtype: type, packing: int) -> None:
+    black = np.zeros(shape, dtype)
+    content = cv2.imencode(".png", black, (cv2.IMWRITE_PNG_COMPRESSION, packing))[1].tobytes()
+    np.testing.assert_array_equal(read_picture(content, "black.png", *shape), black)
 
 
 def test_a_press_that_agrees_with_a_picture_too_large_is_refused_before_it_is_unpacked() -> None:

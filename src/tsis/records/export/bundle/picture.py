@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import zlib
 from typing import TYPE_CHECKING, Any
 
 import cv2
@@ -17,6 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 SIGNATURE = b"\x89PNG\r\n\x1a\n"
+PIECE = 2**20  # bytes that are unpacked at once
 
 
 def read_picture(content: bytes, name: str, rows: int, columns: int) -> NDArray[Any]:
@@ -39,7 +41,9 @@ def read_picture(content: bytes, name: str, rows: int, columns: int) -> NDArray[
     if rows * columns > MOST_PIXELS:
         raise FileInputError(f"{name} must hold at most {MOST_PIXELS} pixels; its press says {rows} x {columns}")
     dtype = _require_header(content, name, rows, columns)
-    if (broken := png_fault(content) or _foreign_chunk(content)) is not None:
+    if (broken := png_fault(content)) is None:
+        broken = _data_fault(content, rows * (1 + columns * np.dtype(dtype).itemsize))
+    if broken is not None:
         raise FileInputError(f"{name} must be a complete PNG file, but {broken}")
     try:
         with quiet_decoders():
@@ -63,15 +67,36 @@ def _require_header(content: bytes, name: str, rows: int, columns: int) -> type:
     return np.uint8 if bits == 8 else np.uint16
 
 
-def _foreign_chunk(content: bytes) -> str | None:
-    """Compressed text and profiles unpack to any size; a picture needs none of them."""
-    position = len(SIGNATURE)
+def _data_fault(content: bytes, size: int) -> str | None:
+    """Why the chunks of a whole file are not those of a picture whose rows take ``size`` bytes; None when they are.
+
+    Compressed text and profiles unpack to any size, and a picture needs none of them; its own data may do so too.
+    """
+    unpacker, unpacked, position = zlib.decompressobj(), 0, len(SIGNATURE)
     while position < len(content):
         (length,) = struct.unpack_from(">I", content, position)
         kind = content[position + 4 : position + 8]
-        if kind not in (b"IHDR", b"IDAT", b"IEND"):
+        if kind == b"IDAT":
+            data = content[position + 8 : position + 8 + length]
+            try:
+                unpacked += _unpacked_bytes(unpacker, data, size + 1 - unpacked)
+            except zlib.error as error:
+                return f"its data cannot be unpacked: {error}"
+        elif kind not in (b"IHDR", b"IEND"):
             return f"it holds a chunk {kind.decode('latin-1')!r} that is no part of a picture"
         position += 12 + length
         if kind == b"IEND":
             break
-    return None if position == len(content) else "it goes on after its end"
+    if position != len(content) or unpacker.unused_data:
+        return "it goes on after its end"
+    return None if unpacked == size and unpacker.eof else f"its data do not unpack to {size} bytes"
+
+
+def _unpacked_bytes(unpacker: Any, data: bytes, most: int) -> int:
+    """How many bytes ``data`` unpack to, in pieces, so that they are never held; it stops soon after ``most``."""
+    unpacked, piece = 0, PIECE
+    while unpacked < most and (data or piece == PIECE):  # a full piece: more may come without more data
+        piece = len(unpacker.decompress(data, PIECE))
+        data = unpacker.unconsumed_tail
+        unpacked += piece
+    return unpacked
