@@ -1,4 +1,4 @@
-"""A store gives back what was put in, after it was closed and opened again too."""
+"""A store gives back what was put in, after it was closed and opened again too, in either database."""
 
 from __future__ import annotations
 
@@ -19,18 +19,12 @@ from tsis.model.errors import InputError, RecordsError, StaleRecordError
 from tsis.records import environment, open_store, verify
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
     from numpy.typing import NDArray
+    from tests.records.place import Place
 
     from tsis.records import Store
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    with open_store(tmp_path / "phantoms") as opened:
-        yield opened
 
 
 def image(seed: int = 0, *, full_scale: float = 255.0) -> TactileImage:
@@ -44,14 +38,14 @@ def image(seed: int = 0, *, full_scale: float = 255.0) -> TactileImage:
     )
 
 
-def test_a_press_comes_back_after_reopening(tmp_path: Path) -> None:
+def test_a_press_comes_back_after_reopening(place: Place) -> None:
     known = sample_calibration()
-    with open_store(tmp_path) as store:
+    with place.open() as store:
         target = store.add_target(name="size-10", truth={"diameter_mm": 10.0})
         kept = store.add_press(
             target, image(full_scale=4095.0), taken=WHEN, calibration=known, flags=("moving",), note="first"
         )
-    with open_store(tmp_path, create=False) as store:
+    with place.open(create=False) as store:
         (press,) = store.presses(store.target(1))
         assert press == kept
         np.testing.assert_array_equal(store.levels(press.frame), levels(0, full_scale=4095.0))
@@ -124,11 +118,11 @@ def test_what_may_not_be_changed_is_not(store: Store) -> None:
         store.edit_press(press, frame="0" * 64)
 
 
-def test_two_that_write_at_once_both_keep_everything(tmp_path: Path) -> None:
-    open_store(tmp_path).close()
+def test_two_that_write_at_once_both_keep_everything(place: Place) -> None:
+    place.open().close()
 
     def work(seed: int) -> None:
-        with open_store(tmp_path) as store:
+        with place.open() as store:
             target = store.add_target()
             for i in range(8):
                 store.add_press(target, image(100 * seed + i), taken=WHEN)
@@ -138,7 +132,7 @@ def test_two_that_write_at_once_both_keep_everything(tmp_path: Path) -> None:
         thread.start()
     for thread in threads:
         thread.join()
-    with open_store(tmp_path) as store:
+    with place.open() as store:
         assert [each.presses for each in store.targets()] == [8, 8, 8]
         assert verify(store).sound
 
@@ -150,11 +144,11 @@ def test_a_number_is_taken_once(store: Store) -> None:
         store.add_target(number=7)
 
 
-def test_stores_of_phantoms_and_of_subjects_are_kept_apart(tmp_path: Path) -> None:
-    open_store(tmp_path, kind="subject").close()
+def test_stores_of_phantoms_and_of_subjects_are_kept_apart(place: Place) -> None:
+    place.open(kind="subject").close()
     with pytest.raises(RecordsError, match="it is one of subjects"):
-        open_store(tmp_path, kind="phantom")
-    with open_store(tmp_path, kind="subject") as store, pytest.raises(InputError, match="truth must be empty"):
+        place.open(kind="phantom")
+    with place.open(kind="subject") as store, pytest.raises(InputError, match="truth must be empty"):
         store.add_target(truth={"diameter_mm": 10.0})
 
 
