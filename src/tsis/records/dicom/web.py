@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 
     from tsis.records.dicom.files import DicomFile
 
+# What dicomweb-client raises at an answer that is none of DICOMweb's: JSON of another form, XML that ends early.
+UNREADABLE = (ValueError, LookupError, AttributeError, TypeError, SyntaxError)
+
 
 def stow_rs(
     files: Sequence[DicomFile],
@@ -53,11 +56,12 @@ def stow_rs(
     if not files:
         raise InputError("files must hold at least one instance; got none")
     timeout_s = check.number("timeout_s", timeout_s, 0.1, 600.0)
-    _check_address(url, allow_plain_http=allow_plain_http)
+    here = _check_address(url, allow_plain_http=allow_plain_http)
     requests = library("requests", feature="STOW-RS", extra="dicom")
     web = library("dicomweb_client.api", feature="STOW-RS", extra="dicom")
     with requests.Session() as session:
         session.hooks["response"].append(_check_answer)
+        session.trust_env = not here  # no proxy stands between a machine and itself
         session.headers.update(headers or {})
         if token is not None:
             session.auth = _bearer(token)
@@ -68,7 +72,8 @@ def stow_rs(
     return tuple(file.sop_instance_uid for file in files)
 
 
-def _check_address(url: str, *, allow_plain_http: bool) -> None:
+def _check_address(url: str, *, allow_plain_http: bool) -> bool:
+    """Whether an address that may be sent to is of this machine itself."""
     check.kind("url", url, str)
     try:
         parts = urlsplit(url)
@@ -86,6 +91,7 @@ def _check_address(url: str, *, allow_plain_http: bool) -> None:
             f"url must start with https where it leaves this machine, since anybody on the way reads plain http; got "
             f"{url!r:.200}; allow plain http explicitly in a network that you trust"
         )
+    return _is_this_machine(host)
 
 
 def _is_this_machine(host: str) -> bool:
@@ -109,6 +115,7 @@ def _bearer(token: str) -> Any:
 
 def _check_answer(response: Any, **_: Any) -> None:
     if response.is_redirect:
+        response.close()  # nobody else does, once this has raised
         raise RecordsError(
             f"the archive must answer at the address given; {response.url} sends to "
             f"{response.headers.get('Location', 'nowhere')!r:.200}, which was not followed"
@@ -127,7 +134,7 @@ def _store(client: Any, file: DicomFile, url: str, timeout_s: float) -> None:
         raise RecordsError(
             f"{url} must be reachable; no connection is to be had, or it broke off: {_cause(error)}"
         ) from error
-    except (errors.RequestException, ValueError, KeyError) as error:  # what no DICOMweb service answers
+    except (*UNREADABLE, errors.RequestException) as error:
         raise RecordsError(
             f"{url} must answer as a DICOMweb service does; it did not at {file.name}: {error}"
         ) from error
