@@ -1,8 +1,9 @@
 """Hostile files over every loader: what is refused, what is accepted, and whether anything else ever happens.
 
-Run ``python -m benchmarks.mutated_files --files 1000000 --seed 1 --processes 2``. Each loader gets small whole files, damaged
-in bytes, in values, in lines, and with checksums made right again. `benchmarks.hostile.verdict` says what a *silent acceptance*
-is. The exit code is 1 where there is any, an exception that is no `TsisError` of one sentence, or a crash.
+Run ``python -m benchmarks.mutated_files --files 1000000 --seed 1 --processes 2``. Each loader gets small whole files,
+damaged in bytes, in values, in lines, and with checksums made right again. `benchmarks.hostile.verdict` says what a
+*silent acceptance* is. The exit code is 1 where there is any, an exception that is no `TsisError` of one sentence, or a
+crash.
 """
 
 from __future__ import annotations
@@ -13,15 +14,14 @@ import time
 from typing import TYPE_CHECKING
 
 import cv2
-from rich.console import Console
-from rich.progress import Progress
-from rich.table import Table
-
 from benchmarks.hostile.picture_loaders import picture_loaders
 from benchmarks.hostile.point_loaders import point_loaders
 from benchmarks.hostile.record_loaders import record_loaders
 from benchmarks.hostile.verdict import Tally, Verdict
 from benchmarks.hostile.workers import run
+from rich.console import Console
+from rich.progress import Progress
+from rich.table import Table
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -70,7 +70,9 @@ def main() -> int:
     for loader, tally in zip(loaders, tallies, strict=True):
         for said in tally.said:
             console.print(f"{loader.name} {said}", markup=False, highlight=False)
-    console.print(f"{options.files} files, seed {options.seed}, {options.files / seconds / options.processes:.0f} files/s/process")
+    console.print(
+        f"{options.files} files, seed {options.seed}, {options.files / seconds / options.processes:.0f} files/s/process"
+    )
     return int(any(tally.of(verdict) for tally in tallies for verdict in BAD))
 
 

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
-from PIL import Image
-
 from benchmarks.hostile.loader import Loader
 from benchmarks.hostile.png_changed import forged
+from PIL import Image
+
 from tsis.instrument import ImageFiles, VideoFile, read_image
 
 if TYPE_CHECKING:
@@ -23,12 +23,14 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MOST_FRAMES = 5
+TIFFS = ("raw", "tiff_lzw", "tiff_deflate", "packbits")
 
 
 def picture_loaders() -> tuple[Loader, ...]:
     """PNG, JPEG, BMP, TIFF, a folder of frames, and videos."""
     grey, colour = _levels(3), _levels(4, 3)
     deep = grey.astype(np.uint16) * 257
+    deep_tiff = _cv(".tif", deep)
     png = (_cv(".png", grey), _cv(".png", colour), _cv(".png", deep), _cv(".png", np.dstack([deep] * 3)))
     return (
         Loader(name="picture, PNG", file="a.png", originals=png, load=_image, integrity=True, forge=forged),
@@ -42,12 +44,10 @@ def picture_loaders() -> tuple[Loader, ...]:
         Loader(
             name="picture, TIFF",
             file="a.tif",
-            originals=tuple(
-                _pil(levels, "TIFF", compression=kind)
-                for levels in (grey, colour)
-                for kind in ("raw", "tiff_lzw", "tiff_deflate", "packbits")
-            )
-            + (_cv(".tif", deep),),
+            originals=(
+                *(_pil(levels, "TIFF", compression=kind) for levels in (grey, colour) for kind in TIFFS),
+                deep_tiff,
+            ),
             load=_image,
         ),
         Loader(
@@ -60,7 +60,13 @@ def picture_loaders() -> tuple[Loader, ...]:
             around={"frames/frame1.png": png[0]},
             share=0.5,
         ),
-        Loader(name="video", file="a.avi", originals=(_video("MJPG", ".avi"), _video("mp4v", ".mp4")), load=_video_of, share=0.03),
+        Loader(
+            name="video",
+            file="a.avi",
+            originals=(_video("MJPG", ".avi"), _video("mp4v", ".mp4")),
+            load=_video_of,
+            share=0.03,
+        ),
     )
 
 

@@ -6,14 +6,14 @@ import io
 import os
 import zipfile
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import scipy.io
-
 from benchmarks.hostile.bytes_changed import damaged
 from benchmarks.hostile.loader import Loader
 from benchmarks.hostile.picture_loaders import token
+
 from tsis.instrument.gauge import RecordedGauge
 from tsis.matching.point_file import csv_text, read_points
 from tsis.matching.trial_rows import HEAD, read_rows
@@ -36,13 +36,23 @@ def point_loaders() -> tuple[Loader, ...]:
     """Point sets in their three formats, public trials, rows of a benchmark, force readings and cached arrays."""
     rng = np.random.default_rng(6)
     flat, solid = rng.random((7, 2)), rng.random((6, 3))
-    force = "time_s,force_n,resolution_n,time_error_s\n" + "".join(f"{0.1 * at!r},{0.2 * at!r},0.01,0.0\n" for at in range(8))
+    force = "time_s,force_n,resolution_n,time_error_s\n" + "".join(
+        f"{0.1 * at!r},{0.2 * at!r},0.01,0.0\n" for at in range(8)
+    )
     rows = ",".join(HEAD) + "\nfish/noise/1/0,tprl,1,0.25,1.5,yes,\nfish/noise/1/1,cpd,1,0.5,0.5,,too few\n"
     csv = (csv_text(flat).encode(), csv_text(solid).encode(), b"0.5;1\n1;2\n# note\n3;4\n")
     return (
         Loader(name="points, CSV", file="a.csv", originals=csv, load=_points, text=True),
-        Loader(name="points, NPY", file="a.npy", originals=(_npy(flat), _npy(solid.astype("<f4"))), load=_points, text=True),
-        Loader(name="points, PLY", file="a.ply", originals=tuple(_ply(solid, kind) for kind in PLY), load=_points, text=True),
+        Loader(
+            name="points, NPY", file="a.npy", originals=(_npy(flat), _npy(solid.astype("<f4"))), load=_points, text=True
+        ),
+        Loader(
+            name="points, PLY",
+            file="a.ply",
+            originals=tuple(_ply(solid, kind) for kind in PLY),
+            load=_points,
+            text=True,
+        ),
         Loader(
             name="public trials",
             file=PUBLIC_FILE,
@@ -56,7 +66,13 @@ def point_loaders() -> tuple[Loader, ...]:
             originals=(_mat(compressed=False), _mat(compressed=True)),
             load=lambda path: _trials(hotel_trials(path.parent, separation=1)),
         ),
-        Loader(name="rows of a benchmark", file="rows.csv", originals=(rows.encode(),), load=lambda path: tuple(read_rows(path)), text=True),
+        Loader(
+            name="rows of a benchmark",
+            file="rows.csv",
+            originals=(rows.encode(),),
+            load=lambda path: tuple(read_rows(path)),
+            text=True,
+        ),
         Loader(name="force readings", file="force.csv", originals=(force.encode(),), load=_forces, text=True),
         Loader(
             name="cached arrays",
@@ -112,7 +128,7 @@ def _mat(*, compressed: bool) -> bytes:
     rng, stream = np.random.default_rng(8), io.BytesIO()
     frames = np.empty(3, dtype=object)
     frames[:] = [rng.random((30, 2)) * 500 for _ in range(3)]
-    scipy.io.savemat(stream, {"CMUM": {"hotel": {"XTs": frames}}}, do_compression=compressed)
+    scipy.io.savemat(cast("Any", stream), {"CMUM": {"hotel": {"XTs": frames}}}, do_compression=compressed)
     return stream.getvalue()
 
 

@@ -10,22 +10,21 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-
 from benchmarks.hostile.bytes_changed import damaged
 from benchmarks.hostile.json_changed import changed_document, text_of
 from benchmarks.hostile.loader import Loader
 from benchmarks.hostile.picture_loaders import token
+
 from tsis.calibration import Measured
 from tsis.calibration.file import ProbeCalibration, calibration_bytes, content, identity, read_calibration
-from tsis.calibration.file.plain_values import without_maps
 from tsis.calibration.reference.value import Reference
 from tsis.calibration.session import SessionFolder, SessionTerms, Shot
 from tsis.cli.calibrate.seal import _read as values_to_seal
 from tsis.model import Calibration, LightMap, TactileImage, load_probe
-from tsis.sweep import EXAMPLE, Plan, Range, load_plan
-from tsis.sweep import read as read_sweep
+from tsis.model.errors import FileInputError
+from tsis.sweep import EXAMPLE, Plan, Range, load_plan, shards
 from tsis.sweep import manifest as manifests
-from tsis.sweep import shards
+from tsis.sweep import read as read_sweep
 from tsis.sweep.plan_file import plan_document
 from tsis.sweep.presses import Rows
 
@@ -77,7 +76,7 @@ def _grey(value: float) -> Measured:
 def sealed(document: dict[str, Any]) -> dict[str, Any]:
     """The document with the hash of what it holds now."""
     if "calibration" in document:
-        document["sha256"] = content._hash(without_maps(document["calibration"]))
+        document["sha256"] = content._hash(document["calibration"])
     return document
 
 
@@ -180,6 +179,12 @@ def _sweeps() -> tuple[Loader, ...]:
     def columns(path: Path) -> Hashable:
         return tuple((column, *token(values)) for column, values in read_sweep(path.parent).items())
 
+    def resumed(path: Path) -> Hashable:
+        receipt = shards.receipt_of(path.read_bytes(), shard=0, data_set=key)
+        if shards.data_set_of(path) is None or receipt is None:
+            raise FileInputError("damaged, and so computed again")
+        return (receipt.rows, receipt.refused)
+
     return (
         Loader(
             name="sweep, plan",
@@ -212,7 +217,7 @@ def _sweeps() -> tuple[Loader, ...]:
             name="sweep, shard to resume",
             file=name,
             originals=(shard,),
-            load=lambda path: repr((shards.data_set_of(path), shards.receipt_of(path.read_bytes(), shard=0, data_set=key))),
+            load=resumed,
             integrity=True,
             forge=_signed_again,
         ),

@@ -1,11 +1,11 @@
 """What a loader made of one hostile file.
 
 A *silent acceptance* is this and nothing else: the file carries a checksum or hash that the loader promises to check
-(`Loader.integrity`), its bytes were changed without making that checksum right again, and the loader returned a value that
-differs from the original's. A changed JPEG, BMP, TIFF, CSV, NPY or PLY file whose changed value is returned is *other*:
-those formats hold no checksum, and the SHA-256 of a picture's bytes goes into its settings and so into every result. A
-file whose checksums were made right again (*forged*) is *other* too: a hash without a key proves that nothing was damaged,
-not who wrote it.
+(`Loader.integrity`), its bytes were changed without making that checksum right again, and the loader returned a value
+that differs from the original's. A changed JPEG, BMP, TIFF, CSV, NPY or PLY file whose changed value is returned is
+*other*: those formats hold no checksum, and the SHA-256 of a picture's bytes goes into its settings and so into every
+result. A file whose checksums were made right again (*forged*) is *other* too: a hash without a key proves that nothing
+was damaged, not who wrote it.
 """
 
 from __future__ import annotations
@@ -85,7 +85,7 @@ def judged(loader: Loader, path: Path, original: Hashable, *, forged: bool) -> O
         value = loader.load(path)
     except TsisError as error:
         sentence = str(error)
-        if not sentence or "\n" in sentence or "Traceback" in sentence or len(sentence) > LONGEST_SENTENCE:
+        if not sentence.isprintable() or not sentence or "Traceback" in sentence or len(sentence) > LONGEST_SENTENCE:
             return Outcome(Verdict.UNTYPED, f"no one sentence: {type(error).__name__}: {sentence!r:.300}")
         return Outcome(Verdict.REFUSED)
     except Exception as error:  # exactly what must not happen, counted

@@ -1,7 +1,7 @@
 """Batches of hostile files in processes of their own, so that a crash, a hang or a full memory is counted and survived.
 
-A worker is a fork: it inherits the loaded libraries, and its peak memory above the start is that of its files. File number
-`n` of a loader depends on seed, loader and `n` alone.
+A worker is a fork: it inherits the loaded libraries, and its peak memory above the start is that of its files. File
+number `n` of a loader depends on seed, loader and `n` alone.
 """
 
 from __future__ import annotations
@@ -23,7 +23,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-
 from benchmarks.hostile.verdict import Outcome, Tally, Verdict, judged
 
 if TYPE_CHECKING:
@@ -41,7 +40,9 @@ def scratch() -> Path:
     return Path(tempfile.mkdtemp(prefix="hostile-", dir="/dev/shm" if Path("/dev/shm").is_dir() else None))
 
 
-def count(loader: Loader, place: int, numbers: Iterable[int], *, seed: int, at: Callable[[int], None] = lambda n: None) -> Tally:
+def count(
+    loader: Loader, place: int, numbers: Iterable[int], *, seed: int, at: Callable[[int], None] = lambda n: None
+) -> Tally:
     """Judge the files of these numbers in this process; ``at`` is told each number before it is loaded."""
     tally, folder = Tally(), scratch()
     try:
@@ -58,7 +59,10 @@ def count(loader: Loader, place: int, numbers: Iterable[int], *, seed: int, at: 
                 loader.settle(folder)
             began = time.perf_counter()
             outcome = judged(loader, path, originals[which], forged=forged)
-            tally = tally.with_one(replace(outcome, said=f"#{number}: {outcome.said}" if outcome.said else ""), 1e3 * (time.perf_counter() - began))
+            tally = tally.with_one(
+                replace(outcome, said=f"#{number}: {outcome.said}" if outcome.said else ""),
+                1e3 * (time.perf_counter() - began),
+            )
             if loader.settle is not None and forged:
                 loader.laid(folder)
     finally:
@@ -79,11 +83,13 @@ class _Worker:
 
     def current(self) -> tuple[int, float]:
         """Number of the file in work, and since when."""
-        number, since = struct.unpack_from("<qd", self.progress)
+        number, since = struct.unpack_from("@qd", self.progress)
         return number, since
 
 
-def run(loaders: Sequence[Loader], files: Sequence[int], *, seed: int, processes: int, progress: Callable[[int], None]) -> list[Tally]:
+def run(
+    loaders: Sequence[Loader], files: Sequence[int], *, seed: int, processes: int, progress: Callable[[int], None]
+) -> list[Tally]:
     """Judge so many files for each loader; ``progress`` is told how many are done."""
     batches = [
         (place, range(start, min(start + BATCH, total)))
@@ -113,7 +119,7 @@ def run(loaders: Sequence[Loader], files: Sequence[int], *, seed: int, processes
 
 def _started(loaders: Sequence[Loader], place: int, numbers: range, *, seed: int) -> _Worker:
     progress = mmap.mmap(-1, 16)
-    struct.pack_into("<qd", progress, 0, numbers.start, time.monotonic())
+    struct.pack_into("@qd", progress, 0, numbers.start, time.monotonic())
     reading, writing = os.pipe()
     sys.stdout.flush()
     process = os.fork()
@@ -134,7 +140,7 @@ def _work(loader: Loader, place: int, numbers: range, seed: int, progress: mmap.
         before = peak_mb()
 
         def at(number: int) -> None:
-            struct.pack_into("<qd", progress, 0, number, time.monotonic())
+            struct.pack_into("@qd", progress, 0, number, time.monotonic())
 
         tally = count(loader, place, numbers, seed=seed, at=at)
         answer: dict[str, Any] = {

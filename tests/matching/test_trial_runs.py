@@ -102,7 +102,9 @@ def test_reasons_with_commas_come_back_from_the_file(tmp_path: Path) -> None:
     ("text", "message"),
     [
         ("something else\n", "first line is another"),
-        ("", "first line is another"),
+        ("", "must hold data"),
+        ("\n", "first line is another"),
+        (",".join(HEAD) + "\n" + "x" * 200_000 + "\n", "field larger than field limit"),
         (",".join(HEAD) + "\na/b/1/2,still,0,abc,1,,\n", "could not convert"),
         (",".join(HEAD) + "\na/b/1/2,still,0,nan,1,,\n", "one row a trial"),
         (",".join(HEAD) + "\na/b/1/2,still,0\n", "not enough values"),

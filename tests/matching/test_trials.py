@@ -120,7 +120,7 @@ def test_labels_have_a_value_for_each_level() -> None:
 
 
 def test_files_that_are_none_of_the_trials_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(FileInputError, match="No such file"):
+    with pytest.raises(FileInputError, match="does not exist; check the name and the folder"):
         next(public_trials(tmp_path, shape="fish", family="noise", level=1))
     (tmp_path / PUBLIC_FILE).write_bytes(b"PK\x03\x04 and then nothing")
     (tmp_path / SEQUENCE_FILE).write_bytes(b"MATLAB 5.0 MAT-file" + bytes(200))

@@ -182,6 +182,6 @@ def test_text_that_is_no_plan_is_one_sentence(text: str) -> None:
 def test_files_that_are_no_plans_are_named(tmp_path: Path) -> None:
     (tmp_path / "big.toml").write_bytes(b"#" * 2**21)
     (tmp_path / "latin.toml").write_bytes("probe = 'é'".encode("latin-1"))
-    for name, sentence in (("big", "at most 1048576 bytes"), ("latin", "utf-8"), ("absent", "does not exist")):
+    for name, sentence in (("big", "at most 262144 bytes"), ("latin", "UTF-8"), ("absent", "does not exist")):
         with pytest.raises(FileInputError, match=sentence):
             load_plan(tmp_path / f"{name}.toml")

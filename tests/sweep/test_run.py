@@ -193,7 +193,7 @@ def test_arrays_come_back(undisturbed: Path) -> None:
         ('"part-000000.parquet"', '"../part-000000.parquet"', "its hashes do not agree|manifest of a sweep"),
         ('"seed": 4', '"seed": 5', "its hashes do not agree"),
         ('"seed": 4', '"seed": -4', "seed must be a whole number"),
-        ("{", "", "must be the manifest of a sweep"),
+        ("{", "", "must be a readable JSON file"),
         ('"shards": [', '"shards": [3, ', "must be the manifest of a sweep"),
     ],
 )

@@ -13,6 +13,9 @@ if TYPE_CHECKING:
     import os
 
 LARGEST_FILE_BYTES = 512 * 2**20
+LARGEST_OBJECT_BYTES = 8 * 2**20
+MOST_VALUES, DEEPEST = 200_000, 64
+_PLAIN_BYTES = 8 * 2**20  # beyond it JSON must be ASCII, as it is when tsis writes it: else a letter may take 4 bytes
 _LONGEST_SHOWN = 120
 
 
@@ -37,6 +40,18 @@ def printable_name(path: Path) -> str:
     'a?[2Jb.png'
     """
     return "".join(letter if letter.isprintable() else "?" for letter in path.name)
+
+
+def one_line(error: object, longest: int = 200) -> str:
+    r"""What a decoder complains of, as a part of a sentence: on one line, printable, not endless.
+
+    Examples
+    --------
+    >>> one_line(ValueError("bad header:\n\tmagic \x1b[2J"))
+    'bad header: magic ?[2J'
+    """
+    words = " ".join(str(error)[: 10 * longest].split()) or type(error).__name__
+    return "".join(letter if letter.isprintable() else "?" for letter in words)[:longest]
 
 
 def as_path(path: str | os.PathLike[str]) -> Path:
@@ -73,8 +88,8 @@ def file_size(path: Path) -> int:
     return status.st_size
 
 
-def read_bytes(path: Path) -> bytes:
-    """Read a whole regular file of at most 512 MiB.
+def read_bytes(path: Path, *, most: int = LARGEST_FILE_BYTES) -> bytes:
+    """Read a whole regular file of at most ``most`` bytes, by default 512 MiB.
 
     Raises
     ------
@@ -82,28 +97,71 @@ def read_bytes(path: Path) -> bytes:
         As `file_size`, and when the file is larger than the cap or cannot be read.
     """
     size = file_size(path)
-    if size > LARGEST_FILE_BYTES:
-        raise FileInputError(f"{shown(path)} must be at most {LARGEST_FILE_BYTES} bytes; got {size}")
+    if size > most:
+        raise FileInputError(f"{shown(path)} must be at most {most} bytes; got {size}")
+    return _first_bytes(path, most)  # bounded: the file may have grown since its size was read
+
+
+def read_head(path: Path, length: int = 64) -> bytes:
+    """The first bytes of a regular file, by which its kind is told before the rest takes any memory.
+
+    Raises
+    ------
+    FileInputError
+        As `file_size`, and when the file cannot be read.
+    """
+    file_size(path)
+    return _first_bytes(path, length)
+
+
+def _first_bytes(path: Path, most: int) -> bytes:
     try:
         with path.open("rb") as file:
-            return file.read(LARGEST_FILE_BYTES)  # bounded: the file may have grown since its size was read
+            return file.read(most)
     except OSError as error:
         raise FileInputError(f"{shown(path)} must be readable; got: {error.strerror}") from error
 
 
-def read_object(path: Path) -> dict[str, Any]:
+def read_object(path: Path, *, most: int = LARGEST_OBJECT_BYTES, values: int = MOST_VALUES) -> dict[str, Any]:
     """Read a JSON file that holds one object.
+
+    Parameters
+    ----------
+    path
+        The file.
+    most
+        Bytes that it may have.
+    values
+        Values that it may hold: a byte of JSON can become a hundred of memory, so they are counted before.
 
     Raises
     ------
     FileInputError
         As `read_bytes`, and when it holds something else.
     """
-    data = read_bytes(path)
+    if not read_head(path).lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"{", b"[")):
+        raise FileInputError(f"{shown(path)} must be a readable JSON file; got something that begins otherwise")
+    data = read_bytes(path, most=most)
+    if sum(map(data.count, (b"[", b"{", b","))) > values:
+        raise FileInputError(f"{shown(path)} must hold at most {values} values; it has more brackets and commas")
+    if len(data) > _PLAIN_BYTES and not data.isascii():
+        raise FileInputError(f"{shown(path)} must be ASCII where it is larger than {_PLAIN_BYTES} bytes; it is not")
     try:
         content = json.loads(data)
     except (ValueError, RecursionError) as error:
-        raise FileInputError(f"{shown(path)} must be a readable JSON file; got: {error}") from error
+        raise FileInputError(f"{shown(path)} must be a readable JSON file; got: {one_line(error)}") from error
     if not isinstance(content, dict):
         raise FileInputError(f"{shown(path)} must hold a JSON object; got {type(content).__name__}")
+    if data.count(b"[") + data.count(b"{") > DEEPEST and _depth(content) > DEEPEST:
+        raise FileInputError(f"{shown(path)} must be nested at most {DEEPEST} deep; it is deeper")
     return content
+
+
+def _depth(content: Any) -> int:
+    """How deep lists and objects lie in each other, level by level: what is deep must not be walked by recursion."""
+    depth, level = 0, [content]
+    while level:
+        depth += 1
+        inner = (each.values() if isinstance(each, dict) else each for each in level)
+        level = [each for held in inner for each in held if isinstance(each, (dict, list))]
+    return depth

@@ -5,6 +5,7 @@ Accepted: PNG, JPEG, BMP and TIFF holding one picture, grey or colour, 8 or 16 b
 - 8-bit files have ``full_scale`` 255, 16-bit files 65535; values are those stored, never rescaled.
 - Colour becomes grey by the Rec. 709 luma of the stored values (`tsis.instrument.luma`); alpha is dropped.
 - The orientation tag that some cameras write is not applied: rows and columns are those stored.
+- Notes, colour profiles and thumbnails in the file are never unpacked: decoders see the pixels alone.
 - Everything else (palettes, 1-bit, 32-bit, floating point, CMYK, several pictures) is refused by name.
 
 A file that is cut short is refused, and so is a PNG whose checksums do not match. JPEG, BMP and TIFF hold no checksum:
@@ -23,8 +24,10 @@ import numpy as np
 from PIL import Image, UnidentifiedImageError
 
 from tsis.instrument.completeness import fault
-from tsis.instrument.file_bytes import as_path, printable_name, read_bytes, shown
+from tsis.instrument.file_bytes import as_path, one_line, printable_name, read_bytes, read_head, shown
 from tsis.instrument.luma import luma
+from tsis.instrument.picture_size import LARGEST_PIXELS, rows_missing, size_fault
+from tsis.instrument.pixels_alone import pixels_alone
 from tsis.instrument.quiet import quiet_decoders
 from tsis.model import TactileImage
 from tsis.model.errors import FileInputError
@@ -35,7 +38,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-LARGEST_PIXELS = 64_000_000
+_MAGIC = (b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"BM", b"II", b"MM")
 _FORMATS = ("PNG", "JPEG", "BMP", "TIFF")
 _GREY_MODES, _COLOUR_MODES = frozenset({"L", "LA", "I;16", "I;16L", "I;16B"}), frozenset({"RGB", "RGBA", "RGBX"})
 _REFUSED_MODES = {
@@ -71,7 +74,7 @@ def read_image(
     Parameters
     ----------
     path
-        A PNG, JPEG, BMP or TIFF file, grey or colour, 8 or 16 bits a channel, at most 64 million pixels.
+        A PNG, JPEG, BMP or TIFF file, grey or colour, 8 or 16 bits a channel, at most 65 million pixels.
     mm_per_pixel
         Size (x, y) of a pixel on the face in mm; None when nobody measured it.
     force_n
@@ -117,14 +120,17 @@ def read_colour(path: str | os.PathLike[str]) -> NDArray[Any]:
 
 
 def _decode(path: Path) -> _Picture:
+    if not read_head(path).startswith(_MAGIC):
+        raise FileInputError(f"{shown(path)} must be a PNG, JPEG, BMP or TIFF file; got something else")
     data = read_bytes(path)
     broken = fault(data)
     if broken is not None:
         raise FileInputError(f"{shown(path)} must be a complete image file, but {broken}; copy or save it again")
     try:
-        with quiet_decoders(), Image.open(io.BytesIO(data), formats=_FORMATS) as image:
-            _require_supported(path, image)
-            levels, kind = _levels(image, data)
+        pixels = pixels_alone(data)
+        with quiet_decoders(), Image.open(io.BytesIO(pixels), formats=_FORMATS) as image:
+            _require_supported(path, image, pixels)
+            levels, kind = _levels(image, pixels)
             file_format = image.format
     except FileInputError:
         raise
@@ -133,7 +139,9 @@ def _decode(path: Path) -> _Picture:
     except Image.DecompressionBombError as error:
         raise FileInputError(f"{shown(path)} must hold at most {LARGEST_PIXELS} pixels; it declares more") from error
     except Exception as error:  # hostile bytes make decoders raise nearly anything
-        raise FileInputError(f"{shown(path)} must be a readable image file; decoding failed: {error}") from error
+        raise FileInputError(
+            f"{shown(path)} must be a readable image file; decoding failed: {one_line(error)}"
+        ) from error
     provenance = {
         "format": file_format,
         "kind": kind,
@@ -143,11 +151,11 @@ def _decode(path: Path) -> _Picture:
     return _Picture(levels=levels, provenance=provenance)
 
 
-def _require_supported(path: Path, image: Image.Image) -> None:
+def _require_supported(path: Path, image: Image.Image, data: bytes) -> None:
     """Refuse by what the header says, before a pixel is decoded."""
-    columns, rows = image.size
-    if columns * rows > LARGEST_PIXELS:
-        raise FileInputError(f"{shown(path)} must hold at most {LARGEST_PIXELS} pixels; it declares {columns} x {rows}")
+    broken = size_fault(*image.size, len(data))
+    if broken is not None:
+        raise FileInputError(f"{shown(path)} must hold {broken}")
     if image.mode not in _GREY_MODES | _COLOUR_MODES:
         found = _REFUSED_MODES.get(image.mode, f"pixels of kind {image.mode}")
         raise FileInputError(
@@ -156,6 +164,8 @@ def _require_supported(path: Path, image: Image.Image) -> None:
     pictures = getattr(image, "n_frames", 1)
     if pictures != 1:
         raise FileInputError(f"{shown(path)} must hold one picture; got {pictures} (save each as its own file)")
+    if rows_missing(data):
+        raise FileInputError(f"{shown(path)} must hold all pixels that it declares; some are missing or damaged")
 
 
 def _levels(image: Image.Image, data: bytes) -> tuple[NDArray[Any], str]:

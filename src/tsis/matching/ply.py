@@ -76,7 +76,7 @@ def parse_ply(content: bytes, *, most: int) -> NDArray[np.float64]:
     vertices = _vertices(head.decode("ascii", errors="replace").splitlines())
     axes = [axis for axis in ("x", "y", "z") if axis in vertices.types]
     if axes[:2] != ["x", "y"]:
-        raise FileInputError(f"PLY vertices must have x and y; got {', '.join(vertices.types)[:80] or 'nothing'}")
+        raise FileInputError(f"PLY vertices must have x and y; got {', '.join(vertices.types)[:80]!r}")
     if not 0 < vertices.count <= most:
         raise FileInputError(f"it must hold 1 to {most} points; got {vertices.count} (thin them out)")
     return _text(content[start:], vertices, axes) if not vertices.order else _binary(content[start:], vertices, axes)

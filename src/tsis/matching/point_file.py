@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import io
 import math
-from tokenize import TokenError
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,6 +10,7 @@ import numpy as np
 from tsis.instrument.file_bytes import as_path, file_size, read_bytes, shown
 from tsis.matching.ply import parse_ply
 from tsis.matching.sampled import MOST_POINTS
+from tsis.model.array_archive import npy_layout
 from tsis.model.errors import FileInputError
 
 if TYPE_CHECKING:
@@ -94,23 +93,17 @@ def _parsed(content: bytes) -> NDArray[np.float64]:
 
 
 def _npy(content: bytes) -> NDArray[np.float64]:
-    stream = io.BytesIO(content)
-    try:
-        version = np.lib.format.read_magic(stream)
-        reader = np.lib.format.read_array_header_1_0 if version == (1, 0) else np.lib.format.read_array_header_2_0
-        shape, by_column, dtype = reader(stream)
-    except (ValueError, KeyError, TypeError, SyntaxError, MemoryError, RecursionError, TokenError) as error:
-        raise FileInputError(f"its NPY header must be whole; got: {error!s:.80}") from error
-    if dtype.kind not in "fiu":
-        raise FileInputError(f"the array must hold numbers; got {dtype!s:.40} (objects are never unpickled)")
-    if len(shape) != 2 or any(type(each) is not int for each in shape) or shape[1] not in (2, 3):
+    layout = npy_layout(content)
+    shape, itemsize = layout.shape, layout.dtype.itemsize
+    if layout.dtype.kind not in "fiu":
+        raise FileInputError(f"the array must hold numbers; got {layout.dtype!s:.40} (objects are never unpickled)")
+    if len(shape) != 2 or shape[1] not in (2, 3):
         raise FileInputError(f"the array must have the shape (n, 2) or (n, 3); got {shape!s:.60}")
     _countable(shape[0])
-    left = len(content) - stream.tell()
-    if left != math.prod(shape) * dtype.itemsize:
-        raise FileInputError(f"{shape[0]} points take {math.prod(shape) * dtype.itemsize} bytes; got {left}")
-    values = np.frombuffer(content, dtype=dtype, offset=stream.tell())
-    return np.array(values.reshape(shape, order="F" if by_column else "C"), dtype=float)
+    left = len(content) - layout.start
+    if left != math.prod(shape) * itemsize:
+        raise FileInputError(f"{shape[0]} points take {math.prod(shape) * itemsize} bytes; got {left}")
+    return np.array(layout.values(content), dtype=float)
 
 
 def _csv(content: bytes) -> NDArray[np.float64]:

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import astuple, dataclass, fields
 from typing import TYPE_CHECKING
 
+from tsis.instrument.file_bytes import one_line, read_bytes, shown
 from tsis.model.errors import FileInputError
 
 if TYPE_CHECKING:
@@ -58,6 +59,7 @@ class Row:
         return self.trial.rsplit("/", 2)[1]
 
 
+LARGEST_BYTES = 64 * 2**20
 HEAD = tuple(field.name for field in fields(Row))
 
 
@@ -70,16 +72,16 @@ def read_rows(file: Path) -> list[Row]:
         When the file cannot be read or holds something else.
     """
     try:
-        text = file.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise FileInputError(f"{str(file)!r:.160} must be a file of trials; got: {error!s:.80}") from error
-    lines = list(csv.reader(io.StringIO(_whole(text))))
+        text = read_bytes(file, most=LARGEST_BYTES).decode("utf-8")
+        lines = list(csv.reader(io.StringIO(_whole(text), newline="")))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise FileInputError(f"{shown(file)} must be a file of trials; got: {one_line(error, 80)}") from error
     if not lines or tuple(lines[0]) != HEAD:
         raise FileInputError(f"{str(file)!r:.160} must be a file of trials; its first line is another")
     try:
         return [_read(cells) for cells in lines[1:]]
     except ValueError as error:
-        raise FileInputError(f"{str(file)!r:.160} must hold one row a trial; got: {error!s:.80}") from error
+        raise FileInputError(f"{str(file)!r:.160} must hold one row a trial; got: {one_line(error, 80)}") from error
 
 
 def _read(cells: list[str]) -> Row:

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import zlib
-from typing import TYPE_CHECKING, Any
-from zipfile import BadZipFile
+import io
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import scipy.io
-from scipy.io.matlab import MatReadError
 
+from tsis.instrument.file_bytes import one_line, read_bytes
 from tsis.matching.distort import PUBLIC_LEVELS, Trial, distort, public_distortion, shuffled, visible
 from tsis.matching.fit import UNMATCHED
+from tsis.matching.matlab_size import require_small_inside
 from tsis.matching.shapes import SHAPES
 from tsis.model import check
+from tsis.model.array_archive import arrays_of
 from tsis.model.errors import FileInputError, InputError
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from tsis.matching.distort import Family
 
 PUBLIC_FILE, SEQUENCE_FILE = "chui_rangarajan_trials1-70.npz", "cmum.mat"
+LARGEST_BYTES = 64 * 2**20  # of a file, and of what it unpacks to
 PUBLIC_SHAPES = ("fish", "chinese")
 FAMILIES: tuple[Family, ...] = tuple(PUBLIC_LEVELS)
 LEVEL_LABELS: dict[Family, tuple[str, tuple[float, ...]]] = {
@@ -191,10 +193,11 @@ def generated_trials(
 
 def _public_arrays(path: Path, wanted: tuple[str, ...]) -> dict[str, NDArray[np.float64]]:
     """Those of the wanted arrays that the file holds."""
+    content = read_bytes(path, most=LARGEST_BYTES)
     try:
-        with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
-            found = {key: np.asarray(stored[key], dtype=float) for key in wanted if key in stored}
-    except (OSError, ValueError, EOFError, BadZipFile, zlib.error) as error:
+        stored = arrays_of(content, wanted, most=LARGEST_BYTES)
+        found = {key: np.asarray(values, dtype=float) for key, values in stored.items()}
+    except ValueError as error:  # among them what a file is refused for
         raise _unreadable(path, error) from error
     missing = [key for key in wanted[:2] if key not in found]
     if missing:
@@ -206,18 +209,22 @@ def _public_arrays(path: Path, wanted: tuple[str, ...]) -> dict[str, NDArray[np.
 
 def _frames(path: Path, name: str) -> NDArray[np.float64]:
     """Landmarks of each frame, shape (frames, landmarks, 2)."""
+    content = read_bytes(path, most=LARGEST_BYTES)
     try:
-        sequence: Any = scipy.io.loadmat(path)["CMUM"][0, 0][name][0, 0]["XTs"][0]
+        require_small_inside(content, most=LARGEST_BYTES)
+        whole: Any = scipy.io.loadmat(cast("Any", io.BytesIO(content)))
+        sequence = whole["CMUM"][0, 0][name][0, 0]["XTs"][0]
         frames = np.stack([np.asarray(frame, dtype=float) for frame in sequence])
-    except (OSError, ValueError, KeyError, IndexError, TypeError, MatReadError, zlib.error) as error:
+        _, points, axes = frames.shape
+    except Exception as error:  # hostile bytes make the reader of such files raise nearly anything
         raise _unreadable(path, error) from error
-    return frames if frames.shape[2] == 2 else np.asarray(frames.transpose(0, 2, 1))
+    if 2 not in (points, axes):
+        raise _unreadable(path, ValueError(f"landmarks of shape {frames.shape}"))
+    return frames if axes == 2 else np.asarray(frames.transpose(0, 2, 1))
 
 
 def _unreadable(path: Path, error: Exception) -> FileInputError:
-    return FileInputError(
-        f"{str(path)!r:.160} must be the file of the public trials; got: {str(error) or type(error).__name__:.80}"
-    )
+    return FileInputError(f"{str(path)!r:.160} must be the file of the public trials; got: {one_line(error, 160)}")
 
 
 __all__ = [

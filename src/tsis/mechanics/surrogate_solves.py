@@ -144,15 +144,14 @@ def remembered(
     kind: str, key: str, solved: Callable[[], dict[str, NDArray[np.float64]]]
 ) -> dict[str, NDArray[np.float64]]:
     """Arrays from the disk cache, or solved now and written there."""
-    stored = disk_cache.read(kind, key)
+    stored = disk_cache.read_arrays(kind, key)
     if stored is None:
         found = solved()
         buffer = io.BytesIO()
         np.savez(buffer, allow_pickle=False, **found)
         disk_cache.write(kind, key, buffer.getvalue())
         return found
-    with np.load(io.BytesIO(stored), allow_pickle=False) as arrays:
-        return dict(arrays)
+    return stored
 
 
 def probe_content(probe: Probe) -> dict[str, Any]:

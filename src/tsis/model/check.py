@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 def number(name: str, value: object, low: float, high: float, *, hint: str = "") -> float:
     """Return ``value`` as a float when it is finite and lies in ``[low, high]``, else say why not."""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
-        raise InputError(f"{name} must be a number; got {value!r}")
+        raise InputError(f"{name} must be a number; got {value!r:.80}")
     result = _as_float(value)
     if not math.isfinite(result) or not low <= result <= high:
         raise InputError(f"{name} must lie in [{low:g}, {high:g}]; got {result:g}" + (f" ({hint})" if hint else ""))
@@ -32,7 +32,7 @@ def whole(name: str, value: object, low: int, high: int, *, hint: str = "") -> i
     # Infinity and NaN are not whole.
     fraction = isinstance(value, (float, np.floating)) and not float(value).is_integer()
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)) or fraction:
-        raise InputError(f"{name} must be a whole number; got {value!r}{ending}")
+        raise InputError(f"{name} must be a whole number; got {value!r:.80}{ending}")
     result = int(value)  # not by way of a float, which would round large seeds
     if not low <= result <= high:
         raise InputError(f"{name} must lie in [{low:g}, {high:g}]; got {_as_float(result):g}{ending}")
@@ -56,7 +56,7 @@ def pair(name: str, value: Any) -> tuple[float, float]:
     """Return ``value`` as two finite numbers."""
     result = array(name, value, ndim=1)
     if result.shape != (2,):
-        raise InputError(f"{name} must hold two numbers; got {value!r}")
+        raise InputError(f"{name} must hold two numbers; got {value!r:.80}")
     return float(result[0]), float(result[1])
 
 
@@ -86,5 +86,7 @@ def known(what: str, name: str, names: Iterable[str]) -> str:
     choices = sorted(names)
     if name in choices:
         return name
-    nearest = difflib.get_close_matches(str(name), choices, n=1, cutoff=0.0)
-    raise UnknownNameError(f"no {what} is called {name!r}; did you mean {nearest[0]!r}? known: {', '.join(choices)}")
+    nearest = difflib.get_close_matches(str(name)[:80], choices, n=1, cutoff=0.0)
+    raise UnknownNameError(
+        f"no {what} is called {name!r:.80}; did you mean {nearest[0]!r}? known: {', '.join(choices)}"
+    )

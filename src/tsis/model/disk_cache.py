@@ -9,18 +9,24 @@ from __future__ import annotations
 import hashlib
 import json
 import os
+import stat
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import platformdirs
 
+from tsis.model.array_archive import arrays_of
 from tsis.model.durable import write_durably
+from tsis.model.errors import FileInputError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from numpy.typing import NDArray
+
 DIGEST_BYTES = 32
+LARGEST_BYTES = 512 * 2**20
 
 
 def folder() -> Path:
@@ -35,12 +41,27 @@ def content_key(content: Mapping[str, Any]) -> str:
 
 def read(kind: str, key: str) -> bytes | None:
     """The stored bytes, or None when there are none or they are damaged."""
+    path = folder() / kind / key
     try:
-        data = (folder() / kind / key).read_bytes()
+        status = path.stat()
+        if not stat.S_ISREG(status.st_mode) or status.st_size > LARGEST_BYTES:  # reading a pipe may never end
+            return None
+        data = path.read_bytes()
     except OSError:
         return None
     digest, payload = data[:DIGEST_BYTES], data[DIGEST_BYTES:]
     return payload if _digest(key, payload) == digest else None
+
+
+def read_arrays(kind: str, key: str) -> dict[str, NDArray[Any]] | None:
+    """The stored arrays, or None when there are none, they are damaged, or the file holds something else."""
+    stored = read(kind, key)
+    if stored is None:
+        return None
+    try:
+        return arrays_of(stored)
+    except FileInputError:
+        return None
 
 
 def write(kind: str, key: str, payload: bytes) -> None:

@@ -88,11 +88,10 @@ def irradiance(
     key = disk_cache.content_key(
         {"format": FORMAT_VERSION, "probe": _optical(probe), "rays": float(rays), "seed": seed, **medium}
     )
-    stored = disk_cache.read("irradiance", key) if cached else None
+    stored = disk_cache.read_arrays("irradiance", key) if cached else None
     if stored is not None:
-        with np.load(io.BytesIO(stored), allow_pickle=False) as arrays:
-            fields: dict[str, Any] = {name: value if value.ndim else float(value) for name, value in arrays.items()}
-            return Irradiance(**fields)
+        fields: dict[str, Any] = {name: value if value.ndim else float(value) for name, value in stored.items()}
+        return Irradiance(**fields)
     with threadpool_limits(limits=1, user_api="blas"):  # small products, beside which the tracer's threads run
         found = _traced(probe, rays / (len(RAISED) + 1), seed, medium, progress or (lambda _done, _total: None))
     if cached:

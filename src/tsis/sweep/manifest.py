@@ -9,7 +9,8 @@ from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.instrument import read_bytes, shown
+from tsis.instrument import shown
+from tsis.instrument.file_bytes import one_line, read_object
 from tsis.model.durable import write_durably
 from tsis.model.errors import FileInputError, InputError
 from tsis.model.extra import library
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
     from tsis.sweep.plan import Plan
 
 MANIFEST = "manifest.json"
+LARGEST_BYTES, MOST_VALUES = 64 * 2**20, 1_000_000  # of 100 000 files
 FORMAT, VERSION = "tsis-sweep", 1
 # Their versions can change the last digits, or the bytes of a file.
 LIBRARIES = ("numpy", "scipy", "pyarrow")
@@ -71,23 +73,19 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         When there is none, or it is no manifest of a sweep.
     """
     path = folder / MANIFEST
-    data = read_bytes(path)
+    document = read_object(path, most=LARGEST_BYTES, values=MOST_VALUES)
     try:
-        document = json.loads(data)
         found = (document["format"], document["version"])
         entries = [(str(entry["file"]), int(entry["shard"]), str(entry["sha256"])) for entry in document["shards"]]
         whole = all(NAME.fullmatch(name) and name == shard_name(shard) for name, shard, _ in entries)
         plan_of(document["plan"])
-        start = {key: document[key] for key in START}
-    except (ValueError, KeyError, TypeError, RecursionError, InputError) as error:
-        raise FileInputError(f"{shown(path)} must be the manifest of a sweep; got: {error!s:.200}") from error
+        whole = whole and document.get("data_set") == data_set_key({key: document[key] for key in START})
+        whole = whole and document["plan_sha256"] == _hash(document["plan"])
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError, InputError) as error:
+        raise FileInputError(f"{shown(path)} must be the manifest of a sweep; got: {one_line(error)}") from error
     if found != (FORMAT, VERSION):
         raise FileInputError(f"{shown(path)} must be of {FORMAT}, version {VERSION}; got another format")
-    if (
-        not whole
-        or document.get("data_set") != data_set_key(start)
-        or document["plan_sha256"] != _hash(document["plan"])
-    ):
+    if not whole:
         raise FileInputError(f"{shown(path)} must be as it was written; its hashes do not agree with its content")
     return dict(document)
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tsis.instrument import read_bytes, shown
+from tsis.instrument.file_bytes import one_line
 from tsis.model import Layer, Probe, check, load_probe
 from tsis.model.errors import FileInputError, InputError
 from tsis.sweep.plan import Plan
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     import os
     from collections.abc import Mapping
 
-LARGEST_PLAN_BYTES = 2**20
+LARGEST_PLAN_BYTES, LONGEST_KEY = 256 * 2**10, 16
 _PLAIN = ("forces_n", "strain", "sample", "count", "seed", "batch", "unfit")
 KEYS = ("probe", *_PLAIN, "logarithmic", "ranges", "grid", "outputs")
 OUTPUTS = ("radii_mm", "columns")
@@ -61,13 +62,13 @@ def load_plan(path: str | os.PathLike[str]) -> Plan:
         When the file is missing, no TOML, or holds a value that a plan cannot take.
     """
     file = Path(path)
-    data = read_bytes(file)
-    if len(data) > LARGEST_PLAN_BYTES:
-        raise FileInputError(f"{shown(file)} must be at most {LARGEST_PLAN_BYTES} bytes; got {len(data)}")
+    data = read_bytes(file, most=LARGEST_PLAN_BYTES)
     try:
         return parse_plan(data.decode())
-    except (InputError, UnicodeDecodeError) as error:
+    except InputError as error:
         raise FileInputError(f"{shown(file)}: {error}") from error
+    except UnicodeDecodeError as error:
+        raise FileInputError(f"{shown(file)} must be text in UTF-8; it is not") from error
 
 
 def parse_plan(text: str) -> Plan:
@@ -84,10 +85,11 @@ def parse_plan(text: str) -> Plan:
     >>> plan.presses, plan.shards, plan.sampled
     (1024, 16, ('diameter_mm', 'depth_mm', 'young_kpa'))
     """
+    _require_short_keys(text)
     try:
         document = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise InputError(f"a plan must be TOML; got: {error!s:.200}") from error
+    except (ValueError, RecursionError) as error:  # a number of 5000 digits is no error of TOML's
+        raise InputError(f"a plan must be TOML; got: {one_line(error)}") from error
     return plan_of(document)
 
 
@@ -142,6 +144,15 @@ def plan_document(plan: Plan) -> dict[str, Any]:
             name for name, value in ranges.items() if isinstance(value, Range) and value.logarithmic
         ]
     return document
+
+
+def _require_short_keys(text: str) -> None:
+    """Refuse a.b.c.d. ... without end, over which the parser takes the square of its length."""
+    run = 0
+    for part in text.split("."):
+        run = 0 if any(mark in part for mark in "\n=,[]") else run + 1
+        if run > LONGEST_KEY:
+            raise InputError(f"a plan must be TOML with keys of at most {LONGEST_KEY} parts; got a longer one")
 
 
 _PROBE_KEYS = ("name", "radius_mm", "layers", "face_curvature_mm", "sides")

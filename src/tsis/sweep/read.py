@@ -12,7 +12,7 @@ from tsis.model import check
 from tsis.model.errors import FileInputError
 from tsis.sweep.manifest import MANIFEST, read_manifest
 from tsis.sweep.plan import PROFILES
-from tsis.sweep.shards import decode, sha256
+from tsis.sweep.shards import LARGEST_BYTES, decode, sha256
 
 if TYPE_CHECKING:
     import os
@@ -70,15 +70,23 @@ def read(folder: str | os.PathLike[str], columns: Sequence[str] | None = None) -
     outputs = manifest["plan"]["outputs"]
     parts: dict[str, list[NDArray[Any]]] = {}
     for entry in manifest["shards"]:
-        content = read_bytes(place / entry["file"])
+        content = read_bytes(place / entry["file"], most=LARGEST_BYTES)
         if sha256(content) != entry["sha256"]:
             raise FileInputError(f"{shown(place / entry['file'])} must be as it was written; its SHA-256 differs")
         table = decode(content)
         for name in table.column_names if columns is None else columns:
             check.known("column", name, table.column_names)
-            parts.setdefault(name, []).append(_array(table.column(name), name))
+            try:
+                parts.setdefault(name, []).append(_array(table.column(name), name))
+            except (ValueError, AttributeError, TypeError, NotImplementedError) as error:
+                raise FileInputError(
+                    f"{shown(place / entry['file'])} must hold numbers by column; got others"
+                ) from error
     radius = np.array(outputs["radii_mm"], dtype=float)
-    return {"radius_mm": radius} | {name: np.concatenate(values) for name, values in parts.items()}
+    try:
+        return {"radius_mm": radius} | {name: np.concatenate(values) for name, values in parts.items()}
+    except (ValueError, TypeError) as error:
+        raise FileInputError(f"{shown(place)} must hold files with alike columns; got others") from error
 
 
 def _array(column: Any, name: str) -> NDArray[Any]:
@@ -101,7 +109,7 @@ def _complete(folder: str | os.PathLike[str]) -> tuple[Path, dict[str, Any]]:
 
 def _fault(place: Path, entry: dict[str, Any]) -> str:
     try:
-        content = read_bytes(place / entry["file"])
+        content = read_bytes(place / entry["file"], most=LARGEST_BYTES)
     except FileInputError as error:
         return "missing" if not (place / entry["file"]).exists() else str(error)
     return "" if sha256(content) == entry["sha256"] else "damaged"

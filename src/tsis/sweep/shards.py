@@ -11,7 +11,8 @@ import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from tsis.model.errors import SweepError
+from tsis.instrument.file_bytes import one_line, read_bytes
+from tsis.model.errors import FileInputError, SweepError
 from tsis.model.extra import library
 from tsis.sweep.plan import PROFILES
 
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 
 NAME = re.compile(r"part-\d{6}\.parquet")
 DATA_SET, SHARD, REFUSED, DIGEST = "tsis.data_set", "tsis.shard", "tsis.refused", "tsis.sha256"
+LARGEST_BYTES = 96 * 2**20  # a file of the most presses and profiles takes 60 million bytes
 _ZEROS = b"0" * 64
 # In a Parquet footer an entry is its key, the byte 0x18 (a text follows), the text's length and the text.
 _BEFORE_DIGEST = DIGEST.encode() + b"\x18" + bytes([len(_ZEROS)])
@@ -93,23 +95,26 @@ def receipt_of(content: bytes, *, shard: int, data_set: str) -> Receipt | None:
     """What a file of this data set says of itself; None when it is damaged or belongs elsewhere."""
     if not is_whole(content):
         return None
-    footer = _footer(content)
-    found = footer.metadata or {}
     try:
+        footer = _footer(content)
+        found = footer.metadata or {}
         if (found[DATA_SET.encode()].decode(), int(found[SHARD.encode()])) != (data_set, shard):
             return None
         return Receipt(shard=shard, sha256=sha256(content), rows=footer.num_rows, refused=int(found[REFUSED.encode()]))
-    except (KeyError, ValueError):
+    except (KeyError, ValueError, OSError):  # Arrow's own errors are among them
         return None
 
 
 def data_set_of(path: Path) -> str | None:
     """The data set that a whole file belongs to; None when it is damaged or no file of a sweep."""
-    content = path.read_bytes()
+    content = read_bytes(path, most=LARGEST_BYTES)
     if not is_whole(content):
         return None
-    name = (_footer(content).metadata or {}).get(DATA_SET.encode())
-    return None if name is None else str(name.decode())
+    try:
+        name = (_footer(content).metadata or {}).get(DATA_SET.encode())
+        return None if name is None else str(name.decode())
+    except (ValueError, OSError):
+        return None
 
 
 def is_whole(content: bytes) -> bool:
@@ -121,9 +126,23 @@ def is_whole(content: bytes) -> bool:
 
 
 def decode(content: bytes) -> Any:
-    """The Arrow table of a file whose bytes were checked."""
+    """The Arrow table of a file whose bytes were checked.
+
+    Raises
+    ------
+    FileInputError
+        When it is no Parquet file all the same, or unpacks to more than a sweep writes.
+    """
     pa, parquet = _arrow()
-    return parquet.read_table(pa.BufferReader(content), use_threads=False)
+    try:
+        footer = parquet.read_metadata(pa.BufferReader(content))
+        unpacked = sum(abs(footer.row_group(group).total_byte_size) for group in range(footer.num_row_groups))
+        table = parquet.read_table(pa.BufferReader(content), use_threads=False) if unpacked <= LARGEST_BYTES else None
+    except (ValueError, OSError, MemoryError, pa.ArrowException) as error:
+        raise FileInputError(f"a file of a sweep must be a whole Parquet file; got: {one_line(error)}") from error
+    if table is None:
+        raise FileInputError(f"a file of a sweep must unpack to at most {LARGEST_BYTES} bytes; got {unpacked}")
+    return table
 
 
 def sha256(content: bytes) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import stat
 import threading
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,7 +12,7 @@ from tsis.model.durable import write_durably
 from tsis.model.errors import SweepError
 from tsis.sweep.manifest import MANIFEST
 from tsis.sweep.presses import press_all
-from tsis.sweep.shards import Receipt, encode, receipt_of, shard_name
+from tsis.sweep.shards import LARGEST_BYTES, Receipt, encode, receipt_of, shard_name
 
 if TYPE_CHECKING:
     from tsis.sweep.plan import Plan
@@ -88,10 +89,7 @@ def _finish(job: Job, batch: Batch) -> Finished:
     if not (folder / MANIFEST).is_file():
         raise SweepError(f"the folder {job.folder!r} must be seen by every worker; one of them does not find it")
     path = folder / shard_name(batch.shard)
-    try:
-        present = path.read_bytes()
-    except FileNotFoundError:
-        present = None
+    present = _present(path)
     if present is not None:
         receipt = receipt_of(present, shard=batch.shard, data_set=job.data_set)
         if receipt is not None:
@@ -102,3 +100,12 @@ def _finish(job: Job, batch: Batch) -> Finished:
     if receipt is None:
         raise SweepError(f"{path.name} does not carry what was written into it; the pyarrow at hand is not supported")
     return Finished(receipt=receipt, state="computed" if present is None else "repaired")
+
+
+def _present(path: Path) -> bytes | None:
+    """The file's bytes; None when there is none, and nothing where no sweep can have written it."""
+    try:
+        status = path.stat()
+    except FileNotFoundError:
+        return None
+    return path.read_bytes() if stat.S_ISREG(status.st_mode) and status.st_size <= LARGEST_BYTES else b""

@@ -7,7 +7,7 @@ import json
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.calibration.file.plain_values import from_plain, to_plain, without_maps
+from tsis.calibration.file.plain_values import from_plain, require_packed_fairly, to_plain, without_maps
 from tsis.calibration.file.probe_calibration import ProbeCalibration
 from tsis.instrument import shown
 from tsis.instrument.file_bytes import as_path, read_object
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     import os
 
 FORMAT, VERSION = "tsis-calibration", 3
+LARGEST_BYTES = 128 * 2**20  # maps of a camera of 8 million pixels
 
 
 def identity(known: ProbeCalibration) -> str:
@@ -46,14 +47,19 @@ def write_calibration(known: ProbeCalibration, path: str | os.PathLike[str]) -> 
     Raises
     ------
     FileInputError
-        When there is such a file already, or it cannot be written.
+        When there is such a file already, it cannot be written, or it would be too large to be read back.
     """
     target = as_path(path)
+    content = calibration_bytes(known)
+    if len(content) > LARGEST_BYTES:
+        raise FileInputError(
+            f"{shown(target)} must be at most {LARGEST_BYTES} bytes, so that it can be read back; got {len(content)}"
+        )
     try:
         if target.exists():
             raise FileInputError(f"{shown(target)} must be a new file; it exists already (choose another name)")
         target.parent.mkdir(parents=True, exist_ok=True)
-        write_durably(target, calibration_bytes(known))
+        write_durably(target, content)
     except OSError as error:
         reason = error.strerror or error
         raise FileInputError(f"{shown(target)} must be a file that can be written; got: {reason}") from error
@@ -71,7 +77,7 @@ def read_calibration(path: str | os.PathLike[str]) -> ProbeCalibration:
         When its content is not what was written: it was changed or damaged.
     """
     source = as_path(path)
-    document = read_object(source)
+    document = read_object(source, most=LARGEST_BYTES)
     if document.get("format") != FORMAT:
         raise FileInputError(f"{shown(source)} must be a file of {FORMAT}; got {document.get('format')!r:.60}")
     if document.get("version") != VERSION:
@@ -80,13 +86,14 @@ def read_calibration(path: str | os.PathLike[str]) -> ProbeCalibration:
             "(calibrate again, or read it with the release of tsis that wrote it)"
         )
     content = document.get("calibration")
-    expected = _hash(without_maps(content))
+    expected = _hash(content)
     if expected is None or document.get("sha256") != expected:
         raise CalibrationError(
             f"{shown(source)} must be as it was written; its content does not match its hash, so it was changed or "
             "damaged (take the original, or calibrate again)"
         )
     try:
+        require_packed_fairly(content, "calibration")
         known: ProbeCalibration = from_plain(ProbeCalibration, content, "calibration")
     except InputError as error:
         raise FileInputError(f"{shown(source)}: {error}") from error
@@ -95,7 +102,9 @@ def read_calibration(path: str | os.PathLike[str]) -> ProbeCalibration:
 
 def _hash(content: Any) -> str | None:
     try:
-        canonical = json.dumps(_as_floats(content), sort_keys=True, separators=(",", ":"), allow_nan=False)
+        canonical = json.dumps(
+            _as_floats(without_maps(content)), sort_keys=True, separators=(",", ":"), allow_nan=False
+        )
     except (ValueError, OverflowError, RecursionError):  # NaN or nesting without end, which nothing here ever wrote
         return None
     return hashlib.sha256(canonical.encode()).hexdigest()

@@ -24,6 +24,7 @@ from tsis.model.errors import CalibrationError, InputError
 
 READABLE = 64  # numbers in an array that is written out
 LARGEST_ARRAY = 16_000_000
+FREE_BYTES, MOST_UNPACKED = 32 * 2**20, 64  # maps beyond the first may be so many times as large as their packed text
 _MAP_KEYS = {"shape", "kind", "sha256", "zlib"}
 _KINDS: dict[str, np.dtype[Any]] = {"single": np.dtype("<f4"), "double": np.dtype("<f8"), "bool": np.dtype("?")}
 
@@ -67,6 +68,31 @@ def without_maps(plain: Any) -> Any:
         held = {name: without_maps(each) for name, each in plain.items()}
         return {name: held[name] for name in held if name != "zlib"} if set(held) == _MAP_KEYS else held
     return [without_maps(each) for each in plain] if isinstance(plain, list) else plain
+
+
+def require_packed_fairly(plain: Any, where: str) -> None:
+    """Refuse maps that say that they unpack to much more than they take in the file: such a file is a bomb.
+
+    All maps together may take 32 MiB, or 64 times what they take packed; measured maps, which hold noise, take a tenth
+    of that.
+
+    Raises
+    ------
+    InputError
+        When they say more.
+    """
+    declared, packed = 0, 0
+    left = [plain]
+    while left:
+        each = left.pop()
+        if isinstance(each, dict) and set(each) == _MAP_KEYS:
+            _require(_declared_bytes(each["shape"], each["kind"]) > 0, where, "of maps of sensible size", each["shape"])
+            declared += _declared_bytes(each["shape"], each["kind"])
+            packed += len(each["zlib"]) if isinstance(each["zlib"], str) else 0
+        elif isinstance(each, (dict, list)):
+            left.extend(each.values() if isinstance(each, dict) else each)
+    if declared > max(FREE_BYTES, MOST_UNPACKED * packed):
+        raise InputError(f"{where} must hold maps of a sensible size; got {packed} bytes that unpack to {declared}")
 
 
 def from_plain(wanted: Any, plain: Any, where: str) -> Any:
@@ -164,19 +190,28 @@ def _array_to_plain(values: np.ndarray[Any, Any], *, pack: bool) -> Any:
 def _array_from_plain(plain: Any, where: str) -> np.ndarray[Any, Any]:
     if isinstance(plain, list):
         try:
-            return np.array(plain)
-        except ValueError as error:
+            values = np.array(plain)
+        except (ValueError, OverflowError, RecursionError) as error:
             raise InputError(f"{where} must be an array of numbers; its rows differ in length") from error
+        _require(values.dtype.kind in "biuf", where, "an array of numbers", plain)
+        return values
     _require(isinstance(plain, dict) and set(plain) == _MAP_KEYS, where, "an array", plain)
     shape, kind = plain["shape"], plain["kind"]
-    sound = isinstance(shape, list) and all(type(side) is int and 0 < side <= LARGEST_ARRAY for side in shape)
-    _require(sound and math.prod(shape) <= LARGEST_ARRAY and kind in _KINDS, where, "a map of sensible size", shape)
-    size = math.prod(shape) * _KINDS[kind].itemsize
+    size = _declared_bytes(shape, kind)
+    _require(size > 0, where, "a map of sensible size", shape)
     content = _unpacked(plain["zlib"], size, where)
     if hashlib.sha256(content).hexdigest() != plain["sha256"]:
         raise CalibrationError(f"{where} must be as it was written; it does not match its hash, so it was changed")
     values = np.frombuffer(content, dtype=_KINDS[kind]).reshape(shape)
     return values.astype(bool if kind == "bool" else float)
+
+
+def _declared_bytes(shape: Any, kind: Any) -> int:
+    """Size of a map in bytes; 0 when nothing sensible is declared."""
+    sound = isinstance(shape, list) and all(type(side) is int and 0 < side <= LARGEST_ARRAY for side in shape[:4])
+    if not sound or not 0 < len(shape) <= 4 or not isinstance(kind, str) or kind not in _KINDS:
+        return 0
+    return math.prod(shape) * _KINDS[kind].itemsize if math.prod(shape) <= LARGEST_ARRAY else 0
 
 
 def _unpacked(packed: Any, size: int, where: str) -> bytes:
@@ -185,7 +220,7 @@ def _unpacked(packed: Any, size: int, where: str) -> bytes:
         unpacker = zlib.decompressobj()
         content = unpacker.decompress(base64.b64decode(packed, validate=True), size)
     except (TypeError, ValueError, binascii.Error, zlib.error) as error:
-        raise InputError(f"{where} must be a whole map; it is damaged: {error}") from error
+        raise InputError(f"{where} must be a whole map; it is damaged: {error!s:.80}") from error
     if len(content) != size or not unpacker.eof:
         raise InputError(f"{where} must be a whole map of {size} bytes; got another number")
     return content

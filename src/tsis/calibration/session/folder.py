@@ -16,7 +16,7 @@ from tsis.calibration.session.shot import Shot
 from tsis.calibration.session.steps import plan
 from tsis.calibration.session.terms import SessionTerms
 from tsis.instrument import png_bytes, read_bytes, read_image, shown
-from tsis.instrument.file_bytes import as_path, read_object
+from tsis.instrument.file_bytes import as_path, one_line, read_object
 from tsis.model.durable import write_durably
 from tsis.model.errors import CalibrationError, FileInputError, InputError
 
@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
 FORMAT, VERSION = "tsis-calibration-session", 1
 TERMS, INDEX = "session.json", "shots.csv"
+LARGEST_TERMS_BYTES, LARGEST_INDEX_BYTES = 2**20, 8 * 2**20
 COLUMNS = ("file", "time_s", "force_n", "full_scale")  # the last, since a file of 16 bits may hold fewer
 
 
@@ -77,7 +78,7 @@ class SessionFolder:
             When the folder holds none, or one that cannot be read.
         """
         file = self.path / TERMS
-        document = read_object(file)
+        document = read_object(file, most=LARGEST_TERMS_BYTES)
         if (document.get("format"), document.get("version")) != (FORMAT, VERSION):
             raise FileInputError(f"{shown(file)} must be a {FORMAT} of version {VERSION}; got another format")
         try:
@@ -139,9 +140,11 @@ class SessionFolder:
             raise CalibrationError(f"step {step.name!r} must be done first; {shown(self.path)} holds no frames of it")
         index = self.path / step.name / INDEX
         try:
-            rows = list(csv.reader(io.StringIO(read_bytes(index).decode("utf-8", errors="replace"))))
+            rows = list(
+                csv.reader(io.StringIO(read_bytes(index, most=LARGEST_INDEX_BYTES).decode("utf-8", errors="replace")))
+            )
         except csv.Error as error:
-            raise FileInputError(f"{shown(index)} must be a table of frames; got: {error}") from error
+            raise FileInputError(f"{shown(index)} must be a table of frames; got: {one_line(error)}") from error
         if not rows or tuple(rows[0]) != COLUMNS:
             raise FileInputError(f"{shown(index)} must begin with the line {','.join(COLUMNS)}")
         shots = [self._shot(index, row) for row in rows[1:] if row]
@@ -172,7 +175,7 @@ class SessionFolder:
             raise
         except ValueError as error:
             raise FileInputError(
-                f"{shown(index)} must hold a file, a time, a force and a full scale a line; got: {error}"
+                f"{shown(index)} must hold a file, a time, a force and a full scale a line; got: {one_line(error)}"
             ) from error
 
     def _refused(self, error: OSError) -> FileInputError:

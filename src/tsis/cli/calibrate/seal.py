@@ -20,6 +20,7 @@ from tsis.model import check
 from tsis.model.errors import FileInputError, InputError
 from tsis.report.document import envelope
 
+LARGEST_VALUES_BYTES = 2**20
 BY_HAND = ("response", "scale")  # parts that a person can write down
 FROM_FRAMES = ("reference", "force_line", "specification", "made", "expires")
 
@@ -45,7 +46,7 @@ def seal(
 
 
 def _read(path: Path, days: float) -> ProbeCalibration:
-    content = read_object(path)
+    content = read_object(path, most=LARGEST_VALUES_BYTES)
     if measured := [name for name in FROM_FRAMES if content.get(name) is not None]:
         raise FileInputError(
             f"{shown(path)} must hold values written by hand (name, probe, camera, settings, response, scale); got "

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
+LARGEST_BYTES = 64 * 2**20
 HEAD = ("time_s", "force_n", "resolution_n", "time_error_s")
 _NEEDED = 2  # the columns that a file made elsewhere must have
 
@@ -101,7 +102,7 @@ class RecordedGauge:
             When it is missing, its header is another, or a line is not finite numbers with ascending times.
         """
         try:
-            self._readings = tuple(_parsed(read_bytes(self._path)))
+            self._readings = tuple(_parsed(read_bytes(self._path, most=LARGEST_BYTES)))
         except _LineError as error:
             raise FileInputError(f"{shown(self._path)} {error}") from error
         self._running.set()

@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING, Any
 import cv2
 
 from tsis.instrument.camera import Frame, Mode
-from tsis.instrument.file_bytes import file_size, shown
+from tsis.instrument.file_bytes import read_head, shown
 from tsis.instrument.luma import grey_of_opencv
+from tsis.instrument.picture_size import LARGEST_PIXELS
 from tsis.instrument.quiet import quiet_decoders, quiet_ffmpeg
 from tsis.instrument.sources.capture import present_mode
 from tsis.instrument.sources.stored import StoredFrames
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 
 # containers without an index only estimate their number of frames, from the duration
 _COUNT_TOLERANCE = 0.01
+# what FFmpeg would follow to other files or addresses
+_LISTS = (b"#", b"<", b"ffconcat", b"v=0", b"[")
 
 
 class VideoFile(StoredFrames):
@@ -57,12 +60,18 @@ class VideoFile(StoredFrames):
             When there is no such file, it is no regular file, empty, cut short or no video.
         """
         self.stop()
-        file_size(self._path)
+        if read_head(self._path).lstrip().startswith(_LISTS):
+            raise FileInputError(f"{shown(self._path)} must be a video file; got a list that names other files")
         with quiet_decoders(), quiet_ffmpeg():
             # by its absolute path, so that no name is taken for an address, a device or a pattern
             capture = cv2.VideoCapture(os.path.realpath(self._path), cv2.CAP_FFMPEG)
         if not capture.isOpened():
             raise FileInputError(f"{shown(self._path)} must be a complete video file; no decoder could open it")
+        columns, rows = (int(capture.get(side)) for side in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
+        if not 0 < columns * rows <= LARGEST_PIXELS:
+            capture.release()
+            size = f"{columns} x {rows}"
+            raise FileInputError(f"{shown(self._path)} must hold at most {LARGEST_PIXELS} pixels a frame; got {size}")
         self._capture, self._lost = capture, False
 
     def modes(self) -> tuple[Mode, ...]:
@@ -116,7 +125,10 @@ class VideoFile(StoredFrames):
         with self._one_call:
             if self._capture is None:  # stopped by another thread
                 return None
-            present, pixels = self._capture.read()
+            try:
+                present, pixels = self._capture.read()
+            except (cv2.error, MemoryError) as error:
+                raise FileInputError(f"{shown(self._path)} must be a readable video; decoding failed") from error
             time_s = float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) / 1000.0
         if not present or pixels is None:
             return None

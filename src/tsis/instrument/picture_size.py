@@ -1,0 +1,60 @@
+"""What a picture may declare, given how many bytes it has: checked before memory is taken for its pixels.
+
+A photograph of 64 million pixels takes many megabytes however it is packed, for a sensor's noise cannot be packed. Up
+to 16 million pixels a file may be as small as it likes, since an even frame packs a thousandfold; beyond, it must hold
+a byte for every 24 pixels, a third of what strongly compressed JPEG takes. A large PNG is unpacked once in small pieces
+before it is unpacked for good, so that one whose pixels are missing never takes their memory.
+"""
+
+from __future__ import annotations
+
+import struct
+import zlib
+
+LARGEST_PIXELS = 65_000_000  # sensors sold as 64 million have 64.1 to 64.5
+FREE_PIXELS, PIXELS_A_BYTE = 16_000_000, 24
+_PIECE = 2**20
+_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
+
+
+def size_fault(columns: int, rows: int, file_bytes: int) -> str | None:
+    """Why no picture of this size may be decoded from a file of so many bytes; None when it may.
+
+    Examples
+    --------
+    >>> size_fault(9248, 6944, 20_000_000)
+    >>> size_fault(8000, 8000, 64_000)
+    'a byte for every 24 pixels beyond 16000000 pixels; it declares 8000 x 8000 in 64000 bytes'
+    """
+    pixels = columns * rows
+    if pixels > LARGEST_PIXELS:
+        return f"at most {LARGEST_PIXELS} pixels; it declares {columns} x {rows}"
+    if pixels > FREE_PIXELS and pixels > PIXELS_A_BYTE * file_bytes:
+        return (
+            f"a byte for every {PIXELS_A_BYTE} pixels beyond {FREE_PIXELS} pixels; "
+            f"it declares {columns} x {rows} in {file_bytes} bytes"
+        )
+    return None
+
+
+def rows_missing(data: bytes) -> bool:
+    """Whether the pixels of a large PNG file, already found whole, are fewer than its header declares."""
+    if not data.startswith(b"\x89PNG"):
+        return False
+    columns, rows, depth, colour = struct.unpack_from(">IIBB", data, 16)
+    wanted = rows * (1 + columns * _CHANNELS.get(colour, 1) * depth // 8)
+    if columns * rows <= FREE_PIXELS:
+        return False
+    unpacker, place, kind, found = zlib.decompressobj(), 8, b"", 0
+    view = memoryview(data)
+    try:
+        while kind != b"IEND" and found < wanted:
+            (length,) = struct.unpack_from(">I", data, place)
+            kind, left = data[place + 4 : place + 8], view[place + 8 : place + 8 + length]
+            while kind == b"IDAT" and len(left) and not unpacker.eof:
+                found += len(unpacker.decompress(left, _PIECE))
+                left = memoryview(unpacker.unconsumed_tail)
+            place += 12 + length
+    except zlib.error:
+        return True
+    return bool(found < wanted)
