@@ -50,12 +50,13 @@ def test_short_rows_are_filled_and_long_cells_go_on_in_rows_of_their_own() -> No
 
 
 def test_nested_values_are_told_by_their_paths() -> None:
-    told = leaves({"a": {"b": [{"c": 1, "d": None}, {"c": "x"}], "e": []}, "f": (1.5, 2), "g": {}, 3: [[1, 2], [3]]})
+    told = leaves(
+        {"a": {"b": [{"c": 1, "d": None}, {"c": "x", "h": [1, 2]}], "e": []}, "f": (1.5, 2), "g": {}, 3: [[1, 2], [3]]}
+    )
     assert told == [
-        ("a.b[0].c", "1"),
-        ("a.b[0].d", "None"),
-        ("a.b[1].c", "x"),
-        ("a.e", "none"),
+        ("a", "e: none"),
+        ("a.b[0]", "c: 1; d: None"),
+        ("a.b[1]", "c: x; h: 1, 2"),
         ("f", "1.5, 2"),
         ("g", "none"),
         ("3[0]", "1, 2"),

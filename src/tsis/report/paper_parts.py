@@ -149,21 +149,36 @@ def provenance(given: Mapping[str, Any]) -> list[Any]:
 
 
 def leaves(value: Any, path: str = "") -> list[tuple[str, str]]:
-    """Every value of nested mappings and sequences with its path; a sequence of plain values is one value.
+    """Nested mappings and sequences as paths with their values; the plain values of a mapping share a text.
 
     Examples
     --------
-    >>> leaves({"images": [{"name": "a"}], "forces": [1.0, 2.0]})
-    [('images[0].name', 'a'), ('forces', '1.0, 2.0')]
+    >>> leaves({"images": [{"name": "a", "force_n": 1.0, "settings": {"gain": 2}}], "forces": [1.0, 2.0]})
+    [('images[0]', 'name: a; force_n: 1.0'), ('images[0].settings', 'gain: 2'), ('forces', '1.0, 2.0')]
     """
-    if isinstance(value, Mapping) and value:
-        found = [leaves(inner, f"{path}.{name}" if path else str(name)) for name, inner in value.items()]
-        return [leaf for part in found for leaf in part]
-    if isinstance(value, Sequence) and not isinstance(value, str | bytes):
-        if any(isinstance(inner, Mapping | list | tuple) for inner in value):
-            return [leaf for place, inner in enumerate(value) for leaf in leaves(inner, f"{path}[{place}]")]
-        return [(path, ", ".join(str(inner) for inner in value) or "none")]
-    return [(path, "none" if isinstance(value, Mapping) else str(value))]
+    if isinstance(value, Mapping):
+        plain = {name: inner for name, inner in value.items() if path and not _nested(inner)}
+        below = [(f"{path}.{name}" if path else str(name), value[name]) for name in value if name not in plain]
+        own = [(path, _told(plain))] if plain or not below else []
+        return [*own, *(leaf for name, inner in below for leaf in leaves(inner, name))]
+    if _listed(value) and any(_nested(inner) or _listed(inner) for inner in value):
+        return [leaf for place, inner in enumerate(value) for leaf in leaves(inner, f"{path}[{place}]")]
+    return [(path, _told(value))]
+
+
+def _told(value: Any) -> str:
+    if isinstance(value, Mapping):
+        return "; ".join(f"{name}: {_told(inner)}" for name, inner in value.items()) or "none"
+    return (", ".join(str(inner) for inner in value) or "none") if _listed(value) else str(value)
+
+
+def _listed(value: Any) -> bool:
+    return isinstance(value, Sequence) and not isinstance(value, str | bytes)
+
+
+def _nested(value: Any) -> bool:
+    """Whether there is more below a value than plain ones."""
+    return isinstance(value, Mapping) or (_listed(value) and any(isinstance(x, Mapping) or _listed(x) for x in value))
 
 
 def _no_padding() -> list[Any]:

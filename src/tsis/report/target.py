@@ -70,7 +70,7 @@ def _cards(dossier: Dossier) -> tuple[Card, ...]:
 def _provenance(dossier: Dossier) -> dict[str, Any]:
     """Where every number came from, with whole hashes and identities."""
     target = dossier.target
-    stored = {} if dossier.estimate is None else {"estimate in force": _estimate(dossier.estimate)}
+    stored = {} if dossier.estimate is None else _estimate(dossier.estimate)
     return {
         "target": {"id": target.id, "version": target.version, "entered": moment(target.made) + " UTC"},
         "report": f"tsis {__version__}",
@@ -84,15 +84,17 @@ def _provenance(dossier: Dossier) -> dict[str, Any]:
 
 def _estimate(stored: StoredEstimate) -> dict[str, Any]:
     return {
-        "id": stored.id,
-        "kind": stored.kind,
-        "probe": stored.probe,
-        "presses": list(stored.presses),
-        "calibration": stored.calibration,
+        "estimate in force": {
+            "id": stored.id,
+            "kind": stored.kind,
+            "probe": stored.probe,
+            "calibration": stored.calibration,
+            "supersedes": stored.supersedes or "nothing",
+            "presses": list(stored.presses),
+        },
         "options": dict(stored.options),
         "environment": dict(stored.environment),
-        "supersedes": stored.supersedes or "nothing",
-        "came from": dict(stored.estimate.provenance),
+        "computed from": dict(stored.estimate.provenance),
     }
 
 
