@@ -59,6 +59,7 @@ _ROOMS = frozenset(
         "mechanics",
         "optics",
         "plots",
+        "records",
         "report",
         "virtual",
     }

@@ -17,6 +17,7 @@ from tsis.cli.examine import examine
 from tsis.cli.hardness import hardness
 from tsis.cli.match import app as match
 from tsis.cli.optics import app as optics
+from tsis.cli.records import app as records
 from tsis.cli.serve import serve
 from tsis.cli.simulate import simulate
 from tsis.cli.sweep import app as sweep
@@ -41,6 +42,7 @@ app.command(epilog="Example: tsis serve --phantom size-8 --force-n 0.7")(serve)
 app.add_typer(calibrate)
 app.add_typer(match)
 app.add_typer(optics)
+app.add_typer(records)
 app.add_typer(sweep)
 
 

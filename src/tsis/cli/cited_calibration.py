@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-from tsis.calibration import ForceLine, Measured, Reference, total_grey
+from tsis.calibration.applied import applied
 from tsis.calibration.file import ProbeCalibration, identity, read_calibration
 from tsis.model.errors import InputError
 from tsis.model.image import pixel_scale
@@ -32,35 +32,8 @@ class CitedCalibration:
         return self.known.known_response(self.identity)
 
     def pressed(self, frames: Sequence[TactileImage]) -> tuple[list[TactileImage], Calibration]:
-        """Frames ready for an estimate, and the response with the doubt of the forces.
-
-        Dark frame and untouched light are taken away where the calibration holds them; a force that nobody gave is read
-        off the light by the force line.
-
-        Raises
-        ------
-        CalibrationError
-            When a force is to be read and the calibration holds no force line or no reference.
-        InputError
-            When a frame lies outside the line's range, or does not belong to the reference.
-        """
-        forces = [self._force(frame) for frame in frames if frame.force_n is None]
-        by_line = iter(forces)
-        ready = [
-            replace(
-                frame if self.known.reference is None else self.known.reference.corrected(frame),
-                force_n=next(by_line).value if frame.force_n is None else frame.force_n,
-            )
-            for frame in frames
-        ]
-        response = self.response
-        doubt = max((force.sd / force.value for force in forces), default=0.0)
-        return ready, replace(response, force_sd=max(response.force_sd, doubt))
-
-    def _force(self, frame: TactileImage) -> Measured:
-        line = self.known.need(ForceLine, "a force without --force-n")
-        reference = self.known.need(Reference, "a force without --force-n")
-        return line.force_n(total_grey(frame, reference, method=line.method))
+        """Frames ready for an estimate, and the response with the doubt of the forces; errors as `applied`."""
+        return applied(self.known, frames, identity=self.identity)
 
     def require_camera(self, acquisition: Acquisition, *, stored: bool) -> None:
         """Refuse to use it with another camera, or at other settings; stored frames tell neither."""

@@ -29,10 +29,11 @@ from tsis.records.frame_file import frame_bytes, frame_levels
 from tsis.records.plain import press_of_plain, press_to_plain
 from tsis.records.samples import samples_bytes, samples_of
 from tsis.records.summary import TargetSummary, target_summaries
+from tsis.records.taking_in import Arrival, TakenIn
 from tsis.records.values import LONGEST_NAME, Press, StoredEstimate, Target, require_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Callable, Iterable, Mapping, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
     from tsis.records.database import Database
 
 FILES = "files"
+MOST_AT_ONCE = 500  # names in one question to a database
 Kept = TypeVar("Kept")
 EDITABLE = {"target": ("name", "note", "truth"), "press": ("role", "force_n", "flags", "note")}
 
@@ -233,6 +235,28 @@ class Store:
 
         return self._write(enter)
 
+    def take_in(self, dossier: Dossier, *, progress: Callable[[int, int], None] | None = None) -> TakenIn:
+        """Enter a target of another store with its presses, estimates and calibrations, all of it or nothing.
+
+        Parameters
+        ----------
+        dossier
+            As `tsis.records.export.bundle.read_bundle` gives it.
+        progress
+            Told (done, all) of the frames.
+
+        Raises
+        ------
+        RecordsError
+            When it is of the other kind, an identity in it is that of something else here, or it cannot be stored.
+        """
+        if dossier.target.kind != self.kind:
+            raise RecordsError(
+                f"a store of {self.kind}s must hold nothing else; this target is a {dossier.target.kind} "
+                f"(open another store with --kind {dossier.target.kind})"
+            )
+        return self._write(Arrival(dossier, self.blobs, self._calibration_row, progress).enter)
+
     def _calibration_row(self, known: ProbeCalibration) -> rows.Row:
         return {
             "id": identity(known),
@@ -291,6 +315,17 @@ class Store:
             found = connection.execute(query).all()
         return tuple(rows.press_of_row(row._asdict()) for row in found)
 
+    def presses_of_frames(self, frames: Sequence[str]) -> tuple[Press, ...]:
+        """Presses of any target whose frame is one of these: by it one tells what is stored already."""
+        found: list[Any] = []
+        with self.database.reading() as connection:
+            for at in range(0, len(frames), MOST_AT_ONCE):
+                some = tables.frames.c.id.in_(frames[at : at + MOST_AT_ONCE])
+                held = list(connection.execute(select(tables.frames.c.id).where(some)).scalars())
+                if held:  # else no press needs to be looked at
+                    found += connection.execute(_presses().where(tables.presses.c.frame.in_(held)))
+        return tuple(rows.press_of_row(row._asdict()) for row in found)
+
     def estimates(self, target: Target) -> tuple[StoredEstimate, ...]:
         """Estimates of a target in the order in which they were made."""
         table = tables.estimates
@@ -299,8 +334,8 @@ class Store:
             found = [row._asdict() for row in connection.execute(query)]
         return tuple(rows.estimate_of_row(row, self._samples(row["samples"])) for row in found)
 
-    def _samples(self, name: str) -> Mapping[str, NDArray[Any]]:
-        return samples_of(self.blobs.get(name, "samples"), f"samples {name[:12]}")
+    def _samples(self, name: object) -> Mapping[str, NDArray[Any]]:
+        return samples_of(self.blobs.get(str(name), "samples"), f"samples {name!s:.12}")
 
     def levels(self, frame: str) -> NDArray[Any]:
         """Grey levels of a stored frame, shape (rows, columns), uint8 or uint16; `RecordsError` when it is damaged."""
@@ -310,9 +345,10 @@ class Store:
         """The stored calibration of that identity; `RecordsError` when there is none or it is damaged."""
         table = tables.calibrations
         with self.database.reading() as connection:
-            file = connection.execute(select(table.c.file).where(table.c.id == cited)).scalar()
-        if file is None:
+            found = connection.execute(select(table.c.file).where(table.c.id == cited)).scalar()
+        if found is None:
             raise RecordsError(f"a calibration must be stored before it is cited; {cited[:12]!r} is not")
+        file = str(found)
         self.blobs.get(file, "json")  # found whole
         return read_calibration(self.blobs.path(file, "json"))
 

@@ -1,0 +1,33 @@
+"""``tsis records``: what was measured, kept, shown, verified, computed again and given to others.
+
+The store's own libraries are imported when a command runs, so that the program starts as quickly as without them.
+"""
+
+from __future__ import annotations
+
+import typer
+
+from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.cli.records.edit import edit
+from tsis.cli.records.export import export
+from tsis.cli.records.importing import import_
+from tsis.cli.records.listing import list_targets
+from tsis.cli.records.recompute import recompute
+from tsis.cli.records.send import send
+from tsis.cli.records.show import show
+from tsis.cli.records.verify import verify
+
+app = typer.Typer(
+    name="records",
+    help=f"Targets with their presses and estimates: kept, verified, computed again, exported. {RESEARCH_USE_ONLY}",
+    epilog="Start with: tsis demo --keep, then tsis records list",
+    no_args_is_help=True,
+)
+app.command("list", epilog="Example: tsis records list --store bench-records")(list_targets)
+app.command("show", epilog="Example: tsis records show 3 --limit 20")(show)
+app.command("verify", epilog="Example: tsis records verify --kind subject")(verify)
+app.command("import", epilog="Example: tsis records import tsis-demo tsis-demo-2")(import_)
+app.command("recompute", epilog="Example: tsis records recompute --all --dry-run")(recompute)
+app.command("edit", epilog="Example: tsis records edit 3 --press 5f1c --force-n 0.72 --note 'gauge read again'")(edit)
+app.command("export", epilog="Example: tsis records export 3 --format pdf --format csv --out target-3")(export)
+app.command("send", epilog="Example: tsis records send 3 --to ORTHANC@127.0.0.1:4242")(send)

@@ -1,0 +1,127 @@
+"""``tsis records edit``: correct what people wrote of a target or a press."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tsis.cli.console_output import people, print_json, print_notice
+from tsis.cli.records.chosen_store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, TargetNumber, opened
+from tsis.cli.targets import AsJson
+from tsis.model import check
+from tsis.model.errors import InputError
+from tsis.report.document import envelope
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tsis.records import Press, Store, Target
+
+FEWEST_LETTERS = 4  # of an identity
+NONE = "none"
+
+
+def edit(
+    number: TargetNumber,
+    *,
+    name: Annotated[str | None, typer.Option(help="What the target is called from now on.")] = None,
+    note: Annotated[str | None, typer.Option(help="Note on the target, or on the press with --press.")] = None,
+    truth: Annotated[
+        list[str] | None,
+        typer.Option(help="True value of a phantom, e.g. diameter_mm=10; repeatable, replaces all of them."),
+    ] = None,
+    press: Annotated[
+        str | None, typer.Option(help="Change this press instead: its identity, or how that begins.")
+    ] = None,
+    force_n: Annotated[
+        str | None, typer.Option(help="Force of the press in newtons, or none where nobody knows it.")
+    ] = None,
+    role: Annotated[str | None, typer.Option(help="What was pressed: target, plain, untouched or ball.")] = None,
+    flags: Annotated[
+        list[str] | None, typer.Option("--flag", help="What speaks against the press; replaces all, none for none.")
+    ] = None,
+    version: Annotated[
+        int | None,
+        typer.Option(help="Version that you saw; refused when somebody has changed it since.", show_default="the last"),
+    ] = None,
+    store: StoreFolder = None,
+    kind: StoreKind = PHANTOM,
+    database: StoreDatabase = None,
+    as_json: AsJson = False,
+) -> None:
+    """Change what people wrote of a target or a press; frames and estimates are never changed.
+
+    The audit keeps that it was changed, when and by whom. Where a force or a role was changed, recompute the estimate.
+    """
+    changes: dict[str, Any] = {} if note is None else {"note": note}
+    if press is None:
+        if force_n is not None or role is not None or flags:
+            raise InputError("--force-n, --role and --flag need --press, the press that they are of")
+        changes |= ({} if name is None else {"name": name}) | ({} if truth is None else {"truth": _truth(truth)})
+    else:
+        if name is not None or truth is not None:
+            raise InputError("--name and --truth are of the target; leave out --press")
+        changes |= _of_a_press(force_n, role, flags)
+    if not changes:
+        raise InputError("give what to change: --name, --note or --truth; with --press --note, --force-n or --role")
+    with opened(store, kind, database) as records:
+        target = records.target(number)
+        if press is None:
+            edited: Target | Press = records.edit_target(_seen(target, version), **changes)
+        else:
+            edited = records.edit_press(_seen(_press(records, target, press), version), **changes)
+    what = f"target {number}" if press is None else f"press {edited.id[:8]} of target {number}"
+    if as_json:
+        print_json(envelope("records edit", target=number, press=None if press is None else edited.id, **_now(edited)))
+        return
+    console = people()
+    console.print(f"Changed {', '.join(changes)} of {what}; it is version {edited.version} now.", markup=False)
+    print_notice(console)
+
+
+def _of_a_press(force_n: str | None, role: str | None, flags: Sequence[str] | None) -> dict[str, Any]:
+    changes: dict[str, Any] = {} if role is None else {"role": role}
+    if flags:
+        changes["flags"] = () if list(flags) == [NONE] else tuple(flags)
+    if force_n is not None:
+        changes["force_n"] = None if force_n == NONE else check.number("--force-n", _number(force_n), 0.0, 100.0)
+    return changes
+
+
+def _number(text: str) -> float:
+    try:
+        return float(text)
+    except ValueError as error:
+        raise InputError(f"--force-n must be a number of newtons, or none; got {text!r:.40}") from error
+
+
+def _truth(given: Sequence[str]) -> dict[str, float]:
+    found = {}
+    for each in given:
+        name, _, value = each.partition("=")
+        try:
+            found[name] = float(value)
+        except ValueError as error:
+            raise InputError(f"--truth must be a name and a number as diameter_mm=10; got {each!r:.60}") from error
+    return found
+
+
+def _seen(record: Any, version: int | None) -> Any:
+    """The record as it was seen: an edit of another version is refused by the store."""
+    return record if version is None else replace(record, version=version)
+
+
+def _press(records: Store, target: Target, wanted: str) -> Press:
+    found = [each for each in records.presses(target) if each.id.startswith(wanted)]
+    if len(wanted) < FEWEST_LETTERS or len(found) != 1:
+        raise InputError(
+            f"--press must be {FEWEST_LETTERS} or more letters with which one press of target {target.number} begins; "
+            f"{wanted!r:.40} fits {len(found)} (tsis records show {target.number})"
+        )
+    return found[0]
+
+
+def _now(edited: Any) -> dict[str, Any]:
+    return {"record": edited.id, "version": edited.version}

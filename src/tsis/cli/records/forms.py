@@ -1,0 +1,101 @@
+"""The forms in which a target is exported, each written whole as a new file or folder."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tsis.model.errors import FileInputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from tsis.records import Dossier
+
+ENDINGS = {  # of the name that a form gets where nobody chose one
+    "html": ".html",
+    "pdf": ".pdf",
+    "csv": "-csv",
+    "hdf5": ".h5",
+    "zarr": ".zarr",
+    "fhir": ".fhir.json",
+    "dicom": "-dicom",
+    "bundle": ".zip",
+}
+MASKED = ("fhir", "dicom")  # forms that leave out labels and times unless they are asked for
+
+
+def write_form(form: str, dossier: Dossier, path: Path, *, identified: bool) -> None:
+    """Write one form of a dossier.
+
+    Raises
+    ------
+    FileInputError
+        When there is something of that name, or it cannot be written.
+    MissingExtraError
+        When the form needs an extra that is not installed.
+    RecordsError
+        When a stored file is damaged.
+    """
+    if form in ("html", "pdf"):
+        _write_file(path, _page(form, dossier))
+    elif form == "fhir":
+        from tsis.records.export import fhir_observations
+
+        _write_file(path, fhir_observations(dossier, identified=identified))
+    elif form == "dicom":
+        _write_dicom(dossier, path, identified=identified)
+    else:
+        _writer(form)(dossier, path)
+
+
+def _page(form: str, dossier: Dossier) -> bytes:
+    from tsis.report.target import target_page
+
+    page = target_page(dossier)
+    if form == "html":
+        from tsis.report.page import html
+
+        return html(page)
+    from tsis.report.pdf import pdf
+
+    return pdf(page)
+
+
+def _writer(form: str) -> Callable[[Dossier, Path], object]:
+    from tsis.records.export import write_bundle, write_csv, write_hdf5, write_zarr
+
+    writers: dict[str, Callable[[Dossier, Path], object]] = {
+        "csv": write_csv,
+        "hdf5": write_hdf5,
+        "zarr": write_zarr,
+        "bundle": write_bundle,
+    }
+    return writers[form]
+
+
+def _write_dicom(dossier: Dossier, folder: Path, *, identified: bool) -> None:
+    from tsis.records.dicom import dicom_files
+    from tsis.records.export.whole import new_folder
+
+    files = dicom_files(dossier, identified=identified)
+    with new_folder(folder) as draft:
+        for file in files:
+            (draft / file.name).write_bytes(file.content)
+
+
+def _write_file(path: Path, content: bytes) -> None:
+    from tsis.records.export.whole import new_file
+
+    with new_file(path) as draft:
+        draft.write_bytes(content)
+
+
+def require_free(path: Path) -> None:
+    """Refuse a place where there is something, before anything is computed."""
+    try:
+        taken = path.is_symlink() or path.exists()
+    except OSError as error:
+        raise FileInputError(f"{str(path)!r:.120} must be a new name; got: {error.strerror or error}") from error
+    if taken or path.name in ("", ".."):
+        raise FileInputError(f"{str(path)!r:.120} must be a new name; there is such a file or folder (choose another)")

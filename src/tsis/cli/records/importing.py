@@ -1,0 +1,122 @@
+"""``tsis records import``: snapshots, recordings, demo folders, bundles and image files into a store."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tsis.cli.cited_calibration import scale_of
+from tsis.cli.console_output import people, print_json, print_notice, progress_bar
+from tsis.cli.records.chosen_store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, opened, target_number
+from tsis.cli.targets import AsJson
+from tsis.model.errors import RecordsError
+from tsis.report.document import envelope
+
+if TYPE_CHECKING:
+    from tsis.calibration import ProbeCalibration
+    from tsis.records.importing import Entered
+
+NEW = "new"
+
+
+def import_(
+    paths: Annotated[list[Path], typer.Argument(help="Folders that tsis wrote, bundles, sidecars, image files.")],
+    *,
+    target: Annotated[
+        str | None,
+        typer.Option(help="Number of the target, or new.", show_default="that of the files, else new"),
+    ] = None,
+    role: Annotated[str, typer.Option(help="What was pressed: target, plain, untouched or ball.")] = "target",
+    force_n: Annotated[
+        list[float] | None, typer.Option(help="Force in newtons of image files: one for all, or one for each.")
+    ] = None,
+    scale_mm: Annotated[
+        str | None, typer.Option(help="Millimetres per pixel on the face: one number, or x,y when they differ.")
+    ] = None,
+    calibration: Annotated[Path | None, typer.Option(help="Calibration file that the frames belong to.")] = None,
+    probe: Annotated[str, typer.Option(help="Name of the probe.", show_default="the calibration's")] = "",
+    taken: Annotated[
+        datetime | None, typer.Option(help="When image files were taken.", show_default="when each was written")
+    ] = None,
+    store: StoreFolder = None,
+    kind: StoreKind = PHANTOM,
+    database: StoreDatabase = None,
+    as_json: AsJson = False,
+) -> None:
+    """Take frames into a store, each once: what they come with is verified before anything is stored.
+
+    What is there already is passed over, so an import that was cut short goes on when it is repeated. The estimate of
+    a demo folder is made again from its frames; a bundle brings its own.
+    """
+    from tsis.calibration import read_calibration
+    from tsis.records.importing import Entering, Given, batches, enter
+
+    number = None if target in (None, NEW) else target_number(str(target))
+    given = Given(
+        role=role,
+        force_n=tuple(force_n or ()),
+        mm_per_pixel=None if scale_mm is None else scale_of(scale_mm),
+        probe=probe,
+        calibration=None if calibration is None else read_calibration(calibration),
+        taken=None if taken is None else taken.astimezone(),
+        calibration_of=lambda cited: _stored(cited, store, kind, database),
+    )
+    with progress_bar("looking through") as advance:
+        looked = batches(paths, given, progress=lambda done: advance(done, 0))
+    with opened(store, kind, database, create=True) as records:
+        tally = Entering()
+        try:
+            with progress_bar("storing") as advance:
+                entered = enter(records, looked, target=number, apart=target == NEW, tally=tally, progress=advance)
+        except KeyboardInterrupt:
+            typer.echo(f"Import: {tally.sentence}.", err=True)
+            raise
+        place = str(records.folder.resolve())
+    if as_json:
+        print_json(envelope("records import", store=place, imported=[_document(each) for each in entered]))
+        return
+    console = people()
+    for each in entered:
+        console.print(_line(each), markup=False, soft_wrap=True)
+        for note in each.batch.notes:
+            console.print(f"- {note}", markup=False, soft_wrap=True)
+    console.print(f"Store: {place}", markup=False, soft_wrap=True)
+    print_notice(console)
+
+
+def _stored(cited: str, store: Path | None, kind: str, database: str | None) -> ProbeCalibration | None:
+    """The calibration of that identity, where the store is there and holds it."""
+    try:
+        with opened(store, kind, database) as records:
+            return records.calibration(cited)
+    except RecordsError:
+        return None
+
+
+def _line(each: Entered) -> str:
+    number = each.target.number
+    where = f"target {number} (new)" if each.new else f"target {number}"
+    parts = [f"{_count(each.added, 'press')} added", f"{each.present} there already" if each.present else ""]
+    parts.append(f"{_count(each.estimates, 'estimate')} added" if each.estimates else "")
+    return f"{each.batch.kind} in {each.batch.source}: {where}; {', '.join(part for part in parts if part)}"
+
+
+def _count(number: int, what: str) -> str:
+    several = "es" if what.endswith("s") else "s"
+    return f"{number} {what}" + ("" if number == 1 else several)
+
+
+def _document(each: Entered) -> dict[str, Any]:
+    return {
+        "source": str(each.batch.source),
+        "kind": each.batch.kind,
+        "target": each.target.number,
+        "new": each.new,
+        "added": each.added,
+        "present": each.present,
+        "estimates": each.estimates,
+        "notes": list(each.batch.notes),
+    }

@@ -1,0 +1,128 @@
+"""``tsis records recompute``: stored estimates made again with the code of today."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from tsis.cli.console_output import people, print_json, print_notice, progress_bar
+from tsis.cli.records.chosen_store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, opened
+from tsis.cli.targets import AsJson
+from tsis.model.errors import InputError, TsisError
+from tsis.report.document import envelope
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from tsis.records import Store, Target
+    from tsis.records.recompute import Recomputation
+
+FAILED = 1  # exit code when the estimates of a target could not be made again
+
+
+def recompute(
+    number: Annotated[int | None, typer.Argument(metavar="[N]", help="Number of the target.")] = None,
+    *,
+    every: Annotated[bool, typer.Option("--all", help="Every target that has an estimate.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would change and store nothing.")] = False,
+    store: StoreFolder = None,
+    kind: StoreKind = PHANTOM,
+    database: StoreDatabase = None,
+    as_json: AsJson = False,
+) -> None:
+    """Make estimates again from the stored frames, say what changed and why, and store those that came out otherwise.
+
+    The old estimate stays: the new one says that it supersedes it. A calibration that has expired since is used as it
+    was then.
+    """
+    if (number is None) != every:
+        raise InputError("give the number of a target, or --all for every one")
+    with opened(store, kind, database) as records:
+        wanted = _wanted(records) if number is None else [records.target(number)]
+        found, failed = _recomputed(records, wanted, dry_run=dry_run, alone=not every)
+    if as_json:
+        documents = [_document(target, each) for target, each in found]
+        failures = [{"target": number, "reason": reason} for number, reason in failed]
+        print_json(envelope("records recompute", dry_run=dry_run, estimates=documents, failed=failures))
+    else:
+        console = people()
+        for target, each in found:
+            _show(console, target, each, dry_run=dry_run)
+        for number, reason in failed:
+            console.print(f"Target {number} could not be estimated again: {reason}", markup=False, soft_wrap=True)
+        if not found and not failed:
+            console.print("No target of this store has an estimate.")
+        print_notice(console)
+    if failed:
+        raise typer.Exit(FAILED)
+
+
+def _wanted(records: Store) -> list[Target]:
+    return [each.target for each in records.targets() if each.estimates]
+
+
+def _recomputed(
+    records: Store, targets: list[Target], *, dry_run: bool, alone: bool
+) -> tuple[list[tuple[Target, Recomputation]], list[tuple[int, str]]]:
+    """What came out, and which targets failed; of one that was named alone the error itself."""
+    from tsis.records.recompute import recompute as again
+
+    found: list[tuple[Target, Recomputation]] = []
+    failed: list[tuple[int, str]] = []
+    what = "solving the press for this probe (kept for next time)" if alone else "estimating again"
+    with progress_bar(what) as advance:
+        for done, target in enumerate(targets):
+            if not alone:
+                advance(done, len(targets))
+            try:
+                made = again(records, target, dry_run=dry_run, progress=advance if alone else None)
+            except TsisError as error:
+                if alone:
+                    raise
+                failed.append((target.number, str(error)))
+            else:
+                found += [(target, each) for each in made]
+    return found, failed
+
+
+def _show(console: Console, target: Target, each: Recomputation, *, dry_run: bool) -> None:
+    console.print(f"Target {target.number}, {each.before.kind}: {each.sentence}", markup=False, soft_wrap=True)
+    for note in each.notes:
+        console.print(f"- Note: {note}.", markup=False, soft_wrap=True)
+    if each.same:
+        return
+    table = Table("", "before", "after", "moved\n(old sd)", "90 % interval before", "after")
+    for shift in each.shifts:
+        low, high = shift.interval_before
+        now_low, now_high = shift.interval_after
+        cells = (f"{shift.before:.3g}", f"{shift.after:.3g}", f"{shift.mean:+.2g}")
+        table.add_row(escape(shift.name), *cells, f"{low:.3g} to {high:.3g}", f"{now_low:.3g} to {now_high:.3g}")
+    console.print(table)
+    for what, flags in (("gained", each.flags_gained), ("lost", each.flags_lost)):
+        if flags:
+            console.print(f"- Flags {what}: {', '.join(flags)}", markup=False)
+    if each.before.estimate.trusted != each.after.estimate.trusted:
+        console.print(f"- It is {'now' if each.after.estimate.trusted else 'no longer'} to be trusted.")
+    console.print("Nothing was stored (--dry-run)." if dry_run else f"Stored as {each.after.id[:8]}.")
+
+
+def _document(target: Target, each: Recomputation) -> dict[str, Any]:
+    from dataclasses import asdict
+
+    return {
+        "target": target.number,
+        "kind": each.before.kind,
+        "same": each.same,
+        "sentence": each.sentence,
+        "causes": list(each.causes),
+        "notes": list(each.notes),
+        "shifts_in_old_sd": [asdict(shift) for shift in each.shifts],
+        "flags_gained": list(each.flags_gained),
+        "flags_lost": list(each.flags_lost),
+        "trusted": {"before": each.before.estimate.trusted, "after": each.after.estimate.trusted},
+        "before": each.before.id,
+        "stored_as": each.after.id if each.stored else None,
+    }

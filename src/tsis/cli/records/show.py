@@ -1,0 +1,131 @@
+"""``tsis records show``: what a store holds of one target."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from tsis.cli.console_output import people, print_json, print_notice
+from tsis.cli.estimate_output import estimate_table
+from tsis.cli.records.chosen_store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, TargetNumber, opened
+from tsis.cli.targets import AsJson
+from tsis.report.document import envelope, estimate_document, sentences
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from tsis.calibration import ProbeCalibration
+    from tsis.records import Press, StoredEstimate, Target
+
+SHORT = 8  # letters of an identity that are shown; any that are unique will do to name a press
+MOST_SHOWN = 100_000
+
+
+def show(
+    number: TargetNumber,
+    *,
+    limit: Annotated[int, typer.Option(help="Most presses to show.", min=1, max=MOST_SHOWN)] = 50,
+    offset: Annotated[int, typer.Option(help="How many presses to leave out before.", min=0)] = 0,
+    store: StoreFolder = None,
+    kind: StoreKind = PHANTOM,
+    database: StoreDatabase = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show a target: its presses, the estimate in force with its intervals, calibrations and history."""
+    with opened(store, kind, database) as records:
+        target = records.target(number)
+        presses = records.presses(target, limit=limit, offset=offset)
+        total = next(each.presses for each in records.targets() if each.target.id == target.id)
+        estimates = records.estimates(target)
+        cited = {each.calibration for each in presses if each.calibration}
+        cited |= {each.calibration for each in estimates}
+        calibrations = {name: records.calibration(name) for name in sorted(cited)}
+    if as_json:
+        print_json(_document(target, presses, total, estimates, calibrations))
+        return
+    console = people()
+    name = f" {target.name}" if target.name else ""
+    console.print(f"Target {target.number}{name} ({target.kind}), version {target.version}", markup=False)
+    if target.note:
+        console.print(target.note, markup=False)
+    console.print(_presses(presses, total, offset))
+    for stored in estimates[-1:]:
+        found = stored.estimate
+        truth = target.truth if set(found.samples) <= set(target.truth) else None
+        console.print(estimate_table(found, title=f"Estimate in force: {stored.kind}, {stored.probe}", truth=truth))
+        for sentence in sentences(found):
+            console.print(f"- {sentence}", markup=False)
+        console.print(f"Flags: {', '.join(found.flags) or 'none'}", markup=False)
+    if not estimates:
+        console.print("No estimate yet.")
+    for identity, known in calibrations.items():
+        console.print(f"Calibration {known.name} ({identity[:12]}), good until {_until(known)}", markup=False)
+    if estimates:
+        console.print(_history(estimates))
+    print_notice(console)
+
+
+def _presses(presses: Sequence[Press], total: int, offset: int) -> Table:
+    shown = f"{offset + 1} to {offset + len(presses)} of {total}" if presses else f"none shown of {total}"
+    table = Table("press", "role", "taken (UTC)", "force (N)", "name", "flags", title=f"Presses, {shown}")
+    for press in presses:
+        force = "" if press.force_n is None else f"{press.force_n:.3g}"
+        cells = (press.id[:SHORT], press.role, f"{press.taken:%Y-%m-%d %H:%M:%S}", force, press.name)
+        table.add_row(*(escape(cell) for cell in (*cells, ", ".join(press.flags))))
+    return table
+
+
+def _history(estimates: Sequence[StoredEstimate]) -> Table:
+    table = Table("estimate", "kind", "made (UTC)", "code", "trusted", "supersedes", title="Estimates")
+    for stored in estimates:
+        code = str(stored.environment.get("code_sha256", ""))[:SHORT]
+        trusted = "yes" if stored.estimate.trusted else "no"
+        made = f"{stored.made:%Y-%m-%d %H:%M:%S}"
+        table.add_row(stored.id[:SHORT], stored.kind, made, code, trusted, (stored.supersedes or "")[:SHORT])
+    return table
+
+
+def _until(known: ProbeCalibration) -> str:
+    return "ever (simulated)" if known.expires is None else f"{known.expires:%Y-%m-%d}"
+
+
+def _document(
+    target: Target,
+    presses: Sequence[Press],
+    total: int,
+    estimates: Sequence[StoredEstimate],
+    calibrations: Mapping[str, ProbeCalibration],
+) -> dict[str, Any]:
+    from tsis.records.plain import press_to_plain, target_to_plain
+
+    truth = dict(target.truth)
+    made = [_estimate(stored, truth if set(stored.estimate.samples) <= set(truth) else None) for stored in estimates]
+    return envelope(
+        "records show",
+        target=target_to_plain(target),
+        presses=[press_to_plain(press) for press in presses],
+        presses_in_all=total,
+        estimate=made[-1] if made else None,
+        history=made[:-1],
+        calibrations=[
+            {"sha256": identity, "name": known.name, "until": _until(known)} for identity, known in calibrations.items()
+        ],
+    )
+
+
+def _estimate(stored: StoredEstimate, truth: Mapping[str, float] | None) -> dict[str, Any]:
+    return {
+        "id": stored.id,
+        "kind": stored.kind,
+        "made": stored.made.isoformat(),
+        "probe": stored.probe,
+        "presses": list(stored.presses),
+        "calibration": stored.calibration,
+        "options": dict(stored.options),
+        "environment": dict(stored.environment),
+        "supersedes": stored.supersedes,
+        **estimate_document(stored.estimate, truth),
+    }

@@ -1,0 +1,44 @@
+"""The calibration that a file of ``tsis acquire`` cites, when it can be had."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from tsis.calibration.file import identity
+from tsis.instrument import shown
+from tsis.model.errors import FileInputError, InputError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tsis.calibration import ProbeCalibration
+    from tsis.records.importing.found import Given
+
+
+def cited_calibration(source: Path, citation: Any, given: Given) -> tuple[ProbeCalibration | None, tuple[str, ...]]:
+    """The calibration, and what to know when it is not to be had.
+
+    Raises
+    ------
+    FileInputError
+        When the citation is none.
+    InputError
+        When another calibration was given than the files cite.
+    """
+    if citation is None:
+        return given.calibration, ()
+    if not isinstance(citation, dict) or not isinstance(citation.get("sha256"), str):
+        raise FileInputError(f"{shown(source)} must cite its calibration by its SHA-256; got {citation!r:.80}")
+    wanted = citation["sha256"]
+    if given.calibration is not None:
+        if identity(given.calibration) != wanted:
+            raise InputError(
+                f"--calibration must be the one that {shown(source)} cites, {wanted[:12]}; got "
+                f"{identity(given.calibration)[:12]} (leave it out, or find the other)"
+            )
+        return given.calibration, ()
+    found = given.calibration_of(wanted)
+    if found is not None:
+        return found, ()
+    name = str(citation.get("name", ""))[:60]
+    return None, (f"the calibration {name!r} ({wanted[:12]}) is not in this store: give its file by --calibration",)

@@ -1,0 +1,85 @@
+"""Which kind of thing a path is, and all that is in it, looked through before anything is stored."""
+
+from __future__ import annotations
+
+from itertools import chain
+from typing import TYPE_CHECKING
+
+from tsis.instrument import shown
+from tsis.instrument.recording.record import INDEX, SUMMARY
+from tsis.model.errors import FileInputError
+from tsis.records.export.bundle import read_bundle
+from tsis.records.export.bundle.contents import DOCUMENTS
+from tsis.records.importing.found import MOST_FRAMES, Batch, Given
+from tsis.records.importing.images import image_files
+from tsis.records.importing.recording import recording
+from tsis.records.importing.result_folder import RESULT, result_folder
+from tsis.records.importing.snapshots import is_snapshot, snapshot_folder, snapshots, taken_apart
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+
+
+def batches(paths: Sequence[Path], given: Given, *, progress: Callable[[int], None] | None = None) -> tuple[Batch, ...]:
+    """Look through all that paths name.
+
+    Parameters
+    ----------
+    paths
+        Folders that tsis wrote, sidecars of snapshots, image files.
+    given
+        What a person says of them.
+    progress
+        Told how many frames were read.
+
+    Raises
+    ------
+    FileInputError
+        When a path is nothing that can be imported, or a file is not what its hash says.
+    InputError
+        When what was given does not belong to what was found.
+    """
+    done = 0
+
+    def count() -> None:
+        nonlocal done
+        done += 1
+        if done > MOST_FRAMES:
+            raise FileInputError(f"an import must hold at most {MOST_FRAMES} frames; got more (import it in parts)")
+        if progress is not None:
+            progress(done)
+
+    folders = [path for path in paths if path.is_dir()]
+    files = [path for path in paths if not path.is_dir()]
+    sidecars = [path for path in files if is_snapshot(path)]
+    zipped = [path for path in files if path.suffix.lower() == ".zip"]
+    images = [path for path in files if path not in sidecars and path not in zipped]
+    found = chain(
+        *(_folder(folder, given, count) for folder in folders),
+        *(_bundle(path) for path in zipped),
+        snapshots([taken_apart(path) for path in sidecars], given, count) if sidecars else (),
+        [image_files(images, given, count)] if images else (),
+    )
+    return tuple(found)
+
+
+def _folder(folder: Path, given: Given, count: Callable[[], None]) -> tuple[Batch, ...]:
+    if all((folder / name).exists() for name in DOCUMENTS):
+        return _bundle(folder)
+    if (folder / RESULT).exists():
+        return (result_folder(folder, count),)
+    if (folder / INDEX).exists() or (folder / SUMMARY).exists():
+        return (recording(folder, given, count),)
+    found = snapshot_folder(folder, given, count)
+    if not found:
+        raise FileInputError(
+            f"{shown(folder)} must be a folder that tsis wrote (demo, acquire, records export --format bundle); it "
+            "holds nothing of these (name image files one by one, with --role and what is known of them)"
+        )
+    return found
+
+
+def _bundle(path: Path) -> tuple[Batch, ...]:
+    dossier = read_bundle(path)
+    return (Batch(source=path, kind="bundle", presses=(), dossier=dossier),)

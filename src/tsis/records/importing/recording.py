@@ -1,0 +1,133 @@
+"""Recordings of ``tsis acquire --frames`` or ``--seconds``: the frames of its folder, after its index."""
+
+from __future__ import annotations
+
+import csv
+from datetime import timedelta
+from typing import TYPE_CHECKING, Any
+
+from tsis.instrument import shown
+from tsis.instrument.file_bytes import read_bytes, read_object
+from tsis.instrument.recording.frame_sink import VIDEO_NAME
+from tsis.instrument.recording.record import COLUMNS, FORMAT, INDEX, SUMMARY, VERSION
+from tsis.model.errors import FileInputError, InputError
+from tsis.records.importing.cited import cited_calibration
+from tsis.records.importing.found import MOST_FRAMES, Batch, Given, Incoming, looked_through, own_file, written
+from tsis.records.plain_fields import number
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from datetime import datetime
+    from pathlib import Path
+
+LARGEST_INDEX_BYTES = 64 * 2**20
+FORCE = "force_n"
+CUT_SHORT = "the recording was cut short before its report was written; its frames are all that its index tells of"
+
+
+def recording(folder: Path, given: Given, progress: Callable[[], None]) -> Batch:
+    """The frames of a recording, with the force of the gauge where it has one.
+
+    A recording tells how much later each frame came than the one before; when the last came is told by when its index
+    was written last.
+
+    Raises
+    ------
+    FileInputError
+        When it is no such folder, is a video, or its index does not tell of the frames in it.
+    """
+    summary = _summary(folder)
+    rows = _rows(own_file(folder, INDEX))
+    kept = None if summary is None else summary["report"]["kept"]
+    if kept is not None and kept != len(rows):
+        raise FileInputError(
+            f"{shown(folder / INDEX)} must tell of the {kept!r:.20} frames of the report; it tells of {len(rows)}"
+        )
+    known, notes = cited_calibration(folder / SUMMARY, (summary or {}).get("calibration"), given)
+    scale = given.mm_per_pixel if known is None or known.scale is None else known.scale.mm_per_pixel
+    camera = str((summary or {}).get("camera", ""))[:200]
+    ended, last = written(folder / INDEX), float(rows[-1]["arrived_s"])
+    presses = []
+    for row in rows:
+        path = own_file(folder, row["kept_in"])
+        presses.append(
+            Incoming(
+                **looked_through(path, full_scale=_full_scale(summary)),
+                role=given.role,
+                taken=_moment(ended, last - float(row["arrived_s"])),
+                name=path.name,
+                force_n=max(0.0, float(row[FORCE])) if row.get(FORCE) else None,
+                mm_per_pixel=scale,
+                probe=given.probe or ("" if known is None else known.probe),
+                calibration=known,
+                settings={"camera": camera, "sequence": row["sequence"], "time_s": row["time_s"]},
+            )
+        )
+        progress()
+    notes = notes if summary is not None else (*notes, CUT_SHORT)
+    return Batch(source=folder, kind="recording", presses=tuple(presses), notes=notes)
+
+
+def _summary(folder: Path) -> dict[str, Any] | None:
+    source = own_file(folder, SUMMARY)
+    if not source.exists():
+        return None
+    document = read_object(source)
+    if document.get("format") != FORMAT or document.get("version") != VERSION:
+        raise FileInputError(
+            f"{shown(source)} must be of {FORMAT} {VERSION}; got {document.get('format')!r:.60} "
+            f"{document.get('version')!r:.20}"
+        )
+    if not isinstance(document.get("report"), dict) or "kept" not in document["report"]:
+        raise FileInputError(f"{shown(source)} must hold a report with the number of frames; it does not")
+    return document
+
+
+def _rows(path: Path) -> list[dict[str, str]]:
+    try:
+        lines = read_bytes(path, most=LARGEST_INDEX_BYTES).decode().splitlines()
+        if len(lines) > MOST_FRAMES + 1:
+            raise FileInputError(f"{shown(path)} must tell of at most {MOST_FRAMES} frames; it has {len(lines)} lines")
+        reader = csv.DictReader(lines, strict=True)
+        rows = list(reader)
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise FileInputError(f"{shown(path)} must be a table of comma-separated values; got: {error}") from error
+    if not rows or not set(COLUMNS) <= set(reader.fieldnames or ()):
+        raise FileInputError(f"{shown(path)} must have the columns {', '.join(COLUMNS)} and a frame; it has not")
+    for at, row in enumerate(rows, start=2):
+        _require_sound(path, at, row)
+    return rows
+
+
+def _require_sound(path: Path, at: int, row: dict[str, Any]) -> None:
+    if None in row or None in row.values():
+        raise FileInputError(f"{shown(path)} must have one value a column; line {at} has more or fewer")
+    if row["kept_in"].startswith(f"{VIDEO_NAME}#"):
+        raise FileInputError(
+            f"{shown(path.parent)} must be a recording of single frames; it is a video, of which a store keeps none "
+            "(record without --video, or save the frames that you want as PNG files)"
+        )
+    for name in ("arrived_s", FORCE):
+        if row.get(name):
+            try:
+                number({name: float(row[name])}, name, f"line {at}")
+            except (ValueError, InputError) as error:
+                raise FileInputError(
+                    f"{shown(path)} must hold a finite {name}; line {at} has {row[name]!r:.40}"
+                ) from error
+
+
+def _full_scale(summary: dict[str, Any] | None) -> float | None:
+    mode = (summary or {}).get("mode")
+    if not isinstance(mode, dict) or "full_scale" not in mode:
+        return None
+    return number(mode, "full_scale", "mode")
+
+
+def _moment(ended: datetime, before_s: float) -> datetime:
+    try:
+        return ended - timedelta(seconds=before_s)
+    except OverflowError as error:
+        raise FileInputError(
+            f"times of a recording must lie within it; got one {before_s:g} s before its end"
+        ) from error

@@ -1,0 +1,109 @@
+"""Folders of ``tsis demo``: virtual presses with their truth; the estimate is made anew from them."""
+
+from __future__ import annotations
+
+import hashlib
+from datetime import timedelta
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.calibration.file import read_calibration
+from tsis.instrument import shown
+from tsis.instrument.file_bytes import read_object
+from tsis.model.errors import FileInputError, InputError
+from tsis.records.importing.found import Batch, Incoming, Wanted, looked_through, own_file, read_frame, written
+from tsis.records.plain_fields import absent, number, pair, text
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    from tsis.calibration import ProbeCalibration
+
+RESULT, CALIBRATION, UNTOUCHED = "result.json", "calibration.json", "untouched.png"
+MOST_PRESSES = 1000
+TRUTH = ("diameter_mm", "depth_mm", "young_kpa")
+
+
+def result_folder(folder: Path, progress: Callable[[], None]) -> Batch:
+    """The presses of a folder that ``tsis demo`` wrote, each found to be the one that was estimated.
+
+    Raises
+    ------
+    FileInputError
+        When it is no such folder, or a frame is not the one that its result tells of.
+    CalibrationError
+        When the calibration in it was changed.
+    """
+    source = own_file(folder, RESULT)
+    document = read_object(source)
+    try:
+        return _batch(folder, document, progress)
+    except FileInputError:
+        raise
+    except (InputError, KeyError, TypeError, AttributeError) as error:
+        said = f"it holds no {error}" if isinstance(error, KeyError) else str(error)
+        raise FileInputError(f"{shown(source)} must be as tsis demo wrote it; {said}") from error
+
+
+def _batch(folder: Path, document: dict[str, Any], progress: Callable[[], None]) -> Batch:
+    command = document.get("command")
+    if command != "demo":
+        raise FileInputError(
+            f"{shown(folder / RESULT)} must be of tsis demo, whose folder holds its frames; got one of {command!r:.40} "
+            "(name the frames, or repeat the command with --keep)"
+        )
+    told = document["estimate"]["provenance"]
+    known = read_calibration(own_file(folder, CALIBRATION))
+    probe, phantom = text(told["probe"], "name", "probe"), document["simulated"]["phantom"]
+    presses = list(_presses(folder, told, known, probe, progress))
+    inclusion = phantom.get("inclusion")
+    truth = {} if inclusion is None else {name: number(inclusion, name, "inclusion") for name in TRUTH}
+    return Batch(
+        source=folder,
+        kind="virtual presses",
+        presses=tuple(presses),
+        name=text(phantom, "name", "phantom"),
+        truth=truth,
+        estimate=Wanted(kind="inclusion", probe=probe, calibration=known, options={"prior": dict(told["prior"])}),
+    )
+
+
+def _presses(
+    folder: Path, told: dict[str, Any], known: ProbeCalibration, probe: str, progress: Callable[[], None]
+) -> Iterator[Incoming]:
+    taken = written(folder / RESULT)
+    entries = [("target", each) for each in told["images"]] + [("plain", each) for each in told["reference"]]
+    if not 0 < len(entries) <= MOST_PRESSES:
+        raise InputError(f"it must tell of 1 to {MOST_PRESSES} presses; got {len(entries)}")
+    scale = None
+    for at, (role, entry) in enumerate(entries):
+        path, scale = own_file(folder, text(entry, "name", role)), absent(pair, entry, "mm_per_pixel", role)
+        grey = read_frame(path).grey
+        if hashlib.sha256(grey.astype(np.float32).data).hexdigest() != entry["sha256"]:
+            raise FileInputError(f"{shown(path)} must be the frame that was estimated; its grey levels are others")
+        yield Incoming(
+            **looked_through(path),
+            role=role,
+            taken=taken + timedelta(microseconds=at),  # which nobody wrote down; so their order is kept
+            name=path.name,
+            force_n=absent(number, entry, "force_n", role),
+            mm_per_pixel=scale,
+            probe=probe,
+            calibration=known,
+            settings=dict(entry["settings"]),
+        )
+        progress()
+    untouched = own_file(folder, UNTOUCHED)
+    if untouched.exists():
+        yield Incoming(
+            **looked_through(untouched),
+            role="untouched",
+            taken=taken + timedelta(microseconds=len(entries)),
+            name=UNTOUCHED,
+            mm_per_pixel=scale,
+            probe=probe,
+            calibration=known,
+        )
+        progress()

@@ -1,0 +1,150 @@
+"""Snapshots of ``tsis acquire``: the raw frame of each, after its sidecar."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from tsis.instrument import shown
+from tsis.instrument.file_bytes import printable_name, read_object
+from tsis.instrument.naming import LARGEST_TARGET
+from tsis.instrument.snapshot import SIDECAR_FORMAT, SIDECAR_VERSION
+from tsis.model import check
+from tsis.model.errors import FileInputError, InputError
+from tsis.records.importing.cited import cited_calibration
+from tsis.records.importing.found import MOST_FRAMES, Batch, Given, Incoming, looked_through, own_file
+from tsis.records.plain_fields import moment, number, text
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+    from pathlib import Path
+
+RAW = ("-raw.bmp", "-raw.png")
+
+
+def is_snapshot(path: Path) -> bool:
+    """Whether a file is a sidecar, or a raw frame beside one."""
+    return path.suffix == ".json" or (path.stem.endswith("-raw") and taken_apart(path).exists())
+
+
+def taken_apart(path: Path) -> Path:
+    """The sidecar of a snapshot of which a file is named."""
+    return path if path.suffix == ".json" else path.with_name(f"{path.stem.removesuffix('-raw')}.json")
+
+
+def snapshot_folder(folder: Path, given: Given, progress: Callable[[], None]) -> tuple[Batch, ...]:
+    """Snapshots in a folder, and in the folders of targets in it; none where there is no sidecar."""
+    try:
+        inside = sorted(each for each in folder.iterdir() if each.is_dir() and not each.is_symlink())
+        sidecars = [path for place in (folder, *inside) for path in sorted(place.glob("*.json"))]
+    except OSError as error:
+        raise FileInputError(f"{shown(folder)} must be a folder that can be read; got: {error.strerror}") from error
+    if len(sidecars) > MOST_FRAMES:
+        raise FileInputError(f"{shown(folder)} must hold at most {MOST_FRAMES} snapshots; it holds {len(sidecars)}")
+    unfinished = [path for path in sidecars if not path.is_symlink() and path.stat().st_size == 0]
+    found = snapshots([path for path in sidecars if path not in unfinished], given, progress, alone=False)
+    if not found or not unfinished:
+        return found
+    note = f"{len(unfinished)} snapshots in {shown(folder)} were cut short while they were saved and are left out"
+    return (*found[:-1], _noted(found[-1], note))
+
+
+def snapshots(
+    sidecars: Iterable[Path], given: Given, progress: Callable[[], None], *, alone: bool = True
+) -> tuple[Batch, ...]:
+    """A batch for each target that these sidecars name.
+
+    Parameters
+    ----------
+    sidecars
+        JSON files.
+    given
+        Role, scale and calibration where the sidecars do not say it.
+    progress
+        Called after each frame.
+    alone
+        Whether each file was named by itself, so that another kind of JSON is an error and not passed over.
+
+    Raises
+    ------
+    FileInputError
+        When a sidecar is damaged, or its frame is not the one that it tells of.
+    """
+    targets: dict[int, list[Incoming]] = {}
+    notes: dict[int, dict[str, None]] = {}
+    first: dict[int, Path] = {}
+    for sidecar in sidecars:
+        document = read_object(own_file(sidecar.parent, sidecar.name))
+        if document.get("format") != SIDECAR_FORMAT:
+            if not alone:
+                continue
+            raise FileInputError(
+                f"{shown(sidecar)} must be the sidecar of a snapshot ({SIDECAR_FORMAT}); got "
+                f"{document.get('format')!r:.60}"
+            )
+        try:
+            target, press, said = _snapshot(sidecar, document, given)
+        except FileInputError:
+            raise
+        except (InputError, KeyError, TypeError, AttributeError) as error:
+            what = f"it holds no {error}" if isinstance(error, KeyError) else str(error)
+            raise FileInputError(f"{shown(sidecar)} must be as tsis acquire wrote it; {what}") from error
+        targets.setdefault(target, []).append(press)
+        notes.setdefault(target, {}).update(dict.fromkeys(said))
+        first.setdefault(target, sidecar.parent)
+        progress()
+    return tuple(
+        Batch(source=first[target], kind="snapshots", presses=tuple(each), number=target, notes=tuple(notes[target]))
+        for target, each in targets.items()
+    )
+
+
+def _snapshot(sidecar: Path, document: dict[str, Any], given: Given) -> tuple[int, Incoming, tuple[str, ...]]:
+    if document["version"] != SIDECAR_VERSION:
+        raise InputError(f"version must be {SIDECAR_VERSION}; got {document['version']!r:.20}")
+    target = check.whole("target", document["target"], 1, LARGEST_TARGET)
+    hashes: dict[str, Any] = document["sha256"]
+    ending = next((each for each in RAW if each in hashes), None)
+    if ending is None:
+        raise InputError(f"sha256 must tell of a raw frame; got {sorted(hashes)!r:.80}")
+    raw = own_file(sidecar.parent, f"{sidecar.stem}{ending}")
+    read = looked_through(raw, full_scale=number(document, "full_scale", "snapshot"))
+    if read["sha256"] != hashes[ending]:
+        raise FileInputError(f"{shown(raw)} must be as it was saved; its content does not match its sidecar")
+    known, notes = cited_calibration(sidecar, document.get("calibration"), given)
+    scale = given.mm_per_pixel if known is None or known.scale is None else known.scale.mm_per_pixel
+    settings: dict[str, Any] = {
+        name: document[name] for name in ("camera", "sequence", "time_s", "calibration") if name in document
+    }
+    press = Incoming(
+        **read,
+        role=given.role,
+        taken=moment(document, "taken", "snapshot"),
+        name=printable_name(raw),
+        force_n=_force_n(document.get("force")),
+        mm_per_pixel=scale,
+        probe=given.probe or ("" if known is None else known.probe),
+        calibration=known,
+        flags=tuple(_flags(document.get("flags") or ())),
+        settings=dict(document["settings"]) | settings,
+    )
+    return target, press, notes
+
+
+def _force_n(force: Any) -> float | None:
+    """What the gauge read; a press does not pull."""
+    return None if force is None else max(0.0, number(force, "force_n", "force"))
+
+
+def _flags(flags: Iterable[Any]) -> Iterator[str]:
+    for flag in flags:
+        yield text(flag, "name", "flag")
+
+
+def _noted(batch: Batch, note: str) -> Batch:
+    return Batch(
+        source=batch.source,
+        kind=batch.kind,
+        presses=batch.presses,
+        number=batch.number,
+        notes=(*batch.notes, note),
+    )

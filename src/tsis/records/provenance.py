@@ -1,0 +1,127 @@
+"""Why two estimates of the same presses differ: code, libraries, machine, calibration, frames, forces, options."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+from tsis.records.plain_free import free_to_plain
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+    from tsis.records.values import StoredEstimate
+
+FRAMES = ("images", "reference", "presses")  # of an estimate's provenance: one entry a frame
+SAID_ELSEWHERE = frozenset({"notice", "tsis", "prior", *FRAMES})
+LABELS = frozenset({"name", "settings"})  # say where a thing came from and enter no number
+SHOWN = 60
+
+
+def changes(before: StoredEstimate, after: StoredEstimate) -> tuple[str, ...]:
+    """What is not the same of two estimates but for their numbers, one clause a thing; none when all is.
+
+    Examples
+    --------
+    >>> from tsis.records.provenance import environment_changes
+    >>> list(environment_changes(
+    ...     {"tsis": "0.1.0", "libraries": {"numpy": "2.4.5"}}, {"tsis": "0.1.0", "libraries": {"numpy": "2.4.6"}}))
+    ['numpy 2.4.5 -> 2.4.6']
+    """
+    was, now = _plain(before.estimate.provenance), _plain(after.estimate.provenance)
+    return (
+        *environment_changes(before.environment, after.environment),
+        *_differences("the probe", before.probe, after.probe),
+        *_frame_changes(was, now),
+        *_option_changes(_plain(before.options), _plain(after.options)),
+        *_other_changes(was, now),
+    )
+
+
+def environment_changes(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
+    """What computed: the code, this program, the language, the machine and every library."""
+    if was.get("code_sha256") != now.get("code_sha256"):
+        codes = (str(each.get("code_sha256", "unknown"))[:12] for each in (was, now))
+        yield "the code changed ({} -> {})".format(*codes)
+    for name in ("tsis", "python", "machine"):
+        yield from _differences(name, was.get(name), now.get(name), arrow=" ")
+    libraries = was.get("libraries", {}), now.get("libraries", {})
+    for name in sorted({*libraries[0], *libraries[1]}):
+        yield from _differences(name, libraries[0].get(name), libraries[1].get(name), arrow=" ")
+
+
+def _frame_changes(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
+    """Inputs changed: frames that are others, more or fewer, or of which something else is known."""
+    for kind in FRAMES:
+        frames = was.get(kind) or [], now.get(kind) or []
+        if len(frames[0]) != len(frames[1]):
+            yield f"the inputs changed: {len(frames[0])} -> {len(frames[1])} frames of {kind!r}"
+            continue
+        for number, (one, other) in enumerate(zip(*frames, strict=True), start=1):
+            label = one.get("name") or f"{kind} {number}"
+            if one.get("sha256") != other.get("sha256"):
+                yield f"the inputs changed: frame {label}"
+            for name in sorted({*one, *other} - LABELS - {"sha256", "seen"}):
+                yield from _differences(f"the inputs changed: {name} of {label}", one.get(name), other.get(name))
+
+
+def _option_changes(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
+    for name in sorted({*was, *now} - {"prior"}):
+        yield from _differences(f"the options changed: {name}", was.get(name), now.get(name))
+    prior = was.get("prior") or {}, now.get("prior") or {}
+    for name in sorted({*prior[0], *prior[1]}):
+        yield from _differences(f"the options changed: {name} of the prior", prior[0].get(name), prior[1].get(name))
+
+
+def _other_changes(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
+    """What else the estimator wrote down: probe, calibration, method, tables."""
+    for name in sorted({*was, *now} - SAID_ELSEWHERE):
+        one, other = was.get(name), now.get(name)
+        if isinstance(one, Mapping) and isinstance(other, Mapping):
+            for part in sorted({*one, *other} - LABELS):
+                yield from _differences(f"the {name} changed: {part}", one.get(part), other.get(part))
+        else:
+            yield from _differences(f"the {name} changed:", one, other, arrow=" ")
+
+
+def _differences(what: str, was: Any, now: Any, *, arrow: str = ": ") -> Iterator[str]:
+    if was == now:
+        return
+    if isinstance(was, (Mapping, list)) or isinstance(now, (Mapping, list)):
+        yield what
+        return
+    yield f"{what}{arrow}{_shown(was)} -> {_shown(now)}"
+
+
+def _shown(value: Any) -> str:
+    if value is None:
+        return "none"
+    return f"{value:g}" if isinstance(value, float) else str(value)[:SHOWN]
+
+
+def _plain(value: Mapping[str, Any]) -> Mapping[str, Any]:
+    """As a store gives it back."""
+    found: Mapping[str, Any] = free_to_plain(value, "provenance")
+    return found
+
+
+def sentence(same: bool, causes: Sequence[str]) -> str:
+    """In one sentence what became of the numbers, and why.
+
+    Examples
+    --------
+    >>> sentence(True, ())
+    'Nothing changed: bit for bit the same.'
+    >>> sentence(False, ("numpy 2.4.5 -> 2.4.6",))
+    'The result changed: numpy 2.4.5 -> 2.4.6.'
+    """
+    told = "; ".join(causes)
+    if same:
+        return (
+            f"Bit for bit the same, although not all else is: {told}."
+            if told
+            else "Nothing changed: bit for bit the same."
+        )
+    if told:
+        return f"The result changed: {told}."
+    return "The result changed, although nothing that is written down did: look at the processor and its settings."

@@ -1,0 +1,155 @@
+"""A target that another store held, with its presses and estimates, entered as it is: in one transaction.
+
+Target, presses and estimates keep their identity, so that whoever takes the same in twice has it once, and later
+additions find their place. What is there already stays as it is here: edits made in this store are never undone.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from sqlalchemy import func, insert, select
+
+from tsis.model.errors import RecordsError
+from tsis.records import rows, tables
+from tsis.records.audit import Change
+from tsis.records.frame_file import frame_bytes
+from tsis.records.samples import samples_bytes
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from sqlalchemy import Connection, Table
+
+    from tsis.calibration import ProbeCalibration
+    from tsis.records.blobs import Blobs
+    from tsis.records.dossier import Dossier
+    from tsis.records.values import Target
+
+ACTION = "import"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TakenIn:
+    """What became of a dossier.
+
+    Attributes
+    ----------
+    target
+        As it is in this store: another number where its own was taken.
+    new
+        Whether it was entered, and not there before.
+    presses, estimates
+        How many were added.
+    present
+        How many presses and estimates were there already.
+    differing
+        How many of these presses say something else here than in the dossier.
+    """
+
+    target: Target
+    new: bool
+    presses: int
+    estimates: int
+    present: int
+    differing: int
+
+
+class Arrival:
+    """A dossier whose files are stored, ready to be entered.
+
+    Parameters
+    ----------
+    dossier
+        What is taken in.
+    blobs
+        Where its files go.
+    calibration_row
+        Stores a calibration and returns its row.
+    progress
+        Told (done, all) of the frames.
+
+    Raises
+    ------
+    RecordsError
+        When it lacks what it cites, or a file cannot be stored.
+    """
+
+    def __init__(
+        self,
+        dossier: Dossier,
+        blobs: Blobs,
+        calibration_row: Callable[[ProbeCalibration], rows.Row],
+        progress: Callable[[int, int], None] | None = None,
+    ) -> None:
+        self.target = dossier.target
+        self.frames: dict[str, rows.Row] = {}
+        self.presses: list[rows.Row] = []
+        for done, press in enumerate(dossier.presses, start=1):
+            content = frame_bytes(dossier.image(press))
+            frame = blobs.put(content, "png")  # another library may pack the same levels into other bytes
+            sizes = {"rows": press.rows, "columns": press.columns, "bytes": len(content)}
+            self.frames[frame] = {"id": frame, **sizes}
+            self.presses.append(rows.press_row(replace(press, frame=frame)))
+            if progress is not None:
+                progress(done, len(dossier.presses))
+        self.calibrations = [calibration_row(known) for known in dossier.calibrations.values()]
+        self.estimates = [
+            rows.estimate_row(stored, blobs.put(samples_bytes(stored.estimate), "samples"))
+            for stored in dossier.estimates
+        ]
+
+    def enter(self, connection: Connection) -> tuple[TakenIn, list[Change]]:
+        """Enter what is not there yet; `RecordsError` when an identity is that of something else here."""
+        held = connection.execute(select(tables.targets).where(tables.targets.c.id == self.target.id)).first()
+        changes: list[Change] = []
+        if held is None:
+            target = replace(self.target, number=_free_number(connection, self.target.number), version=1)
+            changes.append(_entered(connection, tables.targets, rows.target_row(target)))
+        else:
+            target = rows.target_of_row(held._asdict())
+        for table, shared in ((tables.calibrations, self.calibrations), (tables.frames, list(self.frames.values()))):
+            changes += [_entered(connection, table, row) for row in shared if _held(connection, table, row) is None]
+        added, differing = {tables.presses.name: 0, tables.estimates.name: 0}, 0
+        for table, row in self._own():
+            there = _held(connection, table, row)
+            if there is None:
+                changes.append(_entered(connection, table, row))
+                added[table.name] += 1
+            elif there["target"] != row["target"]:
+                raise RecordsError(f"{table.name} {row['id']!r:.40} must be of this target; here it is of another")
+            else:
+                differing += there != row
+        given = len(self.presses) + len(self.estimates)
+        return TakenIn(
+            target=target,
+            new=held is None,
+            presses=added["presses"],
+            estimates=added["estimates"],
+            present=given - sum(added.values()),
+            differing=differing,
+        ), changes
+
+    def _own(self) -> Iterator[tuple[Table, rows.Row]]:
+        for table, its in ((tables.presses, self.presses), (tables.estimates, self.estimates)):
+            for row in its:
+                yield table, row
+
+
+def _free_number(connection: Connection, wanted: int) -> int:
+    """That number, or the next after all when another target has it."""
+    column = tables.targets.c.number
+    if connection.execute(select(column).where(column == wanted)).first() is None:
+        return wanted
+    return int(connection.execute(select(func.max(column))).scalar_one()) + 1
+
+
+def _held(connection: Connection, table: Table, row: rows.Row) -> dict[str, Any] | None:
+    found = connection.execute(select(table).where(table.c.id == row["id"])).first()
+    return None if found is None else found._asdict()
+
+
+def _entered(connection: Connection, table: Table, row: rows.Row) -> Change:
+    connection.execute(insert(table).values(row))
+    return Change(action=ACTION, kind=table.name, row=row["id"], values=row)
