@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
 import socket
+import ssl
+import subprocess
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +23,7 @@ from tsis.records.dicom import c_store, dicom_files
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+    from pathlib import Path
 
 FILES = dicom_files(sample_dossier())
 EVERY = (MultiFrameGrayscaleByteSecondaryCaptureImageStorage, ComprehensiveSRStorage)
@@ -27,7 +31,9 @@ HOST = "127.0.0.1"
 
 
 @contextmanager
-def archive(answer: Callable[[Any], int], *, takes: tuple[Any, ...] = EVERY, name: str = "") -> Iterator[int]:
+def archive(
+    answer: Callable[[Any], int], *, takes: tuple[Any, ...] = EVERY, name: str = "", tls: ssl.SSLContext | None = None
+) -> Iterator[int]:
     """An archive that answers each instance with a status; its port."""
     entity = AE(ae_title="ARCHIVE")
     for kind in takes:
@@ -35,7 +41,7 @@ def archive(answer: Callable[[Any], int], *, takes: tuple[Any, ...] = EVERY, nam
     entity.require_called_aet = bool(name)
     if name:
         entity.require_calling_aet = [name]
-    server: Any = entity.start_server((HOST, 0), block=False, evt_handlers=[(evt.EVT_C_STORE, answer)])
+    server: Any = entity.start_server((HOST, 0), block=False, ssl_context=tls, evt_handlers=[(evt.EVT_C_STORE, answer)])
     try:
         yield server.server_address[1]
     finally:
@@ -117,6 +123,37 @@ def test_a_silent_archive_is_told() -> None:
         port = silent.getsockname()[1]
         with pytest.raises(RecordsError, match=r"must answer the request for an association within 0\.3 s"):
             c_store(FILES, host=HOST, port=port, called_ae="ARCHIVE", timeout_s=0.3)
+
+
+def test_an_encrypted_association_is_for_a_certificate_that_is_trusted(tmp_path: Path) -> None:
+    program = shutil.which("openssl") or pytest.skip("openssl is absent, which makes the certificate")
+    key, certificate = tmp_path / "key", tmp_path / "certificate"
+    of = ["-subj", "/CN=localhost", "-addext", "subjectAltName=DNS:localhost"]
+    made: list[str | Path] = [
+        program,
+        "req",
+        "-x509",
+        "-newkey",
+        "rsa:2048",
+        "-nodes",
+        "-keyout",
+        key,
+        "-out",
+        certificate,
+        "-days",
+        "2",
+    ]
+    subprocess.run([*made, *of], check=True, capture_output=True)
+    server = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    server.load_cert_chain(certificate, key)
+    trusting = ssl.create_default_context(cafile=str(certificate))
+    with archive(lambda _: 0, tls=server) as port:
+        assert len(c_store(FILES, host="localhost", port=port, called_ae="ARCHIVE", tls=trusting)) == 3
+        for tls, host in ((ssl.create_default_context(), "localhost"), (trusting, HOST)):
+            with pytest.raises(RecordsError, match="must have a certificate that can be trusted"):
+                c_store(FILES, host=host, port=port, called_ae="ARCHIVE", tls=tls)
+        with pytest.raises(RecordsError, match="was silent or wants TLS"):
+            c_store(FILES, host="localhost", port=port, called_ae="ARCHIVE", timeout_s=2.0)
 
 
 def test_an_unknown_host_is_told() -> None:

@@ -76,6 +76,13 @@ def test_a_parameter_that_is_not_identified_has_a_range_alone() -> None:
     assert ("Parameter without a number", "young_kpa") in texts(sample_dossier())
 
 
+def test_a_parameter_without_a_code_is_named_without_a_number() -> None:
+    estimate = replace(hardness(), samples={"slip_mm": np.array([1.0, 2.0])}, prior_sd={"slip_mm": 1.0})
+    dossier = with_estimate(sample_dossier(), estimate)
+    assert numbers(dossier) == {}
+    assert ("Parameter without a number", "slip_mm") in texts(dossier)
+
+
 def test_an_untrusted_estimate_has_no_numbers_anywhere() -> None:
     told = replace(sample_estimate(trusted=False), identifiability="Diameter 9.8 ± 0.4 mm.", flags=("misfit",))
     dossier = with_estimate(sample_dossier(), told)

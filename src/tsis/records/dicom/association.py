@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+import ssl
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +13,6 @@ from tsis.model.extra import library
 from tsis.records.dicom.libraries import pydicom
 
 if TYPE_CHECKING:
-    import ssl
     from collections.abc import Iterator, Sequence
 
     from tsis.records.dicom.files import DicomFile
@@ -92,7 +92,7 @@ def _associated(
     event = library("pynetdicom", feature="C-STORE", extra="dicom").evt.EVT_CONN_OPEN
     opened: list[Any] = []
     association = entity.associate(
-        _reachable(host, port, f"{called_ae} at {host}:{port}", timeout_s),
+        _reachable(host, port, f"{called_ae} at {host}:{port}", timeout_s, tls),
         port,
         ae_title=called_ae,
         tls_args=(tls, host) if tls else None,
@@ -107,18 +107,25 @@ def _associated(
             connection.close()
 
 
-def _reachable(host: str, port: int, where: str, timeout_s: float) -> str:
+def _reachable(host: str, port: int, where: str, timeout_s: float, tls: ssl.SSLContext | None) -> str:
     """The numeric address at which something listens.
 
     A connection of our own tells why there is none, and is closed whatever happens; pynetdicom leaves one open then.
     """
     try:
         with socket.create_connection((host, port), timeout_s) as found:
-            return str(found.getpeername()[0])
+            address = str(found.getpeername()[0])
+            if tls is not None:
+                with tls.wrap_socket(found, server_hostname=host):
+                    pass
+            return address
     except (socket.gaierror, UnicodeError) as error:
         raise RecordsError(f"host must be a name or address that is known; got {host!r}") from error
     except TimeoutError as error:
         raise RecordsError(f"{where} must accept a connection within {timeout_s:g} s; nothing answered") from error
+    except ssl.SSLError as error:
+        why = getattr(error, "verify_message", "") or error.reason or str(error)
+        raise RecordsError(f"{where} must have a certificate that can be trusted, and speak TLS: {why}") from error
     except OSError as error:
         why = error.strerror or str(error)
         raise RecordsError(
@@ -139,7 +146,7 @@ def _refusal(association: Any, where: str, timeout_s: float) -> str:
         and association.rejected_contexts
     ):
         return f"{where} takes none of the kinds of instances: {_kinds(association.rejected_contexts)}"
-    return f"{where} must answer the request for an association within {timeout_s:g} s; it broke off or was silent"
+    return f"{where} must answer the request for an association within {timeout_s:g} s; it broke off, was silent or wants TLS"
 
 
 def _kinds(contexts: Any) -> str:

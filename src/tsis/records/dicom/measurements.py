@@ -72,7 +72,8 @@ def _number(kind: tuple[Any, Any, str | None], value: float, derivation: tuple[s
 
 def _sentences(estimate: Estimate, cover: Cover) -> list[tuple[str, str]]:
     """Texts by our code; the sentence on what is identified holds numbers, so an untrusted one is not told."""
-    loose = [name for name in estimate.samples if f"{name}_not_identified" in estimate.flags or not estimate.trusted]
+    told = {name for name in codes.PARAMETERS if estimate.trusted and f"{name}_not_identified" not in estimate.flags}
+    loose = [name for name in estimate.samples if name not in told]
     said = [("no-number", name) for name in loose]
     said += [("flag", flag) for flag in cover.flags(estimate.flags)]
     if estimate.trusted:
