@@ -36,7 +36,7 @@ def parsed(text: str, what: str) -> Any:
     """
     try:
         return json.loads(text)
-    except (ValueError, RecursionError) as error:
+    except (TypeError, ValueError, RecursionError) as error:
         raise RecordsError(
             f"{what} must hold what this program wrote; got {text!r:.60} (tsis records verify)"
         ) from error

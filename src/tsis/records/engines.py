@@ -27,7 +27,7 @@ _PRAGMAS = (
     "foreign_keys=ON",
     "trusted_schema=OFF",
 )
-_SESSION = (
+SESSION = (
     f"SET lock_timeout = '{BUSY_S}s'",
     f"SET idle_in_transaction_session_timeout = '{2 * BUSY_S}s'",  # one who sleeps must not stop all others
     "SET extra_float_digits = 1",  # the shortest digits that mean the same number, whatever the server is set to
@@ -73,7 +73,7 @@ def postgresql_engine(url: URL) -> Engine:
 
     @event.listens_for(engine, "connect")
     def configure(connection: Any, _record: Any) -> None:
-        for statement in _SESSION:
+        for statement in SESSION:
             connection.execute(statement)
         connection.commit()
 

@@ -118,8 +118,8 @@ def _terms(database: Database) -> dict[str, str]:
     """What the store says of itself; empty for a new one."""
     with database.reading() as connection:
         found = {row.name: row.value for row in connection.execute(select(tables.store))}
-    if found and (found.get("kind") not in KINDS or "identity" not in found):
-        raise RecordsError(f"{database.name} must say what store it is; got {sorted(found)!r:.80}")
+    if found and (found.get("kind") not in KINDS or not isinstance(found.get("identity"), str)):
+        raise RecordsError(f"{database.name} must say what store it is; got {found!r:.80}")
     return found
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from sqlalchemy import func, select
 
+from tsis.model.errors import RecordsError
 from tsis.records import tables
 from tsis.records.rows import target_of_row
 
@@ -50,7 +51,16 @@ def target_summaries(connection: Connection) -> tuple[TargetSummary, ...]:
             target=target_of_row(row),
             presses=presses.get(row["id"], (0, None))[0],
             estimates=estimates.get(row["id"], 0),
-            last=datetime.fromisoformat(presses[row["id"]][1]) if row["id"] in presses else None,
+            last=_moment(presses[row["id"]][1]) if row["id"] in presses else None,
         )
         for row in found
     )
+
+
+def _moment(stored: object) -> datetime:
+    try:
+        return datetime.fromisoformat(str(stored))
+    except ValueError as error:
+        raise RecordsError(
+            f"the time of a press must be as it was stored; got {stored!r:.60} (tsis records verify)"
+        ) from error

@@ -1,4 +1,8 @@
-"""Whether a store is what was stored: the audit's chain, rows against their last entries, files against their names."""
+"""Whether a store is what was stored: the schema, the audit's chain, rows against their entries, files against names.
+
+A database that was tampered with may hold anything anywhere: text where numbers should be, bytes, nothing at all. That
+is a fault to be told, not an error.
+"""
 
 from __future__ import annotations
 
@@ -7,18 +11,22 @@ from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import select
 
+from tsis.instrument.file_bytes import one_line
 from tsis.model.errors import RecordsError
-from tsis.records.anchor import read_anchor
-from tsis.records.audit import FIRST, Head, read_head
+from tsis.records.anchor import BEFORE, read_anchor
+from tsis.records.audit import FIRST, Head
 from tsis.records.canonical import digest
-from tsis.records.tables import RECORDED, audit, calibrations, estimates, frames
+from tsis.records.schema import schema_faults
+from tsis.records.tables import RECORDED, audit, audit_head, calibrations, estimates, frames
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping
 
-    from sqlalchemy import Connection, Table
+    from sqlalchemy import Connection, Row, Select, Table
 
     from tsis.records.store import Store
+
+_AT_ONCE = 1000  # rows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,12 +76,18 @@ def verify(store: Store, *, progress: Callable[[int, int], None] | None = None) 
     RecordsError
         When the database cannot be read at all.
     """
+    faults, anchored = _anchor(store)  # before the database, of which others may write more meanwhile
     with store.database.reading() as connection:
-        faults, head = [*_chain_faults(connection)], read_head(connection)
-        anchor_faults, unanchored = _anchor_faults(connection, store, head)
+        faults += schema_faults(connection)
+        faults += _chain_faults(connection)
+        head = _head(connection)
+        if anchored is not None and anchored != BEFORE and not _holds(connection, anchored):
+            faults.append(
+                f"audit entry {anchored.number} must be the one that the anchor tells; it is another, or was cut off"
+            )
         row_faults, count = _row_faults(connection)
         wanted = dict(_files(connection))
-    faults += [*anchor_faults, *row_faults]
+    faults += row_faults
     for done, ((name, ending), of) in enumerate(wanted.items(), start=1):
         try:
             store.blobs.get(name, ending)
@@ -81,67 +95,85 @@ def verify(store: Store, *, progress: Callable[[int, int], None] | None = None) 
             faults.append(f"{of}: {error}")
         if progress is not None:
             progress(done, len(wanted))
-    unnamed = sum(1 for each in store.blobs.names() if each not in wanted)
     return Verification(
-        faults=tuple(faults), head=head, rows=count, files=len(wanted), unnamed=unnamed, unanchored=unanchored
+        faults=tuple(faults),
+        head=head,
+        rows=count,
+        files=len(wanted),
+        unnamed=sum(1 for each in store.blobs.names() if each not in wanted),
+        unanchored=max(0, head.number - (0 if anchored is None else anchored.number)),
     )
 
 
-def _entries(connection: Connection) -> Iterator[dict[str, Any]]:
-    for entry in connection.execution_options(yield_per=1000).execute(select(audit).order_by(audit.c.number)):
-        yield entry._asdict()
-
-
-def _chain_faults(connection: Connection) -> Iterator[str]:
-    last = Head(number=0, hash=FIRST)
-    for entry in _entries(connection):
-        content = {name: value for name, value in entry.items() if name != "hash"}
-        number = entry["number"]
-        if number != last.number + 1:
-            yield f"audit entry {last.number + 1} must follow entry {last.number}; {number} does (entries were removed)"
-        elif entry["previous"] != last.hash:
-            yield f"audit entry {number} must follow the one before it; it follows another"
-        if digest(content) != entry["hash"]:
-            yield f"audit entry {number} must be as it was written; it was changed"
-        last = Head(number=number, hash=entry["hash"])
-    if read_head(connection) != last:
-        yield f"the audit must end at entry {read_head(connection).number}; it ends at {last.number}"
-
-
-def _anchor_faults(connection: Connection, store: Store, head: Head) -> tuple[list[str], int]:
-    """What is wrong with the anchor, and by how many entries it lags."""
-    faults = []
+def _anchor(store: Store) -> tuple[list[str], Head | None]:
     try:
         identity, anchored = read_anchor(store.folder)
     except RecordsError as error:
-        return [str(error)], head.number
+        return [str(error)], None
     if identity != store.identity:
-        faults.append(f"the anchor must be that of this store, {store.identity}; it is that of {identity!r:.60}")
-    found = connection.execute(select(audit.c.hash).where(audit.c.number == anchored.number)).scalar()
-    if found != anchored.hash and anchored != Head(number=0, hash=FIRST):
-        faults.append(
-            f"audit entry {anchored.number} must be the one that the anchor tells; it is another, or was cut off"
-        )
-    return faults, max(0, head.number - anchored.number)
+        return [f"the anchor must be that of this store, {store.identity}; it is that of {identity!r:.60}"], anchored
+    return [], anchored
+
+
+def _holds(connection: Connection, head: Head) -> bool:
+    return connection.execute(select(audit.c.hash).where(audit.c.number == head.number)).scalar() == head.hash
+
+
+def _head(connection: Connection) -> Head:
+    """What the database says is the last entry; that before the first where it says nothing sensible."""
+    found = [tuple(row) for row in connection.execute(select(audit_head).limit(2))]
+    if len(found) != 1 or found[0][0] != 1 or type(found[0][1]) is not int or not isinstance(found[0][2], str):
+        return BEFORE
+    return Head(number=found[0][1], hash=found[0][2])
+
+
+def _all(connection: Connection, query: Select[Any]) -> Iterator[Row[Any]]:
+    yield from connection.execute(query, execution_options={"yield_per": _AT_ONCE})
+
+
+def _chain_faults(connection: Connection) -> Iterator[str]:
+    number, before = 0, FIRST
+    for row in _all(connection, select(audit).order_by(audit.c.number)):
+        entry = row._asdict()
+        written = entry.pop("hash")
+        if entry["number"] != number + 1:
+            shown = one_line(entry["number"], 40)
+            yield f"audit entry {number + 1} must follow entry {number}; {shown} does (entries were removed or put in)"
+        elif entry["previous"] != before:
+            yield f"audit entry {number + 1} must follow the one before it; it follows another"
+        if _digest(entry) != written:
+            yield f"audit entry {one_line(entry['number'], 40)} must be as it was written; it was changed"
+        number, before = entry["number"] if type(entry["number"]) is int else number + 1, written
+    head = _head(connection)
+    if (head.number, head.hash) != (number, before):
+        yield f"the audit must end at entry {head.number}; it ends at {number}"
 
 
 def _row_faults(connection: Connection) -> tuple[list[str], int]:
     """Rows that differ from their last entry, were put in beside the audit, or taken out."""
-    last = {(entry["kind"], entry["row"]): entry["content"] for entry in _entries(connection)}
+    entries = _all(connection, select(audit.c.kind, audit.c.row, audit.c.content).order_by(audit.c.number))
+    last = {(entry.kind, entry.row): entry.content for entry in entries}
     faults, count = [], 0
     for name, table in RECORDED.items():
         primary = next(iter(table.primary_key)).name
-        for found in connection.execution_options(yield_per=1000).execute(select(table)):
+        for found in _all(connection, select(table)):
             row = found._asdict()
             count += 1
-            key = (name, row[primary])
-            content = last.pop(key, None)
-            if content is None:
-                faults.append(f"{name} {key[1]}: this row was put in beside the audit")
-            elif content != digest(row):
-                faults.append(f"{name} {key[1]}: this row is not as it was stored")
-    faults += [f"{name} {key}: this row was taken out" for name, key in last]
+            key, shown = (name, row[primary]), one_line(row[primary], 80)
+            if key not in last:
+                faults.append(f"{name} {shown}: this row was put in beside the audit")
+            elif last.pop(key) != _digest(row):
+                faults.append(f"{name} {shown}: this row is not as it was stored")
+    faults += [f"{one_line(name, 40)} {one_line(key, 80)}: this row was taken out" for name, key in last]
     return faults, count
+
+
+def _digest(values: Mapping[str, Any]) -> str | None:
+    """None for what no store holds: bytes, NaN and infinities."""
+    try:
+        return digest(values)
+    except (TypeError, ValueError):
+        return None
 
 
 def _files(connection: Connection) -> Iterator[tuple[tuple[str, str], str]]:
@@ -152,5 +184,5 @@ def _files(connection: Connection) -> Iterator[tuple[tuple[str, str], str]]:
         (estimates, "samples", "samples"),
     )
     for table, column, ending in kinds:
-        for key, name in connection.execute(select(table.c.id, table.c[column])):
-            yield (str(name), ending), f"{table.name} {key}"
+        for row in _all(connection, select(table.c.id, table.c[column].label("file"))):
+            yield (str(row.file), ending), f"{table.name} {one_line(row.id, 80)}"
