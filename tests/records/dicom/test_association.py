@@ -128,22 +128,10 @@ def test_a_silent_archive_is_told() -> None:
 def test_an_encrypted_association_is_for_a_certificate_that_is_trusted(tmp_path: Path) -> None:
     program = shutil.which("openssl") or pytest.skip("openssl is absent, which makes the certificate")
     key, certificate = tmp_path / "key", tmp_path / "certificate"
+    kind = ["-x509", "-newkey", "rsa:2048", "-nodes", "-days", "2"]
     of = ["-subj", "/CN=localhost", "-addext", "subjectAltName=DNS:localhost"]
-    made: list[str | Path] = [
-        program,
-        "req",
-        "-x509",
-        "-newkey",
-        "rsa:2048",
-        "-nodes",
-        "-keyout",
-        key,
-        "-out",
-        certificate,
-        "-days",
-        "2",
-    ]
-    subprocess.run([*made, *of], check=True, capture_output=True)
+    made = [program, "req", *kind, *of, "-keyout", str(key), "-out", str(certificate)]
+    subprocess.run(made, check=True, capture_output=True)
     server = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     server.load_cert_chain(certificate, key)
     trusting = ssl.create_default_context(cafile=str(certificate))

@@ -122,7 +122,7 @@ def variants() -> Iterator[tuple[str, Dossier]]:
         framed([noise(3, 5), noise(3, 5, seed=1), noise(3, 5, seed=2), noise(7, 1), noise(2, 2, bits=16)]),
     )
     yield "16 bit, odd", framed([noise(5, 7, bits=16), noise(5, 7, bits=16, seed=1)], full_scale=65535.0)
-    yield "scale of many digits", framed([noise(4, 4)], mm_per_pixel=(1 / 3, 2.0 / 7e5))
+    yield "scale of many digits", framed([noise(4, 4)], mm_per_pixel=(1 / 3, 2.0 / 7e3))
     yield (
         "all roles",
         replace(

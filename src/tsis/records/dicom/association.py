@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
     from tsis.records.dicom.files import DicomFile
 
+SILENT = "it broke off, was silent or wants TLS"
 WARNINGS = range(0xB000, 0xC000)  # stored, and the archive changed or disliked something
 
 
@@ -146,7 +147,7 @@ def _refusal(association: Any, where: str, timeout_s: float) -> str:
         and association.rejected_contexts
     ):
         return f"{where} takes none of the kinds of instances: {_kinds(association.rejected_contexts)}"
-    return f"{where} must answer the request for an association within {timeout_s:g} s; it broke off, was silent or wants TLS"
+    return f"{where} must answer the request for an association within {timeout_s:g} s; {SILENT}"
 
 
 def _kinds(contexts: Any) -> str:
