@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from tsis.model import check
+import numpy as np
+
+from tsis.model import TactileImage, check
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -18,6 +21,8 @@ KINDS = ("phantom", "subject")  # of stores; what is known of one must never get
 ROLES = ("target", "plain", "untouched", "ball")  # plain: on plain tissue; ball: on a known one, for hardness
 ESTIMATES = ("inclusion", "hardness")
 LONGEST_NAME, LONGEST_NOTE = 200, 4000
+LARGEST_SIDE_PX = 65_535
+_SHA256 = re.compile(r"[0-9a-f]{64}")
 
 
 def require_text(name: str, value: object, longest: int) -> None:
@@ -144,6 +149,17 @@ class Press:
     def __post_init__(self) -> None:
         check.known("role", self.role, ROLES)
         require_moment("taken", self.taken)
+        if not isinstance(self.frame, str) or not _SHA256.fullmatch(self.frame):
+            raise InputError(f"frame must be the SHA-256 of a stored file; got {self.frame!r:.80}")
+        for name in ("rows", "columns"):
+            check.whole(name, getattr(self, name), 1, LARGEST_SIDE_PX, hint="pixels")
+        TactileImage(  # which knows what the numbers of an image may be; the frame itself lies elsewhere
+            grey=np.zeros((1, 1)),
+            mm_per_pixel=self.mm_per_pixel,
+            full_scale=self.full_scale,
+            force_n=self.force_n,
+            axis_px=self.axis_px,
+        )
         for name in ("name", "probe"):
             require_text(name, getattr(self, name), LONGEST_NAME)
         require_text("note", self.note, LONGEST_NOTE)

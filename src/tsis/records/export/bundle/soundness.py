@@ -1,14 +1,10 @@
-"""Whether the parts of a bundle belong together, and whether its presses are ones that estimates take."""
+"""Whether the parts of a bundle belong together."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import numpy as np
-
-from tsis.model import TactileImage
 from tsis.model.errors import InputError
-from tsis.records.export.bundle.contents import SHA256
 
 if TYPE_CHECKING:
     from collections.abc import Container, Sequence
@@ -17,7 +13,7 @@ if TYPE_CHECKING:
 
 
 def require_presses(target: Target, presses: Sequence[Press]) -> None:
-    """Refuse presses of another target, without a frame, or with a force or scale that no image may have.
+    """Refuse presses of another target, or that disagree about a frame that they share.
 
     Raises
     ------
@@ -29,17 +25,8 @@ def require_presses(target: Target, presses: Sequence[Press]) -> None:
     for number, press in enumerate(presses, start=1):
         where = f"press {number}"
         _require_own(target, press.target, where)
-        if not SHA256.fullmatch(press.frame):
-            raise InputError(f"{where} must cite its frame by a SHA-256; got {press.frame!r:.80}")
         if sizes.setdefault(press.frame, (press.rows, press.columns)) != (press.rows, press.columns):
             raise InputError(f"{where} must be of the size of its frame, {sizes[press.frame]}; another press says so")
-        TactileImage(  # which checks its numbers; the frame itself comes later
-            grey=np.zeros((1, 1)),
-            mm_per_pixel=press.mm_per_pixel,
-            full_scale=press.full_scale,
-            force_n=press.force_n,
-            axis_px=press.axis_px,
-        )
 
 
 def require_estimates(target: Target, presses: Sequence[Press], estimates: Sequence[StoredEstimate]) -> None:

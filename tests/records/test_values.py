@@ -1,0 +1,30 @@
+"""What a press cannot be, no press is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from tests.records.sample import sample_dossier
+
+from tsis.model.errors import InputError
+
+
+@pytest.mark.parametrize(
+    ("values", "sentence"),
+    [
+        ({"frame": "../etc/passwd"}, "frame must be the SHA-256 of a stored file"),
+        ({"frame": "0" * 64 + "\n"}, "frame must be the SHA-256 of a stored file"),
+        ({"rows": 0}, r"rows must lie in \[1, 65535\]; got 0"),
+        ({"columns": 2.5}, "columns must be a whole number"),
+        ({"force_n": 1e9}, r"force_n must lie in \[0, 100\]"),
+        ({"force_n": float("nan")}, "force_n must lie in"),
+        ({"mm_per_pixel": (0.1, 40.0)}, "mm_per_pixel must lie in"),
+        ({"full_scale": 0.0}, "full_scale must lie in"),
+        ({"axis_px": (float("inf"), 0.0)}, "axis_px must be finite"),
+    ],
+)
+def test_a_press_out_of_range_is_refused(values: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(InputError, match=sentence):
+        replace(sample_dossier().presses[0], **values)
