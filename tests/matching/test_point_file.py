@@ -150,7 +150,7 @@ def npy_header(shape: str, descr: str = "'<f8'") -> bytes:
         (ply_bytes(POINTS, "ascii", count=10**12), "1 to 2000000 points; got 1000000000000"),
         (ply_bytes(POINTS, "binary_little_endian", count=10**12), "got 1000000000000"),
         (ply_bytes(POINTS, "binary_little_endian", count=4), "4 vertices of its header take 100 bytes; got 75"),
-        (ply_bytes(POINTS, "ascii", count=5), "vertex 3 must hold"),
+        (ply_bytes(POINTS, "ascii", count=5), "5 vertices of its header; got 3"),
         (ply_bytes(POINTS, "ascii", count=-1), "got -1"),
         (ply_bytes(POINTS, "ascii")[:-20], "3 vertices of its header; got 2"),
         (ply_bytes(POINTS, "ascii")[:-12], "vertex 2 must hold"),
@@ -191,7 +191,7 @@ def test_missing_empty_and_huge_files_and_folders(tmp_path: Path) -> None:
         read_points(tmp_path)
     with (tmp_path / "huge.csv").open("wb") as file:
         file.truncate(10**12)  # sparse: it takes no room on the disk
-    with pytest.raises(FileInputError, match="at most 256 MiB"):
+    with pytest.raises(FileInputError, match="at most 160 MiB"):
         read_points(tmp_path / "huge.csv")
     (tmp_path / "many.csv").write_text("1,2\n" * (MOST_POINTS + 1))
     with pytest.raises(FileInputError, match="got 2000001"):

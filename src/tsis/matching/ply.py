@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import io
+import itertools
+from array import array
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -107,19 +110,19 @@ def _vertices(lines: list[str]) -> Vertices:
 
 
 def _text(body: bytes, vertices: Vertices, axes: Sequence[str]) -> NDArray[np.float64]:
-    rows = body.split(b"\n")[: vertices.count]
     places = [list(vertices.types).index(axis) for axis in axes]
-    points = []
-    for number, row in enumerate(rows):
+    points = array("d")
+    for number, row in enumerate(itertools.islice(io.BytesIO(body), vertices.count)):
         cells = row.split()
         try:
-            points.append([float(cells[place]) for place in places])
+            points.extend([float(cells[place]) for place in places])
         except (IndexError, ValueError) as error:
             text = row.decode("ascii", errors="replace").strip()
             raise FileInputError(f"vertex {number} must hold numbers for each property; got {text!r:.60}") from error
-    if len(points) < vertices.count:
-        raise FileInputError(f"it must hold the {vertices.count} vertices of its header; got {len(points)}")
-    return np.array(points, dtype=float)
+    found = len(points) // len(axes)
+    if found < vertices.count:
+        raise FileInputError(f"it must hold the {vertices.count} vertices of its header; got {found}")
+    return np.array(points).reshape(-1, len(axes))
 
 
 def _binary(body: bytes, vertices: Vertices, axes: Sequence[str]) -> NDArray[np.float64]:

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import codecs
+import itertools
 import math
+from array import array
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from tsis.instrument.file_bytes import as_path, file_size, read_bytes, shown
+from tsis.instrument.text_lines import text_lines
 from tsis.matching.ply import parse_ply
 from tsis.matching.sampled import MOST_POINTS
 from tsis.model.array_archive import npy_layout
@@ -18,7 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-LARGEST_BYTES = 256 * 2**20
+LARGEST_BYTES = 160 * 2**20
 AXES = ("x", "y", "z")
 NPY_MAGIC = b"\x93NUMPY"
 
@@ -107,25 +111,31 @@ def _npy(content: bytes) -> NDArray[np.float64]:
 
 
 def _csv(content: bytes) -> NDArray[np.float64]:
+    _require_text(content[:4096])
+    lines = (each for each in text_lines(content, most=MOST_POINTS) if each[1].strip() and each[1].lstrip()[:1] != "#")
+    first = next(lines, None)
+    if first is None:
+        raise FileInputError("it must hold points; got none")
+    parting = next((mark for mark in ";,\t" if mark in first[1]), None)
+    heads = [head.strip().strip('"').lower() for head in first[1].split(parting)]
+    named = all(_number(head) is None and not head[:1].isdigit() for head in heads)
+    chosen = _columns(heads, named=named)
+    values = array("d")
+    for number, line in lines if named else itertools.chain([first], lines):
+        values.extend(_row(number, line.split(parting), chosen, len(heads)))
+        if len(values) > MOST_POINTS * len(chosen):
+            raise FileInputError(f"it must hold 1 to {MOST_POINTS} points; got more (thin them out)")
+    _countable(len(values) // len(chosen))
+    return np.array(values).reshape(-1, len(chosen))
+
+
+def _require_text(start: bytes) -> None:
     try:
-        text = content.decode("utf-8-sig")
+        text = codecs.getincrementaldecoder("utf-8")().decode(start)  # a letter may be cut at the end
     except UnicodeDecodeError as error:
         raise FileInputError("it must be CSV, NPY or PLY; got bytes that are none of these") from error
-    lines = [
-        (number, line)
-        for number, line in enumerate(text.splitlines(), start=1)
-        if line.strip() and not line.lstrip().startswith("#")
-    ]
-    if not lines:
-        raise FileInputError("it must hold points; got none")
-    parting = next((mark for mark in ";,\t" if mark in lines[0][1]), None)
-    heads = [head.strip().strip('"').lower() for head in lines[0][1].split(parting)]
-    named = all(_number(head) is None and not head[:1].isdigit() for head in heads)
-    lines = lines[1:] if named else lines
-    _countable(len(lines))
-    chosen = _columns(heads, named=named)
-    rows = [_row(number, line.split(parting), chosen, len(heads)) for number, line in lines]
-    return np.array(rows, dtype=float)
+    if "\0" in text:
+        raise FileInputError("it must be CSV, NPY or PLY; got bytes that are none of these")
 
 
 def _columns(heads: list[str], *, named: bool) -> list[int]:

@@ -59,7 +59,7 @@ class Row:
         return self.trial.rsplit("/", 2)[1]
 
 
-LARGEST_BYTES = 64 * 2**20
+LARGEST_BYTES, MOST_LINES = 64 * 2**20, 300_000
 HEAD = tuple(field.name for field in fields(Row))
 
 
@@ -72,7 +72,10 @@ def read_rows(file: Path) -> list[Row]:
         When the file cannot be read or holds something else.
     """
     try:
-        text = read_bytes(file, most=LARGEST_BYTES).decode("utf-8")
+        content = read_bytes(file, most=LARGEST_BYTES)
+        if content.count(b"\n") + content.count(b"\r") > MOST_LINES:
+            raise FileInputError(f"{shown(file)} must have at most {MOST_LINES} lines; it has more")
+        text = content.decode("utf-8")
         lines = list(csv.reader(io.StringIO(_whole(text), newline="")))
     except (UnicodeDecodeError, csv.Error) as error:
         raise FileInputError(f"{shown(file)} must be a file of trials; got: {one_line(error, 80)}") from error

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
 FORMAT, VERSION = "tsis-calibration-session", 1
 TERMS, INDEX = "session.json", "shots.csv"
-LARGEST_TERMS_BYTES, LARGEST_INDEX_BYTES = 2**20, 8 * 2**20
+LARGEST_TERMS_BYTES, LARGEST_INDEX_BYTES, MOST_LINES = 2**20, 8 * 2**20, 100_000
 COLUMNS = ("file", "time_s", "force_n", "full_scale")  # the last, since a file of 16 bits may hold fewer
 
 
@@ -139,14 +139,18 @@ class SessionFolder:
         if not self.done(step):
             raise CalibrationError(f"step {step.name!r} must be done first; {shown(self.path)} holds no frames of it")
         index = self.path / step.name / INDEX
+        content = read_bytes(index, most=LARGEST_INDEX_BYTES)
+        if content.count(b"\n") + content.count(b"\r") > MOST_LINES:
+            raise FileInputError(f"{shown(index)} must have at most {MOST_LINES} lines; it has more")
         try:
-            rows = list(
-                csv.reader(io.StringIO(read_bytes(index, most=LARGEST_INDEX_BYTES).decode("utf-8", errors="replace")))
-            )
+            rows = list(csv.reader(io.StringIO(content.decode("utf-8", errors="replace"))))
         except csv.Error as error:
             raise FileInputError(f"{shown(index)} must be a table of frames; got: {one_line(error)}") from error
         if not rows or tuple(rows[0]) != COLUMNS:
             raise FileInputError(f"{shown(index)} must begin with the line {','.join(COLUMNS)}")
+        names = [row[0] for row in rows[1:] if row]
+        if len(set(names)) < len(names):  # one small file could else take any amount of memory
+            raise FileInputError(f"{shown(index)} must name each frame once; it names one twice")
         shots = [self._shot(index, row) for row in rows[1:] if row]
         if not shots:
             raise FileInputError(f"{shown(index)} must name at least one frame; got none (remove the step, repeat it)")

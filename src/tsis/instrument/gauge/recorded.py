@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from tsis.instrument.file_bytes import as_path, read_bytes, shown
 from tsis.instrument.gauge.reading import ForceReading
+from tsis.instrument.text_lines import text_lines
 from tsis.model.durable import write_durably
 from tsis.model.errors import FileInputError, GaugeError, InputError
 
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
-LARGEST_BYTES = 64 * 2**20
+LARGEST_BYTES, MOST_READINGS = 64 * 2**20, 1_000_000
 HEAD = ("time_s", "force_n", "resolution_n", "time_error_s")
 _NEEDED = 2  # the columns that a file made elsewhere must have
 
@@ -101,10 +102,13 @@ class RecordedGauge:
         FileInputError
             When it is missing, its header is another, or a line is not finite numbers with ascending times.
         """
+        content = read_bytes(self._path, most=LARGEST_BYTES)
         try:
-            self._readings = tuple(_parsed(read_bytes(self._path, most=LARGEST_BYTES)))
+            self._readings = tuple(_parsed(content))
         except _LineError as error:
             raise FileInputError(f"{shown(self._path)} {error}") from error
+        except FileInputError as error:
+            raise FileInputError(f"{shown(self._path)} must be CSV text: {error}") from error
         self._running.set()
 
     def readings(self) -> Iterator[ForceReading]:
@@ -130,16 +134,12 @@ class _LineError(Exception):
 
 
 def _parsed(content: bytes) -> Iterator[ForceReading]:
-    try:
-        text = content.decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise _LineError("must be CSV text; got bytes that are none") from error
-    lines = text.splitlines()
-    head = tuple(cell.strip() for cell in lines[0].split(",")) if lines else ()
+    lines = text_lines(content, most=MOST_READINGS)
+    head = tuple(cell.strip() for cell in next(lines, (1, ""))[1].split(","))
     if head[:_NEEDED] != HEAD[:_NEEDED] or head != HEAD[: len(head)]:
         raise _LineError(f"must begin with the header {','.join(HEAD[:_NEEDED])} (s and N); got {','.join(head)!r:.80}")
     before_s, count = -math.inf, 0
-    for number, line in enumerate(lines[1:], start=2):
+    for number, line in lines:
         if not line.strip():
             continue
         reading = _row(number, line.split(","), head)
