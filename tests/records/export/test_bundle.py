@@ -76,7 +76,6 @@ def test_what_could_not_be_read_back_is_not_written(tmp_path: Path, name: str) -
     wrong = [
         replace(dossier, calibrations={}),
         replace(dossier, presses=dossier.presses[1:]),  # on which the estimate rests
-        replace(dossier, presses=(replace(dossier.presses[0], frame="0" * 64), *dossier.presses[1:])),
         replace(dossier, presses=(replace(dossier.presses[0], columns=149), *dossier.presses[1:])),
     ]
     for each in wrong:
