@@ -29,7 +29,7 @@ def schema_faults(connection: Connection) -> Iterator[str]:
 
 def _in_sqlite(connection: Connection) -> Iterator[str]:
     wanted, found = _made_by_migrations(), _sqlite_schema(connection)
-    for kind, name in sorted(wanted.keys() | found.keys(), key=repr):
+    for kind, name in sorted(wanted.keys() | found.keys()):
         what = f"{kind} {one_line(name, 80)} of the database"
         if (kind, name) not in found:
             yield f"the {what} was taken out"
@@ -54,7 +54,9 @@ def _sqlite_schema(connection: Connection) -> dict[tuple[str, str], str]:
     listed = connection.execute(text("SELECT type, name, sql FROM sqlite_master"))
     # SQLite's own tables hold nothing of ours, and Alembic's is not always spelt the same.
     return {
-        (row.type, row.name): row.sql for row in listed if VERSIONS not in str(row.sql) and row.name[:7] != "sqlite_"
+        (str(row.type), str(row.name)): " ".join(str(row.sql).split())
+        for row in listed
+        if VERSIONS not in str(row.sql) and not str(row.name).startswith("sqlite_")
     }
 
 
