@@ -12,6 +12,7 @@ import typer
 from tsis.calibration.file import ProbeCalibration, calibration_bytes
 from tsis.cli.console_output import Outcome, progress_bar, publish
 from tsis.cli.estimate_output import estimate_table, estimate_with_progress
+from tsis.cli.keeping import Keep, KeepFolder, KeepTarget, Made, chosen_keeping, keep_made, kept_note
 from tsis.cli.targets import AsJson, DepthMm, DiameterMm, ForcesN, PhantomName, ProbeName, YoungKpa, chosen_phantom
 from tsis.inclusion import PARAMETERS, InclusionPrior, ring_edges
 from tsis.instrument import png_bytes
@@ -38,6 +39,9 @@ def demo(
     young_kpa: YoungKpa = None,
     seed: Annotated[int, typer.Option(help="Seed of every random error.", min=0, max=LARGEST_SEED)] = 4,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path("tsis-demo"),
+    keep: Keep = False,
+    store: KeepFolder = None,
+    number: KeepTarget = None,
     as_json: AsJson = False,
 ) -> None:
     """Press a phantom with the virtual probe, estimate the inclusion, and write a page that shows it.
@@ -48,10 +52,11 @@ def demo(
     target = chosen_phantom(phantom, diameter_mm, depth_mm, young_kpa)
     truth, forces = _truth(target), _named(force_n)
     chosen, prior = load_probe(probe), InclusionPrior()
+    keeping = chosen_keeping(keep, store, number=number)
     with progress_bar("tracing the light of the lamps") as advance:
         light = irradiance(chosen, progress=advance)
     virtual = VirtualProbe(chosen, rng=np.random.default_rng(seed), light=light)
-    untouched = virtual.no_contact()
+    untouched = replace(virtual.no_contact(), name="untouched.png")
     references = _presses(virtual, target.without_inclusion(), forces, "reference")
     images = _presses(virtual, target, forces, "target")
     result = estimate_with_progress(
@@ -70,17 +75,30 @@ def demo(
         truth=truth,
         provenance=provenance,
     )
+    known = ProbeCalibration(name=virtual.calibration.name, probe=chosen.name, response=virtual.calibration)
+    kept = {}
+    if keeping is not None:
+        frames = {"target": images, "plain": references, "untouched": [untouched]}
+        made = Made(
+            kind="inclusion",
+            estimate=result,
+            probe=chosen.name,
+            known=known,
+            frames=frames,
+            options={"prior": asdict(prior)},
+            name=target.name,
+            truth=truth or {},
+        )
+        kept = {"kept": keep_made(keeping, made)}
     outcome = Outcome(
-        document=envelope("demo", **provenance, estimate=estimate_document(result, truth)),
+        document=envelope("demo", **provenance, estimate=estimate_document(result, truth), **kept),
         page=page,
         tables=(estimate_table(result, title=f"{target.name}; {pressed}", truth=truth),),
-        notes=(*sentences(result), *_outside_the_prior(truth or {}, prior)),
+        notes=(*sentences(result), *_outside_the_prior(truth or {}, prior), *map(kept_note, kept.values())),
         files={
             **{frame.name: png_bytes(frame) for frame in (*images, *references)},
             "untouched.png": png_bytes(untouched),
-            "calibration.json": calibration_bytes(
-                ProbeCalibration(name=virtual.calibration.name, probe=chosen.name, response=virtual.calibration)
-            ),
+            "calibration.json": calibration_bytes(known),
         },
     )
     publish(outcome, out, as_json=as_json)

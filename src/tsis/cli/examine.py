@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -13,6 +14,17 @@ from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.cli.cited_calibration import chosen_scale, cited
 from tsis.cli.console_output import Outcome, publish
 from tsis.cli.estimate_output import estimate_table, estimate_with_progress
+from tsis.cli.keeping import (
+    Keep,
+    KeepFolder,
+    KeepKind,
+    KeepTarget,
+    Made,
+    chosen_keeping,
+    keep_made,
+    kept_note,
+    require_keepable,
+)
 from tsis.cli.press_forces import plain_forces, target_forces
 from tsis.cli.targets import AsJson
 from tsis.imaging import match_light
@@ -27,7 +39,7 @@ from tsis.report.document import envelope, estimate_document, features_document,
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tsis.model import Calibration, Probe, TactileImage
+    from tsis.model import Calibration, Estimate, Probe, TactileImage
 
 UNNAMED = "tsis-2011"  # the probe of calibrations that name none of the catalog
 REFUSED = (
@@ -77,6 +89,10 @@ def examine(
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path(
         "tsis-examine"
     ),
+    keep: Keep = False,
+    store: KeepFolder = None,
+    kind: KeepKind = None,
+    number: KeepTarget = None,
     as_json: AsJson = False,
 ) -> None:
     """Find the contact in image files and measure it; estimate the inclusion when the probe is calibrated."""
@@ -94,6 +110,8 @@ def examine(
         raise InputError("--match-light needs --reference, the frame that it scales")
     if calibration is None and force_n:
         raise InputError("--force-n needs --calibration: without it a force tells nothing")
+    if keep and calibration is None:
+        raise InputError("--keep needs --calibration: without it there is no estimate to keep")
     known = None if calibration is None else cited(calibration)
     scale = chosen_scale(known, scale_mm)
     by_line = known is not None and not force_n and known.known.force_line is not None
@@ -120,12 +138,28 @@ def examine(
     else:
         plain = plain or []
         plain_force = [None] * len(plain) if by_line else plain_forces(plain_force_n or (), force_n or (), len(plain))
+        plain_frames = _read(plain, plain_force, scale)
+        if keep:
+            require_keepable([*frames, *plain_frames])
+        keeping = chosen_keeping(keep, store, kind, number)
         pressed, response = known.pressed(frames)
-        on_plain, plain_response = known.pressed(_read(plain, plain_force, scale))
+        on_plain, plain_response = known.pressed(plain_frames)
         response = max(response, plain_response, key=lambda one: one.force_sd)
         if by_line:
             provenance["forces_n"] = {"by": "force line", "images": [frame.force_n for frame in pressed]}
-        outcome = _inclusion(pressed, on_plain, response, chosen or _calibrated_probe(response), provenance)
+        by, prior = chosen or _calibrated_probe(response), InclusionPrior()
+        result = estimate_with_progress(pressed, probe=by, calibration=response, reference=on_plain, prior=prior)
+        outcome = _inclusion(result, pressed, on_plain, by, prior, provenance)
+        if keeping is not None:
+            made = Made(
+                kind="inclusion",
+                estimate=result,
+                probe=by.name,
+                known=known.known,
+                frames={"target": frames, "plain": plain_frames},
+                options={"prior": asdict(prior)},
+            )
+            outcome = _kept(outcome, keep_made(keeping, made))
     publish(outcome, out, as_json=as_json)
 
 
@@ -176,15 +210,18 @@ def _contacts(
     return Outcome(document=document, page=page, tables=tuple(tables), notes=tuple(notes))
 
 
+def _kept(outcome: Outcome, kept: dict[str, Any]) -> Outcome:
+    return replace(outcome, document={**outcome.document, "kept": kept}, notes=(*outcome.notes, kept_note(kept)))
+
+
 def _inclusion(
+    result: Estimate,
     frames: Sequence[TactileImage],
     on_plain: Sequence[TactileImage],
-    calibration: Calibration,
     probe: Probe,
+    prior: InclusionPrior,
     provenance: dict[str, Any],
 ) -> Outcome:
-    prior = InclusionPrior()
-    result = estimate_with_progress(frames, probe=probe, calibration=calibration, reference=on_plain, prior=prior)
     names = ", ".join(f"{frame.name} ({frame.force_n:g} N)" for frame in frames)
     page = inclusion_report(
         result,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,6 +16,18 @@ from tsis.calibration.file import ProbeCalibration, calibration_bytes
 from tsis.cli.cited_calibration import chosen_scale, cited
 from tsis.cli.console_output import Outcome, progress_bar, publish, waiting
 from tsis.cli.demo import LARGEST_SEED
+from tsis.cli.keeping import (
+    Keep,
+    KeepFolder,
+    Keeping,
+    KeepKind,
+    KeepTarget,
+    Made,
+    chosen_keeping,
+    keep_made,
+    kept_note,
+    require_keepable,
+)
 from tsis.cli.press_forces import target_forces
 from tsis.cli.targets import AsJson
 from tsis.hardness import build_contact_table, estimate, shore
@@ -27,9 +39,9 @@ from tsis.report.hardness import hardness_notes, hardness_report, hardness_rows
 from tsis.virtual import DirectContactRig
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
-    from tsis.model import Calibration, Probe, TactileImage
+    from tsis.model import Calibration, Estimate, Probe, TactileImage
 
 DEMO, DEMO_FORCES = "cl2000x", [0.7, 1.2]
 UNNAMED = "tsis-direct"  # the probe of calibrations that name none of the catalog
@@ -72,6 +84,10 @@ def hardness(
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path(
         "tsis-hardness"
     ),
+    keep: Keep = False,
+    store: KeepFolder = None,
+    kind: KeepKind = None,
+    number: KeepTarget = None,
     as_json: AsJson = False,
 ) -> None:
     """Estimate Young's modulus of a touched object from two presses, with its interval and as Shore hardness."""
@@ -80,7 +96,9 @@ def hardness(
         given = [*paths, *(ball or ()), calibration, scale_mm, radius_mm, radius_sd_mm, ball_radius_mm]
         if any(value is not None for value in given):
             raise InputError("--virtual and --demo press by themselves: give no images, scale, radius or calibration")
-        _virtual(virtual or DEMO, load_probe(probe or UNNAMED), force_n or DEMO_FORCES, seed, out, as_json=as_json)
+        chosen, name = load_probe(probe or UNNAMED), virtual or DEMO
+        keeping = chosen_keeping(keep, store, kind, number)
+        _virtual(name, chosen, force_n or DEMO_FORCES, seed, out, keeping=keeping, as_json=as_json)
         return
     if not paths:
         raise InputError("give the images of two presses, or --demo for a run without hardware")
@@ -92,21 +110,50 @@ def hardness(
             "calibration holds neither scale nor force line"
         )
     forces = target_forces(force_n, len(paths)) if force_n else [None] * len(paths)
-    frames, response = known.pressed(_read(paths, forces, scale))
+    raw = _read(paths, forces, scale)
+    frames, response = known.pressed(raw)
     chosen = load_probe(probe or (response.probe if response.probe in list_probes() else UNNAMED))
     balls = ball or []
     if len(ball_force_n or ()) != len(balls):
         raise InputError(f"--ball-force-n must be given once for each --ball; got it {len(ball_force_n or ())} times")
+    raw_balls = _read(balls, ball_force_n or (), scale)
+    if keep:
+        require_keepable([*raw, *raw_balls])
+    keeping = chosen_keeping(keep, store, kind, number)
     options = {
         "radius_mm": radius_mm,
         "radius_sd_mm": radius_sd_mm,
-        "reference": known.pressed(_read(balls, ball_force_n or (), scale))[0],
+        "reference": known.pressed(raw_balls)[0],
         "reference_radius_mm": ball_radius_mm,
     }
-    publish(_outcome(frames, chosen, response, options, cites=known.citation()), out, as_json=as_json)
+    raw_frames = {"target": raw, "ball": raw_balls}
+    publish(
+        _outcome(
+            frames,
+            chosen,
+            response,
+            options,
+            cites=known.citation(),
+            kept=None if keeping is None else _Kept(keeping=keeping, known=known.known, frames=raw_frames),
+        ),
+        out,
+        as_json=as_json,
+    )
 
 
-def _virtual(name: str, probe: Probe, forces: Sequence[float], seed: int, out: Path, *, as_json: bool) -> None:
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Kept:
+    """Where an estimate is to be kept, and what it rests on."""
+
+    keeping: Keeping
+    known: ProbeCalibration
+    frames: Mapping[str, Sequence[TactileImage]]
+    name: str = ""
+
+
+def _virtual(
+    name: str, probe: Probe, forces: Sequence[float], seed: int, out: Path, *, keeping: Keeping | None, as_json: bool
+) -> None:
     sphere = load_sphere(name)
     rig = DirectContactRig(probe, rng=np.random.default_rng(seed))
     with waiting(f"squeezing {name} with the virtual rig"):
@@ -116,7 +163,18 @@ def _virtual(name: str, probe: Probe, forces: Sequence[float], seed: int, out: P
     files |= {f"press-{frame.force_n:g}N.png": png_bytes(frame) for frame in frames}
     simulated = {"seed": seed, "sphere": asdict(sphere), "command": "tsis hardness"}
     publish(
-        _outcome(frames, probe, rig.calibration, {}, truth_kpa=sphere.young_kpa, simulated=simulated, files=files),
+        _outcome(
+            frames,
+            probe,
+            rig.calibration,
+            {},
+            truth_kpa=sphere.young_kpa,
+            simulated=simulated,
+            files=files,
+            kept=None
+            if keeping is None
+            else _Kept(keeping=keeping, known=simulated_probe, frames={"target": frames}, name=name),
+        ),
         out,
         as_json=as_json,
     )
@@ -132,6 +190,7 @@ def _outcome(
     simulated: dict[str, Any] | None = None,
     files: dict[str, bytes] | None = None,
     cites: dict[str, Any] | None = None,
+    kept: _Kept | None = None,
 ) -> Outcome:
     with progress_bar("solving the contact of this probe (kept for next time)") as progress:
         table = build_contact_table(probe, progress=progress)
@@ -144,17 +203,39 @@ def _outcome(
     provenance = {"notice": RESEARCH_USE_ONLY, "tsis": __version__, "simulated": simulated, "calibration": cites}
     truth = None if truth_kpa is None else {"young_kpa": truth_kpa}
     readings = asdict(shore(found.mean["young_kpa"])) if found.trusted else None
+    said = {} if kept is None else {"kept": _keep(kept, found, probe, options, truth)}
     return Outcome(
         document=envelope(
-            "hardness", estimate=estimate_document(found, truth), shore_converted=readings, provenance=provenance
+            "hardness",
+            estimate=estimate_document(found, truth),
+            shore_converted=readings,
+            provenance=provenance,
+            **said,
         ),
         page=hardness_report(
             found, title=title, images=frames, table=table, provenance=provenance, truth_kpa=truth_kpa
         ),
         tables=(shown,),
-        notes=hardness_notes(found),
+        notes=(*hardness_notes(found), *map(kept_note, said.values())),
         files=files or {},
     )
+
+
+def _keep(
+    kept: _Kept, found: Estimate, probe: Probe, options: Mapping[str, Any], truth: Mapping[str, float] | None
+) -> dict[str, Any]:
+    plain = {name: value for name, value in options.items() if name != "reference" and value is not None}
+    made = Made(
+        kind="hardness",
+        estimate=found,
+        probe=probe.name,
+        known=kept.known,
+        frames=kept.frames,
+        options=plain,
+        name=kept.name,
+        truth=truth or {},
+    )
+    return keep_made(kept.keeping, made)
 
 
 def _read(paths: Sequence[Path], forces: Sequence[float | None], scale: tuple[float, float]) -> list[TactileImage]:

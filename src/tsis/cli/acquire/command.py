@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from tsis.cli.acquire.chosen_camera import VIRTUAL, VirtualPress, connector, is_stored, wanted_settings
+from tsis.cli.acquire.kept_snapshot import ROLES, KeptSnapshot
 from tsis.cli.acquire.listing import list_cameras, show_camera
 from tsis.cli.acquire.sequence import take_sequence
 from tsis.cli.acquire.snapshots import take_snapshot
@@ -16,6 +17,7 @@ from tsis.cli.cited_calibration import cited
 from tsis.cli.console_output import waiting
 from tsis.cli.demo import LARGEST_SEED
 from tsis.cli.force_gauge import BAUD, GaugeBaud, GaugeLatency, GaugePort, GaugeSends, GaugeUnit, gauge_log
+from tsis.cli.keeping import KeepFolder, KeepKind, chosen_keeping
 from tsis.cli.targets import AsJson, ForceN, PhantomName, ProbeName
 from tsis.imaging.colour import COLOUR_MAPS
 from tsis.instrument.acquisition import Acquisition
@@ -62,6 +64,12 @@ def acquire(
     phantom: PhantomName = "hardness-100",
     force_n: ForceN = 1.0,
     seed: Annotated[int, typer.Option(help="Seed of the virtual probe's errors.", min=0, max=LARGEST_SEED)] = 4,
+    keep: Annotated[
+        bool, typer.Option("--keep", help="Keep the snapshot in the store of records too: tsis records list.")
+    ] = False,
+    role: Annotated[str, typer.Option(help=f"What is pressed, for the store: {', '.join(ROLES)}.")] = ROLES[0],
+    store: KeepFolder = None,
+    kind: KeepKind = None,
     out: Annotated[
         Path | None,
         typer.Option(help="Where the targets' folders lie, or folder of a sequence.", show_default="., tsis-sequence"),
@@ -83,9 +91,16 @@ def acquire(
         raise InputError("--watch saves nothing: leave out --frames and --out (--seconds ends it)")
     if seconds is not None:
         check.number("--seconds", seconds, 0.01, LONGEST_S, hint="seconds")
+    if keep and (sequence or watch):
+        raise InputError("--keep is of snapshots; a sequence goes into a store by tsis records import")
+    check.known("role", role, ROLES)
     check.known("picture format", picture, FORMATS)
     check.known("colour map", map_name, COLOUR_MAPS)
     known = None if calibration is None else cited(calibration)
+    keeping = chosen_keeping(keep, store, kind)
+    kept = (
+        None if keeping is None else KeptSnapshot(keeping=keeping, role=role, probe=probe if camera == VIRTUAL else "")
+    )
     with waiting("opening the camera"):
         make = connector(camera, VirtualPress(probe=probe, phantom=phantom, force_n=force_n, seed=seed))
     if modes:
@@ -124,5 +139,6 @@ def acquire(
                 map_name=map_name,
                 calibration=known,
                 log=log,
+                keeping=kept,
                 as_json=as_json,
             )

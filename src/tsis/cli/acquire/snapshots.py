@@ -7,9 +7,11 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 from tsis.calibration.guard.press_check import check_press
+from tsis.cli.acquire.kept_snapshot import KeptSnapshot, keep_snapshot
 from tsis.cli.acquire.press_guard import guard_reference
 from tsis.cli.console_output import people, print_json, print_notice
 from tsis.cli.force_gauge import force_then
+from tsis.cli.keeping import kept_note
 from tsis.imaging import colour_map
 from tsis.instrument.snapshot import save_snapshot
 from tsis.model.errors import CameraError
@@ -39,6 +41,7 @@ def take_snapshot(
     map_name: str,
     calibration: CitedCalibration | None,
     log: ForceLog | None,
+    keeping: KeptSnapshot | None = None,
     as_json: bool,
 ) -> None:
     """Save the next frame, and print where."""
@@ -53,6 +56,8 @@ def take_snapshot(
         "flags": [asdict(flag) for flag in flags],
     }
 
+    when = datetime.now().astimezone()
+
     def coloured(frame: Frame) -> NDArray[np.uint8]:
         return colour_map(frame.tactile_image(), name=map_name)
 
@@ -60,11 +65,16 @@ def take_snapshot(
         arrival.frame,
         folder,
         target=target,
-        when=datetime.now().astimezone(),
+        when=when,
         colour=coloured,
         picture=picture,
         about=about,
     )
+    if keeping is not None:
+        names = tuple(flag.name for flag in flags)
+        about["kept"] = keep_snapshot(
+            keeping, _scaled(image, calibration), saved.raw, arrival.frame, target, when, names, calibration
+        )
     files = {name: str(path.resolve()) for name, path in asdict(saved).items()}
     if as_json:
         print_json(envelope("acquire", files=files, sequence=arrival.frame.sequence, **about))
@@ -76,6 +86,8 @@ def take_snapshot(
         console.print(f"force: {about['force']['force_n']:.3f} N within {about['force']['error_n']:.3f} N")
     for flag in flags:
         console.print(f"- {flag.name}: {flag.advice}", markup=False, soft_wrap=True)
+    if keeping is not None:
+        console.print(kept_note(about["kept"]), markup=False, soft_wrap=True)
     print_notice(console)
 
 
