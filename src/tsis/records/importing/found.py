@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from tsis.records.dossier import Dossier
 
 MOST_FRAMES = 100_000  # of one import
+LONGEST_FILE_NAME = 255  # bytes, as file systems take them
 
 
 def no_calibration(_cited: str) -> ProbeCalibration | None:
@@ -207,11 +208,15 @@ def own_file(folder: Path, name: str) -> Path:
         When the name is none of a file of the folder itself.
     """
     path = folder / name
-    if not name or name in (".", "..") or any(mark in name for mark in "/\\\0") or not name.isprintable():
+    if not _plain(name) or name in ("", ".", ".."):
         raise FileInputError(f"{shown(folder)} must name files of its own; it names {name!r:.80}")
     if path.is_symlink():
         raise FileInputError(f"{shown(path)} must be a file of its own; it is a link that leads elsewhere")
     return path
+
+
+def _plain(name: str) -> bool:
+    return name.isprintable() and len(name.encode()) <= LONGEST_FILE_NAME and not any(mark in name for mark in "/\\")
 
 
 def written(path: Path) -> datetime:

@@ -42,7 +42,7 @@ def result_folder(folder: Path, progress: Callable[[], None]) -> Batch:
         return _batch(folder, document, progress)
     except FileInputError:
         raise
-    except (InputError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError) as error:  # InputError is a ValueError
         said = f"it holds no {error}" if isinstance(error, KeyError) else str(error)
         raise FileInputError(f"{shown(source)} must be as tsis demo wrote it; {said}") from error
 

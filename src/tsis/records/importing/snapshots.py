@@ -85,7 +85,7 @@ def snapshots(
             target, press, said = _snapshot(sidecar, document, given)
         except FileInputError:
             raise
-        except (InputError, KeyError, TypeError, AttributeError) as error:
+        except (ValueError, KeyError, TypeError, AttributeError) as error:  # InputError is a ValueError
             what = f"it holds no {error}" if isinstance(error, KeyError) else str(error)
             raise FileInputError(f"{shown(sidecar)} must be as tsis acquire wrote it; {what}") from error
         targets.setdefault(target, []).append(press)
