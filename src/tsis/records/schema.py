@@ -28,6 +28,9 @@ def schema_faults(connection: Connection) -> Iterator[str]:
 
 
 def _in_sqlite(connection: Connection) -> Iterator[str]:
+    for (said,) in connection.execute(text("PRAGMA integrity_check(10)")):  # an index that lacks a row hides it
+        if said != "ok":
+            yield f"the database file is damaged: {one_line(said)}"
     wanted, found = _made_by_migrations(), _sqlite_schema(connection)
     for kind, name in sorted(wanted.keys() | found.keys()):
         what = f"{kind} {one_line(name, 80)} of the database"

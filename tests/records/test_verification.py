@@ -1,0 +1,222 @@
+"""What was changed behind the program's back is found, and nothing is said of what was not."""
+
+from __future__ import annotations
+
+import json
+import random
+import shutil
+import sqlite3
+import threading
+from contextlib import closing
+from typing import TYPE_CHECKING
+
+import psycopg
+import pytest
+from tests.records.forger import Stores, forging
+from tests.records.honest import HONEST
+from tests.records.place import Place
+from tests.records.tampered import Judgement, fill, judged, make_stores, tampered
+from tests.records.tamperings import KINDS, other_value
+
+from tsis.model.errors import RecordsError, TsisError
+from tsis.records import open_store, verify
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.records.postgres_server import Server
+
+# What must be said, of the kinds that always show in the same way.
+SAID = {
+    "a row deleted": "this row was taken out",
+    "a row put in": "this row was put in beside the audit",
+    "an audit entry changed": "audit entr",
+    "an audit entry deleted": "must follow entry",
+    "a row, its entry and all later hashes": "the anchor tells",
+    "who or when, and all later hashes": "the anchor tells",
+    "the audit's end cut off with its rows": "the anchor tells",
+    "the audit's head changed": "the audit must end at",
+    "the kind of the store changed": "store kind: this row is not as it was stored",
+    "a file changed": "its content does not match its name",
+    "two files swapped": "its content does not match its name",
+    "the database put back to an older copy": "the anchor tells",
+    "the database of another store": "the folder of the store",
+}
+
+
+@pytest.fixture(scope="module")
+def template(tmp_path_factory: pytest.TempPathFactory) -> Stores:
+    return make_stores(tmp_path_factory.mktemp("stores"))
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_what_was_tampered_with_is_found(template: Stores, tmp_path: Path, kind: str) -> None:
+    for trial in range(2):
+        tampered(template, tmp_path / "trial", KINDS[kind], random.Random(f"{kind}-{trial}"))
+        found = judged(tmp_path / "trial")
+        assert found.error == ""
+        assert found.found, f"trial {trial} was missed"
+        said = [*found.faults, found.refusal]
+        assert all("\n" not in sentence for sentence in said)
+        if kind in SAID:
+            assert any(SAID[kind] in sentence for sentence in said), said
+
+
+@pytest.mark.parametrize("history", [name for name in HONEST if name != "a writer killed in a save"])
+def test_nothing_is_said_of_an_honest_store(tmp_path: Path, history: str) -> None:
+    HONEST[history](tmp_path / "store", random.Random(1))
+    assert judged(tmp_path / "store") == Judgement()
+
+
+@pytest.mark.parametrize("table", ["targets", "calibrations", "frames", "presses", "estimates"])
+def test_every_column_is_watched(template: Stores, tmp_path: Path, table: str) -> None:
+    shutil.copytree(template.store, tmp_path / "store")
+    with forging(tmp_path / "store", random.Random(1)) as forger:
+        first = forger.rows(table)[0]
+    for name, value in first.items():
+        with closing(sqlite3.connect(tmp_path / "store" / "records.sqlite3")) as connection, connection:
+            change = f'UPDATE {table} SET "{name}" = ? WHERE rowid = (SELECT rowid FROM {table} WHERE id = ?)'
+            connection.execute(change, (other_value(value, random.Random(2)), first["id"]))
+        with open_store(tmp_path / "store") as store:
+            assert any(table in fault for fault in verify(store).faults), name
+        with closing(sqlite3.connect(tmp_path / "store" / "records.sqlite3")) as connection, connection:
+            shown = first["id"] if name != "id" else other_value(value, random.Random(2))
+            connection.execute(f'UPDATE {table} SET "{name}" = ? WHERE id = ?', (value, shown))
+    assert judged(tmp_path / "store") == Judgement()
+
+
+def test_nothing_is_added_to_an_audit_that_was_rewritten(template: Stores, tmp_path: Path) -> None:
+    """Else the next anchor would vouch for what was forged."""
+    stores = tampered(template, tmp_path / "trial", KINDS["a row, its entry and all later hashes"], random.Random(3))
+    before = (stores.store / "audit-anchor.json").read_bytes()
+    with open_store(stores.store) as store:
+        with pytest.raises(RecordsError, match="it was cut off or rewritten"):
+            store.add_target()
+        assert not verify(store).sound
+    assert (stores.store / "audit-anchor.json").read_bytes() == before
+
+
+def test_a_folder_whose_database_was_lost_is_not_begun_anew(template: Stores, tmp_path: Path) -> None:
+    shutil.copytree(template.store, tmp_path / "store")
+    (tmp_path / "store" / "records.sqlite3").unlink()
+    with pytest.raises(RecordsError, match="take the database from a backup"):
+        open_store(tmp_path / "store")
+    anchor = json.loads((tmp_path / "store" / "audit-anchor.json").read_text())
+    assert anchor["number"] > 0
+
+
+def test_the_head_that_was_written_down_shows_that_all_was_put_back(template: Stores) -> None:
+    """The whole folder, anchor and all, is the one thing that a store cannot know of itself."""
+    with open_store(template.store) as store, open_store(template.earlier) as earlier:
+        now, before = verify(store), verify(earlier)
+    assert before.sound
+    assert now.head.number > before.head.number
+    assert now.head != before.head
+
+
+def test_the_hashes_are_what_the_documentation_says(template: Stores, tmp_path: Path) -> None:
+    """A chain that another program writes anew from the same entries ends in the same hash."""
+    shutil.copytree(template.store, tmp_path / "store")
+    with open_store(tmp_path / "store") as store:
+        head = verify(store).head
+    with forging(tmp_path / "store", random.Random(1)) as forger:
+        forger.rechain(forger.rows("audit"))
+    with open_store(tmp_path / "store") as store:
+        found = verify(store)
+    assert found.sound
+    assert found.head == head
+
+
+@pytest.mark.parametrize("statement", ["UPDATE audit SET actor = 'x'", "DELETE FROM audit"])
+def test_the_audit_is_append_only(template: Stores, tmp_path: Path, statement: str) -> None:
+    shutil.copytree(template.store, tmp_path / "store")
+    with (
+        closing(sqlite3.connect(tmp_path / "store" / "records.sqlite3")) as connection,
+        pytest.raises(sqlite3.IntegrityError, match="append-only"),
+    ):
+        connection.execute(statement)
+
+
+@pytest.mark.parametrize("kind", ["a value of another type", "bytes that are no text", "the schema changed"])
+def test_garbage_is_one_sentence_wherever_it_is_read(template: Stores, tmp_path: Path, kind: str) -> None:
+    sentences = []
+    for trial in range(12):
+        tampered(template, tmp_path / "trial", KINDS[kind], random.Random(f"read-{trial}"))
+        try:
+            with open_store(tmp_path / "trial") as store:
+                for summary in store.targets():
+                    dossier = store.dossier(summary.target)
+                    for press in dossier.presses:
+                        dossier.image(press)
+                store.edit_target(store.target(1), note="x")
+                store.add_target()
+        except TsisError as error:
+            sentences.append(str(error))
+    assert sentences
+    assert not any("\n" in sentence for sentence in sentences)
+
+
+def test_who_verifies_while_another_writes_sees_one_state(tmp_path: Path) -> None:
+    open_store(tmp_path).close()
+    done = threading.Event()
+
+    def write() -> None:
+        with open_store(tmp_path) as writing:
+            for _ in range(60):
+                writing.add_target()
+        done.set()
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    heads = []
+    with open_store(tmp_path) as store:
+        while not done.is_set():
+            found = verify(store)
+            assert found.faults == ()
+            heads.append(found.head.number)
+    writer.join()
+    assert heads == sorted(heads)
+
+
+@pytest.mark.system
+@pytest.mark.parametrize(
+    ("statements", "said"),
+    [
+        (["UPDATE presses SET force_n = 'NaN'"], "is not as it was stored"),
+        (["UPDATE presses SET force_n = 'Infinity'"], "is not as it was stored"),
+        (["UPDATE targets SET name = 'x'"], "is not as it was stored"),
+        (["ALTER TABLE presses DROP COLUMN note"], "note"),
+        (["ALTER TABLE presses ALTER COLUMN role DROP NOT NULL"], "role"),
+        (["DROP INDEX presses_of_a_target"], "presses_of_a_target"),
+        (["DROP TRIGGER audit_append_only ON audit"], "append-only"),
+        (["ALTER TABLE audit DISABLE TRIGGER ALL"], "append-only"),
+        (
+            [
+                "CREATE OR REPLACE FUNCTION audit_append_only() RETURNS trigger AS "
+                "$$ BEGIN RETURN NULL; END $$ LANGUAGE plpgsql"
+            ],
+            "append-only",
+        ),
+        (["CREATE RULE lost AS ON INSERT TO presses DO INSTEAD NOTHING"], "rule lost"),
+        (["DELETE FROM audit_head"], "the audit must end at"),
+        (["ALTER TABLE audit DISABLE TRIGGER ALL", "DELETE FROM audit WHERE number = 5"], "must follow entry 4"),
+        (["DROP TABLE audit"], "audit"),
+        (["UPDATE alembic_version SET version_num = '9'"], "update tsis"),
+    ],
+)
+def test_tampering_in_postgresql_is_found(tmp_path: Path, postgres: Server, statements: list[str], said: str) -> None:
+    place = Place(tmp_path / "store", postgres.new_database())
+    assert place.database is not None
+    with place.open() as store:
+        fill(store, 1)
+        assert verify(store).sound
+    with psycopg.connect(place.database, autocommit=True) as other:
+        for statement in statements:
+            other.execute(statement)
+    try:
+        with place.open(create=False) as store:
+            sentences = verify(store).faults
+    except RecordsError as error:
+        sentences = (str(error),)
+    assert any(said in sentence for sentence in sentences), sentences
+    assert all("\n" not in sentence for sentence in sentences)
