@@ -130,6 +130,13 @@ def taken_over(kind: str, options: Mapping[str, Any]) -> tuple[dict[str, Any], t
     return ours | {"prior": {name: value for name, value in given.items() if name in known}}, tuple(notes)
 
 
+def require_options(kind: str, options: Mapping[str, Any]) -> None:
+    """Refuse options that no estimate of that kind takes; `InputError` says why."""
+    taken, _ = taken_over(kind, options)
+    if "prior" in taken:
+        _prior(kind, taken["prior"])
+
+
 def _prior(kind: str, given: Mapping[str, Any]) -> Any:
     made: Any = PRIORS[kind]  # the fields of either were looked through by `taken_over`
     return made(**{name: tuple(value) if isinstance(value, list) else value for name, value in given.items()})

@@ -11,6 +11,8 @@ from typing import TYPE_CHECKING, Any
 from tsis.instrument import read_image, shown
 from tsis.model.errors import FileInputError, InputError
 from tsis.records.frame_file import frame_bytes
+from tsis.records.plain_free import free_to_plain
+from tsis.records.values import Press
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -94,6 +96,18 @@ class Incoming:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
+        free_to_plain(self.settings, "settings")
+        Press(  # which refuses, before anything is stored, what no press may be
+            frame=self.frame,
+            rows=1,
+            columns=1,
+            full_scale=255.0 if self.full_scale is None else self.full_scale,
+            axis_px=(0.0, 0.0),
+            **{
+                name: getattr(self, name)
+                for name in ("role", "taken", "name", "force_n", "mm_per_pixel", "probe", "flags")
+            },
+        )
 
     def image(self) -> TactileImage:
         """The frame, read again; `FileInputError` when its file was changed since it was looked through."""

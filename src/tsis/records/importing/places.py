@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from tsis.instrument import shown
 from tsis.instrument.recording.record import INDEX, SUMMARY
+from tsis.model import check
 from tsis.model.errors import FileInputError
 from tsis.records.export.bundle import read_bundle
 from tsis.records.export.bundle.contents import DOCUMENTS
@@ -14,7 +15,8 @@ from tsis.records.importing.found import MOST_FRAMES, Batch, Given
 from tsis.records.importing.images import image_files
 from tsis.records.importing.recording import recording
 from tsis.records.importing.result_folder import RESULT, result_folder
-from tsis.records.importing.snapshots import is_snapshot, snapshot_folder, snapshots, taken_apart
+from tsis.records.importing.snapshots import sidecar_of, snapshot_folder, snapshots
+from tsis.records.values import ROLES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -50,15 +52,18 @@ def batches(paths: Sequence[Path], given: Given, *, progress: Callable[[int], No
         if progress is not None:
             progress(done)
 
+    check.known("role of a press", given.role, ROLES)
+    paths = list({path.absolute(): path for path in paths}.values())
     folders = [path for path in paths if path.is_dir()]
     files = [path for path in paths if not path.is_dir()]
-    sidecars = [path for path in files if is_snapshot(path)]
     zipped = [path for path in files if path.suffix.lower() == ".zip"]
-    images = [path for path in files if path not in sidecars and path not in zipped]
+    sidecars = {path: sidecar_of(path) for path in files if path not in zipped}
+    named = dict.fromkeys(path for path in sidecars.values() if path is not None)
+    images = [path for path, sidecar in sidecars.items() if sidecar is None]
     found = chain(
         *(_folder(folder, given, count) for folder in folders),
         *(_bundle(path) for path in zipped),
-        snapshots([taken_apart(path) for path in sidecars], given, count) if sidecars else (),
+        snapshots(named, given, count),
         [image_files(images, given, count)] if images else (),
     )
     return tuple(found)

@@ -10,7 +10,7 @@ from tsis.instrument import shown
 from tsis.instrument.file_bytes import read_bytes, read_object
 from tsis.instrument.recording.frame_sink import VIDEO_NAME
 from tsis.instrument.recording.record import COLUMNS, FORMAT, INDEX, SUMMARY, VERSION
-from tsis.model.errors import FileInputError, InputError
+from tsis.model.errors import FileInputError
 from tsis.records.importing.cited import cited_calibration
 from tsis.records.importing.found import MOST_FRAMES, Batch, Given, Incoming, looked_through, own_file, written
 from tsis.records.plain_fields import number
@@ -96,6 +96,8 @@ def _rows(path: Path) -> list[dict[str, str]]:
         raise FileInputError(f"{shown(path)} must have the columns {', '.join(COLUMNS)} and a frame; it has not")
     for at, row in enumerate(rows, start=2):
         _require_sound(path, at, row)
+    if len({row["kept_in"] for row in rows}) < len(rows):
+        raise FileInputError(f"{shown(path)} must name every frame once; it names one twice")
     return rows
 
 
@@ -108,10 +110,10 @@ def _require_sound(path: Path, at: int, row: dict[str, Any]) -> None:
             "(record without --video, or save the frames that you want as PNG files)"
         )
     for name in ("arrived_s", FORCE):
-        if row.get(name):
+        if name == "arrived_s" or row.get(name):
             try:
                 number({name: float(row[name])}, name, f"line {at}")
-            except (ValueError, InputError) as error:
+            except ValueError as error:
                 raise FileInputError(
                     f"{shown(path)} must hold a finite {name}; line {at} has {row[name]!r:.40}"
                 ) from error

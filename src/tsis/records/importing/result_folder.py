@@ -11,6 +11,7 @@ import numpy as np
 from tsis.calibration.file import read_calibration
 from tsis.instrument import shown
 from tsis.instrument.file_bytes import read_object
+from tsis.model import load_probe
 from tsis.model.errors import FileInputError, InputError
 from tsis.records.importing.found import Batch, Incoming, Wanted, looked_through, own_file, read_frame, written
 from tsis.records.plain_fields import absent, number, pair, text
@@ -60,14 +61,25 @@ def _batch(folder: Path, document: dict[str, Any], progress: Callable[[], None])
     presses = list(_presses(folder, told, known, probe, progress))
     inclusion = phantom.get("inclusion")
     truth = {} if inclusion is None else {name: number(inclusion, name, "inclusion") for name in TRUTH}
+    wanted = Wanted(kind="inclusion", probe=probe, calibration=known, options={"prior": dict(told["prior"])})
+    _require_estimable(wanted)
     return Batch(
         source=folder,
         kind="virtual presses",
         presses=tuple(presses),
         name=text(phantom, "name", "phantom"),
         truth=truth,
-        estimate=Wanted(kind="inclusion", probe=probe, calibration=known, options={"prior": dict(told["prior"])}),
+        estimate=wanted,
     )
+
+
+def _require_estimable(wanted: Wanted) -> None:
+    """Refuse what no estimate would take, before anything is stored."""
+    from tsis.records.estimation import require_options  # heavy, and of no use to other imports
+
+    load_probe(wanted.probe)
+    wanted.calibration.known_response("")
+    require_options(wanted.kind, wanted.options)
 
 
 def _presses(

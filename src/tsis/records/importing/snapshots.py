@@ -21,14 +21,15 @@ if TYPE_CHECKING:
 RAW = ("-raw.bmp", "-raw.png")
 
 
-def is_snapshot(path: Path) -> bool:
-    """Whether a file is a sidecar, or a raw frame beside one."""
-    return path.suffix == ".json" or (path.stem.endswith("-raw") and taken_apart(path).exists())
-
-
-def taken_apart(path: Path) -> Path:
-    """The sidecar of a snapshot of which a file is named."""
-    return path if path.suffix == ".json" else path.with_name(f"{path.stem.removesuffix('-raw')}.json")
+def sidecar_of(path: Path) -> Path | None:
+    """The sidecar of the snapshot that a file belongs to: itself, or that beside a picture; None for other files."""
+    if path.suffix == ".json":
+        return path
+    beside = path.with_name(f"{path.stem.removesuffix('-raw')}.json")
+    try:
+        return beside if read_object(beside).get("format") == SIDECAR_FORMAT else None
+    except FileInputError:
+        return None
 
 
 def snapshot_folder(folder: Path, given: Given, progress: Callable[[], None]) -> tuple[Batch, ...]:
