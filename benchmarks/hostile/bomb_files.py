@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import io
 import json
 import struct
@@ -39,6 +40,8 @@ class Bomb:
         Whether it may be read, since the loader never unpacks what makes it a bomb.
     longest
         Size in bytes that it is drawn out to with a hole, which costs no disk; 0 for none.
+    large
+        Whether it takes seconds to make.
     """
 
     name: str
@@ -46,6 +49,7 @@ class Bomb:
     make: Callable[[], bytes]
     harmless: bool = False
     longest: int = 0
+    large: bool = False
 
 
 def bombs() -> tuple[Bomb, ...]:
@@ -80,11 +84,13 @@ def _png_bombs() -> tuple[Bomb, ...]:
         ),
         Bomb(
             name="64 million pixels of 8 bytes in 0.5 MB",
+            large=True,
             loader=loader,
             make=lambda: _png(SIDE, SIDE, _zeros(8 * SIDE * SIDE + SIDE), depth=16, colour=6),
         ),
         Bomb(
             name="64 million pixels declared, most missing, drawn out with noise",
+            large=True,
             loader=loader,
             make=lambda: _png(SIDE, SIDE, _zeros(300 * MB) + noise, depth=16, colour=6),
         ),
@@ -93,7 +99,7 @@ def _png_bombs() -> tuple[Bomb, ...]:
             loader=loader,
             make=lambda: _png(4000, 4000, _zeros(8 * 3999 * 4000), depth=16, colour=6),
         ),
-        Bomb(name="30 notes of 200 MB each", loader=loader, make=noted, harmless=True),
+        Bomb(name="30 notes of 200 MB each", large=True, loader=loader, make=noted, harmless=True),
         Bomb(
             name="a million empty chunks",
             loader=loader,
@@ -171,8 +177,6 @@ def _calibration_with(change: Callable[[dict[str, Any]], None]) -> bytes:
 
 
 def _map_bomb() -> bytes:
-    import base64
-
     bomb = {"shape": [4000, 4000], "kind": "double", "sha256": "0" * 64}
     bomb["zlib"] = base64.b64encode(_zeros(4000 * 4000 * 8)).decode()
     maps: Mapping[str, Any] = dict.fromkeys(("dark_grey", "untouched_grey", "relative_light"), bomb)
@@ -185,6 +189,7 @@ def _text_bombs() -> tuple[Bomb, ...]:
         Bomb(name="three maps of 128 MB in 0.5 MB", loader="calibration", make=_map_bomb),
         Bomb(
             name="40 million empty lists",
+            large=True,
             loader="calibration",
             make=lambda: start + b"[" + b"[]," * 40_000_000 + b"[]]}",
         ),
@@ -193,6 +198,7 @@ def _text_bombs() -> tuple[Bomb, ...]:
         Bomb(name="a number of 8 million digits", loader="calibration", make=lambda: start + b"9" * 8_000_000 + b"}"),
         Bomb(
             name="100 MB of text, one letter of four bytes",
+            large=True,
             loader="calibration",
             make=lambda: start + b'"' + b"a" * (100 * MB) + "\U0001f600".encode() + b'"}',
         ),
@@ -202,14 +208,16 @@ def _text_bombs() -> tuple[Bomb, ...]:
         Bomb(name="brackets", loader="sweep, plan", make=lambda: b"a = " + b"[" * 200_000),
         Bomb(
             name="20 million empty lists",
+            large=True,
             loader="sweep, manifest",
             make=lambda: b'{"a": [' + b"[]," * 20_000_000 + b"[]]}",
         ),
-        Bomb(name="120 million empty lines", loader="points, CSV", make=lambda: b"\n" * (120 * MB)),
-        Bomb(name="25 million points", loader="points, CSV", make=lambda: b"1,2\n" * 25_000_000),
-        Bomb(name="a line of 100 MB", loader="points, CSV", make=lambda: b"1," * (50 * MB)),
+        Bomb(name="120 million empty lines", large=True, loader="points, CSV", make=lambda: b"\n" * (120 * MB)),
+        Bomb(name="25 million points", large=True, loader="points, CSV", make=lambda: b"1,2\n" * 25_000_000),
+        Bomb(name="a line of 100 MB", large=True, loader="points, CSV", make=lambda: b"1," * (50 * MB)),
         Bomb(
             name="2 million points, the last one no number",
+            large=True,
             loader="points, PLY",
             make=lambda: (
                 b"ply\nformat ascii 1.0\nelement vertex 2000000\nproperty float x\nproperty float y\nend_header\n"
@@ -218,9 +226,12 @@ def _text_bombs() -> tuple[Bomb, ...]:
             ),
         ),
         Bomb(
-            name="60 million empty lines", loader="force readings", make=lambda: b"time_s,force_n\n" + b"\n" * (60 * MB)
+            name="60 million empty lines",
+            large=True,
+            loader="force readings",
+            make=lambda: b"time_s,force_n\n" + b"\n" * (60 * MB),
         ),
-        Bomb(name="60 million empty lines", loader="rows of a benchmark", make=lambda: b"\n" * (60 * MB)),
+        Bomb(name="60 million empty lines", large=True, loader="rows of a benchmark", make=lambda: b"\n" * (60 * MB)),
     )
 
 
@@ -250,10 +261,10 @@ def _archive_bombs() -> tuple[Bomb, ...]:
         return _mat_header() + struct.pack("<II", 14, len(body)) + body
 
     return (
-        Bomb(name="800 MB in 0.8 MB", loader="public trials", make=npz),
-        Bomb(name="400 MB in 0.4 MB", loader="hotel sequence", make=lambda: mat(bytes(400 * MB))),
+        Bomb(name="800 MB in 0.8 MB", large=True, loader="public trials", make=npz),
+        Bomb(name="400 MB in 0.4 MB", large=True, loader="hotel sequence", make=lambda: mat(bytes(400 * MB))),
         Bomb(name="a thousand million cells", loader="hotel sequence", make=cells),
-        Bomb(name="240 MB in 0.1 MB", loader="sweep, shard", make=_parquet),
+        Bomb(name="240 MB in 0.1 MB", large=True, loader="sweep, shard", make=_parquet),
     )
 
 

@@ -20,6 +20,7 @@ from tsis.calibration.file import ProbeCalibration, calibration_bytes, content, 
 from tsis.calibration.reference.value import Reference
 from tsis.calibration.session import SessionFolder, SessionTerms, Shot
 from tsis.cli.calibrate.seal import _read as values_to_seal
+from tsis.instrument import read_bytes
 from tsis.model import Calibration, LightMap, TactileImage, load_probe
 from tsis.model.errors import FileInputError
 from tsis.sweep import EXAMPLE, Plan, Range, load_plan, shards
@@ -180,7 +181,7 @@ def _sweeps() -> tuple[Loader, ...]:
         return tuple((column, *token(values)) for column, values in read_sweep(path.parent).items())
 
     def resumed(path: Path) -> Hashable:
-        receipt = shards.receipt_of(path.read_bytes(), shard=0, data_set=key)
+        receipt = shards.receipt_of(read_bytes(path), shard=0, data_set=key)
         if shards.data_set_of(path) is None or receipt is None:
             raise FileInputError("damaged, and so computed again")
         return (receipt.rows, receipt.refused)

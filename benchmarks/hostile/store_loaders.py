@@ -19,7 +19,7 @@ from benchmarks.hostile.picture_loaders import token
 from tests.records.export.bundles import plain, sealed
 from tests.records.sample import sample_dossier, sample_estimate
 
-from tsis.instrument import png_bytes
+from tsis.instrument import png_bytes, read_bytes
 from tsis.instrument.camera import Frame
 from tsis.instrument.recording.record import COLUMNS, FORMAT, INDEX, SUMMARY, VERSION
 from tsis.instrument.snapshot import save_snapshot
@@ -62,7 +62,7 @@ def _exchanged() -> tuple[Loader, ...]:
             name="posterior samples",
             file="a.samples",
             originals=(samples_bytes(sample_estimate()),),
-            load=lambda path: tuple((name, *token(values)) for name, values in samples_of(path.read_bytes()).items()),
+            load=lambda path: tuple((name, *token(values)) for name, values in samples_of(read_bytes(path)).items()),
             integrity=True,
             forge=_forged_samples,
         ),
