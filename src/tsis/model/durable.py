@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import secrets
 import sys
@@ -13,6 +14,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 UNFINISHED = ".unfinished"
+_NO_LINKS = (errno.EPERM, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP)  # of file systems as that of memory cards
 
 if sys.platform == "darwin":
     import fcntl
@@ -53,6 +55,19 @@ class Disk:
         """Give the file its name, in place of what had it."""
         draft.replace(path)
 
+    def name(self, draft: Path, path: Path) -> None:
+        """Give the file its name, which nothing has yet; `FileExistsError` where something has it."""
+        try:
+            path.hardlink_to(draft)
+        except FileExistsError:
+            raise
+        except OSError as error:
+            if error.errno not in _NO_LINKS or path.exists():
+                raise
+            draft.replace(path)
+        else:
+            draft.unlink()
+
     def sync_folder(self, folder: Path) -> None:
         """Return when the names in the folder are on the disk."""
         # A rename lasts only when the folder itself is on the disk; other systems have no such call.
@@ -75,7 +90,9 @@ class Disk:
 DISK = Disk()
 
 
-def write_durably(path: Path, content: bytes, *, disk: Disk = DISK, drafts: Path | None = None) -> None:
+def write_durably(
+    path: Path, content: bytes, *, disk: Disk = DISK, drafts: Path | None = None, replace: bool = True
+) -> None:
     """Write ``content``; when this returns it is on the disk, and readers never see a part of it.
 
     Parameters
@@ -86,18 +103,23 @@ def write_durably(path: Path, content: bytes, *, disk: Disk = DISK, drafts: Path
         By which steps it gets there.
     drafts
         Folder of the same disk in which it is written before it gets its name; by default that of ``path``.
+    replace
+        Whether it may take the place of what has that name.
 
     Raises
     ------
     OSError
-        When it cannot be written; nothing is left then.
+        When it cannot be written; nothing is left then. `FileExistsError` when the name is taken.
     """
     draft = (drafts or path.parent) / f".{path.name}-{secrets.token_hex(8)}{UNFINISHED}"
     try:
         with disk.create(draft) as file:
             disk.write(file, content)
             disk.sync(file)
-        disk.rename(draft, path)
+        if replace:
+            disk.rename(draft, path)
+        else:
+            disk.name(draft, path)
     except BaseException:
         with suppress(OSError):
             disk.remove(draft)

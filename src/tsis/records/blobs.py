@@ -49,11 +49,8 @@ class Blobs:
         path = self.path(name, ending)
         try:
             self._make_folder(path)
-            if self._holds(path, content):
-                self._disk.sync_again(path)
-                self._disk.sync_folder(path.parent)
-            else:
-                write_durably(path, content, disk=self._disk, drafts=self.folder)
+            if not self._holds(path, content):
+                self._write(path, content)
         except OSError as error:
             raise RecordsError(
                 f"a file of {len(content)} bytes must be written into {shown(self.folder)}; got: "
@@ -69,10 +66,23 @@ class Blobs:
             self._lasting.add(folder.name)
 
     def _holds(self, path: Path, content: bytes) -> bool:
+        """Whether the file is there and whole; then it is on the disk."""
         try:
-            return path.exists() and read_bytes(path) == content
+            if not path.exists() or read_bytes(path) != content:
+                return False
         except FileInputError:
-            return False  # damaged: written anew
+            return False
+        self._disk.sync_again(path)
+        self._disk.sync_folder(path.parent)
+        return True
+
+    def _write(self, path: Path, content: bytes) -> None:
+        damaged = path.exists()
+        try:
+            write_durably(path, content, disk=self._disk, drafts=self.folder, replace=damaged)
+        except FileExistsError:
+            if not self._holds(path, content):  # as it was written by another program meanwhile
+                raise
 
     def get(self, name: str, ending: str) -> bytes:
         """The content of that name, found to be what was stored.
