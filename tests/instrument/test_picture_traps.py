@@ -1,0 +1,201 @@
+"""Pictures that ask for much: refused before memory is taken; notes never reach a decoder; honest ones load."""
+
+from __future__ import annotations
+
+import io
+import struct
+import zlib
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+import pytest
+import tifffile
+from PIL import Image, TiffImagePlugin
+from PIL.PngImagePlugin import PngInfo
+
+from tsis.instrument import read_colour, read_image
+from tsis.instrument.completeness import fault, jpeg_fault
+from tsis.instrument.picture_size import FREE_PIXELS, LARGEST_PIXELS, PIXELS_A_BYTE, rows_missing, size_fault
+from tsis.instrument.pixels_alone import jpeg_pixels, pixels_alone, png_pixels
+from tsis.instrument.tiff_directory import tiff_fault
+from tsis.model.errors import FileInputError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+
+@pytest.fixture
+def colour() -> NDArray[np.uint8]:
+    return np.random.default_rng(4).integers(0, 256, (23, 19, 3)).astype(np.uint8)
+
+
+def _saved(levels: NDArray[Any], kind: str, **options: Any) -> bytes:
+    stream = io.BytesIO()
+    Image.fromarray(levels).save(stream, kind, **options)
+    return stream.getvalue()
+
+
+def _noted_png(colour: NDArray[np.uint8]) -> bytes:
+    notes = PngInfo()
+    notes.add_text("Comment", "secret" * 1000, zip=True)
+    notes.add_itxt("Title", "secret" * 1000, zip=True)
+    return _saved(colour, "PNG", pnginfo=notes, icc_profile=b"secret" * 100, dpi=(300, 300))
+
+
+def _noted_jpeg(colour: NDArray[np.uint8], **options: Any) -> bytes:
+    exif = Image.Exif()
+    exif[0x010E] = "secret" * 100
+    return _saved(colour, "JPEG", exif=exif, comment=b"secret", icc_profile=b"secret" * 100, **options)
+
+
+def test_notes_are_taken_out_and_pixels_are_not(tmp_path: Path, colour: NDArray[np.uint8]) -> None:
+    whole = _noted_png(colour)
+    alone = png_pixels(whole)
+    assert all(kind in whole for kind in (b"iCCP", b"zTXt", b"iTXt", b"pHYs"))
+    assert not any(kind in alone for kind in (b"iCCP", b"zTXt", b"iTXt", b"pHYs"))
+    assert fault(alone) is None
+    decoded = cv2.imdecode(np.frombuffer(alone, np.uint8), cv2.IMREAD_UNCHANGED)
+    assert decoded is not None
+    np.testing.assert_array_equal(decoded[..., ::-1], colour)
+    (tmp_path / "a.png").write_bytes(whole)
+    np.testing.assert_array_equal(read_colour(tmp_path / "a.png"), colour)
+
+
+@pytest.mark.parametrize("progressive", [False, True])
+def test_a_jpeg_without_notes_decodes_to_the_same_levels(colour: NDArray[np.uint8], progressive: bool) -> None:
+    whole = _noted_jpeg(colour, progressive=progressive)
+    alone = jpeg_pixels(whole)
+    assert b"secret" not in alone
+    assert b"secret" in whole
+    assert jpeg_fault(alone) is None
+    np.testing.assert_array_equal(np.asarray(Image.open(io.BytesIO(alone))), np.asarray(Image.open(io.BytesIO(whole))))
+
+
+def test_what_has_no_notes_is_handed_on_as_it_is(colour: NDArray[np.uint8]) -> None:
+    for kind in ("PNG", "JPEG", "BMP", "TIFF"):
+        whole = _saved(colour, kind)
+        assert len(pixels_alone(whole)) == len(whole)
+    plain = _saved(colour, "PNG")
+    assert pixels_alone(plain) is plain
+
+
+def test_the_colours_of_an_adobe_jpeg_stay(tmp_path: Path, colour: NDArray[np.uint8]) -> None:
+    whole = _saved(colour, "JPEG", quality=95, subsampling=0, keep_rgb=True)  # stored as RGB, which a segment tells
+    (tmp_path / "a.jpg").write_bytes(whole)
+    np.testing.assert_array_equal(read_colour(tmp_path / "a.jpg"), np.asarray(Image.open(io.BytesIO(whole))))
+
+
+def test_more_scans_than_any_encoder_makes_are_refused(colour: NDArray[np.uint8]) -> None:
+    whole = _saved(colour, "JPEG", progressive=True)
+    assert jpeg_fault(whole) is None
+    scan = whole.rindex(b"\xff\xda")
+    assert "scans" in str(jpeg_fault(whole[:scan] + whole[scan:-2] * 200 + b"\xff\xd9"))
+    assert "segments" in str(jpeg_fault(whole[:2] + b"\xff\xfe\x00\x02" * 5000 + whole[2:]))
+    header = whole.index(b"\xff\xc2")
+    large = whole[: header + 5] + struct.pack(">HH", 60_000, 60_000) + whole[header + 9 :]
+    assert "pixels" in str(jpeg_fault(large))
+
+
+def test_png_files_of_endless_chunks_are_refused(colour: NDArray[np.uint8]) -> None:
+    whole = _saved(colour, "PNG")
+    empty = struct.pack(">I", 0) + b"tEXt" + struct.pack(">I", zlib.crc32(b"tEXt"))
+    assert fault(whole[:33] + empty * 1000 + whole[33:]) is None
+    assert "chunks" in str(fault(whole[:33] + empty * 100_001 + whole[33:]))
+
+
+def _tiff(entries: list[tuple[int, int, int, int]], following: int = 0) -> bytes:
+    body = b"".join(struct.pack("<HHII", *entry) for entry in entries)
+    return b"II*\0\x08\0\0\0" + struct.pack("<H", len(entries)) + body + struct.pack("<I", following)
+
+
+SIZE = [(256, 4, 1, 9), (257, 3, 1, 9)]
+
+
+@pytest.mark.parametrize(
+    ("content", "said"),
+    [
+        (_tiff([*SIZE, (273, 4, 2**30, 8)]), "lists 42949673"),
+        (_tiff([*SIZE, *((300 + at, 7, 5000, 8) for at in range(2000))]) + bytes(10_000), "lists 1000000"),
+        (_tiff([*SIZE, (256, 4, 1, 60_000)]), "says twice"),
+        (_tiff([(256, 12, 1, 9), (257, 4, 1, 9)]), "one whole number each"),
+        (_tiff([(256, 4, 2, 9), (257, 4, 1, 9)]), "one whole number each"),
+        (_tiff(SIZE, following=8), "more than 16 pictures"),
+        (_tiff(SIZE, following=5000), "truncated"),
+        (_tiff([]), "0 entries"),
+        (b"II*\0\xff\xff\xff\xff", "truncated"),
+        (b"II+\0\x08\0\0\0" + b"\xff" * 8, "truncated"),
+        (b"MM", "truncated"),
+    ],
+)
+def test_directories_that_are_traps_are_refused(content: bytes, said: str) -> None:
+    assert said in str(tiff_fault(content))
+
+
+@pytest.mark.parametrize("large", [False, True])
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_directories_of_honest_files_are_sound(tmp_path: Path, large: bool, order: Any) -> None:
+    levels = np.random.default_rng(4).integers(0, 65536, (40, 32)).astype(np.uint16)
+    note = "a note" * 50  # beside which tifffile writes a second one
+    tifffile.imwrite(tmp_path / "a.tif", levels, bigtiff=large, byteorder=order, tile=(16, 16), description=note)
+    assert tiff_fault((tmp_path / "a.tif").read_bytes()) is None
+    if not large or order == "<":  # Pillow knows no other large files
+        np.testing.assert_array_equal(read_image(tmp_path / "a.tif").grey, levels)
+
+
+def test_a_tiff_with_notes_loads(tmp_path: Path, colour: NDArray[np.uint8]) -> None:
+    tags = TiffImagePlugin.ImageFileDirectory_v2()
+    tags[270] = "a note" * 10_000
+    (tmp_path / "a.tif").write_bytes(_saved(colour, "TIFF", tiffinfo=tags, icc_profile=bytes(100_000)))
+    np.testing.assert_array_equal(read_colour(tmp_path / "a.tif"), colour)
+
+
+def test_what_may_be_declared_follows_the_size_of_the_file() -> None:
+    assert size_fault(4000, 4000, 100) is None
+    assert size_fault(4000, 4001, 100) is not None
+    assert size_fault(8000, 8000, 64_000_000 // PIXELS_A_BYTE + 1) is None
+    assert size_fault(8000, 8000, 64_000_000 // PIXELS_A_BYTE - 1) is not None
+    assert size_fault(LARGEST_PIXELS + 1, 1, 10**9) is not None
+    assert FREE_PIXELS < LARGEST_PIXELS
+
+
+def _large_png(rows: bytes, rows_declared: int) -> bytes:
+    def chunk(kind: bytes, body: bytes) -> bytes:
+        return struct.pack(">I", len(body)) + kind + body + struct.pack(">I", zlib.crc32(kind + body))
+
+    packed = zlib.compress(rows, 1)
+    header = chunk(b"IHDR", struct.pack(">IIBBBBB", 5000, rows_declared, 16, 6, 0, 0, 0))
+    half = len(packed) // 2
+    return (
+        b"\x89PNG\r\n\x1a\n"
+        + header
+        + chunk(b"IDAT", packed[:half])
+        + chunk(b"IDAT", packed[half:])
+        + chunk(b"IEND", b"")
+    )
+
+
+def test_pixels_that_are_missing_are_seen_before_memory_is_taken_for_them(tmp_path: Path) -> None:
+    row = bytes(1 + 8 * 5000)
+    assert not rows_missing(_large_png(row * 1000, 1000))
+    assert rows_missing(_large_png(row * 999 + row[:-1], 1000))
+    broken = bytearray(_large_png(row * 1000, 1000))
+    broken[60:90] = bytes(30)
+    assert rows_missing(bytes(broken))
+    (tmp_path / "a.png").write_bytes(_large_png(row * 900, 1000))
+    with pytest.raises(FileInputError, match="must hold all pixels that it declares"):
+        read_image(tmp_path / "a.png")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("suffix", "options"), [("png", (cv2.IMWRITE_PNG_COMPRESSION, 1)), ("jpg", ())])
+def test_an_honest_photograph_of_64_million_pixels_loads(tmp_path: Path, suffix: str, options: tuple[int, ...]) -> None:
+    rng, (rows, columns) = np.random.default_rng(5), (6936, 9248)
+    smooth = cv2.resize(
+        rng.integers(30, 200, (30, 40)).astype(np.uint8), (columns, rows), interpolation=cv2.INTER_CUBIC
+    )
+    noise = np.tile(rng.integers(0, 5, (rows // 8, columns // 8)).astype(np.uint8), (8, 8))
+    assert cv2.imwrite(str(tmp_path / f"a.{suffix}"), cv2.add(smooth, noise), options)
+    assert read_image(tmp_path / f"a.{suffix}").grey.shape == (rows, columns)
