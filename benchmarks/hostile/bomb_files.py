@@ -216,16 +216,6 @@ def _text_bombs() -> tuple[Bomb, ...]:
         Bomb(name="25 million points", large=True, loader="points, CSV", make=lambda: b"1,2\n" * 25_000_000),
         Bomb(name="a line of 100 MB", large=True, loader="points, CSV", make=lambda: b"1," * (50 * MB)),
         Bomb(
-            name="2 million points, the last one no number",
-            large=True,
-            loader="points, PLY",
-            make=lambda: (
-                b"ply\nformat ascii 1.0\nelement vertex 2000000\nproperty float x\nproperty float y\nend_header\n"
-                + b"1 2\n" * 1_999_999
-                + b"1 x\n"
-            ),
-        ),
-        Bomb(
             name="60 million empty lines",
             large=True,
             loader="force readings",
