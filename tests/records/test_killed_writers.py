@@ -1,0 +1,33 @@
+"""Programs killed at any moment lose nothing that they had acknowledged, and harm nobody else's."""
+
+from __future__ import annotations
+
+import os
+from typing import TYPE_CHECKING
+
+import pytest
+from tests.records.killed_writers import Careless, killed_cycles
+
+from tsis.model.durable import DISK
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+pytestmark = [
+    pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork"),
+    # In the child only this thread lives on; it takes no lock that another may have held.
+    pytest.mark.filterwarnings("ignore:This process:DeprecationWarning"),
+]
+
+
+@pytest.mark.parametrize("cycles", [20, pytest.param(200, marks=pytest.mark.slow)])
+def test_nothing_acknowledged_is_lost(tmp_path: Path, cycles: int) -> None:
+    found = killed_cycles(tmp_path, cycles, seed=cycles, every=20, disk=DISK)
+    assert (found.lost, found.torn, found.faults) == ([], [], [])
+    assert found.acknowledged > cycles
+
+
+@pytest.mark.slow
+def test_a_store_that_writes_carelessly_is_found_out(tmp_path: Path) -> None:
+    found = killed_cycles(tmp_path, 150, seed=3, every=10, disk=Careless())
+    assert found.torn
