@@ -87,8 +87,10 @@ def _presses(
 ) -> Iterator[Incoming]:
     taken = written(folder / RESULT)
     entries = [("target", each) for each in told["images"]] + [("plain", each) for each in told["reference"]]
-    if not 0 < len(entries) <= MOST_PRESSES:
-        raise InputError(f"it must tell of 1 to {MOST_PRESSES} presses; got {len(entries)}")
+    if not told["images"] or len(entries) > MOST_PRESSES:
+        raise InputError(
+            f"it must tell of a press on the phantom and of at most {MOST_PRESSES} in all; got {len(entries)}"
+        )
     scale = None
     for at, (role, entry) in enumerate(entries):
         path, scale = own_file(folder, text(entry, "name", role)), absent(pair, entry, "mm_per_pixel", role)

@@ -1,0 +1,137 @@
+"""Recordings of ``tsis acquire`` get into a store frame by frame."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from tests.instrument.scripted_camera import END, ScriptedCamera
+from tests.records.importing.snapshot_folder import frame
+
+from tsis.instrument.acquisition import Acquisition
+from tsis.instrument.recording import FrameFolder, FurtherColumns, LosslessVideo, record
+from tsis.model.errors import FileInputError
+from tsis.records import open_store
+from tsis.records.importing import Given, batches, enter
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+ENDED = datetime(2026, 11, 22, 10, 0, tzinfo=UTC)
+FRAMES = 4
+
+
+@pytest.fixture
+def recorded(tmp_path: Path) -> Path:
+    return record_into(tmp_path / "recording", FrameFolder)
+
+
+def record_into(folder: Path, sink: Callable[[Path], FrameFolder | LosslessVideo]) -> Path:
+    """A recording by the program's own recorder, with a force of each frame but the last."""
+    folder.mkdir()
+    camera, begun = ScriptedCamera(), False
+
+    def feed() -> bool:
+        nonlocal begun
+        if not begun:
+            begun = True
+            for number in range(FRAMES):
+                camera.script.put(frame(number))
+            camera.script.put(END)
+        return False
+
+    beside = FurtherColumns(
+        names=("force_n", "force_error_n"),
+        of=lambda arrival: ("", "") if arrival.frame.sequence == FRAMES - 1 else (f"{arrival.frame.sequence - 1}", "0"),
+    )
+    with Acquisition(lambda: camera, reconnect=False) as acquisition:
+        record(acquisition, sink(folder), folder, stopped=feed, beside=beside)
+    os.utime(folder / "frames.csv", (ENDED.timestamp(), ENDED.timestamp()))
+    return folder
+
+
+def rows(folder: Path) -> list[dict[str, str]]:
+    with (folder / "frames.csv").open(newline="") as index:
+        return list(csv.DictReader(index))
+
+
+def write_rows(folder: Path, given: list[dict[str, str]]) -> None:
+    with (folder / "frames.csv").open("w", newline="") as index:
+        writer = csv.DictWriter(index, given[0])
+        writer.writeheader()
+        writer.writerows(given)
+
+
+def test_a_recording_comes_in_with_its_times_and_forces(tmp_path: Path, recorded: Path) -> None:
+    with open_store(tmp_path / "store") as store:
+        (entered,) = enter(store, batches([recorded], Given(mm_per_pixel=(0.1, 0.1))))
+        assert (entered.new, entered.added) == (True, FRAMES)
+        presses = store.presses(entered.target)
+        assert [press.settings["sequence"] for press in presses] == [str(number) for number in range(FRAMES)]
+        assert [press.force_n for press in presses] == [0.0, 0.0, 1.0, None]  # a press does not pull
+        arrived = [float(row["arrived_s"]) for row in rows(recorded)]
+        for number, (press, then) in enumerate(zip(presses, arrived, strict=True)):
+            np.testing.assert_array_equal(store.levels(press.frame), frame(number).pixels)
+            assert (ENDED - press.taken) / timedelta(seconds=1) == pytest.approx(arrived[-1] - then, abs=2e-6)
+        (again,) = enter(store, batches([recorded], Given()))
+        assert (again.target, again.added, again.present) == (entered.target, 0, FRAMES)
+
+
+def test_a_recording_that_was_cut_short_comes_in_and_says_so(recorded: Path) -> None:
+    (recorded / "recording.json").unlink()
+    (found,) = batches([recorded], Given())
+    assert len(found.presses) == FRAMES
+    assert "cut short" in found.notes[0]
+
+
+def test_a_video_is_refused_with_what_to_do(tmp_path: Path) -> None:
+    with pytest.raises(FileInputError, match="record without --video"):
+        batches([record_into(tmp_path / "video", LosslessVideo)], Given())
+
+
+@pytest.mark.parametrize(
+    ("column", "value", "sentence"),
+    [
+        ("kept_in", "../../etc/passwd", "must name files of its own"),
+        ("kept_in", "", "must name files of its own"),
+        ("kept_in", "absent.png", "does not exist"),
+        ("kept_in", "frame-000000.png", "must name every frame once"),
+        ("arrived_s", "", "must hold a finite arrived_s; line 3"),
+        ("arrived_s", "nan", "must hold a finite arrived_s"),
+        ("arrived_s", "-1e300", "times of a recording must lie within it"),
+        ("force_n", "1e999", "must hold a finite force_n"),
+        ("force_n", "500", "force_n must lie in"),
+    ],
+)
+def test_an_index_that_tells_nonsense_is_refused(recorded: Path, column: str, value: str, sentence: str) -> None:
+    changed = rows(recorded)
+    changed[1][column] = value
+    write_rows(recorded, changed)
+    with pytest.raises(ValueError, match=sentence):
+        batches([recorded], Given())
+
+
+def test_an_index_of_fewer_frames_than_the_report_is_refused(recorded: Path) -> None:
+    write_rows(recorded, rows(recorded)[:-1])
+    with pytest.raises(FileInputError, match=r"must tell of the 4 frames of the report; it tells of 3"):
+        batches([recorded], Given())
+
+
+@pytest.mark.parametrize("content", [b"", b"number\n", b"\xff\xfe", b"a,b\n1,2\n", b'"'])
+def test_an_index_that_is_none_is_refused(recorded: Path, content: bytes) -> None:
+    (recorded / "frames.csv").write_bytes(content)
+    with pytest.raises(FileInputError, match=r"frames\.csv"):
+        batches([recorded], Given())
+
+
+def test_a_report_of_another_format_is_refused(recorded: Path) -> None:
+    document = json.loads((recorded / "recording.json").read_text()) | {"version": 9}
+    (recorded / "recording.json").write_text(json.dumps(document))
+    with pytest.raises(FileInputError, match="must be of tsis-recording 1; got 'tsis-recording' 9"):
+        batches([recorded], Given())

@@ -1,0 +1,123 @@
+"""A target of another store is entered as it is: whole, once, and without undoing what was edited here."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from sqlalchemy import select
+from tests.records.sample import sample_dossier
+
+from tsis.model.errors import RecordsError
+from tsis.records import open_store, tables, verify
+from tsis.records.export import read_bundle, write_bundle
+from tsis.records.plain import estimate_to_plain, press_to_plain, target_to_plain
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from tsis.records import Dossier, Store
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    with open_store(tmp_path / "phantoms") as opened:
+        yield opened
+
+
+def require_equal(one: Dossier, other: Dossier, *, but_frames: bool = False) -> None:
+    assert target_to_plain(one.target) == target_to_plain(other.target)
+    for mine, theirs in zip(one.presses, other.presses, strict=True):
+        np.testing.assert_array_equal(one.levels(mine), other.levels(theirs))
+        wanted = replace(mine, frame=theirs.frame) if but_frames else mine
+        assert press_to_plain(wanted) == press_to_plain(theirs)
+    for mine_made, theirs_made in zip(one.estimates, other.estimates, strict=True):
+        assert estimate_to_plain(mine_made) == estimate_to_plain(theirs_made)
+        for name, values in mine_made.estimate.samples.items():
+            np.testing.assert_array_equal(values, theirs_made.estimate.samples[name])
+    assert sorted(one.calibrations) == sorted(other.calibrations)
+
+
+@pytest.mark.parametrize("full_scale", [255.0, 4095.0])
+def test_everything_keeps_its_identity_and_value(store: Store, full_scale: float) -> None:
+    given = sample_dossier(full_scale=full_scale)
+    taken = store.take_in(given)
+    assert (taken.new, taken.presses, taken.estimates, taken.present, taken.differing) == (True, 4, 1, 0, 0)
+    require_equal(given, store.dossier(store.target(3)), but_frames=True)
+    found = verify(store)
+    assert found.sound
+    assert found.unnamed == 0
+
+
+def test_a_bundle_of_one_store_is_the_same_target_in_another(tmp_path: Path, store: Store) -> None:
+    target = store.take_in(sample_dossier()).target
+    write_bundle(store.dossier(target), tmp_path / "target-3.zip")
+    with open_store(tmp_path / "other") as other:
+        taken = other.take_in(read_bundle(tmp_path / "target-3.zip"))
+        require_equal(store.dossier(target), other.dossier(taken.target))
+        assert verify(other).sound
+
+
+def test_a_second_time_nothing_is_added(store: Store) -> None:
+    store.take_in(sample_dossier())
+    before = verify(store).head
+    taken = store.take_in(sample_dossier())
+    assert (taken.new, taken.presses, taken.estimates, taken.present) == (False, 0, 0, 5)
+    assert verify(store).head == before
+
+
+def test_what_came_later_finds_its_place_and_what_was_edited_here_stays(store: Store) -> None:
+    later = sample_dossier()
+    store.take_in(replace(later, presses=later.presses[:3], estimates=()))
+    store.edit_press(store.presses(store.target(3))[0], force_n=0.75)
+    store.edit_target(store.target(3), name="mine")
+    taken = store.take_in(later)
+    assert (taken.new, taken.presses, taken.estimates, taken.present, taken.differing) == (False, 1, 1, 3, 1)
+    assert taken.target.name == "mine"
+    assert [press.force_n for press in store.presses(store.target(3))] == [0.75, 1.0, 0.7, 1.0]
+    assert verify(store).sound
+
+
+def test_a_taken_number_gives_way_to_a_free_one(store: Store) -> None:
+    mine = store.add_target(number=3, name="mine")
+    taken = store.take_in(sample_dossier())
+    assert (taken.target.number, taken.target.id) == (4, "target-a")
+    assert store.target(3) == mine
+    assert store.take_in(sample_dossier()).target.number == 4
+
+
+def test_the_audit_tells_an_import_from_what_was_measured_here(store: Store) -> None:
+    store.add_target()
+    store.take_in(sample_dossier())
+    with store.database.reading() as connection:
+        entries = connection.execute(select(tables.audit.c.action, tables.audit.c.kind)).all()
+    imported = [kind for action, kind in entries if action == "import"]
+    assert sorted(imported) == ["calibrations", "estimates", *["frames"] * 4, *["presses"] * 4, "targets"]
+
+
+def test_phantoms_and_subjects_are_kept_apart(store: Store) -> None:
+    with pytest.raises(RecordsError, match=r"a store of phantoms must hold nothing else.*--kind subject"):
+        store.take_in(sample_dossier(kind="subject"))
+    assert store.targets() == ()
+
+
+def test_all_of_it_or_nothing(store: Store) -> None:
+    given = sample_dossier()
+    (estimate,) = given.estimates
+    with pytest.raises(RecordsError):
+        store.take_in(replace(given, estimates=(replace(estimate, supersedes="of another store"),)))
+    assert store.targets() == ()
+    assert verify(store).sound
+
+
+def test_an_identity_that_is_another_targets_here_is_refused(store: Store) -> None:
+    store.take_in(sample_dossier())
+    given = sample_dossier()
+    other = replace(given.target, id="target-b", number=9)
+    presses = tuple(replace(press, target="target-b") for press in given.presses)
+    with pytest.raises(RecordsError, match="must be of this target; here it is of another"):
+        store.take_in(replace(given, target=other, presses=presses, estimates=()))
+    assert [each.target.number for each in store.targets()] == [3]
