@@ -72,7 +72,7 @@ def test_an_interruption_leaves_no_half_file(cache: Path, monkeypatch: pytest.Mo
     def interrupt(_: int) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("os.fsync", interrupt)
+    monkeypatch.setattr("tsis.model.durable._sync", interrupt)
     with pytest.raises(KeyboardInterrupt):
         disk_cache.write("kind", "key", b"payload")
     assert list((cache / "kind").iterdir()) == []
