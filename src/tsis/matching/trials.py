@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-import io
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import scipy.io
 
 from tsis.instrument.file_bytes import one_line, read_bytes
 from tsis.matching.distort import PUBLIC_LEVELS, Trial, distort, public_distortion, shuffled, visible
 from tsis.matching.fit import UNMATCHED
-from tsis.matching.matlab_size import require_small_inside
+from tsis.matching.matlab_file import read_matrices
 from tsis.matching.shapes import SHAPES
 from tsis.model import check
 from tsis.model.array_archive import arrays_of
@@ -211,12 +209,10 @@ def _frames(path: Path, name: str) -> NDArray[np.float64]:
     """Landmarks of each frame, shape (frames, landmarks, 2)."""
     content = read_bytes(path, most=LARGEST_BYTES)
     try:
-        require_small_inside(content, most=LARGEST_BYTES)
-        whole: Any = scipy.io.loadmat(cast("Any", io.BytesIO(content)))
-        sequence = whole["CMUM"][0, 0][name][0, 0]["XTs"][0]
+        sequence: Any = read_matrices(content, most=LARGEST_BYTES)["CMUM"][0][name][0]["XTs"]  # type: ignore[index]
         frames = np.stack([np.asarray(frame, dtype=float) for frame in sequence])
         _, points, axes = frames.shape
-    except Exception as error:  # hostile bytes make the reader of such files raise nearly anything
+    except (ValueError, KeyError, IndexError, TypeError) as error:  # among them what a file is refused for
         raise _unreadable(path, error) from error
     if 2 not in (points, axes):
         raise _unreadable(path, ValueError(f"landmarks of shape {frames.shape}"))

@@ -12,6 +12,7 @@ from tsis.model import check
 from tsis.model.errors import FileInputError
 from tsis.sweep.manifest import MANIFEST, read_manifest
 from tsis.sweep.plan import PROFILES
+from tsis.sweep.plan_file import plan_document, plan_of
 from tsis.sweep.shards import LARGEST_BYTES, decode, sha256
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ def read(folder: str | os.PathLike[str], columns: Sequence[str] | None = None) -
         When the data set is not complete or a file is not as it was written.
     """
     place, manifest = _complete(folder)
-    outputs = manifest["plan"]["outputs"]
+    outputs = plan_document(plan_of(manifest["plan"]))["outputs"]
     parts: dict[str, list[NDArray[Any]]] = {}
     for entry in manifest["shards"]:
         content = read_bytes(place / entry["file"], most=LARGEST_BYTES)
