@@ -27,7 +27,7 @@ MOST_TRIES = 100
 
 @dataclass(frozen=True, slots=True)
 class Judgement:
-    """How a tampering showed: in faults, by a refusal to open or read, not at all, or in an error without a sentence."""
+    """How a tampering showed: in faults, in a refusal to open or read, not at all, or in another error."""
 
     faults: tuple[str, ...] = ()
     refusal: str = ""

@@ -10,15 +10,13 @@ from typing import TYPE_CHECKING, Any
 
 import psycopg
 import pytest
-from hypothesis import HealthCheck, given, settings
-from hypothesis import strategies as st
 from sqlalchemy import make_url
 from tests.records import postgres_server
 from tests.records.place import Place
 from tests.records.sample import WHEN, levels
 
 from tsis.model import TactileImage
-from tsis.model.errors import InputError, MissingExtraError, RecordsError
+from tsis.model.errors import MissingExtraError, RecordsError
 from tsis.records import engines, open_store, verify
 
 if TYPE_CHECKING:
@@ -30,7 +28,6 @@ if TYPE_CHECKING:
     from tsis.records import Store
 
 pytestmark = pytest.mark.system
-FLOATS = st.floats(allow_nan=False, allow_infinity=False)
 PRESSES = 12
 
 
@@ -205,6 +202,13 @@ def test_one_who_waits_too_long_for_another_is_told(
         assert store.add_target().number == 1
 
 
+def test_a_folder_without_the_files_of_the_database_is_refused(tmp_path: Path, database: str) -> None:
+    with open_store(tmp_path / "files", database=database) as store:
+        store.add_press(store.add_target(), image(), taken=WHEN)
+    assert "the folder of the store" in refused(tmp_path / "elsewhere", database=database)
+    open_store(tmp_path / "files", database=database).close()
+
+
 def test_nobody_waits_or_sleeps_for_ever(in_postgres: Store) -> None:
     with in_postgres.database.reading() as connection:
         for name in ("lock_timeout", "idle_in_transaction_session_timeout"):
@@ -228,50 +232,6 @@ def test_presses_keep_their_order_whatever_the_collation(tmp_path: Path, postgre
             listed.append([press.taken for press in store.presses(target)])
             assert verify(store).sound
     assert listed[0] == listed[1] == sorted(listed[0])
-
-
-TEXTS = st.text(st.characters(categories=("L", "M", "N", "P", "S")), max_size=30)
-
-
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-@given(
-    note=TEXTS,
-    force=st.floats(0, 1000),
-    axis=st.tuples(FLOATS, FLOATS),
-    free=st.dictionaries(st.text(max_size=5).filter(lambda name: name != "$number"), FLOATS | st.text(), max_size=3),
-)
-def test_text_and_numbers_come_back_exactly(
-    in_postgres: Store, note: str, force: float, axis: tuple[float, float], free: dict[str, Any]
-) -> None:
-    target = in_postgres.add_target(note=note)
-    assert in_postgres.target(target.number) == target
-    try:
-        taken_in = image(force_n=force, axis_px=axis, settings=free)
-    except InputError:
-        return  # no such image
-    kept = in_postgres.add_press(target, taken_in, taken=WHEN, note=note)
-    (found,) = in_postgres.presses(target)
-    assert found == kept
-    assert (found.force_n, found.axis_px, found.note, dict(found.settings)) == (force, axis, note, free)
-    assert verify(in_postgres).sound
-
-
-def test_what_postgresql_cannot_hold_is_one_sentence_and_nothing_is_stored(in_postgres: Store) -> None:
-    target = in_postgres.add_target()
-    for values in ({"probe": "a\0b"}, {"note": "a\0b"}, {"flags": ("a\0b",)}):
-        with pytest.raises(InputError, match="must be printable"):
-            in_postgres.add_press(target, image(), taken=WHEN, **values)
-    assert in_postgres.presses(target) == ()
-    assert verify(in_postgres).sound
-
-
-def test_huge_settings_come_back(in_postgres: Store) -> None:
-    target = in_postgres.add_target()
-    free = {"map": [0.1 * i for i in range(200_000)], "text": "é" * 1_000_000, "\0": "\0", "half": "\udcff"}
-    in_postgres.add_press(target, image(settings=free), taken=WHEN)
-    (found,) = in_postgres.presses(target)
-    assert found.settings == free
-    assert verify(in_postgres).sound
 
 
 def test_without_its_driver_the_extra_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

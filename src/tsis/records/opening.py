@@ -82,7 +82,7 @@ def open_store(
         rows_of.migrate()
         found = _terms(rows_of) or _begun(rows_of, place, kind, actor or "", disk)
         _require_kind(place, kind, found["kind"])
-        _require_own_place(place, found["identity"])
+        _require_own_place(rows_of, place, found["identity"])
         return Store(place, rows_of, identity=found["identity"], kind=kind, actor=actor, disk=disk)
     except BaseException:
         rows_of.close()
@@ -102,11 +102,17 @@ def _require_kind(place: Path, wanted: str, kind: str) -> None:
         )
 
 
-def _require_own_place(place: Path, identity: str) -> None:
-    """Refuse a folder whose files are those of another store."""
-    if not (place / ANCHOR).exists():
-        return  # `verify` says so
-    anchored = read_anchor(place)[0]
+def _require_own_place(database: Database, place: Path, identity: str) -> None:
+    """Refuse a folder whose files are those of another store, or that never held any."""
+    if (place / ANCHOR).exists():
+        anchored = read_anchor(place)[0]
+    elif any((place / FILES).glob("*/*")):
+        return  # the anchor is lost: `verify` says so
+    else:
+        with database.reading() as connection:
+            if connection.execute(select(tables.frames.c.id).limit(1)).first() is None:
+                return  # nothing is missing
+        anchored = "none"
     if anchored != identity:
         raise RecordsError(
             f"{shown(place)} must be the folder of the store {identity[:12]}; it is that of {anchored[:12]!r} "

@@ -30,7 +30,7 @@ from tsis.records.plain import press_of_plain, press_to_plain
 from tsis.records.samples import samples_bytes, samples_of
 from tsis.records.summary import TargetSummary, target_summaries
 from tsis.records.taking_in import Arrival, TakenIn
-from tsis.records.values import LONGEST_NAME, Press, StoredEstimate, Target, require_text
+from tsis.records.values import LONGEST_NAME, Press, StoredEstimate, Target, require_moment, require_text
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -153,11 +153,12 @@ class Store:
         RecordsError
             When it cannot be stored; what was stored before is as it was.
         """
+        require_moment("taken", taken)
         content = frame_bytes(image)
         shape = image.grey.shape
         press = Press(
             role=role,
-            taken=taken.astimezone(UTC) if taken.tzinfo else taken,  # which `Press` refuses
+            taken=taken.astimezone(UTC),
             frame=self.blobs.put(content, "png"),
             rows=shape[0],
             columns=shape[1],

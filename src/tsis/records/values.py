@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from datetime import datetime
+from datetime import UTC, datetime
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
@@ -34,11 +34,15 @@ def require_text(name: str, value: object, longest: int) -> None:
 
 
 def require_moment(name: str, value: object) -> None:
-    """Refuse a time without its zone."""
+    """Refuse a time without its zone, or one of the first or last day that there is."""
     check.kind(name, value, datetime)
     assert isinstance(value, datetime)
     if value.tzinfo is None:
         raise InputError(f"{name} must have a time zone; got {value.isoformat()}")
+    try:
+        value.astimezone(UTC)
+    except OverflowError as error:
+        raise InputError(f"{name} must be a time that UTC has as well; got {value.isoformat()}") from error
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
