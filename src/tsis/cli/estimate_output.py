@@ -49,10 +49,11 @@ def _numbers(result: Estimate, name: str) -> tuple[str, ...]:
     if not result.trusted:
         return doubt_of(result, name), "", "", prior_sd, ""
     low, high = result.interval(LEVEL)[name]
+    bound = result.cramer_rao_sd.get(name)  # of a hardness nobody computes it
     return (
         doubt_of(result, name) or f"{result.mean[name]:.3g}",
         f"{low:.3g} to {high:.3g}",
         spread(result.sd[name]),
         prior_sd,
-        spread(result.cramer_rao_sd[name]),
+        "" if bound is None else spread(bound),
     )

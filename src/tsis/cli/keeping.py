@@ -157,7 +157,7 @@ def keep_made(keeping: Keeping, made: Made) -> dict[str, Any]:
 
 def kept_note(kept: Mapping[str, Any]) -> str:
     """One line for people."""
-    return f"Kept as target {kept['target']} in {kept['store']} (tsis records show {kept['target']})."
+    return f"Kept as target {kept['target']} in {kept['store']}."
 
 
 def _target(store: Store, keeping: Keeping, made: Made) -> Target:

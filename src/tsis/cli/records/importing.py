@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from tsis.cli.cited_calibration import scale_of
-from tsis.cli.console_output import people, print_json, print_notice, progress_bar
+from tsis.cli.console_output import people, print_json, print_notice, progress_bar, waiting
 from tsis.cli.records.chosen_store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, opened, target_number
 from tsis.cli.targets import AsJson
 from tsis.model.errors import RecordsError
@@ -64,8 +64,8 @@ def import_(
         taken=None if taken is None else taken.astimezone(),
         calibration_of=lambda cited: _stored(cited, store, kind, database),
     )
-    with progress_bar("looking through") as advance:
-        looked = batches(paths, given, progress=lambda done: advance(done, 0))
+    with waiting("looking through what there is"):
+        looked = batches(paths, given)
     with opened(store, kind, database, create=True) as records:
         tally = Entering()
         try:

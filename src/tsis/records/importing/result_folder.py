@@ -116,6 +116,7 @@ def _presses(
             role="untouched",
             taken=taken + timedelta(microseconds=len(entries)),
             name=UNTOUCHED,
+            force_n=0.0,
             mm_per_pixel=scale,
             probe=probe,
             calibration=known,
