@@ -14,42 +14,41 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
-from sqlalchemy import func, insert, select, update
+from sqlalchemy import func, select
 
-from tsis.calibration.file import calibration_bytes, identity, read_calibration
+from tsis.calibration.file import calibration_bytes, identity
 from tsis.model import check
 from tsis.model.durable import DISK, Disk
-from tsis.model.errors import InputError, RecordsError, StaleRecordError
+from tsis.model.errors import InputError, RecordsError
 from tsis.records import rows, tables
 from tsis.records.anchor import require_anchored, write_anchor
 from tsis.records.audit import Change, append, locked_head
 from tsis.records.blobs import Blobs
-from tsis.records.dossier import Dossier
-from tsis.records.frame_file import frame_bytes, frame_levels
+from tsis.records.contents import Contents
+from tsis.records.frame_file import frame_bytes
 from tsis.records.plain import press_of_plain, press_to_plain
-from tsis.records.samples import samples_bytes, samples_of
-from tsis.records.summary import TargetSummary, target_summaries
+from tsis.records.row_changes import inserted, inserted_once, required, updated
+from tsis.records.samples import samples_bytes
 from tsis.records.taking_in import Arrival, TakenIn
 from tsis.records.values import LONGEST_NAME, Press, StoredEstimate, Target, require_moment, require_text
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Mapping
     from pathlib import Path
 
-    from numpy.typing import NDArray
-    from sqlalchemy import Connection, Table
+    from sqlalchemy import Connection
 
     from tsis.calibration import ProbeCalibration
     from tsis.model import Estimate, TactileImage
     from tsis.records.database import Database
+    from tsis.records.dossier import Dossier
 
 FILES = "files"
-MOST_AT_ONCE = 500  # names in one question to a database
 Kept = TypeVar("Kept")
 EDITABLE = {"target": ("name", "note", "truth"), "press": ("role", "force_n", "flags", "note")}
 
 
-class Store:
+class Store(Contents):
     """Targets with their presses, calibrations and estimates; made by `tsis.records.open_store`.
 
     Parameters
@@ -67,10 +66,9 @@ class Store:
     def __init__(
         self, folder: Path, database: Database, *, identity: str, kind: str, actor: str | None = None, disk: Disk = DISK
     ) -> None:
-        self.folder, self.database, self.identity, self.kind = folder, database, identity, kind
+        super().__init__(folder, database, Blobs(folder / FILES, disk=disk), identity=identity, kind=kind)
         self.actor = _user() if actor is None else actor
         require_text("actor", self.actor, LONGEST_NAME)
-        self.blobs = Blobs(folder / FILES, disk=disk)
         self._disk = disk
         self._one_at_a_time = threading.Lock()
 
@@ -117,7 +115,7 @@ class Store:
                 if connection.execute(select(column).where(column == number)).first() is not None:
                     raise InputError(f"number must be that of no target of this store; {number} is taken")
                 target = wanted
-            return target, [_inserted(connection, tables.targets, rows.target_row(target))]
+            return target, [inserted(connection, tables.targets, rows.target_row(target))]
 
         return self._write(enter)
 
@@ -180,11 +178,11 @@ class Store:
         frame = {"id": press.frame, "rows": shape[0], "columns": shape[1], "bytes": len(content)}
 
         def enter(connection: Connection) -> tuple[Press, list[Change]]:
-            _require(connection, tables.targets, target.id, "target")
+            required(connection, tables.targets, target.id, "target")
             return press, [
-                *_inserted_once(connection, tables.calibrations, held),
-                *_inserted_once(connection, tables.frames, frame),
-                _inserted(connection, tables.presses, rows.press_row(press)),
+                *inserted_once(connection, tables.calibrations, held),
+                *inserted_once(connection, tables.frames, frame),
+                inserted(connection, tables.presses, rows.press_row(press)),
             ]
 
         return self._write(enter)
@@ -228,11 +226,11 @@ class Store:
         row = rows.estimate_row(stored, self.blobs.put(samples_bytes(estimate), "samples"))
 
         def enter(connection: Connection) -> tuple[StoredEstimate, list[Change]]:
-            _require(connection, tables.targets, target.id, "target")
+            required(connection, tables.targets, target.id, "target")
             for press in stored.presses:
-                _require(connection, tables.presses, press, "press", target=target.id)
-            changes = _inserted_once(connection, tables.calibrations, held)
-            return stored, [*changes, _inserted(connection, tables.estimates, row)]
+                required(connection, tables.presses, press, "press", target=target.id)
+            changes = inserted_once(connection, tables.calibrations, held)
+            return stored, [*changes, inserted(connection, tables.estimates, row)]
 
         return self._write(enter)
 
@@ -280,91 +278,14 @@ class Store:
             When a value is not accepted, or may not be changed.
         """
         edited: Target = _edited(target, "target", changes)
-        self._write(lambda connection: (None, [_updated(connection, tables.targets, target, rows.target_row(edited))]))
+        self._write(lambda connection: (None, [updated(connection, tables.targets, target, rows.target_row(edited))]))
         return edited
 
     def edit_press(self, press: Press, **changes: Any) -> Press:
         """Change ``role``, ``force_n``, ``flags`` or ``note`` of a press as it was read; errors as `edit_target`."""
         edited: Press = _edited(press, "press", changes)
-        self._write(lambda connection: (None, [_updated(connection, tables.presses, press, rows.press_row(edited))]))
+        self._write(lambda connection: (None, [updated(connection, tables.presses, press, rows.press_row(edited))]))
         return edited
-
-    # What is read
-
-    def targets(self) -> tuple[TargetSummary, ...]:
-        """Every target with the number of its presses and estimates, by number."""
-        with self.database.reading() as connection:
-            return target_summaries(connection)
-
-    def target(self, number: int) -> Target:
-        """The target that people call by this number; `InputError` when there is none."""
-        check.whole("target", number, 1, 99_999, hint="number of the target")
-        with self.database.reading() as connection:
-            query = select(tables.targets).where(tables.targets.c.number == int(number))
-            row = connection.execute(query).first()
-        if row is None:
-            raise InputError(
-                f"target must be a number that this store of {self.kind}s holds; got {number} (tsis records list)"
-            )
-        return rows.target_of_row(row._asdict())
-
-    def presses(self, target: Target, *, limit: int | None = None, offset: int = 0) -> tuple[Press, ...]:
-        """Presses of a target in the order in which they were taken, ``limit`` of them after the first ``offset``."""
-        query = _presses().where(tables.presses.c.target == target.id)
-        query = query.order_by(tables.presses.c.taken, tables.presses.c.id).limit(limit).offset(offset)
-        with self.database.reading() as connection:
-            found = connection.execute(query).all()
-        return tuple(rows.press_of_row(row._asdict()) for row in found)
-
-    def presses_of_frames(self, frames: Sequence[str]) -> tuple[Press, ...]:
-        """Presses of any target whose frame is one of these: by it one tells what is stored already."""
-        found: list[Any] = []
-        with self.database.reading() as connection:
-            for at in range(0, len(frames), MOST_AT_ONCE):
-                some = tables.frames.c.id.in_(frames[at : at + MOST_AT_ONCE])
-                held = list(connection.execute(select(tables.frames.c.id).where(some)).scalars())
-                if held:  # else no press needs to be looked at
-                    found += connection.execute(_presses().where(tables.presses.c.frame.in_(held)))
-        return tuple(rows.press_of_row(row._asdict()) for row in found)
-
-    def estimates(self, target: Target) -> tuple[StoredEstimate, ...]:
-        """Estimates of a target in the order in which they were made."""
-        table = tables.estimates
-        query = select(table).where(table.c.target == target.id).order_by(table.c.made, table.c.id)
-        with self.database.reading() as connection:
-            found = [row._asdict() for row in connection.execute(query)]
-        return tuple(rows.estimate_of_row(row, self._samples(row["samples"])) for row in found)
-
-    def _samples(self, name: object) -> Mapping[str, NDArray[Any]]:
-        return samples_of(self.blobs.get(str(name), "samples"), f"samples {name!s:.12}")
-
-    def levels(self, frame: str) -> NDArray[Any]:
-        """Grey levels of a stored frame, shape (rows, columns), uint8 or uint16; `RecordsError` when it is damaged."""
-        return frame_levels(self.blobs.get(frame, "png"), frame)
-
-    def calibration(self, cited: str) -> ProbeCalibration:
-        """The stored calibration of that identity; `RecordsError` when there is none or it is damaged."""
-        table = tables.calibrations
-        with self.database.reading() as connection:
-            found = connection.execute(select(table.c.file).where(table.c.id == cited)).scalar()
-        if found is None:
-            raise RecordsError(f"a calibration must be stored before it is cited; {cited[:12]!r} is not")
-        file = str(found)
-        self.blobs.get(file, "json")  # found whole
-        return read_calibration(self.blobs.path(file, "json"))
-
-    def dossier(self, target: Target) -> Dossier:
-        """All that is stored of a target; frames are read when they are asked for."""
-        presses, estimates = self.presses(target), self.estimates(target)
-        cited = {each.calibration for each in estimates}
-        cited |= {each.calibration for each in presses if each.calibration is not None}
-        return Dossier(
-            target=target,
-            presses=presses,
-            estimates=estimates,
-            calibrations={each: self.calibration(each) for each in sorted(cited)},
-            read=self.levels,
-        )
 
     # How it is written
 
@@ -390,43 +311,7 @@ def _user() -> str:
         return "unknown"
 
 
-def _presses() -> Any:
-    sizes = (tables.frames.c.rows, tables.frames.c.columns)
-    return select(tables.presses, *sizes).join(tables.frames, tables.presses.c.frame == tables.frames.c.id)
-
-
 def _edited(record: Any, kind: str, changes: Mapping[str, Any]) -> Any:
     for name in changes:
         check.known(f"field of a {kind} that may be changed", name, EDITABLE[kind])
     return replace(record, **changes, version=record.version + 1)
-
-
-def _inserted(connection: Connection, table: Table, row: rows.Row) -> Change:
-    connection.execute(insert(table).values(row))
-    return Change(action="add", kind=table.name, row=row["id"], values=row)
-
-
-def _inserted_once(connection: Connection, table: Table, row: rows.Row | None) -> list[Change]:
-    """Enter what many records share, where it is not there yet."""
-    if row is None or connection.execute(select(table.c.id).where(table.c.id == row["id"])).first() is not None:
-        return []
-    return [_inserted(connection, table, row)]
-
-
-def _updated(connection: Connection, table: Table, before: Any, row: rows.Row) -> Change:
-    what = "target" if table is tables.targets else "press"
-    unchanged = (table.c.id == before.id) & (table.c.version == before.version)
-    if connection.execute(update(table).where(unchanged).values(row)).rowcount != 1:
-        raise StaleRecordError(
-            f"the {what} must be as it was read to be changed; somebody else has changed it since version "
-            f"{before.version} (read it again)"
-        )
-    return Change(action="edit", kind=table.name, row=before.id, values=row)
-
-
-def _require(connection: Connection, table: Table, wanted: str, what: str, **of: str) -> None:
-    query = select(table.c.id).where(table.c.id == wanted)
-    for name, value in of.items():
-        query = query.where(table.c[name] == value)
-    if connection.execute(query).first() is None:
-        raise RecordsError(f"a {what} must be stored before another record names it; {wanted!r:.40} is not")

@@ -9,12 +9,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from sqlalchemy import func, insert, select
+from sqlalchemy import func, select
 
 from tsis.model.errors import RecordsError
 from tsis.records import rows, tables
-from tsis.records.audit import Change
 from tsis.records.frame_file import frame_bytes
+from tsis.records.row_changes import inserted
 from tsis.records.samples import samples_bytes
 
 if TYPE_CHECKING:
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection, Table
 
     from tsis.calibration import ProbeCalibration
+    from tsis.records.audit import Change
     from tsis.records.blobs import Blobs
     from tsis.records.dossier import Dossier
     from tsis.records.values import Target
@@ -106,16 +107,20 @@ class Arrival:
         changes: list[Change] = []
         if held is None:
             target = replace(self.target, number=_free_number(connection, self.target.number), version=1)
-            changes.append(_entered(connection, tables.targets, rows.target_row(target)))
+            changes.append(inserted(connection, tables.targets, rows.target_row(target), action=ACTION))
         else:
             target = rows.target_of_row(held._asdict())
         for table, shared in ((tables.calibrations, self.calibrations), (tables.frames, list(self.frames.values()))):
-            changes += [_entered(connection, table, row) for row in shared if _held(connection, table, row) is None]
+            changes += [
+                inserted(connection, table, row, action=ACTION)
+                for row in shared
+                if _held(connection, table, row) is None
+            ]
         added, differing = {tables.presses.name: 0, tables.estimates.name: 0}, 0
         for table, row in self._own():
             there = _held(connection, table, row)
             if there is None:
-                changes.append(_entered(connection, table, row))
+                changes.append(inserted(connection, table, row, action=ACTION))
                 added[table.name] += 1
             elif there["target"] != row["target"]:
                 raise RecordsError(f"{table.name} {row['id']!r:.40} must be of this target; here it is of another")
@@ -148,8 +153,3 @@ def _free_number(connection: Connection, wanted: int) -> int:
 def _held(connection: Connection, table: Table, row: rows.Row) -> dict[str, Any] | None:
     found = connection.execute(select(table).where(table.c.id == row["id"])).first()
     return None if found is None else found._asdict()
-
-
-def _entered(connection: Connection, table: Table, row: rows.Row) -> Change:
-    connection.execute(insert(table).values(row))
-    return Change(action=ACTION, kind=table.name, row=row["id"], values=row)

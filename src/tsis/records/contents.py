@@ -1,0 +1,124 @@
+"""What is read of a store: lists by the indexes, records as values, files only after their hash was found right."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from sqlalchemy import select
+
+from tsis.calibration.file import read_calibration
+from tsis.model import check
+from tsis.model.errors import InputError, RecordsError
+from tsis.records import rows, tables
+from tsis.records.dossier import Dossier
+from tsis.records.frame_file import frame_levels
+from tsis.records.samples import samples_of
+from tsis.records.summary import TargetSummary, target_summaries
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from tsis.calibration import ProbeCalibration
+    from tsis.records.blobs import Blobs
+    from tsis.records.database import Database
+    from tsis.records.values import Press, StoredEstimate, Target
+
+MOST_AT_ONCE = 500  # names in one question to a database
+
+
+class Contents:
+    """Targets with their presses, calibrations and estimates, as they are stored.
+
+    Parameters
+    ----------
+    folder, database, blobs
+        Where the store lies, its rows and its files.
+    identity, kind
+        Of the store: its own, and ``"phantom"`` or ``"subject"``.
+    """
+
+    def __init__(self, folder: Path, database: Database, blobs: Blobs, *, identity: str, kind: str) -> None:
+        self.folder, self.database, self.blobs, self.identity, self.kind = folder, database, blobs, identity, kind
+
+    def targets(self) -> tuple[TargetSummary, ...]:
+        """Every target with the number of its presses and estimates, by number."""
+        with self.database.reading() as connection:
+            return target_summaries(connection)
+
+    def target(self, number: int) -> Target:
+        """The target that people call by this number; `InputError` when there is none."""
+        check.whole("target", number, 1, 99_999, hint="number of the target")
+        with self.database.reading() as connection:
+            query = select(tables.targets).where(tables.targets.c.number == int(number))
+            row = connection.execute(query).first()
+        if row is None:
+            raise InputError(
+                f"target must be a number that this store of {self.kind}s holds; got {number} (tsis records list)"
+            )
+        return rows.target_of_row(row._asdict())
+
+    def presses(self, target: Target, *, limit: int | None = None, offset: int = 0) -> tuple[Press, ...]:
+        """Presses of a target in the order in which they were taken, ``limit`` of them after the first ``offset``."""
+        query = _presses().where(tables.presses.c.target == target.id)
+        query = query.order_by(tables.presses.c.taken, tables.presses.c.id).limit(limit).offset(offset)
+        with self.database.reading() as connection:
+            found = connection.execute(query).all()
+        return tuple(rows.press_of_row(row._asdict()) for row in found)
+
+    def presses_of_frames(self, frames: Sequence[str]) -> tuple[Press, ...]:
+        """Presses of any target whose frame is one of these: by it one tells what is stored already."""
+        found: list[Any] = []
+        with self.database.reading() as connection:
+            for at in range(0, len(frames), MOST_AT_ONCE):
+                some = tables.frames.c.id.in_(frames[at : at + MOST_AT_ONCE])
+                held = list(connection.execute(select(tables.frames.c.id).where(some)).scalars())
+                if held:  # else no press needs to be looked at
+                    found += connection.execute(_presses().where(tables.presses.c.frame.in_(held)))
+        return tuple(rows.press_of_row(row._asdict()) for row in found)
+
+    def estimates(self, target: Target) -> tuple[StoredEstimate, ...]:
+        """Estimates of a target in the order in which they were made."""
+        table = tables.estimates
+        query = select(table).where(table.c.target == target.id).order_by(table.c.made, table.c.id)
+        with self.database.reading() as connection:
+            found = [row._asdict() for row in connection.execute(query)]
+        return tuple(rows.estimate_of_row(row, self._samples(row["samples"])) for row in found)
+
+    def _samples(self, name: object) -> Mapping[str, NDArray[Any]]:
+        return samples_of(self.blobs.get(str(name), "samples"), f"samples {name!s:.12}")
+
+    def levels(self, frame: str) -> NDArray[Any]:
+        """Grey levels of a stored frame, shape (rows, columns), uint8 or uint16; `RecordsError` when it is damaged."""
+        return frame_levels(self.blobs.get(frame, "png"), frame)
+
+    def calibration(self, cited: str) -> ProbeCalibration:
+        """The stored calibration of that identity; `RecordsError` when there is none or it is damaged."""
+        table = tables.calibrations
+        with self.database.reading() as connection:
+            found = connection.execute(select(table.c.file).where(table.c.id == cited)).scalar()
+        if found is None:
+            raise RecordsError(f"a calibration must be stored before it is cited; {cited[:12]!r} is not")
+        file = str(found)
+        self.blobs.get(file, "json")  # found whole
+        return read_calibration(self.blobs.path(file, "json"))
+
+    def dossier(self, target: Target) -> Dossier:
+        """All that is stored of a target; frames are read when they are asked for."""
+        presses, estimates = self.presses(target), self.estimates(target)
+        cited = {each.calibration for each in estimates}
+        cited |= {each.calibration for each in presses if each.calibration is not None}
+        return Dossier(
+            target=target,
+            presses=presses,
+            estimates=estimates,
+            calibrations={each: self.calibration(each) for each in sorted(cited)},
+            read=self.levels,
+        )
+
+
+def _presses() -> Any:
+    sizes = (tables.frames.c.rows, tables.frames.c.columns)
+    return select(tables.presses, *sizes).join(tables.frames, tables.presses.c.frame == tables.frames.c.id)
