@@ -12,12 +12,13 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
+from sqlalchemy import insert
 from tests.records.sample import WHEN, levels, sample_calibration, sample_estimate
 
 from tsis.calibration.file import identity
 from tsis.model import TactileImage
 from tsis.model.errors import InputError, RecordsError, StaleRecordError
-from tsis.records import engines, environment, open_store, verify
+from tsis.records import engines, environment, open_store, tables, verify
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -225,6 +226,20 @@ def test_what_a_database_cannot_hold_is_one_sentence_and_nothing_is_stored(store
         with pytest.raises(InputError, match="must be printable"):
             store.add_press(target, small_image(), taken=WHEN, **values)
     assert store.presses(target) == ()
+    assert verify(store).sound
+
+
+@pytest.mark.parametrize("name", ["half a letter \udcff", "a\0b"])
+def test_an_estimate_of_an_unspeakable_probe_is_one_sentence(store: Store, name: str) -> None:
+    target = store.add_target()
+    press = store.add_press(target, small_image(), taken=WHEN)
+    made = {"kind": "inclusion", "presses": [press], "calibration": sample_calibration()}
+    with pytest.raises(InputError, match="probe must be printable"):
+        store.add_estimate(target, sample_estimate(), probe=name, **made)  # type: ignore[arg-type]
+    with pytest.raises(RecordsError) as caught, store.database.writing() as connection:
+        connection.execute(insert(tables.store).values(name=name, value=b"\xff".decode("utf-8", "surrogateescape")))
+    assert "\n" not in str(caught.value)
+    assert store.estimates(target) == ()
     assert verify(store).sound
 
 

@@ -128,5 +128,5 @@ def told(name: str) -> Iterator[None]:
             f"the records in {name} must be open to reading and writing; the database says: "
             f"{one_line(error.orig)} (nothing that was stored before is lost)"
         ) from error
-    except (SQLAlchemyError, CommandError, UnicodeDecodeError) as error:  # the last: text that is none any more
+    except (SQLAlchemyError, CommandError, UnicodeError) as error:  # the last: text that is none
         raise RecordsError(f"the records in {name} must be readable; got: {one_line(error)}") from error

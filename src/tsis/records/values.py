@@ -215,6 +215,7 @@ class StoredEstimate:
 
     def __post_init__(self) -> None:
         check.known("kind of estimate", self.kind, ESTIMATES)
+        require_text("probe", self.probe, LONGEST_NAME)
         require_moment("made", self.made)
         object.__setattr__(self, "options", MappingProxyType(dict(self.options)))
         object.__setattr__(self, "environment", MappingProxyType(dict(self.environment)))
