@@ -111,11 +111,8 @@ class Arrival:
         else:
             target = rows.target_of_row(held._asdict())
         for table, shared in ((tables.calibrations, self.calibrations), (tables.frames, list(self.frames.values()))):
-            changes += [
-                inserted(connection, table, row, action=ACTION)
-                for row in shared
-                if _held(connection, table, row) is None
-            ]
+            for row in shared:
+                changes += inserted_once(connection, table, row, action=ACTION)
         added, differing = {tables.presses.name: 0, tables.estimates.name: 0}, 0
         for table, row in self._own():
             there = _held(connection, table, row)
