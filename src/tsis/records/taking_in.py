@@ -14,7 +14,7 @@ from sqlalchemy import func, select
 from tsis.model.errors import RecordsError
 from tsis.records import rows, tables
 from tsis.records.frame_file import frame_bytes
-from tsis.records.row_changes import inserted
+from tsis.records.row_changes import inserted, inserted_once
 from tsis.records.samples import samples_bytes
 
 if TYPE_CHECKING:
