@@ -1,9 +1,9 @@
 """Programs that store presses, killed at random moments by SIGKILL, and what was lost of what they acknowledged.
 
 Run ``python -m benchmarks.killed_writers --cycles 10000``. A cycle is a program that is forked, stores what it can, and
-is killed; two at a time work on one store. Then another opens it and looks for everything that they acknowledged; all is
-verified every 500 cycles. A run on a disk that writes files under their final names at once shows that what is
-torn would be seen. The exit code is 1 where something was lost, or the careless disk was not found out.
+is killed; two at a time work on one store. Then another opens it and looks for everything that they acknowledged; every
+500 cycles all is verified. A run on a disk that writes files under their final names at once shows that what is torn
+would be seen. The exit code is 1 where something was lost, or the careless disk was not found out.
 """
 
 from __future__ import annotations

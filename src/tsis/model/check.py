@@ -54,6 +54,8 @@ def kind(name: str, value: object, wanted: type) -> None:
 
 def pair(name: str, value: Any) -> tuple[float, float]:
     """Return ``value`` as two finite numbers."""
+    if type(value) is tuple and len(value) == 2 and all(type(each) is float and math.isfinite(each) for each in value):
+        return value  # as every press of a store has it
     result = array(name, value, ndim=1)
     if result.shape != (2,):
         raise InputError(f"{name} must hold two numbers; got {value!r:.80}")

@@ -6,6 +6,7 @@ import math
 import sys
 from dataclasses import fields
 from datetime import datetime
+from functools import cache
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from tsis.model.errors import InputError
@@ -26,7 +27,7 @@ def require_fields(wanted: Any, plain: Any, where: str, *, without: tuple[str, .
     InputError
         When it holds fewer or more, or is no mapping.
     """
-    names = {field.name for field in fields(wanted)} - set(without)
+    names = _names(wanted, without)
     if not isinstance(plain, dict):
         raise _refusal(where, "an object with named values", plain)
     if set(plain) != names:
@@ -35,6 +36,11 @@ def require_fields(wanted: Any, plain: Any, where: str, *, without: tuple[str, .
             f"{where} must hold all of its values and no others; missing {missing}, unknown {unknown!r:.80}"
         )
     return plain
+
+
+@cache
+def _names(wanted: Any, without: tuple[str, ...]) -> frozenset[str]:
+    return frozenset(field.name for field in fields(wanted)) - set(without)
 
 
 def text(plain: Mapping[str, Any], name: str, where: str) -> str:

@@ -1,0 +1,186 @@
+"""How fast a store of records keeps a press, and lists a hundred thousand of them.
+
+Run ``python -m benchmarks.store_speed``. A press is a frame of 768 x 492 with its record. Beside it, in turns on the
+same disk: the frame's PNG alone written, synced, renamed, its folder synced; a row alone in SQLite, synced; nothing but
+the PNG's compression. Lists are of stores whose rows are entered in bulk, with an honest audit; every call is of one
+that was opened before. The exit code is 1 where a bound is passed.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sqlite3
+import sys
+import tempfile
+import time
+import uuid
+from contextlib import closing
+from datetime import UTC, datetime, timedelta
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from benchmarks.tables import show
+from sqlalchemy import insert
+
+from tsis.model import TactileImage
+from tsis.records import Press, Store, Target, open_store
+from tsis.records import rows as row_of
+from tsis.records.audit import Change, append, locked_head
+from tsis.records.frame_file import frame_bytes
+from tsis.records.tables import frames, presses, targets
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+BOUND_MS = {"press": 25.0, "list": 50.0}
+BEGUN = datetime(2026, 1, 1, tzinfo=UTC)
+
+
+def frame(rng: np.random.Generator) -> TactileImage:
+    """A frame as large as the dissertation's, with a bright patch and noise."""
+    y, x = np.mgrid[:492, :768]
+    patch = 120 * np.exp(-(((x - 384) / 90) ** 2) - ((y - 246) / 90) ** 2)
+    grey = np.clip(np.rint(25 + patch + rng.normal(0, 1, patch.shape)), 0, 255)
+    return TactileImage(grey=grey, full_scale=255.0, force_n=1.0)
+
+
+def saving(folder: Path, count: int, seed: int) -> dict[str, list[float]]:
+    """Milliseconds of each way to keep a frame, in turns."""
+    rng = np.random.default_rng(seed)
+    found: dict[str, list[float]] = {}
+    with open_store(folder / "store") as store, closing(sqlite3.connect(folder / "plain.sqlite3")) as plain:
+        target = store.add_target()
+        plain.execute("PRAGMA journal_mode=WAL")
+        plain.execute("PRAGMA synchronous=FULL")
+        plain.execute("CREATE TABLE presses (id TEXT, taken TEXT, note TEXT)")
+        for number in range(count):
+            image = frame(rng)
+            content = frame_bytes(image)
+            ways: dict[str, Callable[[], object]] = {
+                "tsis: frame, row, audit, anchor": partial(store.add_press, target, image, taken=BEGUN),
+                "PNG compressed, nothing written": partial(frame_bytes, image),
+                "PNG written, synced, renamed, folder synced": partial(_kept, folder / f"{number}.png", content),
+                "one row in SQLite, synced": partial(_entered, plain),
+            }
+            for name, way in ways.items():
+                began = time.perf_counter()
+                way()
+                found.setdefault(name, []).append(1e3 * (time.perf_counter() - began))
+    return found
+
+
+def _kept(path: Path, content: bytes) -> None:
+    draft = path.with_suffix(".part")
+    with draft.open("xb") as file:
+        file.write(content)
+        file.flush()
+        os.fsync(file.fileno())
+    draft.replace(path)
+    handle = os.open(path.parent, os.O_RDONLY)
+    os.fsync(handle)
+    os.close(handle)
+
+
+def _entered(plain: sqlite3.Connection) -> None:
+    with plain:
+        plain.execute("INSERT INTO presses VALUES (?, ?, ?)", (uuid.uuid4().hex, BEGUN.isoformat(), ""))
+
+
+def grown(folder: Path, count: int, spread: int) -> None:
+    """A store of so many presses over so many targets, in one transaction; their frames are never read here."""
+    with open_store(folder) as store, store.database.writing() as connection:
+        shape = {"rows": 492, "columns": 768, "bytes": 200_000}
+        kept = [
+            Target(number=i + 1, kind="phantom", name=f"target {i}", made=BEGUN, id=uuid.uuid4().hex)
+            for i in range(spread)
+        ]
+        changes = []
+        for table, entered in (
+            (targets, [row_of.target_row(target) for target in kept]),
+            (frames, [{"id": f"{i:064x}", **shape} for i in range(count)]),
+            (presses, [row_of.press_row(_press(kept[i % spread], i)) for i in range(count)]),
+        ):
+            connection.execute(insert(table), entered)
+            changes += [Change(action="add", kind=table.name, row=str(row["id"]), values=row) for row in entered]
+        append(connection, locked_head(connection), changes, actor="bulk")
+
+
+def _press(target: Target, number: int) -> Press:
+    return Press(
+        role="target",
+        taken=BEGUN + timedelta(seconds=number),
+        frame=f"{number:064x}",
+        rows=492,
+        columns=768,
+        full_scale=255.0,
+        force_n=1.0,
+        axis_px=(383.5, 245.5),
+        probe="tsis-2011",
+        settings={"exposure_ms": 10.0, "gain": 1.0},
+        name=f"{number}.png",
+        id=uuid.uuid4().hex,
+        target=target.id,
+    )
+
+
+def listing(store: Store, repeats: int) -> dict[str, list[float]]:
+    """Milliseconds of each list."""
+    target = store.targets()[0].target
+    size = store.targets()[0].presses
+    calls: dict[str, Callable[[], object]] = {
+        "targets()": store.targets,
+        "target(number)": lambda: store.target(1),
+        "presses(target, limit=50)": lambda: store.presses(target, limit=50),
+        f"presses(target, limit=50, offset={size - 50})": lambda: store.presses(target, limit=50, offset=size - 50),
+    }
+    if size <= 1000:
+        calls[f"presses(target), all {size}"] = lambda: store.presses(target)
+    found: dict[str, list[float]] = {name: [] for name in calls}
+    for _ in range(repeats):
+        for name, call in calls.items():
+            began = time.perf_counter()
+            call()
+            found[name].append(1e3 * (time.perf_counter() - began))
+    return found
+
+
+def _row(name: str, values: list[float]) -> tuple[str, str, str]:
+    return name, f"{np.median(values):.1f} ms", f"{np.quantile(values, 0.95):.1f} ms"
+
+
+def main() -> int:
+    """Print the tables; the exit code is 1 where a bound is passed."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--presses", type=int, default=200, help="stored one by one")
+    parser.add_argument("--rows", type=int, default=100_000, help="of the stores that are listed")
+    parser.add_argument("--repeats", type=int, default=20)
+    parser.add_argument("--folder", type=Path, help="on which disk; by default that of temporary files")
+    parser.add_argument("--markdown", action="store_true")
+    options = parser.parse_args()
+    heads, slow = ("what", "median", "95 %"), []
+    with tempfile.TemporaryDirectory(prefix="tsis-speed-", dir=options.folder) as folder:
+        found = saving(Path(folder), options.presses, 1)
+        show(
+            f"{options.presses} presses kept", heads, [_row(*each) for each in found.items()], markdown=options.markdown
+        )
+        slow += [name for name, values in list(found.items())[:1] if np.median(values) > BOUND_MS["press"]]
+        for spread in (100, 1):
+            place = Path(folder) / f"of-{spread}"
+            grown(place, options.rows, spread)
+            began = time.perf_counter()
+            with open_store(place) as store:
+                opened = 1e3 * (time.perf_counter() - began)
+                listed = {"open_store": [opened], **listing(store, options.repeats)}
+            title = f"{options.rows} presses of {spread} target{'s' if spread > 1 else ''}"
+            show(title, heads, [_row(*each) for each in listed.items()], markdown=options.markdown)
+            slow += [name for name, values in listed.items() if np.median(values) > BOUND_MS["list"]]
+    if slow:
+        print("slower than wanted:", ", ".join(slow))
+    return int(bool(slow))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
