@@ -202,6 +202,7 @@ def test_of_all_targets_one_that_fails_stops_no_other(run_tsis: RunTsis, records
         (["send", "1", "--to", "archive", *STORE], "must be AETITLE@host:port"),
         (["send", "1", "--to", "http://192.0.2.1/dicom-web", *STORE], "https"),
         (["import", "absent", *STORE], "absent"),
+        (["import", "a" * 5000, *STORE], "must name a file or folder; got: File name too long"),
         (["import", "no-store", *STORE], "must be a folder that tsis wrote"),
         (["import", "notes.txt", *STORE], "must be a PNG, JPEG, BMP or TIFF file"),
         (["import", "notes.txt", "--target", "1.5", *STORE], "--target must be a number from 1 to 99999, or new"),

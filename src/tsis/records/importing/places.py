@@ -54,8 +54,8 @@ def batches(paths: Sequence[Path], given: Given, *, progress: Callable[[int], No
 
     check.known("role of a press", given.role, ROLES)
     paths = list({path.absolute(): path for path in paths}.values())
-    folders = [path for path in paths if path.is_dir()]
-    files = [path for path in paths if not path.is_dir()]
+    folders = [path for path in paths if _is_folder(path)]
+    files = [path for path in paths if path not in folders]
     zipped = [path for path in files if path.suffix.lower() == ".zip"]
     sidecars = {path: sidecar_of(path) for path in files if path not in zipped}
     named = dict.fromkeys(path for path in sidecars.values() if path is not None)
@@ -67,6 +67,13 @@ def batches(paths: Sequence[Path], given: Given, *, progress: Callable[[int], No
         [image_files(images, given, count)] if images else (),
     )
     return tuple(found)
+
+
+def _is_folder(path: Path) -> bool:
+    try:
+        return path.is_dir()
+    except OSError as error:
+        raise FileInputError(f"{shown(path)} must name a file or folder; got: {error.strerror}") from error
 
 
 def _folder(folder: Path, given: Given, count: Callable[[], None]) -> tuple[Batch, ...]:
