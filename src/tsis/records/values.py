@@ -29,7 +29,7 @@ def require_text(name: str, value: object, longest: int) -> None:
     """Refuse what cannot be shown on a page: no text, too long, or with control characters other than line ends."""
     check.kind(name, value, str)
     assert isinstance(value, str)
-    if len(value) > longest or any(not letter.isprintable() and letter != "\n" for letter in value):
+    if len(value) > longest or not value.replace("\n", "").isprintable():
         raise InputError(f"{name} must be printable text of at most {longest} characters; got {value!r:.80}")
 
 
