@@ -107,3 +107,18 @@ def digest(values: Mapping[str, Any]) -> str:
     held = {name: value for name, value in values.items() if value is not None}
     text = json.dumps(held, sort_keys=True, separators=(",", ":"), ensure_ascii=False)
     return hashlib.sha256(text.encode()).hexdigest()
+
+
+def other_value(value: Any, rng: random.Random) -> Any:
+    """Something else of the same type."""
+    if value is None:
+        return rng.choice(["", "[]", "x", 1.5])
+    if isinstance(value, int):
+        return value + rng.choice([-1, 1, 1000])
+    if isinstance(value, float):
+        return rng.choice([value + 1e-9, value * (1 + 1e-15) + 1e-300, -value - 1.0, 0.0])
+    if not value:
+        return "x"
+    at = rng.randrange(len(value))
+    letter = "1" if value[at] != "1" else "2"
+    return rng.choice([value[:at] + letter + value[at + 1 :], value[:at] + value[at + 1 :], value + " ", ""])

@@ -6,9 +6,10 @@ import json
 import shutil
 import sqlite3
 from contextlib import closing
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
-from tests.records.forger import KEYS, UnchangedError, digest, forging
+from tests.records import audit_tamperings as audit
+from tests.records.forger import KEYS, UnchangedError, forging, other_value
 
 if TYPE_CHECKING:
     import random
@@ -16,21 +17,6 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tests.records.forger import Stores
-
-
-def other_value(value: Any, rng: random.Random) -> Any:
-    """Something else of the same type."""
-    if value is None:
-        return rng.choice(["", "[]", "x", 1.5])
-    if isinstance(value, int):
-        return value + rng.choice([-1, 1, 1000])
-    if isinstance(value, float):
-        return rng.choice([value + 1e-9, value * (1 + 1e-15) + 1e-300, -value - 1.0, 0.0])
-    if not value:
-        return "x"
-    at = rng.randrange(len(value))
-    letter = "1" if value[at] != "1" else "2"
-    return rng.choice([value[:at] + letter + value[at + 1 :], value[:at] + value[at + 1 :], value + " ", ""])
 
 
 def a_value(stores: Stores, rng: random.Random) -> None:
@@ -82,103 +68,6 @@ def rows_swapped(stores: Stores, rng: random.Random) -> None:
         swapped = {name: value for name, value in two.items() if name not in (key, "number")}
         forger.change(table, key, one[key], swapped)
         forger.change(table, key, two[key], parked)
-
-
-def an_entry_changed(stores: Stores, rng: random.Random) -> None:
-    with forging(stores.store, rng) as forger:
-        entry = forger.entry()
-        name = rng.choice(list(entry))
-        forger.change("audit", "number", entry["number"], {name: other_value(entry[name], rng)})
-
-
-def an_entry_of_another_type(stores: Stores, rng: random.Random) -> None:
-    with forging(stores.store, rng) as forger:
-        entry = forger.entry()
-        name = rng.choice([name for name in entry if name != "number"])
-        forger.change("audit", "number", entry["number"], {name: rng.choice([b"\xff", b"", "", b"\x00"])})
-
-
-def an_entry_out(stores: Stores, rng: random.Random) -> None:
-    with forging(stores.store, rng) as forger:
-        forger.delete("audit", "number", forger.entry()["number"])
-
-
-def an_entry_in(stores: Stores, rng: random.Random) -> None:
-    with forging(stores.store, rng) as forger:
-        entries = forger.rows("audit")
-        at = rng.randrange(len(entries) + 1)
-        new = {**rng.choice(entries), "number": at + 1}
-        forger.connection.execute("DELETE FROM audit")
-        for number, entry in enumerate([*entries[:at], new, *entries[at:]], start=1):
-            forger.insert("audit", {**entry, "number": number})
-
-
-def entries_reordered(stores: Stores, rng: random.Random) -> None:
-    with forging(stores.store, rng) as forger:
-        one, two = rng.sample(forger.rows("audit"), 2)
-        for kept, put in ((one, two), (two, one)):
-            forger.change("audit", "number", kept["number"], {**put, "number": kept["number"]})
-
-
-def entries_renumbered(stores: Stores, rng: random.Random) -> None:
-    with forging(stores.store, rng) as forger:
-        out = forger.entry()["number"]
-        forger.delete("audit", "number", out)
-        last = forger.rows("audit")[-1]["number"]
-        for number in range(out + 1, last + 1):
-            forger.connection.execute("UPDATE audit SET number = ? WHERE number = ?", (number - 1, number))
-        if rng.random() < 0.5:
-            forger.connection.execute("UPDATE audit_head SET number = ?", (last - 1,))
-
-
-def the_history_rewritten(stores: Stores, rng: random.Random) -> None:
-    """A row, its entry, all hashes after it and the head: nothing in the database contradicts anything."""
-    with forging(stores.store, rng) as forger:
-        table, row = forger.some_row()
-        key, kept = KEYS[table], {"store": ("name", "value")}.get(table, (KEYS[table], "frame", "file", "samples"))
-        name = rng.choice([name for name in row if name not in kept] or ["value"])
-        forger.change(table, key, row[key], {name: other_value(row[name], rng)})
-        (new,) = [each for each in forger.rows(table) if each[key] == row[key]]
-        entries = forger.rows("audit")
-        (*_, last) = [each for each in entries if (each["kind"], each["row"]) == (table, row[key])]
-        last["content"] = digest(new)
-        forger.rechain(entries)
-
-
-def an_entry_rewritten(stores: Stores, rng: random.Random) -> None:
-    """Who or when, and all hashes after it."""
-    with forging(stores.store, rng) as forger:
-        entries = forger.rows("audit")
-        entry = rng.choice(entries)
-        name = rng.choice(["actor", "moment", "action"])
-        entry[name] = other_value(entry[name], rng)
-        forger.rechain(entries)
-
-
-def the_end_cut_off(stores: Stores, rng: random.Random) -> None:
-    """The last entries, what they entered, and the head."""
-    with forging(stores.store, rng) as forger:
-        entries = forger.rows("audit")
-        left = entries[: -rng.randint(1, 6)]
-        cut = entries[len(left) :]
-        before = {(each["kind"], each["row"]) for each in left}
-        for entry in reversed(cut):
-            if (entry["kind"], entry["row"]) not in before:
-                forger.delete(entry["kind"], KEYS[entry["kind"]], entry["row"])
-        forger.rechain(left)
-
-
-def the_head_changed(stores: Stores, rng: random.Random) -> None:
-    with forging(stores.store, rng) as forger:
-        (head,) = forger.rows("audit_head")
-        kind = rng.randrange(4)
-        if kind == 0:
-            forger.connection.execute("DELETE FROM audit_head")
-        elif kind == 1:
-            forger.insert("audit_head", {**head, "id": 0})
-        else:
-            name = "number" if kind == 2 else "hash"
-            forger.change("audit_head", "id", 1, {name: rng.choice([other_value(head[name], rng), b"\xff"])})
 
 
 def the_kind_of_store(stores: Stores, rng: random.Random) -> None:
@@ -307,16 +196,16 @@ KINDS: dict[str, Callable[[Stores, random.Random], None]] = {
     "a row deleted": a_row_out,
     "a row put in": a_row_in,
     "two rows swapped": rows_swapped,
-    "an audit entry changed": an_entry_changed,
-    "an audit entry of another type": an_entry_of_another_type,
-    "an audit entry deleted": an_entry_out,
-    "an audit entry put in": an_entry_in,
-    "audit entries swapped": entries_reordered,
-    "audit entries renumbered": entries_renumbered,
-    "a row, its entry and all later hashes": the_history_rewritten,
-    "who or when, and all later hashes": an_entry_rewritten,
-    "the audit's end cut off with its rows": the_end_cut_off,
-    "the audit's head changed": the_head_changed,
+    "an audit entry changed": audit.an_entry_changed,
+    "an audit entry of another type": audit.an_entry_of_another_type,
+    "an audit entry deleted": audit.an_entry_out,
+    "an audit entry put in": audit.an_entry_in,
+    "audit entries swapped": audit.entries_reordered,
+    "audit entries renumbered": audit.entries_renumbered,
+    "a row, its entry and all later hashes": audit.the_history_rewritten,
+    "who or when, and all later hashes": audit.an_entry_rewritten,
+    "the audit's end cut off with its rows": audit.the_end_cut_off,
+    "the audit's head changed": audit.the_head_changed,
     "the kind of the store changed": the_kind_of_store,
     "the schema changed": the_schema,
     "bytes of the database file": bytes_of_the_database,

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING
 
 import psycopg
 import pytest
-from tests.records.forger import Stores, forging
+from tests.records.forger import Stores, forging, other_value
 from tests.records.honest import HONEST
 from tests.records.place import Place
 from tests.records.tampered import Judgement, fill, judged, make_stores, tampered
-from tests.records.tamperings import KINDS, other_value
+from tests.records.tamperings import KINDS
 
 from tsis.model.errors import RecordsError, TsisError
 from tsis.records import open_store, verify
