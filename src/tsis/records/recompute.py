@@ -40,7 +40,7 @@ class Shift:
         Posterior means, in the unit that the name carries.
     interval_before, interval_after
         Of 90 %.
-    mean, low, high
+    moved, low_moved, high_moved
         By how many old standard deviations the mean and the ends of the interval moved; positive is upwards.
     """
 
@@ -49,9 +49,9 @@ class Shift:
     after: float
     interval_before: tuple[float, float]
     interval_after: tuple[float, float]
-    mean: float
-    low: float
-    high: float
+    moved: float
+    low_moved: float
+    high_moved: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -209,9 +209,9 @@ def _shifts(before: Estimate, after: Estimate) -> tuple[Shift, ...]:
             after=means[1][name],
             interval_before=was[name],
             interval_after=now[name],
-            mean=_in_sd(means[1][name] - means[0][name], sd[name]),
-            low=_in_sd(now[name][0] - was[name][0], sd[name]),
-            high=_in_sd(now[name][1] - was[name][1], sd[name]),
+            moved=_in_sd(means[1][name] - means[0][name], sd[name]),
+            low_moved=_in_sd(now[name][0] - was[name][0], sd[name]),
+            high_moved=_in_sd(now[name][1] - was[name][1], sd[name]),
         )
         for name in before.samples
         if name in after.samples

@@ -98,7 +98,7 @@ def _show(console: Console, target: Target, each: Recomputation, *, dry_run: boo
     for shift in each.shifts:
         low, high = shift.interval_before
         now_low, now_high = shift.interval_after
-        cells = (f"{shift.before:.3g}", f"{shift.after:.3g}", f"{shift.mean:+.2g}")
+        cells = (f"{shift.before:.3g}", f"{shift.after:.3g}", f"{shift.moved:+.2g}")
         table.add_row(escape(shift.name), *cells, f"{low:.3g} to {high:.3g}", f"{now_low:.3g} to {now_high:.3g}")
     console.print(table)
     for what, flags in (("gained", each.flags_gained), ("lost", each.flags_lost)):
