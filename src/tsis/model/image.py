@@ -28,6 +28,24 @@ def pixel_scale(value: tuple[float, float]) -> tuple[float, float]:
     return x, y
 
 
+def require_numbers(
+    *,
+    full_scale: float,
+    mm_per_pixel: tuple[float, float] | None,
+    force_n: float | None,
+    axis_px: tuple[float, float] | None,
+) -> None:
+    """Refuse what no image may have; parameters as of `TactileImage`."""
+    check.number("full_scale", full_scale, 1.0, 65535.0)
+    if mm_per_pixel is not None:
+        pixel_scale(mm_per_pixel)
+    if force_n is not None:
+        check.number("force_n", force_n, 0.0, 100.0, hint="newtons")
+    if axis_px is not None:
+        for place in check.pair("axis_px", axis_px):
+            check.number("axis_px", place, -1e6, 1e6, hint="pixels")
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TactileImage:
     """A grey frame of the pressed probe.
@@ -68,17 +86,15 @@ class TactileImage:
         if np.abs(grey).max() > LARGEST_GREY:
             raise InputError(f"grey must lie within +-{LARGEST_GREY:g} grey levels; got {np.abs(grey).max():g}")
         object.__setattr__(self, "grey", grey)
-        check.number("full_scale", self.full_scale, 1.0, 65535.0)
+        require_numbers(
+            full_scale=self.full_scale, mm_per_pixel=self.mm_per_pixel, force_n=self.force_n, axis_px=self.axis_px
+        )
         if self.mm_per_pixel is not None:
             object.__setattr__(self, "mm_per_pixel", pixel_scale(self.mm_per_pixel))
-        if self.force_n is not None:
-            check.number("force_n", self.force_n, 0.0, 100.0, hint="newtons")
         if self.axis_px is None:
             rows, columns = self.grey.shape
             object.__setattr__(self, "axis_px", ((columns - 1) / 2, (rows - 1) / 2))
         else:
-            for place in check.pair("axis_px", self.axis_px):
-                check.number("axis_px", place, -1e6, 1e6, hint="pixels")
             object.__setattr__(self, "axis_px", check.pair("axis_px", self.axis_px))
         if not isinstance(self.settings, Mapping):
             raise InputError(f"settings must be a mapping of names to values; got {self.settings!r:.80}")

@@ -9,10 +9,9 @@ from datetime import UTC, datetime
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from tsis.model import TactileImage, check
+from tsis.model import check
 from tsis.model.errors import InputError
+from tsis.model.image import require_numbers
 
 if TYPE_CHECKING:
     from tsis.model import Estimate
@@ -157,12 +156,8 @@ class Press:
             raise InputError(f"frame must be the SHA-256 of a stored file; got {self.frame!r:.80}")
         for name in ("rows", "columns"):
             check.whole(name, getattr(self, name), 1, LARGEST_SIDE_PX, hint="pixels")
-        TactileImage(  # which knows what the numbers of an image may be; the frame itself lies elsewhere
-            grey=np.zeros((1, 1)),
-            mm_per_pixel=self.mm_per_pixel,
-            full_scale=self.full_scale,
-            force_n=self.force_n,
-            axis_px=self.axis_px,
+        require_numbers(
+            full_scale=self.full_scale, mm_per_pixel=self.mm_per_pixel, force_n=self.force_n, axis_px=self.axis_px
         )
         for name in ("name", "probe"):
             require_text(name, getattr(self, name), LONGEST_NAME)
