@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
 import pytest
+from tests.records.sample import sample_estimate
 
 from tsis import Calibration
 from tsis.calibration import ForceLine, Measured, ProbeCalibration, Reference, Scale, write_calibration
@@ -17,7 +20,7 @@ if TYPE_CHECKING:
 
     from tests.cli.conftest import RunTsis
 
-    from tsis import TactileImage
+    from tsis import Estimate, TactileImage
 
 ROWS, COLUMNS, DARK = 120, 160, 8
 GREY_PER_N, DISC_GREY = 2e5, 90
@@ -104,6 +107,44 @@ def test_forces_come_from_the_light_and_their_doubt_reaches_the_estimate(
     assert frames[0].mm_per_pixel == (0.1, 0.1)
     assert frames[0].grey.min() == 0.0  # less the dark frame
     assert calibration.name.startswith("bench (")
+
+
+def test_what_is_kept_is_given_to_the_estimate_again_bit_for_bit(
+    run_tsis: RunTsis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Reference, scale and force line take the same way from the store as from the files."""
+    asked: list[dict[str, Any]] = []
+
+    def estimate(frames: list[TactileImage], **given: Any) -> Estimate:
+        asked.append({"frames": frames, **given})
+        return sample_estimate()
+
+    monkeypatch.setattr("tsis.cli.examine.estimate_with_progress", estimate)
+    monkeypatch.setattr("tsis.inclusion.estimate", estimate)
+    monkeypatch.setattr("tsis.records.estimation.build_covered_surrogate", lambda *_, **__: None)
+    for name, radius_px in (("a.png", 20.0), ("b.png", 30.0), ("plain.png", 26.0)):
+        _frame(tmp_path / name, radius_px)
+    noise = np.random.default_rng(1)
+    reference = replace(
+        _known().need(Reference, "this"),
+        untouched_grey=noise.random((ROWS, COLUMNS)),
+        dark_grey=noise.random((ROWS, COLUMNS)),
+    )
+    write_calibration(_known(reference=reference), tmp_path / "calibration.json")
+    keep = ("--keep", "--store", "records")
+    kept = run_tsis("examine", "a.png", "b.png", "--plain", "plain.png", "--calibration", "calibration.json", *keep)
+    assert kept.code == 0, kept.err
+    finished = run_tsis("records", "recompute", "1", "--store", "records", "--json")
+    assert finished.code == 0, finished.err
+    first, again = asked
+    for kind in ("frames", "reference"):
+        for one, other in zip(first[kind], again[kind], strict=True):
+            np.testing.assert_array_equal(one.grey, other.grey)
+            assert (one.force_n, one.mm_per_pixel, one.axis_px) == (other.force_n, other.mm_per_pixel, other.axis_px)
+    for name in ("calibration", "probe", "prior"):
+        assert first[name] == again[name]
+    assert first["calibration"].force_sd > 0.01  # with the doubt of the line
+    assert json.loads(finished.out)["estimates"][0]["same"] is True
 
 
 @pytest.mark.parametrize(

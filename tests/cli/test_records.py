@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from tests.records.importing.snapshot_folder import save
 from tests.records.pressed_object import pressed, stored_object
-from tests.records.sample import WHEN, levels
+from tests.records.sample import WHEN, levels, sample_dossier
 
 import tsis.hardness
+from tsis.cli.records.forms import ENDINGS
 from tsis.model import Estimate, TactileImage
 from tsis.model.durable import Disk
 from tsis.records import open_store, verify
@@ -83,6 +84,21 @@ def test_a_target_is_shown_with_its_estimate_and_pages_of_presses(run_tsis: RunT
     for words in ("Estimate in force: hardness", "Presses, 1 to 2 of 2", "Calibration bench", "Research use only"):
         assert words in people
     assert "No estimate yet" in run_tsis("records", "show", "2", *STORE).out
+
+
+def test_an_estimate_with_numbers_that_json_has_not_is_shown(run_tsis: RunTsis, tmp_path: Path) -> None:
+    given = sample_dossier()
+    (stored,) = given.estimates
+    odd = {"limit": float("inf"), "nothing": float("nan")}
+    estimate = replace(stored.estimate, provenance=odd)
+    with open_store(tmp_path / "records") as store:
+        store.take_in(replace(given, estimates=(replace(stored, estimate=estimate, options=odd, environment=odd),)))
+    shown = json.loads(run_tsis("records", "show", "3", *STORE, "--json").out)["estimate"]
+    for name in ("provenance", "options", "environment"):
+        assert shown[name] == {"limit": {"$number": "infinity"}, "nothing": {"$number": "nan"}}
+    forms = ",".join(form for form in ENDINGS if form != "dicom")
+    finished = run_tsis("records", "export", "3", "--format", forms, *STORE)
+    assert finished.code == 0, finished.err
 
 
 def test_a_sound_store_ends_with_its_audit_head(run_tsis: RunTsis, records: Path) -> None:

@@ -16,16 +16,9 @@ from tsis.records.export import read_bundle, write_bundle
 from tsis.records.plain import estimate_to_plain, press_to_plain, target_to_plain
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
     from pathlib import Path
 
     from tsis.records import Dossier, Store
-
-
-@pytest.fixture
-def store(tmp_path: Path) -> Iterator[Store]:
-    with open_store(tmp_path / "phantoms") as opened:
-        yield opened
 
 
 def require_equal(one: Dossier, other: Dossier, *, but_frames: bool = False) -> None:
@@ -121,3 +114,16 @@ def test_an_identity_that_is_another_targets_here_is_refused(store: Store) -> No
     with pytest.raises(RecordsError, match="must be of this target; here it is of another"):
         store.take_in(replace(given, target=other, presses=presses, estimates=()))
     assert [each.target.number for each in store.targets()] == [3]
+
+
+def test_presses_are_found_by_their_frames_however_many_are_asked_for(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tsis.records.contents.MOST_AT_ONCE", 3)
+    store.take_in(sample_dossier())
+    presses = store.presses(store.target(3))
+    unknown = [f"{number:064x}" for number in range(5)]
+    wanted = [press.frame for press in presses[:3]]
+    found = store.presses_of_frames([*unknown, *wanted])
+    assert {press.id for press in found} == {press.id for press in presses[:3]}
+    assert store.presses_of_frames(unknown) == store.presses_of_frames([]) == ()

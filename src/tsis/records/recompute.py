@@ -140,7 +140,10 @@ def _recomputed(
     dry_run: bool,
     progress: Callable[[int, int], None] | None,
 ) -> Recomputation:
-    presses = tuple(dossier.press(identity) for identity in before.presses)
+    by_identity = {press.id: press for press in dossier.presses}
+    if missing := [identity for identity in before.presses if identity not in by_identity]:
+        raise RecordsError(f"an estimate must rest on stored presses; {missing[0]!r:.40} is none (tsis records verify)")
+    presses = tuple(by_identity[identity] for identity in before.presses)
     answer = estimate_stored(
         dossier,
         Request(

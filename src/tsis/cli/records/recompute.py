@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -110,7 +111,7 @@ def _show(console: Console, target: Target, each: Recomputation, *, dry_run: boo
 
 
 def _document(target: Target, each: Recomputation) -> dict[str, Any]:
-    from dataclasses import asdict
+    from tsis.records.plain_free import free_to_plain
 
     return {
         "target": target.number,
@@ -119,7 +120,7 @@ def _document(target: Target, each: Recomputation) -> dict[str, Any]:
         "sentence": each.sentence,
         "causes": list(each.causes),
         "notes": list(each.notes),
-        "shifts_in_old_sd": [asdict(shift) for shift in each.shifts],
+        "shifts": [free_to_plain(asdict(shift), "shift") for shift in each.shifts],  # moved by so many old sd
         "flags_gained": list(each.flags_gained),
         "flags_lost": list(each.flags_lost),
         "trusted": {"before": each.before.estimate.trusted, "after": each.after.estimate.trusted},

@@ -117,6 +117,9 @@ def _document(
 
 
 def _estimate(stored: StoredEstimate, truth: Mapping[str, float] | None) -> dict[str, Any]:
+    from tsis.records.plain_free import free_to_plain
+
+    found = estimate_document(stored.estimate, truth)
     return {
         "id": stored.id,
         "kind": stored.kind,
@@ -124,8 +127,9 @@ def _estimate(stored: StoredEstimate, truth: Mapping[str, float] | None) -> dict
         "probe": stored.probe,
         "presses": list(stored.presses),
         "calibration": stored.calibration,
-        "options": dict(stored.options),
-        "environment": dict(stored.environment),
+        "options": free_to_plain(stored.options, "options"),
+        "environment": free_to_plain(stored.environment, "environment"),
         "supersedes": stored.supersedes,
-        **estimate_document(stored.estimate, truth),
+        **found,
+        "provenance": free_to_plain(stored.estimate.provenance, "provenance"),
     }
