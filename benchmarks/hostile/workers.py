@@ -13,7 +13,6 @@ import resource
 import select
 import shutil
 import signal
-import struct
 import sys
 import tempfile
 import time
@@ -83,8 +82,8 @@ class _Worker:
 
     def current(self) -> tuple[int, float]:
         """Number of the file in work, and since when."""
-        number, since = struct.unpack_from("@qd", self.progress)
-        return number, since
+        number, since_ns = memoryview(self.progress).cast("q")
+        return number, since_ns / 1e9
 
 
 def run(
@@ -119,7 +118,7 @@ def run(
 
 def _started(loaders: Sequence[Loader], place: int, numbers: range, *, seed: int) -> _Worker:
     progress = mmap.mmap(-1, 16)
-    struct.pack_into("@qd", progress, 0, numbers.start, time.monotonic())
+    _tell(progress, numbers.start)
     reading, writing = os.pipe()
     sys.stdout.flush()
     process = os.fork()
@@ -128,6 +127,13 @@ def _started(loaders: Sequence[Loader], place: int, numbers: range, *, seed: int
         _work(loaders[place], place, numbers, seed, progress, writing)
     os.close(writing)
     return _Worker(process, reading, progress, place, numbers)
+
+
+def _tell(progress: mmap.mmap, number: int) -> None:
+    """Which file is in work from now on; each number is stored at once, for the parent reads them at any time."""
+    slots = memoryview(progress).cast("q")
+    slots[1] = time.monotonic_ns()
+    slots[0] = number
 
 
 def _work(loader: Loader, place: int, numbers: range, seed: int, progress: mmap.mmap, writing: int) -> None:
@@ -140,7 +146,7 @@ def _work(loader: Loader, place: int, numbers: range, seed: int, progress: mmap.
         before = peak_mb()
 
         def at(number: int) -> None:
-            struct.pack_into("@qd", progress, 0, number, time.monotonic())
+            _tell(progress, number)
 
         tally = count(loader, place, numbers, seed=seed, at=at)
         answer: dict[str, Any] = {
