@@ -67,8 +67,9 @@ class Contents:
         # Which they are tells the index alone; only their own rows are read.
         query = _presses().where(table.id.in_(page.limit(limit).offset(offset))).order_by(table.taken, table.id)
         with self.database.reading() as connection:
-            found = connection.execute(query).all()
-        return tuple(rows.press_of_row(row._asdict()) for row in found)
+            found = connection.execute(query)
+            names, values = tuple(found.keys()), found.all()
+        return tuple(rows.press_of_row(dict(zip(names, row, strict=True))) for row in values)
 
     def presses_of_frames(self, frames: Sequence[str]) -> tuple[Press, ...]:
         """Presses of any target whose frame is one of these: by it one tells what is stored already."""
