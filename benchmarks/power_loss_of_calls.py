@@ -1,9 +1,9 @@
 """Power lost between any two calls of the system that a program and its SQLite made, as strace told them.
 
 Run ``python -m benchmarks.power_loss_of_calls --states 1000``. Each state is put on a real disk, opened, verified,
-compared with what was acknowledged, and added to. Then all syncs of a kind are left out, which must lose something; files
-that are synced a second time, and the journal from before there is anything to lose, are left aside. The exit code is
-1 where something was lost, or syncs that were left out were not missed.
+compared with what was acknowledged, and added to. Then all syncs of a kind are left out, which must lose something;
+files that are synced a second time, and the journal from before there is anything to lose, are left aside. The exit
+code is 1 where something was lost, or syncs that were left out were not missed.
 """
 
 from __future__ import annotations
