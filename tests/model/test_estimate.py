@@ -77,3 +77,13 @@ def test_samples_and_priors_name_the_same_parameters() -> None:
 def test_samples_are_finite_lists(values: Any) -> None:
     with pytest.raises(InputError, match="depth_mm must"):
         _estimate(values)
+
+
+def test_a_parameter_is_identified_unless_its_own_flag_says_not() -> None:
+    estimate = Estimate(
+        samples={"depth_mm": np.array([4.0]), "young_kpa": np.array([80.0])},
+        prior_sd={"depth_mm": 1.0, "young_kpa": 1.0},
+        flags=("young_kpa_not_identified", "off_axis"),
+    )
+    assert estimate.identified("depth_mm")
+    assert not estimate.identified("young_kpa")

@@ -105,6 +105,10 @@ class Estimate:
         """Posterior over prior standard deviation: 1 says that the data told nothing."""
         return {name: sd / self.prior_sd[name] for name, sd in self.sd.items()}
 
+    def identified(self, name: str) -> bool:
+        """Whether the data told enough of a parameter for its mean to be read as a number."""
+        return f"{name}_not_identified" not in self.flags
+
     def interval(self, level: float = 0.9) -> dict[str, tuple[float, float]]:
         """Equal-tailed credible interval of each parameter; ``level`` in (0, 1)."""
         check.number("level", level, 1e-6, 1.0 - 1e-6)

@@ -63,7 +63,7 @@ def doubt_of(estimate: Estimate, name: str) -> str:
     """Why a parameter's mean should not be read as a number; empty when it may be."""
     if not estimate.trusted:
         return "not to be trusted"
-    return "not identified" if f"{name}_not_identified" in estimate.flags else ""
+    return "" if estimate.identified(name) else "not identified"
 
 
 def sentences(estimate: Estimate) -> tuple[str, ...]:

@@ -50,7 +50,7 @@ def _numbers(estimate: Estimate) -> list[Any]:
     for name in estimate.samples:
         if name in codes.PARAMETERS:
             low, high = estimate.interval(LEVEL)[name]
-            known = f"{name}_not_identified" not in estimate.flags
+            known = estimate.identified(name)
             values = [(codes.MEAN, estimate.mean[name]), (codes.STANDARD_DEVIATION, estimate.sd[name])] if known else []
             values += [(codes.FIFTH_PERCENTILE, low), (codes.NINETY_FIFTH_PERCENTILE, high)]
             found += [_number(codes.PARAMETERS[name], value, derivation) for derivation, value in values]
@@ -72,7 +72,7 @@ def _number(kind: tuple[Any, Any, str | None], value: float, derivation: tuple[s
 
 def _sentences(estimate: Estimate, cover: Cover) -> list[tuple[str, str]]:
     """Texts by our code; the sentence on what is identified holds numbers, so an untrusted one is not told."""
-    told = {name for name in codes.PARAMETERS if estimate.trusted and f"{name}_not_identified" not in estimate.flags}
+    told = {name for name in codes.PARAMETERS if estimate.trusted and estimate.identified(name)}
     loose = [name for name in estimate.samples if name not in told]
     said = [("no-number", name) for name in loose]
     said += [("flag", flag) for flag in cover.flags(estimate.flags)]

@@ -6,7 +6,7 @@ import json
 import math
 from typing import TYPE_CHECKING, Any
 
-from tsis.records.export.quantities import INTERVAL, NO_UNIT, identified, unit_of, words_of
+from tsis.records.export.quantities import INTERVAL, NO_UNIT, unit_of, words_of
 from tsis.records.plain_free import free_to_plain
 
 if TYPE_CHECKING:
@@ -121,7 +121,7 @@ def _parameter_rows(number: int, stored: StoredEstimate, *, in_force: bool) -> I
             _float(found.prior_sd[name]),
             "infinite" if bound == math.inf else _float(bound),
             narrowing[name],
-            identified(found, name),
+            found.identified(name),
             found.trusted,
             _float(found.presence),
             " ".join(found.flags),

@@ -2,11 +2,6 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from tsis.model import Estimate
-
 UNITS = {"_mm": "mm", "_kpa": "kPa", "_n": "N"}
 NO_UNIT = "1"
 INTERVAL = 0.9  # level of the intervals that exports give
@@ -34,8 +29,3 @@ def words_of(name: str) -> str:
     ending = next((ending for ending in UNITS if name.endswith(ending)), "")
     bare = name.removesuffix(ending).replace("_", " ")
     return "Young's modulus" if bare == "young" else bare
-
-
-def identified(estimate: Estimate, name: str) -> bool:
-    """Whether the data told something of a parameter."""
-    return f"{name}_not_identified" not in estimate.flags

@@ -14,7 +14,7 @@ from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.calibration.file import calibration_bytes
 from tsis.model.errors import RecordsError
 from tsis.records.export.frame_png import checked_levels
-from tsis.records.export.quantities import INTERVAL, identified, unit_of
+from tsis.records.export.quantities import INTERVAL, unit_of
 from tsis.records.plain import estimate_to_plain, press_to_plain, target_to_plain
 
 if TYPE_CHECKING:
@@ -129,7 +129,7 @@ def _write_estimate(tree: Tree, place: str, stored: StoredEstimate, *, in_force:
             "interval_low": interval[name][0],
             "interval_high": interval[name][1],
             "prior_sd": float(found.prior_sd[name]),
-            "identified": identified(found, name),
+            "identified": found.identified(name),
         }
         bound = found.cramer_rao_sd.get(name)
         if bound is not None:

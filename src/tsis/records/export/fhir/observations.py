@@ -16,7 +16,7 @@ from tsis.records.export.fhir.terms import (
     quantity,
     words,
 )
-from tsis.records.export.quantities import INTERVAL, identified
+from tsis.records.export.quantities import INTERVAL
 
 if TYPE_CHECKING:
     from datetime import datetime
@@ -105,7 +105,7 @@ def _value(stored: StoredEstimate, name: str) -> Resource:
     if name in found.cramer_rao_sd:
         bound = found.cramer_rao_sd[name]
         parts.append(component("cramer-rao-sd", "Least standard deviation of any unbiased estimate", name, bound))
-    if not identified(found, name):
+    if not found.identified(name):
         return {"dataAbsentReason": absent("unknown", UNIDENTIFIED), "component": parts}
     return {"valueQuantity": quantity(name, found.mean[name]), "component": parts}
 
