@@ -177,6 +177,37 @@ def _large_png(rows: bytes, rows_declared: int) -> bytes:
     )
 
 
+@pytest.mark.parametrize("interlaced", [False, True])
+@pytest.mark.parametrize(("columns", "rows"), [(1, 1), (3, 5), (8, 8), (17, 9), (33, 2)])
+@pytest.mark.parametrize(
+    ("depth", "colour", "channels"), [(8, 0, 1), (16, 0, 1), (1, 0, 1), (4, 3, 1), (8, 2, 3), (16, 6, 4)]
+)
+def test_a_png_must_hold_every_byte_of_its_pixels(
+    columns: int, rows: int, depth: int, colour: int, channels: int, interlaced: bool
+) -> None:
+    def file(size: int) -> bytes:
+        parts = (
+            (b"IHDR", struct.pack(">IIBBBBB", columns, rows, depth, colour, 0, 0, interlaced)),
+            (b"IDAT", zlib.compress(bytes(size))),
+            (b"IEND", b""),
+        )
+        chunks = (struct.pack(">I", len(data)) + kind + data + bytes(4) for kind, data in parts)
+        return b"\x89PNG\r\n\x1a\n" + b"".join(chunks)
+
+    if interlaced:  # as the specification of PNG draws it, pixel by pixel
+        pattern = ["16462646", "77777777", "56565656", "77777777", "36463646", "77777777", "56565656", "77777777"]
+        passes = [pattern[row % 8][column % 8] for row in range(rows) for column in range(columns)]
+        size = 0
+        for each in "1234567":
+            lines = {row for row in range(rows) if any(pattern[row % 8][c % 8] == each for c in range(columns))}
+            wide = passes.count(each) // len(lines) if lines else 0
+            size += len(lines) * (1 + -(-wide * channels * depth // 8))
+    else:
+        size = rows * (1 + -(-columns * channels * depth // 8))
+    assert not rows_missing(file(size))
+    assert rows_missing(file(size - 1))
+
+
 def test_pixels_that_are_missing_are_seen_before_memory_is_taken_for_them(tmp_path: Path) -> None:
     row = bytes(1 + 8 * 5000)
     assert not rows_missing(_large_png(row * 1000, 1000))

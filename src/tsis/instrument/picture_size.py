@@ -2,8 +2,8 @@
 
 A photograph of 64 million pixels takes many megabytes however it is packed, for a sensor's noise cannot be packed. Up
 to 16 million pixels a file may be as small as it likes, since an even frame packs a thousandfold; beyond, it must hold
-a byte for every 24 pixels, a third of what strongly compressed JPEG takes. A large PNG is unpacked once in small pieces
-before it is unpacked for good, so that one whose pixels are missing never takes their memory.
+a byte for every 24 pixels, a third of what strongly compressed JPEG takes. A PNG is unpacked once in small pieces
+before it is unpacked for good, so that one whose pixels are missing never takes their memory, and is never filled up.
 """
 
 from __future__ import annotations
@@ -13,8 +13,10 @@ import zlib
 
 LARGEST_PIXELS = 65_000_000  # sensors sold as 64 million have 64.1 to 64.5
 FREE_PIXELS, PIXELS_A_BYTE = 16_000_000, 24
-QUIET_BYTES = 32 * 2**20  # of pixels, below which a file whose pixels are missing costs little
 _PIECE = 4096  # packed bytes, of which none becomes more than 1032
+# first column and step, first row and step of each pass
+_WHOLE = ((0, 1, 0, 1),)
+_ADAM7 = ((0, 8, 0, 8), (4, 8, 0, 8), (0, 4, 4, 8), (2, 4, 0, 4), (0, 2, 2, 4), (1, 2, 0, 2), (0, 1, 1, 2))
 _CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 
 
@@ -39,13 +41,19 @@ def size_fault(columns: int, rows: int, file_bytes: int) -> str | None:
 
 
 def rows_missing(data: bytes) -> bool:
-    """Whether the pixels of a large PNG file, already found whole, are fewer than its header declares."""
+    """Whether the pixels of a PNG file, already found whole, are fewer than its header declares.
+
+    Pillow fills what is missing with zeros and says nothing.
+    """
     if not data.startswith(b"\x89PNG"):
         return False
     columns, rows, depth, colour = struct.unpack_from(">IIBB", data, 16)
-    wanted = rows * (1 + columns * _CHANNELS.get(colour, 1) * depth // 8)
-    if wanted <= QUIET_BYTES:
-        return False
+    bits, interlaced = _CHANNELS.get(colour, 1) * depth, data[28] == 1
+    wanted = sum(
+        high * (1 + -(-wide * bits // 8))
+        for left, across, top, down in (_ADAM7 if interlaced else _WHOLE)
+        if (wide := -(-(columns - left) // across)) > 0 and (high := -(-(rows - top) // down)) > 0
+    )
     unpacker, place, kind, found = zlib.decompressobj(), 8, b"", 0
     view = memoryview(data)
     try:
