@@ -9,7 +9,7 @@ import h5py
 import numpy as np
 import pytest
 import zarr
-from tests.records.sample import sample_dossier
+from tests.records.sample import sample_dossier, sample_estimate
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.calibration.file import identity, read_calibration
@@ -96,6 +96,31 @@ def test_frames_of_other_sizes_are_stacks_of_their_own(tmp_path: Path, write: Wr
     assert np.isnan(file["frames/target/1/force"][...]).all()
     assert np.isnan(file["frames/target/1/pixel_size"][...]).all()
     assert document(file["presses"]) == [press_to_plain(press) for press in mixed.presses]
+
+
+@FORMATS
+def test_presses_that_are_equal_keep_their_own_places(tmp_path: Path, write: Write, read: Read) -> None:
+    dossier = sample_dossier(estimated=False)
+    first, _, plain, _ = dossier.presses
+    write(replace(dossier, presses=(first, plain, first, plain, first)), tmp_path / "out")
+    file = read(tmp_path / "out")
+    assert list(file["frames/target/0/press"][...]) == [0, 2, 4]
+    assert list(file["frames/plain/0/press"][...]) == [1, 3]
+
+
+@FORMATS
+def test_an_estimate_that_is_not_trusted_has_samples_and_no_result(tmp_path: Path, write: Write, read: Read) -> None:
+    dossier = sample_dossier()
+    stored = dossier.estimates[0]
+    doubted = replace(stored, estimate=sample_estimate(trusted=False))
+    write(replace(dossier, estimates=(stored, doubted)), tmp_path / "out")
+    good, bad = (read(tmp_path / "out")[f"estimates/{number}"] for number in (0, 1))
+    assert (good.attrs["trusted"], bad.attrs["trusted"]) == (True, False)
+    assert set(good.attrs) - set(bad.attrs) == {"presence"}
+    told = {"mean", "sd", "interval_level", "interval_low", "interval_high", "cramer_rao_sd"}
+    for name, values in stored.estimate.samples.items():
+        assert set(good[f"samples/{name}"].attrs) - set(bad[f"samples/{name}"].attrs) == told
+        np.testing.assert_array_equal(bad[f"samples/{name}"][...], values)
 
 
 @FORMATS

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.records.sample import sample_dossier
+from tests.records.sample import sample_dossier, sample_estimate
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.model.errors import FileInputError, RecordsError
@@ -59,6 +59,25 @@ def test_what_nobody_measured_is_an_empty_cell() -> None:
     (row,) = rows(files["presses.csv"])
     assert (row["force (N)"], row["pixel size x (mm)"], row["calibration (SHA-256)"]) == ("", "", "")
     assert rows(files["estimates.csv"]) == []
+
+
+def test_an_estimate_that_is_not_trusted_has_no_result() -> None:
+    dossier = sample_dossier()
+    stored = dossier.estimates[0]
+    doubted = replace(stored, estimate=sample_estimate(trusted=False))
+    found = rows(csv_files(replace(dossier, estimates=(stored, doubted)))["estimates.csv"])
+    good, bad = found[:3], found[3:]
+    empty = [{name for name, text in row.items() if not text} for row in (*good, *bad)]
+    never = {"supersedes"}
+    assert empty[:3] == [never] * 3
+    told = {
+        name for name in found[0] if name.split(" (")[0] in ("mean", "sd", "Cramer-Rao sd", "narrowing", "presence")
+    }
+    told |= {"90% interval from (in unit)", "90% interval to (in unit)"}
+    assert len(told) == 7
+    assert empty[3:] == [told | never] * 3
+    assert [row["trusted"] for row in found] == ["yes"] * 3 + ["no"] * 3
+    assert [float(row["prior sd (in unit)"]) for row in bad] == [4.04, 2.31, 23.1]
 
 
 @pytest.mark.parametrize("full_scale", [255.0, 4095.0])

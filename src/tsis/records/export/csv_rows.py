@@ -12,6 +12,7 @@ from tsis.records.plain_free import free_to_plain
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
+    from tsis.model import Estimate
     from tsis.records.dossier import Dossier
     from tsis.records.values import StoredEstimate, Target
 
@@ -105,9 +106,8 @@ def estimate_rows(dossier: Dossier) -> list[Sequence[Any]]:
 
 def _parameter_rows(number: int, stored: StoredEstimate, *, in_force: bool) -> Iterator[list[Any]]:
     found = stored.estimate
-    mean, sd, narrowing, interval = found.mean, found.sd, found.narrowing, found.interval(INTERVAL)
+    numbers = _numbers(found)
     for name in found.samples:
-        bound = found.cramer_rao_sd.get(name)
         yield [
             number,
             in_force,
@@ -115,15 +115,10 @@ def _parameter_rows(number: int, stored: StoredEstimate, *, in_force: bool) -> I
             stored.made.isoformat(),
             name,
             unit_of(name),
-            mean[name],
-            sd[name],
-            *interval[name],
-            _float(found.prior_sd[name]),
-            "infinite" if bound == math.inf else _float(bound),
-            narrowing[name],
+            *numbers[name],
             found.identified(name),
             found.trusted,
-            _float(found.presence),
+            _float(found.presence) if found.trusted else None,
             " ".join(found.flags),
             " ".join(found.notes),
             stored.probe,
@@ -132,6 +127,19 @@ def _parameter_rows(number: int, stored: StoredEstimate, *, in_force: bool) -> I
             stored.supersedes,
             stored.id,
         ]
+
+
+def _numbers(found: Estimate) -> dict[str, list[Any]]:
+    """Mean, sd, interval, prior sd, Cramer-Rao sd and narrowing of each parameter; the prior alone if not trusted."""
+    if not found.trusted:
+        return {name: [None] * 4 + [_float(prior), None, None] for name, prior in found.prior_sd.items()}
+    mean, sd, narrowing, interval = found.mean, found.sd, found.narrowing, found.interval(INTERVAL)
+    rows: dict[str, list[Any]] = {}
+    for name, prior in found.prior_sd.items():
+        bound = found.cramer_rao_sd.get(name)
+        least = "infinite" if bound == math.inf else _float(bound)
+        rows[name] = [mean[name], sd[name], *interval[name], _float(prior), least, narrowing[name]]
+    return rows
 
 
 def _float(value: float | None) -> float | None:

@@ -7,18 +7,15 @@ from typing import TYPE_CHECKING, Any
 from tsis.model.errors import FileInputError
 from tsis.model.extra import library
 from tsis.records.export.arrays.layout import write_layout
+from tsis.records.export.arrays.tree import GZIP_LEVEL
 from tsis.records.export.whole import new_file
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Iterable, Mapping
-
-    from numpy.typing import NDArray
+    from collections.abc import Mapping
 
     from tsis.records.dossier import Dossier
-    from tsis.records.export.arrays.tree import Attribute
-
-LEVEL = 4  # of gzip
+    from tsis.records.export.arrays.tree import Attribute, Shape
 
 
 def write_hdf5(dossier: Dossier, path: str | os.PathLike[str]) -> None:
@@ -49,24 +46,8 @@ class _Hdf5Tree:
     def group(self, path: str, attributes: Mapping[str, Attribute]) -> None:
         self.file.require_group(path or "/").attrs.update(attributes)
 
-    def array(self, path: str, values: NDArray[Any], attributes: Mapping[str, Attribute]) -> None:
-        self._dataset(path, attributes, data=values, chunks=values.shape)
-
-    def stack(
-        self,
-        path: str,
-        frames: Iterable[NDArray[Any]],
-        shape: tuple[int, int, int],
-        dtype: str,
-        attributes: Mapping[str, Attribute],
-    ) -> None:
-        dataset = self._dataset(path, attributes, shape=shape, dtype=dtype, chunks=(1, *shape[1:]))
-        for at, frame in enumerate(frames):
-            dataset[at] = frame
-
-    def _dataset(self, path: str, attributes: Mapping[str, Attribute], **options: Any) -> Any:
-        dataset = self.file.create_dataset(
-            path, compression="gzip", compression_opts=LEVEL, shuffle=True, fletcher32=True, **options
-        )
-        dataset.attrs.update(attributes)
-        return dataset
+    def create(self, path: str, shape: Shape, dtype: str, chunks: Shape, attributes: Mapping[str, Attribute]) -> Any:
+        filters = {"compression": "gzip", "compression_opts": GZIP_LEVEL, "shuffle": True, "fletcher32": True}
+        found = self.file.create_dataset(path, shape=shape, dtype=dtype, chunks=chunks, **filters)
+        found.attrs.update(attributes)
+        return found

@@ -13,6 +13,7 @@ import numpy as np
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.calibration.file import calibration_bytes
 from tsis.model.errors import RecordsError
+from tsis.records.export.arrays.tree import write_array, write_stack
 from tsis.records.export.frame_png import checked_levels
 from tsis.records.export.quantities import INTERVAL, unit_of
 from tsis.records.plain import estimate_to_plain, press_to_plain, target_to_plain
@@ -20,6 +21,7 @@ from tsis.records.plain import estimate_to_plain, press_to_plain, target_to_plai
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from tsis.model import Estimate
     from tsis.records.dossier import Dossier
     from tsis.records.export.arrays.tree import Attribute, Tree
     from tsis.records.values import Press, StoredEstimate
@@ -47,7 +49,7 @@ def write_layout(dossier: Dossier, tree: Tree) -> None:
     shown = ("number", "kind", "name", "note", "made", "id", "version")
     tree.group("target", {name: plain[name] for name in shown})
     for name, value in dossier.target.truth.items():
-        tree.array(f"target/truth/{_link(name)}", np.array([value]), {"units": unit_of(name), "quantity": name})
+        write_array(tree, f"target/truth/{_link(name)}", np.array([value]), {"units": unit_of(name), "quantity": name})
     _document(tree, "presses", [press_to_plain(press) for press in dossier.presses])
     for place, numbered in _stacks(dossier).items():
         _write_stack(dossier, tree, place, numbered)
@@ -71,7 +73,8 @@ def _write_stack(dossier: Dossier, tree: Tree, place: str, numbered: list[tuple[
     first = presses[0]
     dtype = "uint16" if first.full_scale > 255 else "uint8"
     tree.group(place, {"role": first.role})
-    tree.stack(
+    write_stack(
+        tree,
         f"{place}/grey",
         (_levels(dossier, press, dtype) for press in presses),
         (len(presses), first.rows, first.columns),
@@ -86,14 +89,12 @@ def _write_stack(dossier: Dossier, tree: Tree, place: str, numbered: list[tuple[
         "full_scale": ([press.full_scale for press in presses], "grey level", "press"),
     }
     for name, (values, units, axes) in columns.items():
-        tree.array(f"{place}/{name}", np.array(values, dtype=float), {"units": units, "axes": axes})
+        write_array(tree, f"{place}/{name}", np.array(values, dtype=float), {"units": units, "axes": axes})
     since = [(press.taken - EPOCH) // timedelta(microseconds=1) for press in presses]
     units = "microseconds since 1970-01-01T00:00:00Z"
-    tree.array(f"{place}/taken", np.array(since, dtype=np.int64), {"units": units, "axes": "press"})
-    order = [dossier.presses.index(press) for press in presses]
-    tree.array(
-        f"{place}/press", np.array(order, dtype=np.int64), {"units": "1", "axes": "press", "index_of": "presses"}
-    )
+    write_array(tree, f"{place}/taken", np.array(since, dtype=np.int64), {"units": units, "axes": "press"})
+    order = np.array([number for number, _ in numbered], dtype=np.int64)
+    write_array(tree, f"{place}/press", order, {"units": "1", "axes": "press", "index_of": "presses"})
 
 
 def _levels(dossier: Dossier, press: Press, dtype: str) -> NDArray[Any]:
@@ -114,28 +115,39 @@ def _write_estimate(tree: Tree, place: str, stored: StoredEstimate, *, in_force:
         "in_force": in_force,
         "flags": json.dumps(list(found.flags)),
     }
-    if found.presence is not None:
+    if found.trusted and found.presence is not None:
         head["presence"] = float(found.presence)
     tree.group(place, head)
-    mean, sd, interval = found.mean, found.sd, found.interval(INTERVAL)
+    summary = _summary(found) if found.trusted else {}
     for name, values in found.samples.items():
         said: dict[str, Attribute] = {
             "quantity": name,
             "units": unit_of(name),
             "axes": "sample",
+            "prior_sd": float(found.prior_sd[name]),
+            "identified": found.identified(name),
+            **summary.get(name, {}),
+        }
+        write_array(tree, f"{place}/samples/{_link(name)}", values, said)
+    _document(tree, f"{place}/document", estimate_to_plain(stored))
+
+
+def _summary(found: Estimate) -> dict[str, dict[str, Attribute]]:
+    """Numbers that readers take for the result, by parameter."""
+    mean, sd, interval = found.mean, found.sd, found.interval(INTERVAL)
+    said: dict[str, dict[str, Attribute]] = {
+        name: {
             "mean": mean[name],
             "sd": sd[name],
             "interval_level": INTERVAL,
             "interval_low": interval[name][0],
             "interval_high": interval[name][1],
-            "prior_sd": float(found.prior_sd[name]),
-            "identified": found.identified(name),
         }
-        bound = found.cramer_rao_sd.get(name)
-        if bound is not None:
-            said["cramer_rao_sd"] = "infinity" if bound == math.inf else float(bound)
-        tree.array(f"{place}/samples/{_link(name)}", values, said)
-    _document(tree, f"{place}/document", estimate_to_plain(stored))
+        for name in found.samples
+    }
+    for name, bound in found.cramer_rao_sd.items():
+        said[name]["cramer_rao_sd"] = "infinity" if bound == math.inf else float(bound)
+    return said
 
 
 def _link(name: str) -> str:
@@ -149,4 +161,4 @@ def _document(tree: Tree, path: str, content: Any) -> None:
 
 
 def _bytes(tree: Tree, path: str, content: bytes) -> None:
-    tree.array(path, np.frombuffer(content, np.uint8), {"units": "1", "media_type": "application/json"})
+    write_array(tree, path, np.frombuffer(content, np.uint8), {"units": "1", "media_type": "application/json"})

@@ -10,6 +10,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 Attribute = str | float | int | bool
+Shape = tuple[int, ...]
+GZIP_LEVEL = 4  # in every format
 
 
 class Tree(Protocol):
@@ -18,15 +20,19 @@ class Tree(Protocol):
     def group(self, path: str, attributes: Mapping[str, Attribute]) -> None:
         """A group; ``""`` is the root."""
 
-    def array(self, path: str, values: NDArray[Any], attributes: Mapping[str, Attribute]) -> None:
-        """A small array, at least one axis."""
+    def create(self, path: str, shape: Shape, dtype: str, chunks: Shape, attributes: Mapping[str, Attribute]) -> Any:
+        """A new array of at least one axis, whose parts are set by their index; each chunk is compressed by itself."""
 
-    def stack(
-        self,
-        path: str,
-        frames: Iterable[NDArray[Any]],
-        shape: tuple[int, int, int],
-        dtype: str,
-        attributes: Mapping[str, Attribute],
-    ) -> None:
-        """Frames of one size, taken one by one and compressed each on its own; ``shape`` is (n, rows, columns)."""
+
+def write_array(tree: Tree, path: str, values: NDArray[Any], attributes: Mapping[str, Attribute]) -> None:
+    """A small array, in one chunk."""
+    tree.create(path, values.shape, str(values.dtype), values.shape, attributes)[...] = values
+
+
+def write_stack(
+    tree: Tree, path: str, frames: Iterable[NDArray[Any]], shape: Shape, dtype: str, attributes: Mapping[str, Attribute]
+) -> None:
+    """Frames of one size, taken one by one, a chunk each; ``shape`` is (n, rows, columns)."""
+    stack = tree.create(path, shape, dtype, (1, *shape[1:]), attributes)
+    for at, frame in enumerate(frames):
+        stack[at] = frame

@@ -9,18 +9,15 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.model.extra import library
 from tsis.records.export.arrays.layout import write_layout
+from tsis.records.export.arrays.tree import GZIP_LEVEL
 from tsis.records.export.whole import new_folder
 
 if TYPE_CHECKING:
     import os
-    from collections.abc import Iterable, Mapping
-
-    from numpy.typing import NDArray
+    from collections.abc import Mapping
 
     from tsis.records.dossier import Dossier
-    from tsis.records.export.arrays.tree import Attribute
-
-LEVEL = 4  # of gzip
+    from tsis.records.export.arrays.tree import Attribute, Shape
 
 
 def write_zarr(dossier: Dossier, path: str | os.PathLike[str]) -> None:
@@ -45,34 +42,12 @@ class _ZarrTree:
     def __init__(self, root: Any, codecs: Any) -> None:
         self.root = root
         # Gzip is in the specification, which Zstandard is not; a check sum finds what a disk has changed.
-        self.codecs = (codecs.GzipCodec(level=LEVEL), codecs.Crc32cCodec())
+        self.codecs = (codecs.GzipCodec(level=GZIP_LEVEL), codecs.Crc32cCodec())
 
     def group(self, path: str, attributes: Mapping[str, Attribute]) -> None:
         (self.root.require_group(path) if path else self.root).attrs.update(attributes)
 
-    def array(self, path: str, values: NDArray[Any], attributes: Mapping[str, Attribute]) -> None:
-        self._array(path, values.shape, str(values.dtype), values.shape, attributes)[...] = values
-
-    def stack(
-        self,
-        path: str,
-        frames: Iterable[NDArray[Any]],
-        shape: tuple[int, int, int],
-        dtype: str,
-        attributes: Mapping[str, Attribute],
-    ) -> None:
-        array = self._array(path, shape, dtype, (1, *shape[1:]), attributes)
-        for at, frame in enumerate(frames):
-            array[at] = frame
-
-    def _array(
-        self,
-        path: str,
-        shape: tuple[int, ...],
-        dtype: str,
-        chunks: tuple[int, ...],
-        attributes: Mapping[str, Attribute],
-    ) -> Any:
+    def create(self, path: str, shape: Shape, dtype: str, chunks: Shape, attributes: Mapping[str, Attribute]) -> Any:
         return self.root.create_array(
             path,
             shape=shape,
