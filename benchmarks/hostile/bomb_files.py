@@ -80,7 +80,9 @@ def _png_bombs() -> tuple[Bomb, ...]:
     loader = "picture, PNG"
     return (
         Bomb(
-            name="64 million pixels in 64 KB", loader=loader, make=lambda: _png(SIDE, SIDE, _zeros(SIDE * SIDE + SIDE))
+            name="64 million pixels in 64 KB, the last missing",
+            loader=loader,
+            make=lambda: _png(SIDE, SIDE, _zeros(SIDE * SIDE + SIDE - 1)),
         ),
         Bomb(
             name="64 million pixels of 8 bytes in 0.5 MB",

@@ -14,12 +14,14 @@ import tifffile
 from PIL import Image, TiffImagePlugin
 from PIL.PngImagePlugin import PngInfo
 
-from tsis.instrument import read_colour, read_image
+from tsis.instrument import png_bytes, read_colour, read_image
 from tsis.instrument.completeness import fault, jpeg_fault
 from tsis.instrument.picture_size import FREE_PIXELS, LARGEST_PIXELS, PIXELS_A_BYTE, rows_missing, size_fault
 from tsis.instrument.pixels_alone import jpeg_pixels, pixels_alone, png_pixels
+from tsis.instrument.png import whole_levels
 from tsis.instrument.tiff_directory import tiff_fault
-from tsis.model.errors import FileInputError
+from tsis.model import TactileImage
+from tsis.model.errors import FileInputError, InputError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -152,13 +154,47 @@ def test_a_tiff_with_notes_loads(tmp_path: Path, colour: NDArray[np.uint8]) -> N
     np.testing.assert_array_equal(read_colour(tmp_path / "a.tif"), colour)
 
 
+def _may(pixels: tuple[int, int], file_bytes: int, kind: str, pixel_bytes: int = 1) -> bool:
+    return size_fault(*pixels, file_bytes, kind=kind, pixel_bytes=pixel_bytes) is None
+
+
 def test_what_may_be_declared_follows_the_size_of_the_file() -> None:
-    assert size_fault(4000, 4000, 100) is None
-    assert size_fault(4000, 4001, 100) is not None
-    assert size_fault(8000, 8000, 64_000_000 // PIXELS_A_BYTE + 1) is None
-    assert size_fault(8000, 8000, 64_000_000 // PIXELS_A_BYTE - 1) is not None
-    assert size_fault(LARGEST_PIXELS + 1, 1, 10**9) is not None
+    assert _may((4000, 4000), 100, "TIFF")
+    assert not _may((4000, 4001), 100, "TIFF")
+    few, many = 64_000_000 // PIXELS_A_BYTE - 1, 64_000_000 // PIXELS_A_BYTE + 1
+    assert _may((8000, 8000), many, "TIFF")
+    assert not _may((8000, 8000), few, "TIFF")
+    assert _may((8000, 8000), few, "PNG", 3)
+    assert not _may((8000, 8000), few, "PNG", 4)
+    assert not _may((8000, 8000), 64_000_000 // 1032, "PNG")  # fewer bytes than any packing takes
+    assert not _may((8000, 8000), 64_000_000 // 512 - 1, "JPEG")
+    assert not _may((LARGEST_PIXELS + 1, 1), 10**9, "PNG")
     assert FREE_PIXELS < LARGEST_PIXELS
+
+
+@pytest.mark.parametrize(("deep", "hot"), [(False, 0.0), (False, 1e-4), (True, 1e-3)])
+def test_a_dark_frame_is_read_back_by_what_wrote_it(tmp_path: Path, deep: bool, hot: float) -> None:
+    rng = np.random.default_rng(4)
+    grey = np.zeros((4096, 4096), np.uint16 if deep else np.uint8)
+    grey.ravel()[rng.integers(0, grey.size, int(hot * grey.size))] = 3
+    assert grey.size > FREE_PIXELS
+    image = TactileImage(grey=grey, full_scale=65535.0 if deep else 255.0)
+    content = png_bytes(image)
+    assert len(content) * PIXELS_A_BYTE < grey.size or hot
+    (tmp_path / "a.png").write_bytes(content)
+    np.testing.assert_array_equal(read_image(tmp_path / "a.png").grey, grey)
+
+
+def test_an_even_jpeg_that_packs_as_far_as_any_is_read(tmp_path: Path) -> None:
+    Image.new("L", (4096, 4096)).save(tmp_path / "a.jpg", optimize=True, progressive=True)
+    assert (tmp_path / "a.jpg").stat().st_size * PIXELS_A_BYTE < 4096**2
+    assert read_image(tmp_path / "a.jpg").grey.shape == (4096, 4096)
+
+
+def test_more_pixels_than_are_read_back_are_not_written() -> None:
+    grey = np.broadcast_to(np.uint8(0), (65_001, 1000))
+    with pytest.raises(InputError, match="at most 65000000 pixels to be stored"):
+        whole_levels(grey, 255.0)
 
 
 def _large_png(rows: bytes, rows_declared: int) -> bytes:

@@ -153,7 +153,9 @@ def _decode(path: Path) -> _Picture:
 
 def _require_supported(path: Path, image: Image.Image, data: bytes) -> None:
     """Refuse by what the header says, before a pixel is decoded."""
-    broken = size_fault(*image.size, len(data))
+    level_bytes = 2 if image.mode.startswith("I;16") or _stored_bits(image) == 16 else 1
+    pixel_bytes = level_bytes * len(image.getbands())
+    broken = size_fault(*image.size, len(data), kind=image.format or "", pixel_bytes=pixel_bytes)
     if broken is not None:
         raise FileInputError(f"{shown(path)} must hold {broken}")
     if image.mode not in _GREY_MODES | _COLOUR_MODES:

@@ -1,9 +1,11 @@
 """What a picture may declare, given how many bytes it has: checked before memory is taken for its pixels.
 
-A photograph of 64 million pixels takes many megabytes however it is packed, for a sensor's noise cannot be packed. Up
-to 16 million pixels a file may be as small as it likes, since an even frame packs a thousandfold; beyond, it must hold
-a byte for every 24 pixels, a third of what strongly compressed JPEG takes. A PNG is unpacked once in small pieces
-before it is unpacked for good, so that one whose pixels are missing never takes their memory, and is never filled up.
+Up to 16 million pixels a file may be as small as it likes, since an even frame packs a thousandfold. Beyond, up to the
+levels of any frame that is written here, it must hold what its format takes at least for so many pixels: a dark frame
+packs as far as that and is honest. Only more levels than that must take a byte for every 24 pixels, a third of what
+strongly compressed JPEG takes; so must formats whose pixels cannot be counted before they are decoded. A PNG is
+unpacked once in small pieces before it is unpacked for good, so that one whose pixels are missing never takes their
+memory, and is never filled up.
 """
 
 from __future__ import annotations
@@ -13,6 +15,8 @@ import zlib
 
 LARGEST_PIXELS = 65_000_000  # sensors sold as 64 million have 64.1 to 64.5
 FREE_PIXELS, PIXELS_A_BYTE = 16_000_000, 24
+FREE_BYTES = 3 * LARGEST_PIXELS  # of levels: colour of 8 bits, or grey of 16
+MOST_PIXELS_A_BYTE = {"PNG": 1032, "JPEG": 512}  # deflate packs no further; a block of 64 pixels takes a bit
 _PIECE = 4096  # packed bytes, of which none becomes more than 1032
 # first column and step, first row and step of each pass
 _WHOLE = ((0, 1, 0, 1),)
@@ -20,21 +24,33 @@ _ADAM7 = ((0, 8, 0, 8), (4, 8, 0, 8), (0, 4, 4, 8), (2, 4, 0, 4), (0, 2, 2, 4), 
 _CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
 
 
-def size_fault(columns: int, rows: int, file_bytes: int) -> str | None:
+def size_fault(columns: int, rows: int, file_bytes: int, *, kind: str, pixel_bytes: int) -> str | None:
     """Why no picture of this size may be decoded from a file of so many bytes; None when it may.
+
+    Parameters
+    ----------
+    columns, rows
+        What the file declares.
+    file_bytes
+        How many bytes it has.
+    kind
+        Its format, e.g. ``"PNG"``.
+    pixel_bytes
+        What the levels of a pixel take, all channels together.
 
     Examples
     --------
-    >>> size_fault(9248, 6944, 20_000_000)
-    >>> size_fault(8000, 8000, 64_000)
+    >>> size_fault(8000, 8000, 64_000, kind="PNG", pixel_bytes=2)
+    >>> size_fault(8000, 8000, 64_000, kind="PNG", pixel_bytes=8)
     'a byte for every 24 pixels beyond 16000000 pixels; it declares 8000 x 8000 in 64000 bytes'
     """
     pixels = columns * rows
     if pixels > LARGEST_PIXELS:
         return f"at most {LARGEST_PIXELS} pixels; it declares {columns} x {rows}"
-    if pixels > FREE_PIXELS and pixels > PIXELS_A_BYTE * file_bytes:
+    most = MOST_PIXELS_A_BYTE.get(kind, PIXELS_A_BYTE) if pixels * pixel_bytes <= FREE_BYTES else PIXELS_A_BYTE
+    if pixels > FREE_PIXELS and pixels > most * file_bytes:
         return (
-            f"a byte for every {PIXELS_A_BYTE} pixels beyond {FREE_PIXELS} pixels; "
+            f"a byte for every {most} pixels beyond {FREE_PIXELS} pixels; "
             f"it declares {columns} x {rows} in {file_bytes} bytes"
         )
     return None

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
+from tsis.instrument.picture_size import LARGEST_PIXELS
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -23,7 +24,7 @@ def png_bytes(image: TactileImage) -> bytes:
     Raises
     ------
     InputError
-        When grey levels are not whole numbers in [0, full_scale], so that the file would not hold what was seen.
+        As `whole_levels`: the file would not hold what was seen, or could not be read back.
 
     Examples
     --------
@@ -40,8 +41,10 @@ def whole_levels(grey: NDArray[Any], full_scale: float) -> NDArray[Any]:
     Raises
     ------
     InputError
-        When they are not whole numbers in [0, full_scale].
+        When they are not whole numbers in [0, full_scale], or more than a file may hold that is read back.
     """
+    if grey.size > LARGEST_PIXELS:
+        raise InputError(f"grey must have at most {LARGEST_PIXELS} pixels to be stored; got {grey.shape}")
     wanted = np.uint8 if full_scale <= 255 else np.uint16
     if grey.dtype == wanted and full_scale >= np.iinfo(wanted).max:
         return grey
