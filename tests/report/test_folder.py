@@ -23,6 +23,13 @@ def test_a_failure_leaves_nothing(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
+def test_an_empty_folder_is_never_replaced(tmp_path: Path) -> None:
+    (tmp_path / "result").mkdir()
+    with pytest.raises(FileInputError, match="exists"):
+        write_folder(tmp_path / "result", {"one": b"1"})
+    assert list(tmp_path.rglob("*")) == [tmp_path / "result"]
+
+
 def test_an_existing_folder_with_files_is_never_replaced(tmp_path: Path) -> None:
     (tmp_path / "result").mkdir()
     (tmp_path / "result" / "mine").write_bytes(b"keep")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import secrets
 from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING
@@ -9,6 +10,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.model import TactileImage
+from tsis.model.errors import RecordsError
+from tsis.records.values import ESTIMATES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -31,11 +34,15 @@ class Dossier:
     presses
         In the order in which they were taken.
     estimates
-        In the order in which they were made; the last is the one in force.
+        In the order in which they were made; of each kind the last is in force.
     calibrations
         Those that presses and estimates cite, by their SHA-256.
     read
         Reads and checks the grey levels of a stored frame: its SHA-256 -> shape (rows, columns), uint8 or uint16.
+    secret
+        64 hexadecimal digits from which the target's pseudonym follows (`tsis.records.pseudonym`), and which no export
+        holds. A store gives a target always the same, which follow from a secret of its own. A dossier of no store, as
+        one of a bundle, has them at random: its pseudonym is another one each time that it is read.
     """
 
     target: Target
@@ -43,22 +50,41 @@ class Dossier:
     read: Callable[[str], NDArray[Any]]
     estimates: tuple[StoredEstimate, ...] = ()
     calibrations: Mapping[str, ProbeCalibration] = field(default_factory=dict)
+    secret: str = field(default_factory=lambda: secrets.token_hex(32), repr=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "calibrations", MappingProxyType(dict(self.calibrations)))
 
     @property
     def estimate(self) -> StoredEstimate | None:
-        """The estimate in force: the last one."""
+        """The last of all estimates."""
         return self.estimates[-1] if self.estimates else None
+
+    @property
+    def in_force(self) -> tuple[StoredEstimate, ...]:
+        """The estimates in force: the last of each kind, in the order of `tsis.records.values.ESTIMATES`."""
+        last = {stored.kind: stored for stored in self.estimates}
+        return tuple(last[kind] for kind in ESTIMATES if kind in last)
 
     def press(self, identity: str) -> Press:
         """The press of that identity; KeyError where there is none."""
         return {each.id: each for each in self.presses}[identity]
 
     def levels(self, press: Press) -> NDArray[Any]:
-        """Grey levels as the camera gave them, shape (rows, columns), uint8 or uint16."""
-        return self.read(press.frame)
+        """Grey levels as the camera gave them, shape (rows, columns), uint8 or uint16.
+
+        Raises
+        ------
+        RecordsError
+            When the stored frame is not of the size that its press says, or of another kind.
+        """
+        found = self.read(press.frame)
+        if found.shape != (press.rows, press.columns) or found.dtype not in (np.uint8, np.uint16):
+            raise RecordsError(
+                f"frame {press.frame:.12} must hold {press.rows} x {press.columns} grey levels of 8 or 16 bits, as its "
+                f"press says; got shape {found.shape} of {found.dtype}"
+            )
+        return found
 
     def image(self, press: Press) -> TactileImage:
         """The frame as an image that estimates take."""

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import itertools
-import shutil
-import tempfile
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tsis.model.errors import FileInputError
+from tsis.model.whole import new_folder
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+    from pathlib import Path
 
 
 def free_folder(wanted: Path) -> Path:
@@ -34,7 +33,7 @@ def free_folder(wanted: Path) -> Path:
 def write_folder(folder: Path, files: Mapping[str, bytes]) -> Path:
     """Write ``files`` (name -> bytes) into a new ``folder`` and return its absolute path.
 
-    The files are written beside it and moved there in one step, so that an interrupted run leaves no half of a result.
+    They appear in one step and are on the disk then, so that an interrupted run leaves no half of a result.
 
     Raises
     ------
@@ -42,16 +41,9 @@ def write_folder(folder: Path, files: Mapping[str, bytes]) -> Path:
         When the folder cannot be written or exists already.
     """
     try:
-        folder.parent.mkdir(parents=True, exist_ok=True)
-        draft = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}-"))
-        try:
+        with new_folder(folder) as draft:
             for name, content in files.items():
                 (draft / name).write_bytes(content)
-            draft.chmod(0o755)
-            draft.rename(folder)
-        except BaseException:
-            shutil.rmtree(draft, ignore_errors=True)
-            raise
     except OSError as error:
         raise _refused(folder, error) from error
     return folder.resolve()

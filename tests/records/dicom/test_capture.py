@@ -114,7 +114,7 @@ def test_every_instance_says_what_it_is(kind: str, identified: bool) -> None:
 
 def test_a_frame_that_is_not_what_its_press_says_is_refused() -> None:
     dossier = with_presses(framed([noise(3, 4)]), rows=4)
-    with pytest.raises(RecordsError, match=r"must be 4 x 4 pixels of 8 or 16 bit; got shape \(3, 4\)"):
+    with pytest.raises(RecordsError, match=r"must hold 4 x 4 grey levels of 8 or 16 bits.*; got shape \(3, 4\)"):
         dicom_files(dossier)
 
 

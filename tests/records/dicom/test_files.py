@@ -42,23 +42,46 @@ def test_another_content_of_the_name_is_not_replaced(tmp_path: Path) -> None:
     assert path.read_bytes() == b"mine"
 
 
-def test_a_full_disk_leaves_whole_files_alone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    wanted = {file.name: file.content for file in dicom_files(sample_dossier())}
+@pytest.mark.parametrize("step", ["sync", "name"])
+@pytest.mark.parametrize("at", [1, 2, 3])
+def test_a_disk_that_fails_at_any_file_leaves_no_half_of_a_set(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str, at: int
+) -> None:
+    (tmp_path / "mine").write_bytes(b"mine")
     done: list[str] = []
-    real = durable.Disk.sync
+    real = getattr(durable.Disk, step)
 
-    def fail(self: durable.Disk, file: object) -> None:
+    def fail(*known: object) -> None:
         done.append("")
-        if len(done) == 2:
+        if len(done) == at:
             raise OSError(28, "No space left on device")
-        real(self, file)  # type: ignore[arg-type]
+        real(*known)
 
-    monkeypatch.setattr(durable.Disk, "sync", fail)
+    monkeypatch.setattr(durable.Disk, step, fail)
     with pytest.raises(RecordsError, match=r"cannot be written to .*: No space left on device"):
         write_dicom(sample_dossier(), tmp_path)
-    left = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
-    assert len(left) == 1
-    assert left.items() <= wanted.items()
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
+    monkeypatch.undo()
+    assert len(write_dicom(sample_dossier(), tmp_path)) == 3
+
+
+def test_a_new_folder_is_not_there_when_the_disk_fails(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(durable.Disk, "sync", fail)
+    with pytest.raises(RecordsError, match="No space left on device"):
+        write_dicom(sample_dossier(), tmp_path / "new")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_what_is_missing_of_a_set_is_written_and_the_rest_left(tmp_path: Path) -> None:
+    paths = write_dicom(sample_dossier(), tmp_path)
+    content, kept = paths[1].read_bytes(), paths[0].stat()
+    paths[1].unlink()
+    assert write_dicom(sample_dossier(), tmp_path) == paths
+    assert paths[1].read_bytes() == content
+    assert (paths[0].stat().st_ino, paths[0].stat().st_mtime_ns) == (kept.st_ino, kept.st_mtime_ns)
 
 
 def test_a_folder_that_is_a_file_is_told(tmp_path: Path) -> None:

@@ -9,8 +9,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tsis.model.durable import make_folder_durably, write_durably
 from tsis.model.errors import RecordsError
+from tsis.model.whole import add_files
 from tsis.records.dicom.libraries import pydicom
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ def _bytes(dataset: Dataset) -> bytes:
 
 
 def write_files(files: Iterable[DicomFile], folder: Path) -> tuple[Path, ...]:
-    """Write each file whole or not at all; one that is there with the same content is left as it is.
+    """Write all files or none; those that are there with the same content are left as they are.
 
     Raises
     ------
@@ -93,17 +93,16 @@ def write_files(files: Iterable[DicomFile], folder: Path) -> tuple[Path, ...]:
         When a file cannot be written, or one of that name is there with another content.
     """
     folder = Path(folder)
-    planned = [(folder / file.name, file.content) for file in files]
+    planned = {file.name: file.content for file in files}
     try:
-        make_folder_durably(folder)
-        for path, content in planned:
-            if path.exists() and path.read_bytes() != content:
+        there = {name for name in planned if (folder / name).exists()}
+        for name in sorted(there):
+            if (folder / name).read_bytes() != planned[name]:
                 raise RecordsError(
-                    f"{path} is there with another content, which an export does not replace; name an empty folder"
+                    f"{folder / name} is there with another content, which an export does not replace; name an empty "
+                    "folder"
                 )
-        for path, content in planned:
-            if not path.exists():
-                write_durably(path, content)
+        add_files(folder, {name: content for name, content in planned.items() if name not in there})
     except OSError as error:
         raise RecordsError(f"the DICOM files cannot be written to {folder}: {error.strerror or error}") from error
-    return tuple(path for path, _ in planned)
+    return tuple(folder / name for name in planned)

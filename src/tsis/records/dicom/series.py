@@ -55,7 +55,7 @@ def stacks(dossier: Dossier) -> Iterator[Stack]:
     for role in ROLES:
         kinds: dict[tuple[Any, ...], list[tuple[Press, NDArray[Any]]]] = {}
         for press in sorted((each for each in dossier.presses if each.role == role), key=lambda each: each.taken):
-            levels = _levels(dossier, press)
+            levels = dossier.levels(press)
             kinds.setdefault((levels.shape, levels.dtype, press.mm_per_pixel, press.full_scale), []).append(
                 (press, levels)
             )
@@ -71,16 +71,6 @@ def stacks(dossier: Dossier) -> Iterator[Stack]:
                     presses=tuple(press for press, _ in some),
                     levels=np.stack([levels for _, levels in some]),
                 )
-
-
-def _levels(dossier: Dossier, press: Press) -> NDArray[Any]:
-    levels = dossier.levels(press)
-    if levels.shape != (press.rows, press.columns) or levels.dtype not in (np.uint8, np.uint16):
-        raise RecordsError(
-            f"the frame of press {press.id or press.name!r} must be {press.rows} x {press.columns} pixels of 8 or 16 "
-            f"bit; got shape {levels.shape} of {levels.dtype}"
-        )
-    return levels
 
 
 def increments_ms(presses: tuple[Press, ...]) -> list[str]:

@@ -14,7 +14,6 @@ from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.calibration.file import calibration_bytes
 from tsis.model.errors import RecordsError
 from tsis.records.export.arrays.tree import write_array, write_stack
-from tsis.records.export.frame_png import checked_levels
 from tsis.records.export.quantities import INTERVAL, unit_of
 from tsis.records.plain import estimate_to_plain, press_to_plain, target_to_plain
 
@@ -98,7 +97,7 @@ def _write_stack(dossier: Dossier, tree: Tree, place: str, numbered: list[tuple[
 
 
 def _levels(dossier: Dossier, press: Press, dtype: str) -> NDArray[Any]:
-    found = checked_levels(dossier, press)
+    found = dossier.levels(press)
     if int(found.max()) > np.iinfo(dtype).max:  # a file of 8 bits would wrap it round
         raise RecordsError(
             f"frame {press.frame:.12} must hold levels up to its full scale, {press.full_scale:g}; got {found.max()}"
