@@ -58,7 +58,6 @@ def main() -> int:
     heads = (
         "run",
         "cycles",
-        "kills",
         "acknowledged",
         "lost",
         "torn",
