@@ -45,7 +45,10 @@ class StoreMachine(RuleBasedStateMachine):
         self.held: dict[str, Held] = {}
 
     @rule(
-        target=targets, name=WORDS, number=st.none() | st.integers(1, 6), truth=st.dictionaries(WORDS, st.floats(0, 9))
+        target=targets,
+        name=WORDS,
+        number=st.none() | st.integers(1, 6),
+        truth=st.dictionaries(WORDS.filter(bool), st.floats(0, 9)),
     )
     def add_target(self, name: str, number: int | None, truth: dict[str, float]) -> Any:
         taken = {each.target.number for each in self.held.values()}

@@ -1,4 +1,4 @@
-"""What a press cannot be, no press is."""
+"""What a press or a target cannot be, none is."""
 
 from __future__ import annotations
 
@@ -28,3 +28,16 @@ from tsis.model.errors import InputError
 def test_a_press_out_of_range_is_refused(values: dict[str, Any], sentence: str) -> None:
     with pytest.raises(InputError, match=sentence):
         replace(sample_dossier().presses[0], **values)
+
+
+@pytest.mark.parametrize("name", ["", " ", "\x1b[31mred", "two\nlines", "d" * 201, 1])
+def test_a_true_value_has_a_name_that_can_be_shown(name: Any) -> None:
+    with pytest.raises(InputError, match="a name in truth must be 1 to 200 printable characters"):
+        replace(sample_dossier().target, truth={name: 1.0})
+
+
+def test_numbers_of_targets_end_where_names_of_folders_do() -> None:
+    given = sample_dossier().target
+    assert replace(given, number=99_999).number == 99_999
+    with pytest.raises(InputError, match=r"number must lie in \[1, 99999\]; got 100000"):
+        replace(given, number=100_000)

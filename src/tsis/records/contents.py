@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from sqlalchemy import select
+from sqlalchemy import func, select
 
 from tsis.calibration.file import read_calibration
+from tsis.instrument.naming import LARGEST_TARGET
 from tsis.model import check
 from tsis.model.errors import InputError, RecordsError
 from tsis.records import rows, tables
 from tsis.records.dossier import Dossier
 from tsis.records.frame_file import frame_levels
+from tsis.records.lineage import in_lineage
 from tsis.records.samples import samples_of
 from tsis.records.summary import TargetSummary, target_summaries
 
@@ -20,6 +22,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
+    from sqlalchemy import Connection
 
     from tsis.calibration import ProbeCalibration
     from tsis.records.blobs import Blobs
@@ -50,7 +53,7 @@ class Contents:
 
     def target(self, number: int) -> Target:
         """The target that people call by this number; `InputError` when there is none."""
-        check.whole("target", number, 1, 99_999, hint="number of the target")
+        check.whole("target", number, 1, LARGEST_TARGET, hint="number of the target")
         with self.database.reading() as connection:
             query = select(tables.targets).where(tables.targets.c.number == int(number))
             row = connection.execute(query).first()
@@ -62,14 +65,14 @@ class Contents:
 
     def presses(self, target: Target, *, limit: int | None = None, offset: int = 0) -> tuple[Press, ...]:
         """Presses of a target in the order in which they were taken, ``limit`` of them after the first ``offset``."""
-        table = tables.presses.c
-        page = select(table.id).where(table.target == target.id).order_by(table.taken, table.id)
-        # Which they are tells the index alone; only their own rows are read.
-        query = _presses().where(table.id.in_(page.limit(limit).offset(offset))).order_by(table.taken, table.id)
         with self.database.reading() as connection:
-            found = connection.execute(query)
-            names, values = tuple(found.keys()), found.all()
-        return tuple(rows.press_of_row(dict(zip(names, row, strict=True))) for row in values)
+            return _presses_of(connection, target, limit, offset)
+
+    def press_count(self, target: Target) -> int:
+        """How many presses a target has; by the index alone."""
+        query = select(func.count()).select_from(tables.presses).where(tables.presses.c.target == target.id)
+        with self.database.reading() as connection:
+            return int(connection.execute(query).scalar_one())
 
     def presses_of_frames(self, frames: Sequence[str]) -> tuple[Press, ...]:
         """Presses of any target whose frame is one of these: by it one tells what is stored already."""
@@ -79,16 +82,17 @@ class Contents:
                 some = tables.frames.c.id.in_(frames[at : at + MOST_AT_ONCE])
                 held = list(connection.execute(select(tables.frames.c.id).where(some)).scalars())
                 if held:  # else no press needs to be looked at
-                    found += connection.execute(_presses().where(tables.presses.c.frame.in_(held)))
+                    found += connection.execute(press_query().where(tables.presses.c.frame.in_(held)))
         return tuple(rows.press_of_row(row._asdict()) for row in found)
 
     def estimates(self, target: Target) -> tuple[StoredEstimate, ...]:
-        """Estimates of a target in the order in which they were made."""
-        table = tables.estimates
-        query = select(table).where(table.c.target == target.id).order_by(table.c.made, table.c.id)
+        """Estimates of a target in the order in which they were made; one that supersedes another after it."""
         with self.database.reading() as connection:
-            found = [row._asdict() for row in connection.execute(query)]
-        return tuple(rows.estimate_of_row(row, self._samples(row["samples"])) for row in found)
+            found = _estimate_rows(connection, target)
+        return self._estimates(found)
+
+    def _estimates(self, found: Sequence[rows.Row]) -> tuple[StoredEstimate, ...]:
+        return in_lineage([rows.estimate_of_row(row, self._samples(row["samples"])) for row in found])
 
     def _samples(self, name: object) -> Mapping[str, NDArray[Any]]:
         return samples_of(self.blobs.get(str(name), "samples"), f"samples {name!s:.12}")
@@ -110,7 +114,9 @@ class Contents:
 
     def dossier(self, target: Target) -> Dossier:
         """All that is stored of a target; frames are read when they are asked for."""
-        presses, estimates = self.presses(target), self.estimates(target)
+        with self.database.reading() as connection:  # one state, so that presses that estimates rest on are there
+            presses, made = _presses_of(connection, target), _estimate_rows(connection, target)
+        estimates = self._estimates(made)
         cited = {each.calibration for each in estimates}
         cited |= {each.calibration for each in presses if each.calibration is not None}
         return Dossier(
@@ -122,6 +128,24 @@ class Contents:
         )
 
 
-def _presses() -> Any:
+def _presses_of(connection: Connection, target: Target, limit: int | None = None, offset: int = 0) -> tuple[Press, ...]:
+    table = tables.presses.c
+    page = select(table.id).where(table.target == target.id).order_by(table.taken, table.id)
+    # Which they are tells the index alone; only their own rows are read.
+    found = connection.execute(
+        press_query().where(table.id.in_(page.limit(limit).offset(offset))).order_by(table.taken, table.id)
+    )
+    names, values = tuple(found.keys()), found.all()
+    return tuple(rows.press_of_row(dict(zip(names, row, strict=True))) for row in values)
+
+
+def _estimate_rows(connection: Connection, target: Target) -> list[rows.Row]:
+    table = tables.estimates
+    query = select(table).where(table.c.target == target.id).order_by(table.c.made, table.c.id)
+    return [row._asdict() for row in connection.execute(query)]
+
+
+def press_query() -> Any:
+    """Presses with the size of their frames, as `tsis.records.rows.press_of_row` takes them."""
     sizes = (tables.frames.c.rows, tables.frames.c.columns)
     return select(tables.presses, *sizes).join(tables.frames, tables.presses.c.frame == tables.frames.c.id)

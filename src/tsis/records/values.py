@@ -9,6 +9,7 @@ from datetime import UTC, datetime
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
+from tsis.instrument.naming import LARGEST_TARGET
 from tsis.model import check
 from tsis.model.errors import InputError
 from tsis.model.image import require_numbers
@@ -30,6 +31,12 @@ def require_text(name: str, value: object, longest: int) -> None:
     assert isinstance(value, str)
     if len(value) > longest or not value.replace("\n", "").isprintable():
         raise InputError(f"{name} must be printable text of at most {longest} characters; got {value!r:.80}")
+
+
+def require_label(name: str, value: object) -> None:
+    """Refuse what cannot be shown as a label on one line: nothing, too much, or control characters."""
+    if not isinstance(value, str) or not 0 < len(value) <= LONGEST_NAME or not value.isprintable() or value.isspace():
+        raise InputError(f"{name} must be 1 to {LONGEST_NAME} printable characters; got {value!r:.80}")
 
 
 def require_moment(name: str, value: object) -> None:
@@ -78,7 +85,7 @@ class Target:
     version: int = 1
 
     def __post_init__(self) -> None:
-        check.whole("number", self.number, 1, 99_999, hint="number of the target")
+        check.whole("number", self.number, 1, LARGEST_TARGET, hint="number of the target")
         check.known("kind", self.kind, KINDS)
         require_text("name", self.name, LONGEST_NAME)
         require_text("note", self.note, LONGEST_NOTE)
@@ -86,7 +93,9 @@ class Target:
         check.kind("truth", self.truth, Mapping)
         if self.truth and self.kind == "subject":
             raise InputError(f"truth must be empty for a subject, of whom nothing is known; got {dict(self.truth)}")
-        truth = {str(name): check.number(f"truth[{name!r}]", value, -1e9, 1e9) for name, value in self.truth.items()}
+        for name in self.truth:
+            require_label("a name in truth", name)
+        truth = {name: check.number(f"truth[{name!r}]", value, -1e9, 1e9) for name, value in self.truth.items()}
         object.__setattr__(self, "truth", MappingProxyType(truth))
 
 

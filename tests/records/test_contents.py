@@ -1,0 +1,88 @@
+"""What is read of a store is one state of it, whatever another program enters meanwhile."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from datetime import datetime, timedelta
+from typing import TYPE_CHECKING, Any
+
+from tests.records.sample import WHEN, levels, sample_calibration, sample_dossier, sample_estimate
+
+from tsis.model import TactileImage
+from tsis.records import StoredEstimate
+from tsis.records import store as store_module
+from tsis.records.database import Database
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import pytest
+    from tests.records.place import Place
+
+    from tsis.records import Store, Target
+
+
+def estimated(store: Store, target: Target, seed: int, supersedes: StoredEstimate | None = None) -> StoredEstimate:
+    """A press more, and an estimate that rests on it."""
+    image = TactileImage(grey=levels(seed)[:8, :10], full_scale=255.0)
+    press = store.add_press(target, image, taken=WHEN + timedelta(seconds=seed))
+    return store.add_estimate(
+        target,
+        sample_estimate(),
+        kind="inclusion",
+        presses=[press],
+        probe="tsis-2011",
+        calibration=sample_calibration(),
+        supersedes=supersedes,
+    )
+
+
+def test_estimates_rest_on_presses_that_were_read_with_them(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Whatever another enters between two questions to the database, after every one of them."""
+    reading = Database.reading
+    with place.open() as store, place.open() as other:
+        target = store.add_target()
+        estimated(store, target, 0)
+        seeds = iter(range(1, 100))
+        entering = False
+
+        @contextmanager
+        def raced(self: Database) -> Iterator[Any]:
+            nonlocal entering
+            with reading(self) as connection:
+                yield connection
+            if self is store.database and not entering:
+                entering = True
+                estimated(other, target, next(seeds))
+                entering = False
+
+        with monkeypatch.context() as racing:
+            racing.setattr(Database, "reading", raced)
+            dossier = store.dossier(target)
+        assert next(seeds) > 2  # another did enter something
+        for stored in dossier.estimates:
+            assert [dossier.press(identity).id for identity in stored.presses] == list(stored.presses)
+        assert len(store.estimates(target)) > len(dossier.estimates)
+
+
+def test_a_clock_that_was_set_back_puts_no_old_estimate_in_force(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    target = store.add_target()
+    first = estimated(store, target, 0)
+
+    class Clock(datetime):
+        @classmethod
+        def now(cls, tz: Any = None) -> Clock:
+            return super().now(tz) - timedelta(hours=1)
+
+    monkeypatch.setattr(store_module, "datetime", Clock)
+    again = estimated(store, target, 1, supersedes=first)
+    assert again.made < first.made
+    assert [stored.id for stored in store.dossier(target).estimates] == [first.id, again.id]
+    assert store.estimates(target)[-1].id == again.id
+
+
+def test_presses_are_counted_without_being_read(store: Store) -> None:
+    given = sample_dossier()
+    target = store.take_in(given).target
+    empty = store.add_target()
+    assert (store.press_count(target), store.press_count(empty)) == (len(given.presses), 0)
