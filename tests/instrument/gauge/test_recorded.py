@@ -72,7 +72,7 @@ def test_another_file_is_refused(tmp_path: Path, content: bytes, message: str) -
 def test_writing_refuses_what_reading_would_refuse(tmp_path: Path) -> None:
     later, earlier = ForceReading(time_s=2.0, force_n=0.0), ForceReading(time_s=1.0, force_n=0.0)
     path = tmp_path / "force.csv"
-    with pytest.raises(InputError, match="at least one"):
+    with pytest.raises(InputError, match=r"must be 1 to 4000000.*got none"):
         write_readings(path, [])
     with pytest.raises(InputError, match="ascending times"):
         write_readings(path, [later, earlier])
@@ -81,6 +81,31 @@ def test_writing_refuses_what_reading_would_refuse(tmp_path: Path) -> None:
         write_readings(path, [earlier])
     with pytest.raises(FileInputError, match="must be writable"):
         write_readings(tmp_path / "no folder" / "force.csv", [earlier])
+
+
+def test_as_many_as_are_written_are_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    bounds = write_readings.__globals__
+    monkeypatch.setitem(bounds, "MOST_READINGS", 12)
+    rows = [ForceReading(time_s=float(at), force_n=-1.25) for at in range(13)]
+    with pytest.raises(InputError, match=r"must be 1 to 12, .* got 13"):
+        write_readings(tmp_path / "long.csv", rows)
+    path = write_readings(tmp_path / "force.csv", rows[:12])
+    assert _read(path) == rows[:12]
+    monkeypatch.setitem(bounds, "LARGEST_BYTES", path.stat().st_size)
+    assert len(_read(path)) == 12
+    monkeypatch.setitem(bounds, "LARGEST_BYTES", path.stat().st_size - 1)
+    with pytest.raises(InputError, match="must take at most"):
+        write_readings(tmp_path / "long.csv", rows[:12])
+    assert not (tmp_path / "long.csv").exists()
+
+
+@pytest.mark.slow
+def test_seventeen_minutes_at_a_kilohertz_come_back(tmp_path: Path) -> None:
+    count = 1_020_000
+    path = write_readings(tmp_path / "force.csv", (ForceReading(time_s=at / 1000, force_n=0.1) for at in range(count)))
+    gauge = RecordedGauge(path)
+    gauge.open()
+    assert sum(1 for _ in gauge.readings()) == count
 
 
 def test_a_file_is_a_gauge_whose_zero_stays(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ import csv
 import io
 import math
 import threading
+from array import array
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
-LARGEST_BYTES, MOST_READINGS = 64 * 2**20, 1_000_000
+LARGEST_BYTES, MOST_READINGS = 160 * 2**20, 4_000_000  # more than an hour at 1 kHz; a line takes about 40 bytes
 HEAD = ("time_s", "force_n", "resolution_n", "time_error_s")
 _NEEDED = 2  # the columns that a file made elsewhere must have
 
@@ -34,7 +35,7 @@ def write_readings(path: str | os.PathLike[str], readings: Iterable[ForceReading
     Raises
     ------
     InputError
-        When there are none, or their times do not ascend.
+        When there are none, their times do not ascend, or they are more than are read back.
     FileInputError
         When the file exists or cannot be written.
 
@@ -48,8 +49,11 @@ def write_readings(path: str | os.PathLike[str], readings: Iterable[ForceReading
     ['time_s,force_n,resolution_n,time_error_s', '1.5,0.25,0.0,0.0']
     """
     file, rows = as_path(path), list(readings)
-    if not rows:
-        raise InputError("readings must hold at least one; got none")
+    if not 0 < len(rows) <= MOST_READINGS:
+        raise InputError(
+            f"readings must be 1 to {MOST_READINGS}, so that they can be read back; got {len(rows) or 'none'} "
+            "(write parts of a long run as files of their own)"
+        )
     if any(after.time_s <= before.time_s for before, after in pairwise(rows)):
         raise InputError("readings must have ascending times; sort them, or keep those of one run")
     if file.exists():
@@ -58,8 +62,14 @@ def write_readings(path: str | os.PathLike[str], readings: Iterable[ForceReading
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(HEAD)
     writer.writerows([float(getattr(row, name)) for name in HEAD] for row in rows)
+    content = text.getvalue().encode()
+    if len(content) > LARGEST_BYTES:
+        raise InputError(
+            f"readings must take at most {LARGEST_BYTES} bytes, so that they can be read back; got {len(content)} "
+            "(write parts of a long run as files of their own)"
+        )
     try:
-        write_durably(file, text.getvalue().encode())
+        write_durably(file, content)
     except OSError as error:
         raise FileInputError(f"{shown(file)} must be writable; got: {error.strerror}") from error
     return file
@@ -76,7 +86,7 @@ class RecordedGauge:
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self._path = as_path(path)
-        self._readings: tuple[ForceReading, ...] = ()
+        self._numbers = array("d")  # of all readings one after the other: an hour of objects would take a gigabyte
         self._running = threading.Event()
 
     @property
@@ -104,7 +114,7 @@ class RecordedGauge:
         """
         content = read_bytes(self._path, most=LARGEST_BYTES)
         try:
-            self._readings = tuple(_parsed(content))
+            self._numbers = array("d", (getattr(row, name) for row in _parsed(content) for name in HEAD))
         except _LineError as error:
             raise FileInputError(f"{shown(self._path)} {error}") from error
         except FileInputError as error:
@@ -115,10 +125,10 @@ class RecordedGauge:
         """Yield the file's readings until its end, or until it is closed."""
         if not self._running.is_set():
             raise GaugeError(f"{shown(self._path)} must be opened first; call open()")
-        for reading in self._readings:
+        for start in range(0, len(self._numbers), len(HEAD)):
             if not self._running.is_set():
                 return
-            yield reading
+            yield ForceReading(**dict(zip(HEAD, self._numbers[start : start + len(HEAD)], strict=True)))
 
     def tare(self) -> None:
         """Refuse: stored readings have the zero that they were taken with."""
