@@ -15,8 +15,10 @@ import pytest
 from tests.records.export.bundles import Memory, files_of, plain, sealed
 from tests.records.sample import sample_dossier
 
+from tsis.instrument.picture_size import LARGEST_PIXELS
 from tsis.model.errors import FileInputError
 from tsis.records.export import read_bundle, write_bundle
+from tsis.records.export.bundle.contents import largest
 from tsis.records.export.bundle.picture import read_picture
 from tsis.records.export.bundle.reading import read_place
 
@@ -104,7 +106,18 @@ def test_a_press_that_agrees_with_a_picture_too_large_is_refused_before_it_is_un
     presses[0] |= {"rows": 60_000, "columns": 60_000}
     name = f"frames/{presses[0]['frame']}.png"
     files = WHOLE | {"presses.json": json.dumps(presses).encode(), name: png(60_000, 60_000, bytes(MIB))}
-    refused(sealed(files), "must hold at most 32000000 pixels")
+    refused(sealed(files), f"must hold at most {LARGEST_PIXELS} pixels")
+
+
+def test_any_frame_that_may_be_stored_may_be_in_a_bundle() -> None:
+    black = np.zeros((8000, 8000), np.uint16)
+    assert black.size <= LARGEST_PIXELS
+    content = cv2.imencode(".png", black, (cv2.IMWRITE_PNG_COMPRESSION, 1))[1].tobytes()
+    np.testing.assert_array_equal(read_picture(content, "black.png", *black.shape), black)
+    # Noise of 16 bits cannot be packed: its file is longer than its levels by a byte a row, and a few a chunk.
+    noise = np.random.default_rng(1).integers(0, 65536, (500, 4000)).astype(np.uint16)
+    packed = len(cv2.imencode(".png", noise, (cv2.IMWRITE_PNG_COMPRESSION, 1))[1])
+    assert LARGEST_PIXELS * packed / noise.size < largest(FRAMES[0])
 
 
 @pytest.mark.parametrize(

@@ -20,12 +20,12 @@ SHA256 = re.compile(r"[0-9a-f]{64}")
 MIB = 2**20
 MOST_FILES = 20_000
 MOST_BYTES = 16 * 1024 * MIB
-MOST_PIXELS = 32_000_000  # of a frame
 MOST_SAMPLE_BYTES = 32 * MIB  # of all estimates together: they are held at once
 # Longest file of each kind, by the pattern of its name.
 LARGEST = {
     re.compile(r"(manifest|target|presses|estimates)\.json"): 16 * MIB,
-    re.compile(r"frames/[0-9a-f]{64}\.png"): 80 * MIB,
+    re.compile(r"frames/[0-9a-f]{64}\.png"): 256
+    * MIB,  # 65 million pixels of 16 bits that cannot be packed, and their rows
     re.compile(r"calibrations/[0-9a-f]{64}\.json"): 128 * MIB,
     re.compile(r"samples/[0-9]{5}\.samples"): MOST_SAMPLE_BYTES,
 }

@@ -10,9 +10,9 @@ import cv2
 import numpy as np
 
 from tsis.instrument.completeness import png_fault
+from tsis.instrument.picture_size import LARGEST_PIXELS
 from tsis.instrument.quiet import quiet_decoders
 from tsis.model.errors import FileInputError
-from tsis.records.export.bundle.contents import MOST_PIXELS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -38,8 +38,8 @@ def read_picture(content: bytes, name: str, rows: int, columns: int) -> NDArray[
     FileInputError
         When it is no whole grey PNG file of 8 or 16 bits, of another size, too large, or holds anything but a picture.
     """
-    if rows * columns > MOST_PIXELS:
-        raise FileInputError(f"{name} must hold at most {MOST_PIXELS} pixels; its press says {rows} x {columns}")
+    if rows * columns > LARGEST_PIXELS:
+        raise FileInputError(f"{name} must hold at most {LARGEST_PIXELS} pixels; its press says {rows} x {columns}")
     dtype = _require_header(content, name, rows, columns)
     if (broken := png_fault(content)) is None:
         broken = _data_fault(content, rows * (1 + columns * np.dtype(dtype).itemsize))
