@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 WHEN = datetime(2026, 11, 22, 9, 30, tzinfo=UTC)
 SHAPE = (96, 150)
+SECRET = "5a" * 32
 
 
 def levels(seed: int, *, full_scale: float = 255.0, height: float = 0.5) -> NDArray[Any]:
@@ -105,4 +106,5 @@ def sample_dossier(*, full_scale: float = 255.0, kind: str = "phantom", estimate
         read=frames.__getitem__,
         estimates=(estimate,) if estimated else (),
         calibrations={identity(known): known},
+        secret=SECRET,
     )

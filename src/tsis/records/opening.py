@@ -20,6 +20,7 @@ from tsis.records.anchor import BEFORE, read_anchor, write_anchor
 from tsis.records.anchor import FILE as ANCHOR
 from tsis.records.audit import Change, Head, append, begin_audit, locked_head
 from tsis.records.database import FILE, Database
+from tsis.records.secret import TERM, new_secret
 from tsis.records.store import FILES, Store
 from tsis.records.values import KINDS
 
@@ -125,12 +126,13 @@ def _terms(database: Database) -> dict[str, str]:
     with database.reading() as connection:
         found = {row.name: row.value for row in connection.execute(select(tables.store))}
     if found and (found.get("kind") not in KINDS or not isinstance(found.get("identity"), str)):
-        raise RecordsError(f"{database.name} must say what store it is; got {found!r:.80}")
+        shown_terms = {name: value for name, value in found.items() if name != TERM}
+        raise RecordsError(f"{database.name} must say what store it is; got {shown_terms!r:.80}")
     return found
 
 
 def _begun(database: Database, place: Path, kind: str, actor: str, disk: Disk) -> dict[str, str]:
-    terms = {"kind": kind, "identity": uuid.uuid4().hex, "made": rows.moment(datetime.now(UTC))}
+    terms = {"kind": kind, "identity": uuid.uuid4().hex, "made": rows.moment(datetime.now(UTC)), TERM: new_secret()}
     with database.beginning() as connection:
         if connection.execute(select(tables.audit_head)).first() is not None:
             head = None  # another program was faster

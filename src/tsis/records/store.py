@@ -29,6 +29,7 @@ from tsis.records.frame_file import frame_bytes
 from tsis.records.plain import press_of_plain, press_to_plain
 from tsis.records.row_changes import inserted, inserted_once, required, updated
 from tsis.records.samples import samples_bytes
+from tsis.records.secret import derived, entered_secret, read_secret
 from tsis.records.taking_in import Arrival, TakenIn
 from tsis.records.values import LONGEST_NAME, Press, StoredEstimate, Target, require_moment, require_text
 
@@ -83,6 +84,14 @@ class Store(Contents):
         self.database.close()
 
     # What is stored
+
+    def dossier(self, target: Target) -> Dossier:
+        """All that is stored of a target; a store that was begun without a secret gets it here, once."""
+        with self.database.reading() as connection:
+            secret = read_secret(connection)
+        if secret is None:
+            secret = self._write(entered_secret)
+        return replace(super().dossier(target), secret=derived(secret, "target", target.id))
 
     def add_target(
         self, *, number: int | None = None, name: str = "", note: str = "", truth: Mapping[str, float] | None = None

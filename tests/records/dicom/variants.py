@@ -8,7 +8,7 @@ from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from tests.records.sample import WHEN, sample_dossier, sample_estimate
+from tests.records.sample import SECRET, WHEN, sample_dossier, sample_estimate
 
 from tsis.model import Estimate
 from tsis.records import Dossier, Press, StoredEstimate, Target
@@ -39,7 +39,7 @@ def framed(frames: Sequence[NDArray[Any]], **known: Any) -> Dossier:
         for i, (name, frame) in enumerate(levels.items())
     )
     target = Target(number=7, kind="phantom", name="any", made=WHEN, id="target-b")
-    return Dossier(target=target, presses=presses, read=levels.__getitem__)
+    return Dossier(target=target, presses=presses, read=levels.__getitem__, secret=SECRET)
 
 
 def noise(rows: int, columns: int, *, bits: int = 8, seed: int = 0) -> NDArray[Any]:

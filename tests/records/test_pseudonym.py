@@ -1,0 +1,114 @@
+"""A pseudonym follows from a secret of the store: lasting in it, another one elsewhere, and in no export."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+from sqlalchemy import delete, update
+from tests.records.old_store import make_old
+from tests.records.sample import WHEN, levels, sample_dossier
+
+from tsis.model import TactileImage
+from tsis.model.errors import RecordsError
+from tsis.records import open_store, tables, verify
+from tsis.records.dicom import dicom_files
+from tsis.records.export import csv_files, fhir_observations, read_bundle, write_bundle, write_hdf5, write_zarr
+from tsis.records.pseudonym import hidden, pseudonym, shown_identity
+from tsis.records.secret import TERM, read_secret
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tests.records.place import Place
+
+    from tsis.records import Dossier, Store
+
+
+def filled(store: Store) -> Dossier:
+    target = store.add_target(name="size-10")
+    store.add_press(target, TactileImage(grey=levels(0), full_scale=255.0, force_n=0.7), taken=WHEN)
+    return store.dossier(target)
+
+
+def secret_of(store: Store) -> str | None:
+    with store.database.reading() as connection:
+        return read_secret(connection)
+
+
+def test_it_lasts_in_its_store(place: Place) -> None:
+    with place.open() as store:
+        first = filled(store)
+    with place.open() as store:
+        again = store.dossier(store.target(1))
+        assert pseudonym(again) == pseudonym(first)
+        assert dicom_files(again) == dicom_files(first)
+        assert fhir_observations(again) == fhir_observations(first)
+        other = store.dossier(store.add_target())
+    assert pseudonym(other) != pseudonym(first)
+
+
+def test_who_has_the_identity_does_not_have_the_pseudonym(tmp_path: Path) -> None:
+    with open_store(tmp_path / "one") as one, open_store(tmp_path / "other") as other:
+        dossier = filled(one)
+        write_bundle(dossier, tmp_path / "bundle")
+        handed = read_bundle(tmp_path / "bundle")
+        assert handed.target.id == dossier.target.id
+        assert pseudonym(handed) != pseudonym(read_bundle(tmp_path / "bundle"))
+        other.take_in(handed)
+        taken = other.dossier(other.target(1))
+        assert len({pseudonym(each) for each in (dossier, handed, taken)}) == 3
+        assert shown_identity(taken.target) == shown_identity(dossier.target)  # that of identified exports
+
+
+def test_no_export_holds_the_secret(tmp_path: Path) -> None:
+    with open_store(tmp_path / "store") as store:
+        dossier, secret = filled(store), secret_of(store)
+        assert secret is not None
+        write_bundle(dossier, tmp_path / "out" / "bundle")
+        write_hdf5(dossier, tmp_path / "out" / "one.h5")
+        write_zarr(dossier, tmp_path / "out" / "one.zarr")
+        assert verify(store).sound
+    contents = [path.read_bytes() for path in (tmp_path / "out").rglob("*") if path.is_file()]
+    contents += csv_files(dossier).values()
+    for identified in (False, True):
+        contents.append(fhir_observations(dossier, identified=identified))
+        contents += [file.content for file in dicom_files(dossier, identified=identified)]
+    assert len(contents) > 12
+    for content in contents:
+        for each in (secret, dossier.secret):
+            assert each.encode() not in content
+            assert bytes.fromhex(each) not in content
+    assert dossier.secret not in repr(dossier)
+
+
+def test_an_older_store_gets_one_once_and_its_audit_says_so(place: Place) -> None:
+    make_old(place)
+    with place.open() as store:
+        assert secret_of(store) is None
+        (summary, *_) = store.targets()
+        first, head = store.dossier(summary.target), verify(store).head
+        assert verify(store).sound
+        assert secret_of(store) is not None
+    with place.open() as store:
+        assert pseudonym(store.dossier(summary.target)) == pseudonym(first)
+        assert verify(store).head == head
+
+
+def test_a_secret_that_was_taken_out_is_not_made_anew(tmp_path: Path) -> None:
+    for change in (delete(tables.store), update(tables.store).values(value="guessed")):
+        with open_store(tmp_path / change.__visit_name__) as store:
+            filled(store)
+            with store.database.writing() as connection:
+                connection.execute(change.where(tables.store.c.name == TERM))
+            with pytest.raises(RecordsError, match="secret of the store, from which pseudonyms follow"):
+                store.dossier(store.target(1))
+            assert not verify(store).sound
+
+
+def test_what_stands_for_an_identity_tells_kinds_apart() -> None:
+    dossier = sample_dossier()
+    assert hidden(dossier, "press", "a") != hidden(dossier, "estimate", "a")
+    assert hidden(dossier, "press", "a") != hidden(replace(dossier, secret="00" * 32), "press", "a")
+    assert hidden(dossier, "press", "a") == hidden(dossier, "press", "a")
