@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from tsis.model.errors import FileInputError
 from tsis.model.extra import library
 from tsis.records.export.arrays.layout import write_layout
+from tsis.records.export.arrays.spilling import SpillingFile
 from tsis.records.export.arrays.tree import GZIP_LEVEL
 from tsis.records.export.whole import new_file
 
@@ -31,17 +32,17 @@ def write_hdf5(dossier: Dossier, path: str | os.PathLike[str]) -> None:
         When a frame is not what its press says.
     """
     h5py = library("h5py", feature="HDF5 export", extra="exchange")
-    with new_file(path) as draft:
+    with new_file(path) as draft, SpillingFile(draft) as out:
         try:
-            with h5py.File(draft, "x", track_order=True) as file:
-                write_layout(dossier, _Hdf5Tree(file))
-        except RuntimeError as error:  # as HDF5 says that the disk is full
+            with h5py.File(out, "w", track_order=True) as file:
+                write_layout(dossier, _Hdf5Tree(file, out))
+        except RuntimeError as error:  # as HDF5 says what it cannot hold
             raise FileInputError(f"the file of HDF5 must be one that can be written; got: {error}") from error
 
 
 class _Hdf5Tree:
-    def __init__(self, file: Any) -> None:
-        self.file = file
+    def __init__(self, file: Any, out: SpillingFile) -> None:
+        self.file, self.out = file, out
 
     def group(self, path: str, attributes: Mapping[str, Attribute]) -> None:
         self.file.require_group(path or "/").attrs.update(attributes)
@@ -50,4 +51,15 @@ class _Hdf5Tree:
         filters = {"compression": "gzip", "compression_opts": GZIP_LEVEL, "shuffle": True, "fletcher32": True}
         found = self.file.create_dataset(path, shape=shape, dtype=dtype, chunks=chunks, **filters)
         found.attrs.update(attributes)
-        return found
+        return _Asking(found, self.out)
+
+
+class _Asking:
+    """A dataset that asks after each part whether the disk took it."""
+
+    def __init__(self, dataset: Any, out: SpillingFile) -> None:
+        self.dataset, self.out = dataset, out
+
+    def __setitem__(self, at: Any, values: Any) -> None:
+        self.dataset[at] = values
+        self.out.require_written()
