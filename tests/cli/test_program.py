@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from typing import TYPE_CHECKING
@@ -7,6 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 import tsis
+from tsis.records import open_store
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -78,3 +80,27 @@ def test_importing_loads_no_room_and_touches_nothing(tmp_path: Path) -> None:
     )
     assert finished.stdout.strip() == "[]"
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.system
+@pytest.mark.parametrize("encoding", ["ascii", "latin-1"])
+def test_a_terminal_of_few_letters_shows_the_others_by_their_number(tmp_path: Path, encoding: str) -> None:
+    with open_store(tmp_path) as store:
+        store.add_target(name="Größe 😀")
+    program = "from tsis.cli import main; main()"
+    finished = subprocess.run(
+        [sys.executable, "-c", program, "records", "list", "--store", str(tmp_path)],
+        env={**os.environ, "PYTHONIOENCODING": encoding},
+        capture_output=True,
+        check=False,
+    )
+    assert finished.returncode == 0, finished.stderr
+    assert rb"\U0001f600" in finished.stdout
+
+
+@pytest.mark.system
+def test_an_interruption_while_the_program_loads_is_one_sentence() -> None:
+    program = "import signal, sys; from tsis.cli import main; sys.meta_path.insert(0, I()); main()"
+    interrupt = "class I:\n def find_spec(self, name, *_):\n  if name == 'typer': signal.raise_signal(signal.SIGINT)\n"
+    finished = subprocess.run([sys.executable, "-c", interrupt + program], capture_output=True, text=True, check=False)
+    assert (finished.returncode, finished.stderr) == (130, "Interrupted; nothing half-written is left.\n")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 from typing import Annotated, NoReturn
@@ -9,6 +10,7 @@ from typing import Annotated, NoReturn
 import typer
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.cli import INTERRUPTED
 from tsis.cli.acquire import acquire
 from tsis.cli.calibrate import app as calibrate
 from tsis.cli.demo import demo
@@ -23,7 +25,7 @@ from tsis.cli.simulate import simulate
 from tsis.cli.sweep import app as sweep
 from tsis.model.errors import TsisError
 
-BAD_INPUT, INTERRUPTED = 2, 130
+BAD_INPUT = 2
 
 app = typer.Typer(
     name="tsis",
@@ -62,8 +64,11 @@ def root(
     """Read the options that come before the command."""
 
 
-def main() -> None:
+def run() -> None:
     """Run the program; wrong input ends with one sentence and the exit code 2, never with a traceback."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):  # a terminal of few letters shows the others by their number
+            stream.reconfigure(errors="backslashreplace")
     try:
         code = app(args=sys.argv[1:] or ["--help"], standalone_mode=False)
     except TsisError as error:
@@ -81,7 +86,7 @@ def main() -> None:
             raise
         _stop(f"Error: {sentence().strip()} (see --help)", BAD_INPUT)
     if code == INTERRUPTED:  # typer turns Ctrl-C into this code
-        _stop("Interrupted; nothing half-written is left.", INTERRUPTED)
+        raise KeyboardInterrupt
     sys.exit(code if isinstance(code, int) else 0)
 
 
