@@ -178,17 +178,22 @@ def _calibration_with(change: Callable[[dict[str, Any]], None]) -> bytes:
     return json.dumps(sealed(document)).encode()
 
 
-def _map_bomb() -> bytes:
+def _map_bomb(*names: str) -> bytes:
     bomb = {"shape": [4000, 4000], "kind": "double", "sha256": "0" * 64}
     bomb["zlib"] = base64.b64encode(_zeros(4000 * 4000 * 8)).decode()
-    maps: Mapping[str, Any] = dict.fromkeys(("dark_grey", "untouched_grey", "relative_light"), bomb)
+    maps: Mapping[str, Any] = dict.fromkeys(names, bomb)
     return _calibration_with(lambda known: known["reference"].update(maps))
 
 
 def _text_bombs() -> tuple[Bomb, ...]:
     start = b'{"format": "tsis-calibration", "version": 3, "calibration": '
     return (
-        Bomb(name="three maps of 128 MB in 0.5 MB", loader="calibration", make=_map_bomb),
+        Bomb(
+            name="three maps of 128 MB in 0.5 MB",
+            loader="calibration",
+            make=lambda: _map_bomb("dark_grey", "untouched_grey", "relative_light"),
+        ),
+        Bomb(name="a map of 128 MB in 0.2 MB", loader="calibration", make=lambda: _map_bomb("dark_grey")),
         Bomb(
             name="40 million empty lists",
             large=True,

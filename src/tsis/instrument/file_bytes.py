@@ -139,22 +139,38 @@ def read_object(path: Path, *, most: int = LARGEST_OBJECT_BYTES, values: int = M
     FileInputError
         As `read_bytes`, and when it holds something else.
     """
-    if not read_head(path).lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"{", b"[")):
+    if not _begins_as_json(read_head(path)):
         raise FileInputError(f"{shown(path)} must be a readable JSON file; got something that begins otherwise")
-    data = read_bytes(path, most=most)
+    return parse_object(read_bytes(path, most=most), shown(path), values=values)
+
+
+def parse_object(data: bytes, name: str, *, values: int = MOST_VALUES) -> dict[str, Any]:
+    """The object in the content of a JSON file; ``name`` says in errors where it came from, ``values`` as above.
+
+    Raises
+    ------
+    FileInputError
+        When it holds something else.
+    """
+    if not _begins_as_json(data[:64]):
+        raise FileInputError(f"{name} must be a readable JSON file; got something that begins otherwise")
     if sum(map(data.count, (b"[", b"{", b","))) > values:
-        raise FileInputError(f"{shown(path)} must hold at most {values} values; it has more brackets and commas")
+        raise FileInputError(f"{name} must hold at most {values} values; it has more brackets and commas")
     if len(data) > _PLAIN_BYTES and not data.isascii():
-        raise FileInputError(f"{shown(path)} must be ASCII where it is larger than {_PLAIN_BYTES} bytes; it is not")
+        raise FileInputError(f"{name} must be ASCII where it is larger than {_PLAIN_BYTES} bytes; it is not")
     try:
         content = json.loads(data)
     except (ValueError, RecursionError) as error:
-        raise FileInputError(f"{shown(path)} must be a readable JSON file; got: {one_line(error)}") from error
+        raise FileInputError(f"{name} must be a readable JSON file; got: {one_line(error)}") from error
     if not isinstance(content, dict):
-        raise FileInputError(f"{shown(path)} must hold a JSON object; got {type(content).__name__}")
+        raise FileInputError(f"{name} must hold a JSON object; got {type(content).__name__}")
     if data.count(b"[") + data.count(b"{") > DEEPEST and _depth(content) > DEEPEST:
-        raise FileInputError(f"{shown(path)} must be nested at most {DEEPEST} deep; it is deeper")
+        raise FileInputError(f"{name} must be nested at most {DEEPEST} deep; it is deeper")
     return content
+
+
+def _begins_as_json(head: bytes) -> bool:
+    return head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"{", b"["))
 
 
 def _depth(content: Any) -> int:

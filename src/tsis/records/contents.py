@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import func, select
 
-from tsis.calibration.file import read_calibration
+from tsis.calibration.file import parse_calibration
 from tsis.instrument.naming import LARGEST_TARGET
 from tsis.model import check
 from tsis.model.errors import InputError, RecordsError
@@ -109,8 +109,7 @@ class Contents:
         if found is None:
             raise RecordsError(f"a calibration must be stored before it is cited; {cited[:12]!r} is not")
         file = str(found)
-        self.blobs.get(file, "json")  # found whole
-        return read_calibration(self.blobs.path(file, "json"))
+        return parse_calibration(self.blobs.get(file, "json"), f"calibration {cited:.12}")
 
     def dossier(self, target: Target) -> Dossier:
         """All that is stored of a target; frames are read when they are asked for."""

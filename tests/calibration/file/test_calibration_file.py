@@ -16,7 +16,15 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tsis.calibration import ForceLine, Measured
-from tsis.calibration.file import ProbeCalibration, calibration_bytes, identity, read_calibration, write_calibration
+from tsis.calibration.file import (
+    ProbeCalibration,
+    calibration_bytes,
+    identity,
+    parse_calibration,
+    read_calibration,
+    write_calibration,
+)
+from tsis.calibration.file.plain_values import require_bounded_maps
 from tsis.calibration.reference.making import Reference
 from tsis.calibration.scale import Scale
 from tsis.calibration.specification.sheet import Specification, SpecificationRow
@@ -26,6 +34,7 @@ from tsis.model.errors import CalibrationError, FileInputError, InputError, Tsis
 if TYPE_CHECKING:
     from pathlib import Path
 
+LARGE_MAPS = ("dark_grey", "untouched_grey", "relative_light")
 MADE = datetime(2026, 11, 22, 10, 0, tzinfo=UTC)
 LATER = MADE + timedelta(days=180)
 
@@ -256,7 +265,11 @@ def test_values_out_of_range_are_refused_even_when_the_hash_is_right(path: Path)
         (lambda known: known.update(expires="soon"), "date and time"),
         (lambda known: known.update(expires="2026-01-01T00:00:00+00:00"), "expires must lie after made"),
         (lambda known: known["reference"].update(dark_grey=short), "whole map"),
-        (lambda known: known["reference"].update(dark_grey=bomb), "sensible size; got [0-9]+ bytes that unpack to 64"),
+        (lambda known: known["reference"].update(dark_grey=bomb), "whole map"),
+        (
+            lambda known: known["reference"].update(dict.fromkeys(LARGE_MAPS, bomb | {"kind": "double"})),
+            "at most 268435456 bytes; got 384",
+        ),
         (lambda known: known["reference"]["dark_grey"].update(zlib=noise), "does not match its hash"),
         (lambda known: known["reference"]["dark_grey"].update(shape=[10**9, 10**9]), "sensible size"),
         (lambda known: known["scale"].update(count=True), "count must be"),
@@ -265,6 +278,51 @@ def test_values_out_of_range_are_refused_even_when_the_hash_is_right(path: Path)
         _resealed(path, change)
         with pytest.raises((FileInputError, CalibrationError), match=said):
             read_calibration(path)
+
+
+def _dark(side: tuple[int, int], lit: float) -> ProbeCalibration:
+    """Of a camera that sees zeros almost everywhere."""
+    rng = np.random.default_rng(2)
+    dark, untouched = ((rng.random(side, dtype=np.float32) < lit) * rng.integers(1, 4, side) / 16 for _ in range(2))
+    reference = replace(
+        _reference(),
+        dark_grey=dark,
+        untouched_grey=untouched,
+        relative_light=np.ones(side),
+        usable=np.ones(side, bool),
+    )
+    return _known(reference=reference, scale=replace(_scale(), shape=side))
+
+
+@pytest.mark.parametrize("lit", [0.0, 1e-3, 1e-2])
+def test_maps_that_are_almost_all_zero_come_back(path: Path, lit: float) -> None:
+    known = _dark((2048, 2448), lit)
+    written = write_calibration(known, path)
+    assert path.stat().st_size < 2048 * 2448 * (3 * 4 + 1) / 100  # of what the maps take
+    back = read_calibration(path)
+    assert identity(back) == written
+    assert back.reference is not None
+    assert known.reference is not None
+    np.testing.assert_array_equal(back.reference.dark_grey, known.reference.dark_grey)
+
+
+def test_what_could_not_be_read_back_is_not_written(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    known = _dark((30, 40), 0.5)
+    size = len(calibration_bytes(known))
+    monkeypatch.setitem(calibration_bytes.__globals__, "LARGEST_BYTES", size - 1)
+    with pytest.raises(InputError, match=f"at most {size - 1} bytes"):
+        write_calibration(known, path)
+    monkeypatch.setitem(calibration_bytes.__globals__, "LARGEST_BYTES", size)
+    write_calibration(known, path)
+    read_calibration(path)
+    bounds = require_bounded_maps.__globals__
+    monkeypatch.setitem(bounds, "MOST_UNPACKED", 30 * 40 * (3 * 4 + 1))
+    assert identity(parse_calibration(path.read_bytes(), "a file")) == identity(known)
+    monkeypatch.setitem(bounds, "MOST_UNPACKED", 30 * 40 * (3 * 4 + 1) - 1)
+    with pytest.raises(InputError, match="unpack to at most 15599 bytes; got 15600"):
+        calibration_bytes(known)
+    with pytest.raises(FileInputError, match=r"a file: .* at most 15599 bytes"):
+        parse_calibration(path.read_bytes(), "a file")
 
 
 def test_nothing_is_written_over(path: Path) -> None:

@@ -5,6 +5,7 @@ from tsis.calibration.file.content import (
     VERSION,
     calibration_bytes,
     identity,
+    parse_calibration,
     read_calibration,
     write_calibration,
 )
@@ -16,6 +17,7 @@ __all__ = [
     "ProbeCalibration",
     "calibration_bytes",
     "identity",
+    "parse_calibration",
     "read_calibration",
     "write_calibration",
 ]

@@ -7,10 +7,10 @@ import json
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.calibration.file.plain_values import from_plain, require_packed_fairly, to_plain, without_maps
+from tsis.calibration.file.plain_values import from_plain, require_bounded_maps, to_plain, without_maps
 from tsis.calibration.file.probe_calibration import ProbeCalibration
 from tsis.instrument import shown
-from tsis.instrument.file_bytes import as_path, read_object
+from tsis.instrument.file_bytes import as_path, parse_object, read_object
 from tsis.model.durable import write_durably
 from tsis.model.errors import CalibrationError, FileInputError, InputError
 
@@ -29,16 +29,29 @@ def identity(known: ProbeCalibration) -> str:
 
 
 def calibration_bytes(known: ProbeCalibration) -> bytes:
-    """Content of the calibration file."""
+    """Content of the calibration file.
+
+    Raises
+    ------
+    InputError
+        When it would be too large to be read back.
+    """
+    plain = to_plain(known)
+    require_bounded_maps(plain, "calibration")
     document = {
         "format": FORMAT,
         "version": VERSION,
         "notice": RESEARCH_USE_ONLY,
         "tsis": __version__,
         "sha256": identity(known),
-        "calibration": to_plain(known),
+        "calibration": plain,
     }
-    return (json.dumps(document, indent=2, allow_nan=False) + "\n").encode()
+    content = (json.dumps(document, indent=2, allow_nan=False) + "\n").encode()
+    if len(content) > LARGEST_BYTES:
+        raise InputError(
+            f"calibration must take at most {LARGEST_BYTES} bytes, so that it can be read back; got {len(content)}"
+        )
+    return content
 
 
 def write_calibration(known: ProbeCalibration, path: str | os.PathLike[str]) -> str:
@@ -47,14 +60,12 @@ def write_calibration(known: ProbeCalibration, path: str | os.PathLike[str]) -> 
     Raises
     ------
     FileInputError
-        When there is such a file already, it cannot be written, or it would be too large to be read back.
+        When there is such a file already, or it cannot be written.
+    InputError
+        As `calibration_bytes`.
     """
     target = as_path(path)
     content = calibration_bytes(known)
-    if len(content) > LARGEST_BYTES:
-        raise FileInputError(
-            f"{shown(target)} must be at most {LARGEST_BYTES} bytes, so that it can be read back; got {len(content)}"
-        )
     try:
         if target.exists():
             raise FileInputError(f"{shown(target)} must be a new file; it exists already (choose another name)")
@@ -77,26 +88,44 @@ def read_calibration(path: str | os.PathLike[str]) -> ProbeCalibration:
         When its content is not what was written: it was changed or damaged.
     """
     source = as_path(path)
-    document = read_object(source, most=LARGEST_BYTES)
+    return _known(read_object(source, most=LARGEST_BYTES), shown(source))
+
+
+def parse_calibration(content: bytes, name: str) -> ProbeCalibration:
+    """The same from the content of such a file; ``name`` says in errors where it came from.
+
+    Raises
+    ------
+    FileInputError
+        When it is no such file, of another version or holds a value out of range.
+    CalibrationError
+        When it is not what was written: it was changed or damaged.
+    """
+    if len(content) > LARGEST_BYTES:
+        raise FileInputError(f"{name} must be at most {LARGEST_BYTES} bytes; got {len(content)}")
+    return _known(parse_object(content, name), name)
+
+
+def _known(document: dict[str, Any], name: str) -> ProbeCalibration:
     if document.get("format") != FORMAT:
-        raise FileInputError(f"{shown(source)} must be a file of {FORMAT}; got {document.get('format')!r:.60}")
+        raise FileInputError(f"{name} must be a file of {FORMAT}; got {document.get('format')!r:.60}")
     if document.get("version") != VERSION:
         raise FileInputError(
-            f"{shown(source)} must be of version {VERSION}; got {document.get('version')!r:.20} "
+            f"{name} must be of version {VERSION}; got {document.get('version')!r:.20} "
             "(calibrate again, or read it with the release of tsis that wrote it)"
         )
     content = document.get("calibration")
     expected = _hash(content)
     if expected is None or document.get("sha256") != expected:
         raise CalibrationError(
-            f"{shown(source)} must be as it was written; its content does not match its hash, so it was changed or "
+            f"{name} must be as it was written; its content does not match its hash, so it was changed or "
             "damaged (take the original, or calibrate again)"
         )
     try:
-        require_packed_fairly(content, "calibration")
+        require_bounded_maps(content, "calibration")
         known: ProbeCalibration = from_plain(ProbeCalibration, content, "calibration")
     except InputError as error:
-        raise FileInputError(f"{shown(source)}: {error}") from error
+        raise FileInputError(f"{name}: {error}") from error
     return known
 
 

@@ -24,7 +24,7 @@ from tsis.model.errors import CalibrationError, InputError
 
 READABLE = 64  # numbers in an array that is written out
 LARGEST_ARRAY = 16_000_000
-FREE_BYTES, MOST_UNPACKED = 32 * 2**20, 64  # maps beyond the first may be so many times as large as their packed text
+MOST_UNPACKED = 256 * 2**20  # bytes of all maps together: those of a camera of 10 million pixels
 _MAP_KEYS = {"shape", "kind", "sha256", "zlib"}
 _KINDS: dict[str, np.dtype[Any]] = {"single": np.dtype("<f4"), "double": np.dtype("<f8"), "bool": np.dtype("?")}
 
@@ -70,29 +70,27 @@ def without_maps(plain: Any) -> Any:
     return [without_maps(each) for each in plain] if isinstance(plain, list) else plain
 
 
-def require_packed_fairly(plain: Any, where: str) -> None:
-    """Refuse maps that say that they unpack to much more than they take in the file: such a file is a bomb.
+def require_bounded_maps(plain: Any, where: str) -> None:
+    """Refuse maps that together unpack to more than any calibration needs, before one of them is unpacked.
 
-    All maps together may take 32 MiB, or 64 times what they take packed; measured maps, which hold noise, take a tenth
-    of that.
+    How far they pack tells nothing: a dark camera sees zeros almost everywhere.
 
     Raises
     ------
     InputError
-        When they say more.
+        When they say more than 256 MiB, or one has no sensible size.
     """
-    declared, packed = 0, 0
-    left = [plain]
+    declared, left = 0, [plain]
     while left:
         each = left.pop()
         if isinstance(each, dict) and set(each) == _MAP_KEYS:
-            _require(_declared_bytes(each["shape"], each["kind"]) > 0, where, "of maps of sensible size", each["shape"])
-            declared += _declared_bytes(each["shape"], each["kind"])
-            packed += len(each["zlib"]) if isinstance(each["zlib"], str) else 0
+            size = _declared_bytes(each["shape"], each["kind"])
+            _require(size > 0, where, f"of maps of at most {LARGEST_ARRAY} numbers, a sensible size", each["shape"])
+            declared += size
         elif isinstance(each, (dict, list)):
             left.extend(each.values() if isinstance(each, dict) else each)
-    if declared > max(FREE_BYTES, MOST_UNPACKED * packed):
-        raise InputError(f"{where} must hold maps of a sensible size; got {packed} bytes that unpack to {declared}")
+    if declared > MOST_UNPACKED:
+        raise InputError(f"{where} must hold maps that unpack to at most {MOST_UNPACKED} bytes; got {declared}")
 
 
 def from_plain(wanted: Any, plain: Any, where: str) -> Any:

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-import tempfile
 from contextlib import contextmanager
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tsis.calibration.file import identity, read_calibration
+from tsis.calibration.file import identity, parse_calibration
 from tsis.model.errors import CalibrationError, FileInputError, InputError
 from tsis.records.dossier import Dossier
 from tsis.records.export.bundle.contents import (
@@ -115,7 +113,7 @@ class _Bundle:
         """Plain values of a file."""
         return parse(self.content(name), name)
 
-    def list(self, name: str) -> list[Any]:
+    def items(self, name: str) -> list[Any]:
         """The list of plain values that a file holds."""
         found = self.document(name)
         if not isinstance(found, list):
@@ -148,13 +146,13 @@ def _entries(manifest: dict[str, Any]) -> dict[str, tuple[str, int]]:
 
 
 def _presses(bundle: _Bundle) -> tuple[Press, ...]:
-    plain = bundle.list(PRESSES)
+    plain = bundle.items(PRESSES)
     with _naming(PRESSES):
         return tuple(press_of_plain(each, f"press {at + 1}") for at, each in enumerate(plain))
 
 
 def _estimates(bundle: _Bundle) -> tuple[StoredEstimate, ...]:
-    plain = bundle.list(ESTIMATES)
+    plain = bundle.items(ESTIMATES)
     bundle.require_names(SAMPLES, {samples_name(at) for at in range(len(plain))})
     found = []
     for at, each in enumerate(plain):
@@ -167,10 +165,8 @@ def _estimates(bundle: _Bundle) -> tuple[StoredEstimate, ...]:
 def _calibrations(bundle: _Bundle) -> dict[str, ProbeCalibration]:
     found = {}
     for name in sorted(name for name in bundle.files if name.startswith(f"{CALIBRATIONS}/")):
-        with _naming(name), tempfile.TemporaryDirectory(prefix="tsis-bundle-") as folder:
-            draft = Path(folder) / "calibration.json"
-            draft.write_bytes(bundle.content(name))
-            known = read_calibration(draft)
+        with _naming(name):
+            known = parse_calibration(bundle.content(name), name)
         cited = identity(known)
         if calibration_name(cited) != name:
             raise FileInputError(f"{name} must be named after what it holds; it holds calibration {cited}")
