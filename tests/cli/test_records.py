@@ -14,9 +14,10 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from tests.records.importing.snapshot_folder import save
 from tests.records.pressed_object import pressed, stored_object
-from tests.records.sample import WHEN, levels, sample_dossier
+from tests.records.sample import WHEN, levels, sample_calibration, sample_dossier
 
 import tsis.hardness
+from tsis.calibration.file import identity
 from tsis.cli.records.forms import ENDINGS
 from tsis.model import Estimate, TactileImage
 from tsis.model.durable import Disk
@@ -300,6 +301,34 @@ def test_ctrl_c_in_an_import_says_what_is_stored(
     assert "Traceback" not in finished.err
     with open_store(tmp_path / "records") as store:
         assert verify(store).sound
+
+
+def test_calibrations_that_snapshots_cite_open_the_store_once(
+    run_tsis: RunTsis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    importing: Any = sys.modules["tsis.cli.records.importing"]
+    known = sample_calibration()
+    for number in range(4):
+        save(tmp_path, number, calibration={"name": "bench", "sha256": identity(known)})
+    absent = json.loads(run_tsis("records", "import", "Target3", "--store", "fresh", "--json").out)["imported"]
+    assert "is not in this store" in absent[0]["notes"][0]
+    with open_store(tmp_path / "records") as store:
+        store.add_press(store.add_target(number=9), TactileImage(grey=levels(0)), taken=WHEN, calibration=known)
+    opens, opened = list[Any](), importing.opened
+
+    def counted(*chosen: Any, **how: Any) -> Any:
+        opens.append(chosen)
+        return opened(*chosen, **how)
+
+    monkeypatch.setattr(importing, "opened", counted)
+    told = json.loads(run_tsis("records", "import", "Target3", *STORE, "--json").out)["imported"]
+    assert (told[0]["added"], told[0]["notes"]) == (4, [])
+    assert len(opens) == 2  # to look calibrations up, and to store
+    for path in (tmp_path / "records" / "files").glob("*/*.json"):
+        path.write_bytes(path.read_bytes()[:-3])
+    damaged = run_tsis("records", "import", "Target3", *STORE)
+    assert damaged.code == 2
+    assert "does not match its name" in damaged.err
 
 
 @pytest.mark.usefixtures("records")

@@ -2,19 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import cv2
-import numpy as np
 import pytest
+from tests.records.importing.result_folder import levels, make_demo, write
 
-from tsis.calibration import ProbeCalibration
-from tsis.calibration.file import calibration_bytes
-from tsis.inclusion import InclusionPrior
-from tsis.model import Calibration
 from tsis.model.errors import FileInputError, InputError
 from tsis.records import open_store
 from tsis.records.importing import Given, batches, enter
@@ -22,39 +16,10 @@ from tsis.records.importing import Given, batches, enter
 if TYPE_CHECKING:
     from pathlib import Path
 
-NAMES = {"images": ("target-0.5N.png", "target-1N.png"), "reference": ("reference-1N.png",)}
-
 
 @pytest.fixture
 def demo(tmp_path: Path) -> Path:
-    """A folder as the demo writes it, with frames that no estimate needs."""
-    folder = tmp_path / "tsis-demo"
-    folder.mkdir()
-    response = Calibration(gain_grey_per_kpa=2.0, saturation_kpa=100.0, name="virtual", probe="tsis-domed")
-    known = ProbeCalibration(name="virtual", probe="tsis-domed", response=response)
-    (folder / "calibration.json").write_bytes(calibration_bytes(known))
-    told: dict[str, Any] = {"probe": {"name": "tsis-domed"}, "prior": asdict(InclusionPrior())}
-    for seed, (kind, names) in enumerate(NAMES.items()):
-        told[kind] = [entry(folder, name, 10 * seed + at) for at, name in enumerate(names)]
-    cv2.imwrite(str(folder / "untouched.png"), levels(99))
-    inclusion = {"diameter_mm": 8.0, "depth_mm": 5.0, "young_kpa": 80.0}
-    simulated = {"phantom": {"name": "size-8", "inclusion": inclusion}}
-    write(folder, {"command": "demo", "simulated": simulated, "estimate": {"provenance": told}})
-    return folder
-
-
-def levels(seed: int) -> Any:
-    return np.random.default_rng(seed).integers(0, 256, (16, 24)).astype(np.uint8)
-
-
-def entry(folder: Path, name: str, seed: int) -> dict[str, Any]:
-    cv2.imwrite(str(folder / name), levels(seed))
-    seen = hashlib.sha256(levels(seed).astype(np.float32).data).hexdigest()
-    return {"name": name, "sha256": seen, "mm_per_pixel": [0.1, 0.1], "force_n": 1.0, "settings": {"source": "virtual"}}
-
-
-def write(folder: Path, document: dict[str, Any]) -> None:
-    (folder / "result.json").write_text(json.dumps(document))
+    return make_demo(tmp_path / "tsis-demo")
 
 
 def changed(folder: Path, *place: str | int, to: Any) -> None:

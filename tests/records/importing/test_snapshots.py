@@ -78,7 +78,7 @@ def test_apart_means_a_new_target_whatever_the_files_say(tmp_path: Path, store: 
     (entered,) = enter(store, batches([tmp_path], Given()), apart=True)
     assert (entered.target.number, entered.new) == (1, True)
     (again,) = enter(store, batches([tmp_path], Given()), apart=True)
-    assert (again.target.number, again.new, again.present) == (1, False, 1)
+    assert (again.target.number, again.new, again.present) == (2, True, 0)
 
 
 def test_equal_frames_of_one_folder_are_presses_of_their_own(tmp_path: Path, store: Store) -> None:

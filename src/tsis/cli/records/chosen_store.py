@@ -42,6 +42,23 @@ def opened(folder: Path | None, kind: str, database: str | None, *, create: bool
     return open_store(folder, kind=kind, database=database or None, create=create)
 
 
+def is_there(folder: Path | None, kind: str, database: str | None) -> bool:
+    """Whether there is such a store, sound or not, and not just a place for one."""
+    from tsis.records import default_folder
+    from tsis.records.database import FILE, Database
+
+    place = default_folder(kind) if folder is None else folder
+    if not database:
+        return (place / FILE).is_file()
+    if not place.is_dir():
+        return False
+    rows = Database(database, place)
+    try:
+        return not rows.empty()
+    finally:
+        rows.close()
+
+
 def target_number(text: str) -> int:
     """The number of a target as a person wrote it."""
     if not text.isascii() or not text.isdigit():

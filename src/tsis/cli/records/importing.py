@@ -2,21 +2,31 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack
+from dataclasses import replace
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import typer
 
 from tsis.cli.cited_calibration import scale_of
 from tsis.cli.console_output import people, print_json, print_notice, progress_bar, waiting
-from tsis.cli.records.chosen_store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, opened, target_number
+from tsis.cli.records.chosen_store import (
+    PHANTOM,
+    StoreDatabase,
+    StoreFolder,
+    StoreKind,
+    is_there,
+    opened,
+    target_number,
+)
 from tsis.cli.targets import AsJson
-from tsis.model.errors import RecordsError
 from tsis.report.document import envelope
 
 if TYPE_CHECKING:
     from tsis.calibration import ProbeCalibration
+    from tsis.records import Store
     from tsis.records.importing import Entered
 
 NEW = "new"
@@ -62,10 +72,9 @@ def import_(
         probe=probe,
         calibration=None if calibration is None else read_calibration(calibration),
         taken=None if taken is None else taken.astimezone(),
-        calibration_of=lambda cited: _stored(cited, store, kind, database),
     )
-    with waiting("looking through what there is"):
-        looked = batches(paths, given)
+    with _Calibrations(store, kind, database) as calibrations, waiting("looking through what there is"):
+        looked = batches(paths, replace(given, calibration_of=calibrations.of))
     with opened(store, kind, database, create=True) as records:
         tally = Entering()
         try:
@@ -87,13 +96,30 @@ def import_(
     print_notice(console)
 
 
-def _stored(cited: str, store: Path | None, kind: str, database: str | None) -> ProbeCalibration | None:
-    """The calibration of that identity, where the store is there and holds it."""
-    try:
-        with opened(store, kind, database) as records:
-            return records.calibration(cited)
-    except RecordsError:
-        return None
+class _Calibrations:
+    """Those that files cite, from a store that is opened when the first is asked for, and only where there is one."""
+
+    def __init__(self, folder: Path | None, kind: str, database: str | None) -> None:
+        self._chosen = folder, kind, database
+        self._store: Store | None = None
+        self._found: dict[str, ProbeCalibration | None] = {}
+        self._until = ExitStack()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._until.close()
+
+    def of(self, cited: str) -> ProbeCalibration | None:
+        """The calibration of that identity; None where it is not there, `RecordsError` when it is damaged."""
+        from tsis.records.importing import held_calibration
+
+        if cited not in self._found:
+            if self._store is None and is_there(*self._chosen):
+                self._store = self._until.enter_context(opened(*self._chosen))
+            self._found[cited] = None if self._store is None else held_calibration(self._store, cited)
+        return self._found[cited]
 
 
 def _line(each: Entered) -> str:

@@ -4,15 +4,26 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from sqlalchemy import select
+
 from tsis.calibration.file import identity
 from tsis.instrument import shown
 from tsis.model.errors import FileInputError, InputError
+from tsis.records import tables
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from tsis.calibration import ProbeCalibration
     from tsis.records.importing.found import Given
+    from tsis.records.store import Store
+
+
+def held_calibration(store: Store, cited: str) -> ProbeCalibration | None:
+    """The calibration of that identity in a store; None where it is not in it, `RecordsError` when it is damaged."""
+    with store.database.reading() as connection:
+        found = connection.execute(select(tables.calibrations.c.id).where(tables.calibrations.c.id == cited)).first()
+    return None if found is None else store.calibration(cited)
 
 
 def cited_calibration(source: Path, citation: Any, given: Given) -> tuple[ProbeCalibration | None, tuple[str, ...]]:

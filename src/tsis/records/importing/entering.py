@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from tsis.calibration.file import identity
 from tsis.model.errors import InputError, RecordsError, TsisError
-from tsis.records.environment import environment
+from tsis.records.importing.differing import differing_notes, truth_note
+from tsis.records.importing.made_here import enter_estimate, new_target, used
+from tsis.records.importing.present import holding, matched, numbered, stored_frames
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -35,6 +36,8 @@ class Entered:
         Presses that were stored, and that were there already.
     estimates
         How many estimates were added.
+    presses
+        Those of the batch as they are stored, in its order; none of a bundle.
     """
 
     batch: Batch
@@ -43,20 +46,36 @@ class Entered:
     added: int
     present: int
     estimates: int
+    presses: tuple[Press, ...] = ()
 
 
 @dataclass(slots=True, kw_only=True)
 class Entering:
-    """How far an import has come, for whoever is told when it ends early."""
+    """How far an import has come, for whoever is told when it ends early.
+
+    Attributes
+    ----------
+    total, done, stored
+        Presses: of all batches, looked at so far, and stored of them.
+    apart
+        Whether every batch gets a target of its own.
+    targets
+        Numbers of those that were begun.
+    """
 
     total: int = 0
     done: int = 0
     stored: int = 0
+    apart: bool = False
+    targets: list[int] = field(default_factory=list)
 
     @property
     def sentence(self) -> str:
         """What is stored by now."""
-        return f"{self.stored} of {self.total} presses are stored and stay (the same import goes on from there)"
+        told = f"{self.stored} of {self.total} presses are stored and stay"
+        if not self.apart or not self.targets:
+            return f"{told} (the same import goes on from there)"
+        return f"{told}, the last in target {self.targets[-1]} (go on with --target {self.targets[-1]} for its files)"
 
 
 def enter(
@@ -70,7 +89,8 @@ def enter(
 ) -> tuple[Entered, ...]:
     """Store every press that is not there yet, then estimate what is to be estimated.
 
-    A press is there already when the same frame is stored under the same name, or as taken at the same time.
+    A press is there already when its target holds the same frame under the same name, or as taken at the same time.
+    What is there stays as it is, and what is said of it otherwise now becomes a note.
 
     Parameters
     ----------
@@ -80,9 +100,9 @@ def enter(
         What was looked through.
     target
         Number of the target for all of them, entered where there is none; by default the one that the files name, else
-        a new one for each.
+        the one that holds all presses on the target of a batch already, else a new one for each.
     apart
-        Whether to enter a new target for each, whatever number its files name.
+        Whether to enter a new target for each, whatever number its files name and wherever its frames are.
     tally
         Kept up to date while it goes.
     progress
@@ -96,6 +116,7 @@ def enter(
         When a batch does not belong into this store; nothing was stored then.
     """
     tally = tally or Entering()
+    tally.apart = apart
     tally.total = sum(_size(batch) for batch in batches)
     for batch in batches:
         if batch.dossier is not None and target is not None:
@@ -119,27 +140,42 @@ def _entered(
 ) -> Entered:
     if batch.dossier is not None:
         return _taken_in(store, batch, batch.dossier, tally, progress)
-    held = _held(store, batch, number)
-    target, new = _target(store, batch, number, held)
+    stored = () if tally.apart else stored_frames(store, batch.presses)
+    target = _target(store, batch, number, stored, apart=tally.apart)
+    new = target is None
+    if target is None:
+        first = [each.image() for each in batch.presses[:1]]
+        target = new_target(store, first, number=number, name=batch.name, truth=batch.truth)
+    tally.targets.append(target.number)
+    held = matched(batch.presses, [press for press in stored if press.target == target.id])
     presses = []
     for each, there in zip(batch.presses, held, strict=True):
-        press = there
-        if press is None or press.target != target.id:
-            press = _stored(store, target, each)
+        if there is None:
+            presses.append(_stored(store, target, each))
             tally.stored += 1
-        presses.append(press)
+        else:
+            presses.append(there)
         tally.done += 1
         if progress is not None:
             progress(tally.done, tally.total)
-    present = sum(1 for one, other in zip(presses, held, strict=True) if one is other)
+    present = sum(1 for each in held if each is not None)
+    notes = (*truth_note(batch.truth, target), *differing_notes(batch.presses, held, target.number))
     return Entered(
-        batch=batch,
+        batch=replace(batch, notes=(*batch.notes, *notes)),
         target=target,
         new=new,
         added=len(presses) - present,
         present=present,
         estimates=_estimated(store, target, batch, presses),
+        presses=tuple(presses),
     )
+
+
+def _target(store: Store, batch: Batch, number: int | None, stored: Sequence[Press], *, apart: bool) -> Target | None:
+    """Where a batch goes; None for a target that is yet to be entered."""
+    if apart:
+        return None
+    return holding(store, batch.presses, stored) if number is None else numbered(store, number)
 
 
 def _size(batch: Batch) -> int:
@@ -177,38 +213,6 @@ def _taken_in(
     )
 
 
-def _held(store: Store, batch: Batch, number: int | None) -> list[Press | None]:
-    """The stored press of each frame, of that target or of any; None where there is none."""
-    found: dict[str, list[Press]] = {}
-    own = None
-    if number is not None:
-        own = {each.target.number: each.target.id for each in store.targets()}.get(number, "")
-    for press in store.presses_of_frames([each.frame for each in batch.presses]):
-        if own is None or press.target == own:
-            found.setdefault(press.frame, []).append(press)
-    matched: list[Press | None] = []
-    for each in batch.presses:
-        candidates = found.get(each.frame, [])
-        same = next((one for one in candidates if one.taken == each.taken or one.name == each.name), None)
-        if same is not None:
-            candidates.remove(same)  # two equal frames need two presses
-        matched.append(same)
-    return matched
-
-
-def _target(store: Store, batch: Batch, number: int | None, held: Sequence[Press | None]) -> tuple[Target, bool]:
-    numbers = {each.target.id: each.target for each in store.targets()}
-    if number is not None:
-        for target in numbers.values():
-            if target.number == number:
-                return target, False
-        return store.add_target(number=number, name=batch.name, truth=batch.truth), True
-    where = Counter(press.target for press in held if press is not None).most_common(1)
-    if where:
-        return numbers[where[0][0]], False
-    return store.add_target(name=batch.name, truth=batch.truth), True
-
-
 def _stored(store: Store, target: Target, each: Incoming) -> Press:
     return store.add_press(
         target,
@@ -228,29 +232,29 @@ def _estimated(store: Store, target: Target, batch: Batch, presses: Sequence[Pre
         return 0
     from tsis.records.estimation import Request, estimate_stored  # heavy, and most imports estimate nothing
 
-    used = [press for press in presses if press.role != "untouched"]
     dossier = store.dossier(target)
-    rests_on = {press.id for press in used}
-    if any(set(each.presses) == rests_on and each.kind == wanted.kind for each in dossier.estimates):
+    rests_on = used(presses)
+    identities = {press.id for press in rests_on}
+    if any(set(each.presses) == identities and each.kind == wanted.kind for each in dossier.estimates):
         return 0
     answer = estimate_stored(
         dossier,
         Request(
             kind=wanted.kind,
             probe=wanted.probe,
-            presses=tuple(used),
+            presses=rests_on,
             calibration=identity(wanted.calibration),
             options=wanted.options,
         ),
     )
-    store.add_estimate(
+    enter_estimate(
+        store,
         target,
         answer.estimate,
         kind=wanted.kind,
-        presses=used,
+        presses=presses,
         probe=wanted.probe,
         calibration=wanted.calibration,
         options=answer.options,
-        environment=environment(),
     )
     return 1

@@ -1,0 +1,56 @@
+"""Folders as ``tsis demo`` writes them, with small frames that no estimate needs."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+
+from tsis.calibration import ProbeCalibration
+from tsis.calibration.file import calibration_bytes
+from tsis.inclusion import InclusionPrior
+from tsis.model import Calibration
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+NAMES = {"images": ("target-0.5N.png", "target-1N.png"), "reference": ("reference-1N.png",)}
+SIZE_8 = {"diameter_mm": 8.0, "depth_mm": 5.0, "young_kpa": 80.0}
+
+
+def levels(seed: int) -> NDArray[np.uint8]:
+    return np.random.default_rng(seed).integers(0, 256, (16, 24)).astype(np.uint8)
+
+
+def entry(folder: Path, name: str, seed: int) -> dict[str, Any]:
+    cv2.imwrite(str(folder / name), levels(seed))
+    seen = hashlib.sha256(levels(seed).astype(np.float32).data).hexdigest()
+    return {"name": name, "sha256": seen, "mm_per_pixel": [0.1, 0.1], "force_n": 1.0, "settings": {"source": "virtual"}}
+
+
+def write(folder: Path, document: dict[str, Any]) -> None:
+    (folder / "result.json").write_text(json.dumps(document))
+
+
+def make_demo(
+    folder: Path, *, phantom: str = "size-8", truth: Mapping[str, float] | None = None, pressed: int = 0
+) -> Path:
+    """Presses on a phantom; those on plain tissue and of the untouched probe are the same whatever was pressed."""
+    folder.mkdir()
+    response = Calibration(gain_grey_per_kpa=2.0, saturation_kpa=100.0, name="virtual", probe="tsis-domed")
+    known = ProbeCalibration(name="virtual", probe="tsis-domed", response=response)
+    (folder / "calibration.json").write_bytes(calibration_bytes(known))
+    told: dict[str, Any] = {"probe": {"name": "tsis-domed"}, "prior": asdict(InclusionPrior())}
+    for seed, (kind, names) in zip((pressed, 10), NAMES.items(), strict=True):
+        told[kind] = [entry(folder, name, seed + at) for at, name in enumerate(names)]
+    cv2.imwrite(str(folder / "untouched.png"), levels(99))
+    simulated = {"phantom": {"name": phantom, "inclusion": dict(truth or SIZE_8)}}
+    write(folder, {"command": "demo", "simulated": simulated, "estimate": {"provenance": told}})
+    return folder

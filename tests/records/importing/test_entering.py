@@ -1,0 +1,219 @@
+"""Which target frames go to: nothing that two of them share may bring together what was pressed apart."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from tests.records.importing.result_folder import SIZE_8, levels, make_demo
+from tests.records.importing.snapshot_folder import save
+from tests.records.sample import sample_calibration, sample_estimate
+
+from tsis.calibration.file import identity
+from tsis.model.durable import Disk
+from tsis.model.errors import RecordsError
+from tsis.records import open_store, verify
+from tsis.records.estimation import Answer
+from tsis.records.importing import Entering, Given, batches, enter, held_calibration
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from tsis.records import Store
+
+HARD = {"diameter_mm": 10.0, "depth_mm": 5.0, "young_kpa": 100.0}
+
+
+@pytest.fixture
+def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Store]:
+    """Where an estimate costs nothing."""
+
+    def estimated(_: Any, wanted: Any) -> Answer:
+        return Answer(estimate=sample_estimate(), options=wanted.options)
+
+    monkeypatch.setattr("tsis.records.estimation.estimate_stored", estimated)
+    with open_store(tmp_path / "phantoms") as opened:
+        yield opened
+
+
+@pytest.fixture
+def two(tmp_path: Path) -> list[Path]:
+    """Two phantoms pressed with one seed, so that they share every frame but those of the phantom itself."""
+    one = make_demo(tmp_path / "d1", phantom="hardness-100", truth=HARD, pressed=0)
+    return [one, make_demo(tmp_path / "d2", phantom="size-8", truth=SIZE_8, pressed=20)]
+
+
+@pytest.mark.parametrize("together", [True, False])
+@pytest.mark.parametrize("apart", [True, False])
+def test_two_phantoms_of_one_seed_are_two_targets_with_their_own_truth(
+    store: Store, two: list[Path], *, together: bool, apart: bool
+) -> None:
+    for paths in [two] if together else [[two[0]], [two[1]]]:
+        assert all(each.new for each in enter(store, batches(paths, Given()), apart=apart))
+    first, second = (store.target(number) for number in (1, 2))
+    assert (first.name, dict(first.truth)) == ("hardness-100", HARD)
+    assert (second.name, dict(second.truth)) == ("size-8", SIZE_8)
+    one, other = store.presses(first), store.presses(second)
+    assert len(one) == len(other) == 4
+    assert len({press.id for press in (*one, *other)}) == 8
+    assert len({press.frame for press in (*one, *other)}) == 6  # what they share is one file, pressed in both
+    assert [len(store.estimates(target)) for target in (first, second)] == [1, 1]
+    assert verify(store).sound
+
+
+def test_the_same_folders_again_add_nothing(store: Store, two: list[Path]) -> None:
+    enter(store, batches(two, Given()))
+    head = verify(store).head
+    for paths in (two, two[::-1], [two[1]]):
+        for each in enter(store, batches(paths, Given())):
+            assert (each.new, each.added, each.present, each.estimates, each.batch.notes) == (False, 0, 4, 0, ())
+            assert each.target.name == each.batch.name
+    assert verify(store).head == head
+
+
+def test_a_new_target_is_new_though_every_frame_is_known(store: Store, two: list[Path]) -> None:
+    for number in (1, 2):
+        (entered,) = enter(store, batches([two[0]], Given()), apart=True)
+        assert (entered.target.number, entered.new, entered.added, entered.present) == (number, True, 4, 0)
+
+
+@pytest.mark.parametrize("after", range(5))
+def test_a_demo_that_was_cut_short_goes_on_beside_one_that_shares_its_frames(
+    store: Store, two: list[Path], monkeypatch: pytest.MonkeyPatch, after: int
+) -> None:
+    enter(store, batches([two[0]], Given()))
+    whole, count = store.add_press, 0
+
+    def pulled_out(*arguments: Any, **options: Any) -> Any:
+        nonlocal count
+        if count == after:
+            raise RecordsError("pulled out")
+        count += 1
+        return whole(*arguments, **options)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(store, "add_press", pulled_out)
+        if after < 4:
+            with pytest.raises(RecordsError, match=f"{after} of 4 presses are stored"):
+                enter(store, batches([two[1]], Given()))
+    (entered,) = enter(store, batches([two[1]], Given()))
+    own = [each for each in store.targets() if each.target.id == entered.target.id]
+    assert [each.presses for each in own] == [4]
+    assert dict(entered.target.truth) == SIZE_8
+    assert len(store.presses(store.target(1))) == 4
+
+
+def test_a_new_target_that_was_cut_short_says_how_to_go_on(
+    store: Store, two: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole, stored = store.add_press, list[Any]()
+
+    def pulled_out(*arguments: Any, **options: Any) -> Any:
+        if stored:
+            raise RecordsError("pulled out")
+        stored.append(whole(*arguments, **options))
+        return stored[0]
+
+    monkeypatch.setattr(store, "add_press", pulled_out)
+    with pytest.raises(RecordsError, match=r"the last in target 1 \(go on with --target 1 for its files\)"):
+        enter(store, batches([two[0]], Given()), apart=True, tally=Entering())
+
+
+def test_no_empty_target_is_left_where_nothing_could_be_stored(
+    store: Store, two: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(_: Disk, __: Any, ___: bytes) -> None:
+        raise OSError(28, "No space left on device")
+
+    looked = batches(two, Given())
+    monkeypatch.setattr(Disk, "write", full)
+    with pytest.raises(RecordsError, match=r"No space left on device .*; 0 of 8 presses are stored"):
+        enter(store, looked)
+    assert store.targets() == ()
+
+
+def test_another_truth_of_a_named_target_is_said(store: Store, two: list[Path]) -> None:
+    enter(store, batches([two[0]], Given()))
+    (entered,) = enter(store, batches([two[1]], Given()), target=1)
+    assert any("target 1 has another truth than these frames came with" in note for note in entered.batch.notes)
+
+
+def test_what_is_said_otherwise_of_a_press_that_is_there_is_told(tmp_path: Path, store: Store) -> None:
+    for number in range(3):
+        save(tmp_path, number)
+    enter(store, batches([tmp_path / "Target3"], Given()))
+    (same,) = enter(store, batches([tmp_path / "Target3"], Given()))
+    assert same.batch.notes == ()
+    said = Given(role="plain", mm_per_pixel=(0.1, 0.1), calibration=sample_calibration())
+    (again,) = enter(store, batches([tmp_path / "Target3"], said))
+    assert [note.split(" that ")[0] for note in again.batch.notes] == [
+        "role of 3",
+        "mm_per_pixel of 3",
+        "calibration of 3",
+    ]
+    assert "tsis records edit 3 --press" in again.batch.notes[0]
+    assert "--target new" in again.batch.notes[1]
+    assert {press.role for press in store.presses(store.target(3))} == {"target"}
+
+
+def test_another_packing_of_the_same_file_is_the_same_press(
+    tmp_path: Path, store: Store, two: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save(tmp_path / "snapshots", 1)
+    paths = [*two, tmp_path / "snapshots"]
+    before = enter(store, batches(paths, Given()))
+    frames = {press.frame for each in before for press in each.presses}
+    monkeypatch.setattr("tsis.records.frame_file.QUICK", [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    looked = batches(paths, Given())
+    assert not frames & {each.frame for batch in looked for each in batch.presses}
+    after = enter(store, looked)
+    assert [(each.new, each.added) for each in after] == [(False, 0)] * 3
+    assert [each.target.id for each in after] == [each.target.id for each in before]
+
+
+@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(rounds=st.lists(st.sets(st.integers(0, 5), min_size=1), min_size=1, max_size=4))
+def test_images_join_a_target_only_where_it_holds_all_of_them_or_nothing_else(
+    tmp_path: Path, rounds: list[set[int]]
+) -> None:
+    folder = tmp_path / str(len(list(tmp_path.iterdir())))
+    folder.mkdir()
+    model: list[set[int]] = []
+    with open_store(folder / "store") as store:
+        for numbers in rounds:
+            paths = [folder / f"press-{number}.png" for number in sorted(numbers)]
+            for number, path in zip(sorted(numbers), paths, strict=True):
+                cv2.imwrite(str(path), levels(number))
+                os.utime(path, (1e9, 1e9 + number))
+            (entered,) = enter(store, batches(paths, Given()))
+            fitting = [each for each in model if numbers <= each or each <= numbers]
+            most = max((len(each & numbers) for each in fitting), default=0)
+            own = next((each for each in fitting if len(each & numbers) == most), None)
+            assert entered.new == (own is None)
+            if own is None:
+                model.append(own := set(numbers))
+            own |= numbers
+            assert entered.target.number == 1 + next(at for at, each in enumerate(model) if each is own)
+        for number, expected in enumerate(model, start=1):
+            names = {press.name for press in store.presses(store.target(number))}
+            assert names == {f"press-{one}.png" for one in expected}
+
+
+def test_a_calibration_that_is_damaged_is_not_taken_for_one_that_is_not_there(tmp_path: Path, store: Store) -> None:
+    known = sample_calibration()
+    save(tmp_path, 1, calibration={"name": "bench", "sha256": identity(known)})
+    enter(store, batches([tmp_path / "Target3"], Given(calibration=known)))
+    held = held_calibration(store, identity(known))
+    assert held is not None
+    assert identity(held) == identity(known)
+    assert held_calibration(store, identity(replace(known, name="other"))) is None
+    for path in (store.folder / "files").glob("*/*.json"):
+        path.write_bytes(path.read_bytes()[:-3])
+    with pytest.raises(RecordsError, match="does not match its name"):
+        held_calibration(store, identity(known))
