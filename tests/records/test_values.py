@@ -9,6 +9,7 @@ import pytest
 from tests.records.sample import sample_dossier
 
 from tsis.model.errors import InputError
+from tsis.records.plain import press_to_plain
 
 
 @pytest.mark.parametrize(
@@ -41,3 +42,25 @@ def test_numbers_of_targets_end_where_names_of_folders_do() -> None:
     assert replace(given, number=99_999).number == 99_999
     with pytest.raises(InputError, match=r"number must lie in \[1, 99999\]; got 100000"):
         replace(given, number=100_000)
+
+
+@pytest.mark.parametrize(
+    ("values", "sentence"),
+    [
+        ({"options": {"prior": 5}}, r"options\['prior'\] must be a mapping"),
+        ({"environment": {"libraries": ["numpy"]}}, r"environment\['libraries'\] must be a mapping"),
+    ],
+)
+def test_what_recomputing_could_not_read_is_refused(values: dict[str, Any], sentence: str) -> None:
+    with pytest.raises(InputError, match=sentence):
+        replace(sample_dossier().estimates[0], **values)
+
+
+def test_letters_that_join_others_may_be_in_a_name() -> None:
+    family = "\U0001f468\u200d\U0001f469\u200d\U0001f467 \u0645\u06cc\u200c\u062e\u0648\u0627\u0647\u0645"
+    assert replace(sample_dossier().target, name=family).name == family
+
+
+def test_half_a_letter_in_settings_is_refused() -> None:
+    with pytest.raises(InputError, match=r"settings\.maker must be text that UTF-8 can hold"):
+        press_to_plain(replace(sample_dossier().presses[0], settings={"maker": "half \ud800"}))

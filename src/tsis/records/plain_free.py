@@ -7,6 +7,7 @@ back as it was.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Mapping
 from dataclasses import fields, is_dataclass
 from datetime import datetime
@@ -20,6 +21,7 @@ from tsis.model.errors import InputError
 
 NUMBER = "$number"  # {"$number": "infinity"}: what JSON has no number for
 WORDS = {"infinity": math.inf, "-infinity": -math.inf, "nan": math.nan}
+_HALF_LETTER = re.compile(r"[\ud800-\udfff]")
 DEEPEST, WIDEST_INTEGER = 32, 2**63
 
 
@@ -40,6 +42,8 @@ def free_to_plain(value: Any, where: str, depth: int = DEEPEST) -> Any:
         raise InputError(f"{where} must be nested at most {DEEPEST} deep; got more")
     if isinstance(value, Enum):
         value = value.value
+    if isinstance(value, str) and _HALF_LETTER.search(value):
+        raise InputError(f"{where} must be text that UTF-8 can hold; got {value!r:.80}")
     if value is None or isinstance(value, (str, bool, np.bool_)):
         return bool(value) if isinstance(value, np.bool_) else value
     if isinstance(value, (int, np.integer)):

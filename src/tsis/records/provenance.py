@@ -53,7 +53,7 @@ def environment_changes(was: Mapping[str, Any], now: Mapping[str, Any]) -> Itera
 def _frame_changes(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
     """Inputs changed: frames that are others, more or fewer, or of which something else is known."""
     for kind in FRAMES:
-        frames = was.get(kind) or [], now.get(kind) or []
+        frames = _entries(was.get(kind)), _entries(now.get(kind))
         if len(frames[0]) != len(frames[1]):
             yield f"the inputs changed: {len(frames[0])} -> {len(frames[1])} frames of {kind!r}"
             continue
@@ -63,6 +63,11 @@ def _frame_changes(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[s
                 yield f"the inputs changed: frame {label}"
             for name in sorted({*one, *other} - LABELS - {"sha256", "seen"}):
                 yield from _differences(f"the inputs changed: {name} of {label}", one.get(name), other.get(name))
+
+
+def _entries(frames: Any) -> list[Mapping[str, Any]]:
+    """What is written of frames; a bundle may hold anything there."""
+    return [each for each in frames if isinstance(each, Mapping)] if isinstance(frames, list) else []
 
 
 def _option_changes(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:

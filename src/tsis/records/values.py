@@ -18,10 +18,17 @@ if TYPE_CHECKING:
     from tsis.model import Estimate
 
 KINDS = ("phantom", "subject")  # of stores; what is known of one must never get into the other
-ROLES = ("target", "plain", "untouched", "ball")  # plain: on plain tissue; ball: on a known one, for hardness
+ROLE_WORDS = {
+    "target": "on the target",
+    "plain": "on plain tissue",
+    "untouched": "without touch",
+    "ball": "on a known ball",
+}
+ROLES = tuple(ROLE_WORDS)  # of presses; a ball is for hardness
 ESTIMATES = ("inclusion", "hardness")
 LONGEST_NAME, LONGEST_NOTE = 200, 4000
 LARGEST_SIDE_PX = 65_535
+_NOT_SHOWN_BUT_FINE = re.compile(r"[\n\u200c\u200d]")  # ends of lines; what joins letters of Persian, and emoji
 _SHA256 = re.compile(r"[0-9a-f]{64}")
 
 
@@ -29,7 +36,7 @@ def require_text(name: str, value: object, longest: int) -> None:
     """Refuse what cannot be shown on a page: no text, too long, or with control characters other than line ends."""
     check.kind(name, value, str)
     assert isinstance(value, str)
-    if len(value) > longest or not value.replace("\n", "").isprintable():
+    if len(value) > longest or not _NOT_SHOWN_BUT_FINE.sub("", value).isprintable():
         raise InputError(f"{name} must be printable text of at most {longest} characters; got {value!r:.80}")
 
 
@@ -221,5 +228,9 @@ class StoredEstimate:
         check.known("kind of estimate", self.kind, ESTIMATES)
         require_text("probe", self.probe, LONGEST_NAME)
         require_moment("made", self.made)
+        for name, part in (("options", "prior"), ("environment", "libraries")):
+            held = getattr(self, name).get(part)
+            if held is not None and not isinstance(held, Mapping):
+                raise InputError(f"{name}[{part!r}] must be a mapping of names to values; got {held!r:.80}")
         object.__setattr__(self, "options", MappingProxyType(dict(self.options)))
         object.__setattr__(self, "environment", MappingProxyType(dict(self.environment)))
