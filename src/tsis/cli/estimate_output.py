@@ -10,7 +10,8 @@ from rich.table import Table
 from tsis.cli.console_output import progress_bar
 from tsis.inclusion import InclusionPrior, estimate
 from tsis.mechanics import build_covered_surrogate
-from tsis.report.document import LEVEL, doubt_of, spread
+from tsis.model.estimate import INTERVAL
+from tsis.report.document import doubt_of, spread
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -48,7 +49,7 @@ def _numbers(result: Estimate, name: str) -> tuple[str, ...]:
     prior_sd = spread(result.prior_sd[name])
     if not result.trusted:
         return doubt_of(result, name), "", "", prior_sd, ""
-    low, high = result.interval(LEVEL)[name]
+    low, high = result.interval(INTERVAL)[name]
     bound = result.cramer_rao_sd.get(name)  # of a hardness nobody computes it
     return (
         doubt_of(result, name) or f"{result.mean[name]:.3g}",

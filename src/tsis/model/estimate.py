@@ -15,6 +15,8 @@ from tsis.model.errors import InputError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+INTERVAL = 0.9  # probability of the intervals that are told where nobody asks for another
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Estimate:
@@ -109,7 +111,7 @@ class Estimate:
         """Whether the data told enough of a parameter for its mean to be read as a number."""
         return f"{name}_not_identified" not in self.flags
 
-    def interval(self, level: float = 0.9) -> dict[str, tuple[float, float]]:
+    def interval(self, level: float = INTERVAL) -> dict[str, tuple[float, float]]:
         """Equal-tailed credible interval of each parameter; ``level`` in (0, 1)."""
         check.number("level", level, 1e-6, 1.0 - 1e-6)
         tails = (0.5 - level / 2, 0.5 + level / 2)

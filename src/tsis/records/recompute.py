@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.model.errors import CalibrationError, RecordsError
+from tsis.model.estimate import INTERVAL
 from tsis.records.environment import environment
 from tsis.records.estimation import Request, estimate_stored
 from tsis.records.plain import estimate_to_plain
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
     from tsis.records.store import Store
     from tsis.records.values import StoredEstimate, Target
 
-LEVEL = 0.9  # of the intervals that are compared
 COMPARED = ("prior_sd", "cramer_rao_sd", "presence", "identifiability", "prior", "trusted", "flags", "notes")
 
 
@@ -203,7 +203,7 @@ def _same(before: StoredEstimate, after: StoredEstimate) -> bool:
 
 def _shifts(before: Estimate, after: Estimate) -> tuple[Shift, ...]:
     sd = before.sd
-    was, now = before.interval(LEVEL), after.interval(LEVEL)
+    was, now = before.interval(INTERVAL), after.interval(INTERVAL)
     means = before.mean, after.mean
     return tuple(
         Shift(

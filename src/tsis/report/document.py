@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.model.estimate import INTERVAL
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -16,7 +17,6 @@ if TYPE_CHECKING:
     from tsis.imaging import Contact, Features, RadialProfile
     from tsis.model import Estimate
 
-LEVEL = 0.9
 NEARLY = 1e-3  # probabilities closer than this to 0 or 1 are not told apart from them
 NOT_TRUSTED = "Diameter, depth and modulus are not to be trusted, for a reason named below."
 NOT_SCALAR = ("profile", "patch")
@@ -29,7 +29,7 @@ def envelope(command: str, **content: Any) -> dict[str, Any]:
 
 def estimate_document(estimate: Estimate, truth: Mapping[str, float] | None = None) -> dict[str, Any]:
     """An estimate, with the truth beside each parameter where it is known."""
-    interval = estimate.interval(LEVEL)
+    interval = estimate.interval(INTERVAL)
     parameters = {
         name: {
             "mean": estimate.mean[name],

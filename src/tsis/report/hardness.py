@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from tsis.hardness import shore
+from tsis.model.estimate import INTERVAL
 from tsis.plots import tactile_image
 from tsis.plots.hardness import contact_growth, modulus
-from tsis.report.document import LEVEL, doubt_of
+from tsis.report.document import doubt_of
 from tsis.report.page import Card, Page, Picture, Table, html
 
 if TYPE_CHECKING:
@@ -72,7 +73,7 @@ def hardness_report(
 def hardness_card(estimate: Estimate, truth_kpa: float | None = None) -> Card:
     """The modulus, if it is to be trusted, with the truth where it is known."""
     doubt = doubt_of(estimate, "young_kpa")
-    low, high = estimate.interval(LEVEL)["young_kpa"]
+    low, high = estimate.interval(INTERVAL)["young_kpa"]
     said = [f"90 % interval {low:.3g} to {high:.3g} kPa"] if estimate.trusted else []
     known = [] if truth_kpa is None else [f"truth {truth_kpa:.3g} kPa"]
     return Card(
@@ -96,7 +97,7 @@ def hardness_rows(estimate: Estimate) -> tuple[tuple[str, str], ...]:
     """Names and values for people; of an estimate that is not to be trusted no modulus."""
     rows = []
     doubt = doubt_of(estimate, "young_kpa")
-    low, high = estimate.interval(LEVEL)["young_kpa"]
+    low, high = estimate.interval(INTERVAL)["young_kpa"]
     rows.append(("Young's modulus", doubt or f"{estimate.mean['young_kpa']:.3g} kPa"))
     if estimate.trusted:
         rows.append(("90 % interval", f"{low:.3g} to {high:.3g} kPa"))

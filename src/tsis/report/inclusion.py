@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.imaging import subtract_background
+from tsis.model.estimate import INTERVAL
 from tsis.plots import marginal, trade_off
-from tsis.report.document import LEVEL, doubt_of, sentences, shown_probability, spread
+from tsis.report.document import doubt_of, sentences, shown_probability, spread
 from tsis.report.frames import change_picture, force_of, frame_picture, profile_picture, surface_picture
 from tsis.report.page import Card, Page, Picture, html
 
@@ -96,7 +97,7 @@ def _card(estimate: Estimate, name: str, truth: Mapping[str, float]) -> Card:
     doubt = doubt_of(estimate, name)
     if not estimate.trusted:
         return Card(title=heading, value=doubt, detail="; ".join(known), doubtful=True)
-    low, high = estimate.interval(LEVEL)[name]
+    low, high = estimate.interval(INTERVAL)[name]
     interval = f"{low:.3g} to {high:.3g} {unit}"
     value = interval if doubt else f"{estimate.mean[name]:.3g} {unit}"
     detail = [doubt or f"90 % interval {interval}", _spreads(estimate, name, unit), *known]
@@ -133,7 +134,7 @@ def marginals_picture(estimate: Estimate, prior: InclusionPrior, truth: Mapping[
             marginal(estimate, name, ax, prior_range=getattr(prior, name), truth=known)
         axes[0].legend(frameon=False, fontsize=8)
 
-    intervals = estimate.interval(LEVEL) if estimate.trusted else {}
+    intervals = estimate.interval(INTERVAL) if estimate.trusted else {}
     words = ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in intervals.items())
     doubt = "" if estimate.trusted else "Not to be trusted. "
     marked = "" if not truth else " The dashed line is the truth."

@@ -6,8 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from tsis.model.estimate import INTERVAL
+from tsis.model.quantities import NO_UNIT, unit_of, words_of
 from tsis.report.calibration import held_rows
-from tsis.report.document import LEVEL, doubt_of, spread
+from tsis.report.document import doubt_of, spread
 from tsis.report.hardness import hardness_rows
 from tsis.report.inclusion import TITLES
 from tsis.report.page import Table
@@ -18,8 +20,6 @@ if TYPE_CHECKING:
 
     from tsis.model import Estimate
     from tsis.records import Dossier, Press, StoredEstimate
-
-UNITS = {"_mm": "mm", "_kpa": "kPa", "_n": "N", "_deg": "degrees"}
 
 
 def target_tables(dossier: Dossier) -> tuple[Table, ...]:
@@ -43,8 +43,8 @@ def named(name: str) -> tuple[str, str]:
     """Words and unit of a parameter."""
     if name in TITLES:
         return TITLES[name]
-    ending = next((ending for ending in UNITS if name.endswith(ending)), "")
-    return name.removesuffix(ending).replace("_", " "), UNITS.get(ending, "")
+    unit = unit_of(name)
+    return words_of(name), "" if unit == NO_UNIT else unit
 
 
 def measure(value: float, unit: str) -> str:
@@ -77,7 +77,7 @@ def _parameter_row(estimate: Estimate, name: str, truth: Mapping[str, float]) ->
     doubt = doubt_of(estimate, name)
     if not estimate.trusted:
         return (words, doubt, "", "", "", "", *known)
-    low, high = estimate.interval(LEVEL)[name]
+    low, high = estimate.interval(INTERVAL)[name]
     bound = estimate.cramer_rao_sd.get(name, np.inf)
     return (
         words,
@@ -146,6 +146,6 @@ def _version(environment: Mapping[str, Any]) -> str:
 
 def _told(estimate: Estimate, name: str) -> str:
     words, unit = named(name)
-    low, high = estimate.interval(LEVEL)[name]
+    low, high = estimate.interval(INTERVAL)[name]
     mean = doubt_of(estimate, name) or f"{estimate.mean[name]:.3g} {unit}".strip()
     return f"{words} {mean} ({low:.3g} to {high:.3g})"

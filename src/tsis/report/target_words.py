@@ -19,12 +19,6 @@ if TYPE_CHECKING:
 
 MOST_NAMED = 12  # presses that a sentence names by their numbers
 SHORT = 12  # letters of a SHA-256 or an identity that tell it from others on a page
-ROLES = {
-    "target": "on the target",
-    "plain": "on plain tissue",
-    "untouched": "untouched",
-    "ball": "on the known ball",
-}
 
 
 def moment(when: datetime) -> str:
@@ -40,8 +34,10 @@ def count_of(number: int, what: str) -> str:
 
 def roles(presses: Sequence[Press]) -> str:
     """How many presses there are of each role."""
+    from tsis.records.values import ROLE_WORDS  # loads the libraries of records, which have loaded for a press
+
     counts = Counter(press.role for press in presses)
-    return ", ".join(f"{counts[role]} {words}" for role, words in ROLES.items() if counts[role])
+    return ", ".join(f"{counts[role]} {words}" for role, words in ROLE_WORDS.items() if counts[role])
 
 
 def target_notes(dossier: Dossier) -> tuple[str, ...]:

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.records.deidentified import from_camera
 from tsis.records.dicom.cover import one_line
 from tsis.records.dicom.libraries import pydicom
 from tsis.records.dicom.modules import Series, describe
 from tsis.records.dicom.series import decimal, increments_ms
-from tsis.records.values import ROLES
+from tsis.records.values import ROLE_WORDS
 
 if TYPE_CHECKING:
     from pydicom.dataset import Dataset
@@ -19,12 +20,6 @@ if TYPE_CHECKING:
     from tsis.records.dicom.cover import Cover
     from tsis.records.dicom.series import Stack
 
-TITLES = {
-    "target": "Presses on the target",
-    "plain": "Presses on plain tissue",
-    "untouched": "Frames without touch",
-    "ball": "Presses on a known ball",
-}
 FRAME_TIME_VECTOR = 0x00181065
 LONGEST_TEXT = 10_000  # of the value representation LT
 
@@ -36,14 +31,14 @@ def capture(stack: Stack, cover: Cover) -> Dataset:
     """
     dataset: Dataset = pydicom().Dataset()
     dataset.SOPClassUID = _sop_class(stack)
-    first = stack.presses[0]
-    probe = cover.probe(first.probe)
+    probe = one_line(stack.probe)
     series = Series(
-        number=ROLES.index(stack.role) + 1,
-        what=stack.role,
-        description=TITLES[stack.role] + (f", probe {probe}" if probe else ""),
+        number=stack.series,
+        what=f"{stack.role}, {stack.probe}",
+        description=f"{'Frames' if stack.role == 'untouched' else 'Presses'} {ROLE_WORDS[stack.role]}"
+        + (f", probe {probe}" if probe else ""),
         modality="OT",
-        started=first.taken,
+        started=stack.started,
     )
     describe(dataset, cover, series)
     _image(dataset, stack, cover)
@@ -69,7 +64,6 @@ def _image(dataset: Dataset, stack: Stack, cover: Cover) -> None:
     dataset.ConversionType = "DI"
     dataset.Laterality = ""  # of a series that may be of a paired part; nobody told us of which side
     dataset.PatientOrientation = ""
-    dataset.BurnedInAnnotation = dataset.RecognizableVisualFeatures = "NO"
     dataset.LossyImageCompression = "00"
     dataset.ImageComments = RESEARCH_USE_ONLY
     dataset.ContentDate, dataset.ContentTime = cover.moment(stack.presses[0].taken) or ("", "")
@@ -108,4 +102,6 @@ def _frames(dataset: Dataset, stack: Stack) -> None:
     dataset.NumberOfFrames = len(stack.presses)
     dataset.FrameIncrementPointer = FRAME_TIME_VECTOR
     dataset.FrameTimeVector = increments_ms(stack.presses)
+    # Must be told of many frames, and nobody looked at any: a file may have writing in it, a camera writes none.
+    dataset.BurnedInAnnotation = "NO" if all(from_camera(press) for press in stack.presses) else "YES"
     dataset.RescaleIntercept, dataset.RescaleSlope, dataset.RescaleType = "0", "1", "US"

@@ -5,10 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import __version__
+from tsis.model.estimate import INTERVAL
 from tsis.records.dicom import codes
 from tsis.records.dicom.cover import one_line
 from tsis.records.dicom.files import deterministic_uid
 from tsis.records.dicom.libraries import highdicom
+from tsis.records.values import ROLE_WORDS
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -19,9 +21,7 @@ if TYPE_CHECKING:
     from tsis.records import Press, StoredEstimate
     from tsis.records.dicom.cover import Cover
 
-LEVEL = 0.9  # probability of the interval between fifth and ninety-fifth percentile
 NOT_TRUSTED = "A flag says that the model does not hold, so this estimate has no numbers that may be used."
-ROLES = {"target": "on the target", "plain": "on plain tissue", "untouched": "without touch", "ball": "on a known ball"}
 
 
 def estimate_group(stored: StoredEstimate, cover: Cover, sources: Sequence[Dataset]) -> Any:
@@ -40,7 +40,7 @@ def estimate_group(stored: StoredEstimate, cover: Cover, sources: Sequence[Datas
         qualitative_evaluations=[sr.QualitativeEvaluation(name=codes.own("trusted"), value=trusted)],
         source_images=[sr.SourceImageForMeasurementGroup(each.SOPClassUID, each.SOPInstanceUID) for each in sources],
     )
-    for name, sentence in _sentences(estimate, cover):
+    for name, sentence in _sentences(estimate):
         group[0].ContentSequence.append(text(name, sentence))
     return group
 
@@ -49,7 +49,7 @@ def _numbers(estimate: Estimate) -> list[Any]:
     found = []
     for name in estimate.samples:
         if name in codes.PARAMETERS:
-            low, high = estimate.interval(LEVEL)[name]
+            low, high = estimate.interval(INTERVAL)[name]
             known = estimate.identified(name)
             values = [(codes.MEAN, estimate.mean[name]), (codes.STANDARD_DEVIATION, estimate.sd[name])] if known else []
             values += [(codes.FIFTH_PERCENTILE, low), (codes.NINETY_FIFTH_PERCENTILE, high)]
@@ -70,17 +70,17 @@ def _number(kind: tuple[Any, Any, str | None], value: float, derivation: tuple[s
     )
 
 
-def _sentences(estimate: Estimate, cover: Cover) -> list[tuple[str, str]]:
+def _sentences(estimate: Estimate) -> list[tuple[str, str]]:
     """Texts by our code; the sentence on what is identified holds numbers, so an untrusted one is not told."""
     told = {name for name in codes.PARAMETERS if estimate.trusted and estimate.identified(name)}
     loose = [name for name in estimate.samples if name not in told]
     said = [("no-number", name) for name in loose]
-    said += [("flag", flag) for flag in cover.flags(estimate.flags)]
+    said += [("flag", flag) for flag in estimate.flags]
     if estimate.trusted:
-        said.append(("identifiability", cover.text(estimate.identifiability)))
+        said.append(("identifiability", estimate.identifiability))
     else:
         said.append(("identifiability", NOT_TRUSTED))
-    said.append(("prior", cover.text(estimate.prior)))
+    said.append(("prior", estimate.prior))
     return [(name, sentence) for name, sentence in said if sentence.strip()]
 
 
@@ -89,7 +89,7 @@ def press_group(press: Press, cover: Cover, source: Dataset, frame: int) -> Any:
     sr = highdicom("sr")
     frames = [frame] if "NumberOfFrames" in source else None
     group = sr.MeasurementsAndQualitativeEvaluations(
-        tracking_identifier=_tracking(f"press {ROLES[press.role]}", cover, press.id or press.frame),
+        tracking_identifier=_tracking(f"press {ROLE_WORDS[press.role]}", cover, press.id or press.frame),
         method=codes.own("imaging"),
         measurements=[
             sr.Measurement(
@@ -100,7 +100,7 @@ def press_group(press: Press, cover: Cover, source: Dataset, frame: int) -> Any:
         else [],
         source_images=[sr.SourceImageForMeasurementGroup(source.SOPClassUID, source.SOPInstanceUID, frames)],
     )
-    for name, word in [("role", press.role), *(("flag", flag) for flag in cover.flags(press.flags))]:
+    for name, word in [("role", press.role), *(("flag", flag) for flag in press.flags)]:
         group[0].ContentSequence.append(text(name, word))
     return group
 

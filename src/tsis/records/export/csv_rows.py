@@ -6,7 +6,8 @@ import json
 import math
 from typing import TYPE_CHECKING, Any
 
-from tsis.records.export.quantities import INTERVAL, NO_UNIT, unit_of, words_of
+from tsis.model.estimate import INTERVAL
+from tsis.model.quantities import NO_UNIT, unit_of, words_of
 from tsis.records.plain_free import free_to_plain
 
 if TYPE_CHECKING:

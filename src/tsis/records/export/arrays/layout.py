@@ -13,8 +13,9 @@ import numpy as np
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.calibration.file import calibration_bytes
 from tsis.model.errors import RecordsError
+from tsis.model.estimate import INTERVAL
+from tsis.model.quantities import unit_of
 from tsis.records.export.arrays.tree import write_array, write_stack
-from tsis.records.export.quantities import INTERVAL, unit_of
 from tsis.records.plain import estimate_to_plain, press_to_plain, target_to_plain
 
 if TYPE_CHECKING:

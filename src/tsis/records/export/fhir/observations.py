@@ -6,6 +6,7 @@ import re
 from typing import TYPE_CHECKING
 
 from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.model.estimate import INTERVAL
 from tsis.records.export.fhir.terms import (
     ABSENT_EXTENSION,
     Resource,
@@ -16,7 +17,6 @@ from tsis.records.export.fhir.terms import (
     quantity,
     words,
 )
-from tsis.records.export.quantities import INTERVAL
 
 if TYPE_CHECKING:
     from datetime import datetime

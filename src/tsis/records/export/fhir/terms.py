@@ -6,7 +6,7 @@ import base64
 import math
 from uuid import UUID, uuid5
 
-from tsis.records.export.quantities import NO_UNIT, unit_of, words_of
+from tsis.model.quantities import NO_UNIT, unit_of, words_of
 
 Resource = dict[str, object]
 

@@ -1,10 +1,9 @@
-"""Units of what was measured, by the ending of its name, as UCUM writes them."""
+"""Units and words of what was measured, by the ending of its name."""
 
 from __future__ import annotations
 
-UNITS = {"_mm": "mm", "_kpa": "kPa", "_n": "N"}
+UNITS = {"_mm": "mm", "_kpa": "kPa", "_n": "N", "_deg": "deg"}  # as UCUM writes them
 NO_UNIT = "1"
-INTERVAL = 0.9  # level of the intervals that exports give
 
 
 def unit_of(name: str) -> str:
