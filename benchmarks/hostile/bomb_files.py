@@ -245,28 +245,10 @@ def _archive_bombs() -> tuple[Bomb, ...]:
                 file.write(bytes(MB))
         return stream.getvalue()
 
-    def mat(inner: bytes) -> bytes:
-        packed = zlib.compress(inner, 9)
-        return _mat_header() + struct.pack("<II", 15, len(packed)) + packed
-
-    def cells() -> bytes:
-        body = (
-            struct.pack("<IIII", 6, 8, 1, 0)
-            + struct.pack("<IIii", 5, 8, 1, 2**30)
-            + struct.pack("<II4s4x", 1, 4, b"CMUM")
-        )
-        return _mat_header() + struct.pack("<II", 14, len(body)) + body
-
     return (
         Bomb(name="800 MB in 0.8 MB", large=True, loader="public trials", make=npz),
-        Bomb(name="400 MB in 0.4 MB", large=True, loader="hotel sequence", make=lambda: mat(bytes(400 * MB))),
-        Bomb(name="a thousand million cells", loader="hotel sequence", make=cells),
         Bomb(name="240 MB in 0.1 MB", large=True, loader="sweep, shard", make=_parquet),
     )
-
-
-def _mat_header() -> bytes:
-    return b"MATLAB 5.0 MAT-file".ljust(124) + b"\x00\x01IM"
 
 
 def _parquet() -> bytes:
@@ -301,7 +283,6 @@ def _holes() -> tuple[Bomb, ...]:
         "points, CSV": b"1,2\n",
         "points, NPY": b"\x93NUMPY\x01\0",
         "public trials": b"PK\x03\x04",
-        "hotel sequence": b"MATLAB",
         "rows of a benchmark": b"trial",
         "force readings": b"time_s,force_n\n",
     }

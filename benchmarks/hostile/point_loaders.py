@@ -6,10 +6,9 @@ import io
 import os
 import zipfile
 from functools import partial
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import scipy.io
 from benchmarks.hostile.bytes_changed import damaged
 from benchmarks.hostile.loader import Loader
 from benchmarks.hostile.picture_loaders import token
@@ -17,7 +16,7 @@ from benchmarks.hostile.picture_loaders import token
 from tsis.instrument.gauge import RecordedGauge
 from tsis.matching.point_file import csv_text, read_points
 from tsis.matching.trial_rows import HEAD, read_rows
-from tsis.matching.trials import PUBLIC_FILE, SEQUENCE_FILE, hotel_trials, public_trials
+from tsis.matching.trials import PUBLIC_FILE, public_trials
 from tsis.mechanics.surrogate_solves import remembered
 from tsis.model import disk_cache
 
@@ -59,12 +58,6 @@ def point_loaders() -> tuple[Loader, ...]:
             originals=(_npz(compressed=False), _npz(compressed=True)),
             load=lambda path: _trials(public_trials(path.parent, shape="fish", family="noise", level=1)),
             forge=partial(_member_damaged, name="fish_noise_1_x1.npy"),
-        ),
-        Loader(
-            name="hotel sequence",
-            file=SEQUENCE_FILE,
-            originals=(_mat(compressed=False), _mat(compressed=True)),
-            load=lambda path: _trials(hotel_trials(path.parent, separation=1)),
         ),
         Loader(
             name="rows of a benchmark",
@@ -122,14 +115,6 @@ def _member_damaged(original: bytes, rng: np.random.Generator, *, name: str) -> 
             held = old.read(entry)
             new.writestr(entry, damaged(held, held, rng, text=True) if entry.filename == name else held)
     return changed.getvalue()
-
-
-def _mat(*, compressed: bool) -> bytes:
-    rng, stream = np.random.default_rng(8), io.BytesIO()
-    frames = np.empty(3, dtype=object)
-    frames[:] = [rng.random((30, 2)) * 500 for _ in range(3)]
-    scipy.io.savemat(cast("Any", stream), {"CMUM": {"hotel": {"XTs": frames}}}, do_compression=compressed)
-    return stream.getvalue()
 
 
 def _trials(trials: Any) -> Hashable:

@@ -126,15 +126,29 @@ def test_files_that_are_none_of_the_trials_are_refused(tmp_path: Path) -> None:
     (tmp_path / SEQUENCE_FILE).write_bytes(b"MATLAB 5.0 MAT-file" + bytes(200))
     with pytest.raises(FileInputError, match="must be the file of the public trials"):
         next(public_trials(tmp_path, shape="fish", family="noise", level=1))
-    with pytest.raises(FileInputError, match="must be the file of the public trials"):
+    with pytest.raises(FileInputError, match=r"must be cmum.mat as its authors published it"):
         next(hotel_trials(tmp_path, separation=10))
     np.savez(tmp_path / "other.npz", points=np.zeros((3, 2)))
     (tmp_path / "other.npz").rename(tmp_path / PUBLIC_FILE)
     with pytest.raises(FileInputError, match="must hold 'fish_noise_1_x1'"):
         next(public_trials(tmp_path, shape="fish", family="noise", level=1))
-    scipy.io.savemat(tmp_path / SEQUENCE_FILE, {"other": np.zeros(3)})
-    with pytest.raises(FileInputError, match="must be the file of the public trials"):
-        next(hotel_trials(tmp_path, separation=10))
+
+
+def test_no_byte_but_those_that_were_published_reaches_scipy(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    content = (DATA / SEQUENCE_FILE).read_bytes() if DATA.is_dir() else bytes(30_000)
+
+    def read(*_: object, **__: object) -> None:
+        raise AssertionError("SciPy was asked to read a changed file")
+
+    monkeypatch.setattr(scipy.io, "loadmat", read)
+    rng, path = np.random.default_rng(3), tmp_path / SEQUENCE_FILE
+    changed = [bytearray(content) for _ in range(100)]
+    for each in changed:
+        each[rng.integers(len(each))] ^= 1 << int(rng.integers(8))
+    for other in (*changed, content[:-1], content + b"\0"):
+        path.write_bytes(bytes(other))
+        with pytest.raises(FileInputError, match=r"must be cmum.mat as its authors published it"):
+            next(hotel_trials(tmp_path, separation=10))
 
 
 def test_names_that_do_not_exist_are_refused(tmp_path: Path) -> None:
