@@ -19,6 +19,7 @@ from alembic import command
 from tests.records.power_loss import Killed, RecordingDisk, Step, Trace, recorded_commits
 from tests.records.sample import WHEN, levels, sample_calibration, sample_estimate
 
+from tsis.calibration.file import calibration_bytes
 from tsis.model import TactileImage
 from tsis.records import Store, database, engines, open_store, upgrade
 from tsis.records.anchor import read_anchor
@@ -79,7 +80,7 @@ class Bench:
         kept = store.add_press(target, image(seed), taken=WHEN + timedelta(seconds=seed), calibration=known)
         files = [(kept.frame, "png")]
         if known is not None:
-            files.append((store._calibration_row(known)["file"], "json"))
+            files.append((store.blobs.put(calibration_bytes(known), "json"), "json"))
         return self.keep(kept, *files)
 
     def estimate(self, store: Store, target: Any, presses: Any) -> Any:

@@ -77,6 +77,17 @@ def the_kind_of_store(stores: Stores, rng: random.Random) -> None:
             forger.connection.execute("UPDATE targets SET kind = 'subject', truth = '{}'")
 
 
+def the_terms_of_the_store(stores: Stores, rng: random.Random) -> None:
+    """What the store says of itself: none of it is left, or one thing less."""
+    with forging(stores.store, rng) as forger:
+        if rng.random() < 0.5:
+            forger.delete("store", "name", rng.choice(forger.rows("store"))["name"])
+            return
+        forger.connection.execute("DELETE FROM store")
+        if rng.random() < 0.5:
+            forger.connection.execute("DELETE FROM audit_head")
+
+
 def the_schema(stores: Stores, rng: random.Random) -> None:
     statements = [
         "DROP TRIGGER audit_no_update",
@@ -170,9 +181,11 @@ def the_files_of_another(stores: Stores, rng: random.Random) -> None:
 def the_anchor(stores: Stores, rng: random.Random) -> None:
     path = stores.store / "audit-anchor.json"
     document = json.loads(path.read_text())
-    kind = rng.randrange(6)
+    kind = rng.randrange(7)
     if kind == 0:
         path.unlink()
+    elif kind == 6:
+        path.write_text("{}")
     elif kind == 1:
         shutil.copy(stores.other / path.name, path)
     elif kind == 2:
@@ -207,6 +220,7 @@ KINDS: dict[str, Callable[[Stores, random.Random], None]] = {
     "the audit's end cut off with its rows": audit.the_end_cut_off,
     "the audit's head changed": audit.the_head_changed,
     "the kind of the store changed": the_kind_of_store,
+    "what the store says of itself taken out": the_terms_of_the_store,
     "the schema changed": the_schema,
     "bytes of the database file": bytes_of_the_database,
     "a file changed": a_file_changed,

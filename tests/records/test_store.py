@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import getpass
 import sqlite3
 import threading
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta, timezone
 from typing import TYPE_CHECKING, Any
 
@@ -12,12 +14,12 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays
-from sqlalchemy import insert
-from tests.records.sample import WHEN, levels, sample_calibration, sample_estimate
+from sqlalchemy import insert, select
+from tests.records.sample import WHEN, levels, sample_calibration, sample_dossier, sample_estimate
 
 from tsis.calibration.file import identity
 from tsis.model import TactileImage
-from tsis.model.errors import InputError, RecordsError, StaleRecordError
+from tsis.model.errors import InputError, RecordsError
 from tsis.records import engines, environment, open_store, tables, verify
 
 if TYPE_CHECKING:
@@ -107,24 +109,18 @@ def test_presses_are_listed_in_the_order_in_which_they_were_taken(store: Store) 
     assert (summary.presses, summary.estimates, summary.last) == (4, 0, WHEN + timedelta(seconds=3, milliseconds=3))
 
 
-def test_an_edit_of_what_somebody_else_has_changed_is_refused(store: Store) -> None:
-    read_by_both = store.add_target(name="a")
-    press = store.add_press(read_by_both, image(), taken=WHEN)
-    store.edit_target(read_by_both, name="b")
-    with pytest.raises(StaleRecordError, match="somebody else has changed it since version 1"):
-        store.edit_target(read_by_both, name="c")
-    assert store.target(1).name == "b"
-    edited = store.edit_press(press, force_n=1.0, flags=("moving",))
-    with pytest.raises(StaleRecordError):
-        store.edit_press(press, note="late")
-    assert store.presses(read_by_both) == (edited,)
-    assert verify(store).sound
-
-
-def test_what_may_not_be_changed_is_not(store: Store) -> None:
-    press = store.add_press(store.add_target(), image(), taken=WHEN)
-    with pytest.raises(InputError, match="no field of a press that may be changed is called 'frame'"):
-        store.edit_press(press, frame="0" * 64)
+def test_the_first_entries_of_the_audit_say_who_began_the_store(place: Place) -> None:
+    for actor in ("", "x" * 500, "two\nlines", "\x1b[31mred"):
+        with pytest.raises(InputError, match="actor must be 1 to 200 printable characters"):
+            place.open(actor=actor)
+        assert not place.folder.exists()
+    place.open().close()
+    with place.open(actor="ñ") as store:
+        store.add_target()
+        with store.database.reading() as connection:
+            actors = list(connection.execute(select(tables.audit.c.actor).order_by(tables.audit.c.number)).scalars())
+    assert set(actors[:-1]) == {getpass.getuser()}
+    assert actors[-1] == "ñ"
 
 
 def test_two_that_write_at_once_both_keep_everything(place: Place) -> None:
@@ -151,6 +147,16 @@ def test_a_number_is_taken_once(store: Store) -> None:
     assert store.add_target().number == 8
     with pytest.raises(InputError, match="7 is taken"):
         store.add_target(number=7)
+
+
+def test_after_the_largest_number_one_must_be_given(store: Store) -> None:
+    for number in (1, 2, 99_999):
+        store.add_target(number=number)
+    with pytest.raises(InputError, match=r"holds target 99999, after which there is none.*give one that is free, as 3"):
+        store.add_target()
+    given = sample_dossier()
+    assert store.take_in(replace(given, target=replace(given.target, number=2))).target.number == 3
+    assert store.add_target(number=4).number == 4
 
 
 def test_stores_of_phantoms_and_of_subjects_are_kept_apart(place: Place) -> None:
@@ -245,7 +251,7 @@ def test_an_estimate_of_an_unspeakable_probe_is_one_sentence(store: Store, name:
 
 def test_huge_settings_come_back(store: Store) -> None:
     target = store.add_target()
-    free = {"map": [0.1 * i for i in range(200_000)], "text": "é" * 1_000_000, "\0": "\0", "half": "\udcff"}
+    free = {"map": [0.1 * i for i in range(200_000)], "text": "é" * 1_000_000, "\0": "\0"}
     store.add_press(target, small_image(settings=free), taken=WHEN)
     (found,) = store.presses(target)
     assert found.settings == free

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from datetime import timedelta
 from typing import TYPE_CHECKING
 
+import cv2
 import numpy as np
 import pytest
 from sqlalchemy import select
@@ -72,6 +74,47 @@ def test_what_came_later_finds_its_place_and_what_was_edited_here_stays(store: S
     assert taken.target.name == "mine"
     assert [press.force_n for press in store.presses(store.target(3))] == [0.75, 1.0, 0.7, 1.0]
     assert verify(store).sound
+
+
+def test_frames_that_another_library_packed_otherwise_are_the_same(
+    store: Store, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target = store.take_in(sample_dossier()).target
+    store.edit_press(store.presses(target)[0], note="edited")  # two presses of one frame, one of them only in the store
+    write_bundle(store.dossier(target), tmp_path / "bundle")
+    given = read_bundle(tmp_path / "bundle")
+    monkeypatch.setattr("tsis.records.frame_file.QUICK", [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    taken = store.take_in(given)
+    assert (taken.new, taken.presses, taken.present, taken.differing) == (False, 0, 5, 0)
+    assert verify(store).unnamed == 0
+    with open_store(tmp_path / "other") as other:
+        first = other.take_in(given)
+        monkeypatch.setattr("tsis.records.frame_file.QUICK", [cv2.IMWRITE_PNG_COMPRESSION, 1])
+        assert {press.frame for press in other.presses(first.target)}.isdisjoint(
+            press.frame for press in store.presses(target)
+        )
+        again = other.take_in(given)
+        assert (again.presses, again.present, again.differing) == (0, 5, 0)
+        found = verify(other)
+        assert (found.sound, found.unnamed) == (True, 0)
+        require_equal(given, other.dossier(first.target), but_frames=True)
+
+
+def test_a_frame_of_other_levels_differs(store: Store) -> None:
+    given = sample_dossier()
+    store.take_in(given)
+    other = replace(given, read=lambda name: 255 - given.read(name))
+    assert store.take_in(other).differing == len(given.presses)
+
+
+@pytest.mark.parametrize("reverse", [False, True])
+def test_estimates_come_after_what_they_supersede_however_they_are_handed_in(store: Store, reverse: bool) -> None:
+    given = sample_dossier()
+    (first,) = given.estimates
+    later = replace(first, id="estimate-b", supersedes=first.id, made=first.made - timedelta(hours=1))
+    estimates = (later, first) if reverse else (first, later)
+    taken = store.take_in(replace(given, estimates=estimates))
+    assert [stored.id for stored in store.estimates(taken.target)] == ["estimate-a", "estimate-b"]
 
 
 def test_a_taken_number_gives_way_to_a_free_one(store: Store) -> None:

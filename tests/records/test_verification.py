@@ -20,6 +20,7 @@ from tests.records.tamperings import KINDS
 
 from tsis.model.errors import RecordsError, TsisError
 from tsis.records import open_store, verify
+from tsis.records.audit import has_entry
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -106,13 +107,89 @@ def test_a_folder_whose_database_was_lost_is_not_begun_anew(template: Stores, tm
     assert anchor["number"] > 0
 
 
-def test_the_head_that_was_written_down_shows_that_all_was_put_back(template: Stores) -> None:
+def test_the_head_that_was_written_down_shows_that_all_was_put_back(template: Stores, tmp_path: Path) -> None:
     """The whole folder, anchor and all, is the one thing that a store cannot know of itself."""
-    with open_store(template.store) as store, open_store(template.earlier) as earlier:
-        now, before = verify(store), verify(earlier)
-    assert before.sound
-    assert now.head.number > before.head.number
-    assert now.head != before.head
+    shutil.copytree(template.store, tmp_path / "store")
+    with open_store(tmp_path / "store") as store:
+        written_down = verify(store).head
+    shutil.rmtree(tmp_path / "store")
+    shutil.copytree(template.earlier, tmp_path / "store")
+    with open_store(tmp_path / "store") as store:
+        found = verify(store)
+        assert found.sound
+        assert found.head.number < written_down.number
+        with store.database.reading() as connection:
+            assert not has_entry(connection, written_down)
+
+
+def test_a_lost_anchor_leaves_a_trace(template: Stores, tmp_path: Path) -> None:
+    """Once somebody went on without it, the new anchor vouches for what it cannot know."""
+    folder = tmp_path / "store"
+    shutil.copytree(template.store, folder)
+    (folder / "audit-anchor.json").unlink()
+    with open_store(folder, actor="me") as store:
+        lost = verify(store)
+        assert not lost.sound
+        store.add_target()
+        store.add_target()
+        found = verify(store)
+        assert found.sound
+        assert found.head.number == lost.head.number + 3  # two targets, and once that it was missing
+        (note,) = found.notes
+        assert note.startswith(f"audit entry {lost.head.number + 1} tells that the anchor was missing when me went on")
+        assert found.unanchored == 0
+
+
+@pytest.mark.parametrize("content", ["{}", "", "[]", '{"store":1,"number":1,"hash":"x"}', "{" * 100_000])
+def test_a_damaged_anchor_is_told_and_nothing_is_added(template: Stores, tmp_path: Path, content: str) -> None:
+    folder = tmp_path / "store"
+    shutil.copytree(template.store, folder)
+    (folder / "audit-anchor.json").write_text(content)
+    with open_store(folder, create=False) as store:
+        assert any("the anchor of the audit" in fault for fault in verify(store).faults)
+        assert store.targets()
+        before = len(store.targets())
+        with pytest.raises(RecordsError, match=r"must be there and whole.*move it away") as caught:
+            store.add_target()
+        assert "\n" not in str(caught.value)
+        assert len(store.targets()) == before
+        (folder / "audit-anchor.json").unlink()
+        store.add_target()
+        assert verify(store).sound
+        assert len(verify(store).notes) == 1
+
+
+def test_without_the_audits_head_nothing_is_added(template: Stores, tmp_path: Path) -> None:
+    shutil.copytree(template.store, tmp_path / "store")
+    with forging(tmp_path / "store", random.Random(1)) as forger:
+        forger.connection.execute("DELETE FROM audit_head")
+    with open_store(tmp_path / "store") as store:
+        with pytest.raises(RecordsError, match=r"which entry of the audit is the last.*tsis records verify"):
+            store.add_target()
+        assert any("the audit must end at" in fault for fault in verify(store).faults)
+
+
+@pytest.mark.parametrize("also", [(), ("DELETE FROM audit_head",)])
+def test_a_store_that_says_nothing_of_itself_is_refused(
+    template: Stores, tmp_path: Path, also: tuple[str, ...]
+) -> None:
+    shutil.copytree(template.store, tmp_path / "store")
+    with forging(tmp_path / "store", random.Random(1)) as forger:
+        for statement in ("DELETE FROM store", *also):
+            forger.connection.execute(statement)
+    with pytest.raises(RecordsError, match=r"must say what store it is; got \{\} \(take it from a backup\)"):
+        open_store(tmp_path / "store")
+
+
+def test_an_edit_does_not_vouch_for_what_was_tampered_with(template: Stores, tmp_path: Path) -> None:
+    shutil.copytree(template.store, tmp_path / "store")
+    with closing(sqlite3.connect(tmp_path / "store" / "records.sqlite3")) as connection, connection:
+        connection.execute("UPDATE presses SET force_n = 0.25")
+    with open_store(tmp_path / "store") as store:
+        (press, *_) = store.presses(store.target(1))
+        with pytest.raises(RecordsError, match="changed behind the program's back"):
+            store.edit_press(press, note="x")
+        assert any(press.id in fault for fault in verify(store).faults)
 
 
 def test_the_hashes_are_what_the_documentation_says(template: Stores, tmp_path: Path) -> None:

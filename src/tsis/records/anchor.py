@@ -17,7 +17,7 @@ from tsis.instrument.file_bytes import read_object
 from tsis.model import check
 from tsis.model.durable import DISK, Disk, write_durably
 from tsis.model.errors import RecordsError, TsisError
-from tsis.records.audit import FIRST, Head, has_entry
+from tsis.records.audit import FIRST, Change, Head, has_entry
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 
 FILE = "audit-anchor.json"
 BEFORE = Head(number=0, hash=FIRST)  # of a store that is about to be begun
+LOST, KIND = "anchor missing", "anchor"  # action and kind of the entry that tells of a lost anchor
 
 
 def write_anchor(folder: Path, store: str, head: Head, *, disk: Disk = DISK) -> None:
@@ -53,8 +54,13 @@ def read_anchor(folder: Path) -> tuple[str, Head]:
         raise RecordsError(f"the anchor of the audit, {shown(path)}, must be there and whole; {error}") from error
 
 
-def require_anchored(connection: Connection, folder: Path) -> None:
+def anchored(connection: Connection, folder: Path) -> bool:
     """Refuse to add to an audit that the anchor contradicts: the next anchor would cover up what was done to it.
+
+    Returns
+    -------
+    bool
+        Whether there is an anchor at all; somebody may have moved it away to go on without it.
 
     Raises
     ------
@@ -62,11 +68,23 @@ def require_anchored(connection: Connection, folder: Path) -> None:
         When the audit does not hold the entry that the anchor tells, or the anchor is damaged.
     """
     if not (folder / FILE).exists():
-        return  # somebody took it away to go on without it
-    anchored = read_anchor(folder)[1]
-    if anchored != BEFORE and not has_entry(connection, anchored):
+        return False
+    try:
+        head = read_anchor(folder)[1]
+    except RecordsError as error:
+        raise RecordsError(f"{error} (to go on without it, of which the audit will tell, move it away)") from error
+    if head != BEFORE and not has_entry(connection, head):
         raise RecordsError(
-            f"the audit must hold entry {anchored.number} as {shown(folder / FILE)} tells; it was cut off or "
+            f"the audit must hold entry {head.number} as {shown(folder / FILE)} tells; it was cut off or "
             "rewritten, or the database is an older copy (tsis records verify tells more; to go on with what there "
             "is, move that file away)"
         )
+    return True
+
+
+def lost_after(head: Head) -> Change:
+    """What the audit is told where there is no anchor although there are entries: nobody knows what was done to them.
+
+    Without it the next anchor would vouch for all of them as if nothing had been.
+    """
+    return Change(action=LOST, kind=KIND, row=FILE, values={"number": head.number, "hash": head.hash})

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import insert, select, update
 
+from tsis.model.errors import RecordsError
 from tsis.records.canonical import digest
 from tsis.records.tables import audit, audit_head
 
@@ -48,8 +49,19 @@ def begin_audit(connection: Connection) -> None:
 
 
 def locked_head(connection: Connection) -> Head:
-    """The last entry; from here to the end of the transaction nobody else appends."""
-    row = connection.execute(select(audit_head).where(audit_head.c.id == 1).with_for_update()).one()
+    """The last entry; from here to the end of the transaction nobody else appends.
+
+    Raises
+    ------
+    RecordsError
+        When the database does not say which that is.
+    """
+    row = connection.execute(select(audit_head).where(audit_head.c.id == 1).with_for_update()).first()
+    if row is None:
+        raise RecordsError(
+            "the database must say which entry of the audit is the last; that row was taken out (tsis records verify "
+            "tells more; take the database from a backup)"
+        )
     return Head(number=row.number, hash=row.hash)
 
 
@@ -59,10 +71,10 @@ def has_entry(connection: Connection, head: Head) -> bool:
     return bool(found == head.hash)
 
 
-def read_head(connection: Connection) -> Head:
-    """The last entry as this transaction sees it."""
-    row = connection.execute(select(audit_head)).first()
-    return Head(number=0, hash=FIRST) if row is None else Head(number=row.number, hash=row.hash)
+def last_content(connection: Connection, kind: str, row: str) -> str | None:
+    """Digest of a row as its last entry has it; None where it has none."""
+    of_the_row = (audit.c.kind == kind) & (audit.c.row == row)
+    return connection.execute(select(audit.c.content).where(of_the_row).order_by(audit.c.number.desc())).scalar()
 
 
 def append(connection: Connection, head: Head, changes: Iterable[Change], *, actor: str) -> Head:

@@ -52,3 +52,11 @@ def digest(values: Mapping[str, Any]) -> str:
     """
     held = {name: value for name, value in values.items() if value is not None}
     return hashlib.sha256(canonical(held).encode()).hexdigest()
+
+
+def digest_of_any(values: Mapping[str, Any]) -> str | None:
+    """The same of what a database gives; None for what no store holds: bytes, NaN and infinities."""
+    try:
+        return digest(values)
+    except (TypeError, ValueError):
+        return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import getpass
 import os
 import uuid
 from datetime import UTC, datetime
@@ -22,7 +23,7 @@ from tsis.records.audit import Change, Head, append, begin_audit, locked_head
 from tsis.records.database import FILE, Database
 from tsis.records.secret import TERM, new_secret
 from tsis.records.store import FILES, Store
-from tsis.records.values import KINDS
+from tsis.records.values import KINDS, require_label
 
 ABANDONED_S = 86_400.0  # no file takes a day to be written: a draft of that age is a killed program's
 
@@ -63,8 +64,12 @@ def open_store(
     ------
     RecordsError
         When there is none and ``create`` is false; when it cannot be made, read or believed, or is of another kind.
+    InputError
+        When the actor cannot be shown in a line.
     """
     check.known("kind of store", kind, KINDS)
+    actor = _user() if actor is None else actor
+    require_label("actor", actor)
     place = default_folder(kind) if folder is None else as_path(folder)
     if not create and (not place.is_dir() if database else not (place / FILE).is_file()):
         raise RecordsError(f"{shown(place)} must be a store of records; there is none (tsis records import makes one)")
@@ -81,13 +86,20 @@ def open_store(
         if not create:
             _require_begun(rows_of)
         rows_of.migrate()
-        found = _terms(rows_of) or _begun(rows_of, place, kind, actor or "", disk)
+        found = _terms(rows_of) or _begun(rows_of, place, kind, actor, disk)
         _require_kind(place, kind, found["kind"])
         _require_own_place(rows_of, place, found["identity"])
         return Store(place, rows_of, identity=found["identity"], kind=kind, actor=actor, disk=disk)
     except BaseException:
         rows_of.close()
         raise
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError):  # a container's user without a name
+        return "unknown"
 
 
 def _require_begun(database: Database) -> None:
@@ -106,7 +118,10 @@ def _require_kind(place: Path, wanted: str, kind: str) -> None:
 def _require_own_place(database: Database, place: Path, identity: str) -> None:
     """Refuse a folder whose files are those of another store, or that never held any."""
     if (place / ANCHOR).exists():
-        anchored = read_anchor(place)[0]
+        try:
+            anchored = read_anchor(place)[0]
+        except RecordsError:
+            return  # it is damaged: `verify` says so, and nothing can be added
     elif any((place / FILES).glob("*/*")):
         return  # the anchor is lost: `verify` says so
     else:
@@ -125,9 +140,15 @@ def _terms(database: Database) -> dict[str, str]:
     """What the store says of itself; empty for a new one."""
     with database.reading() as connection:
         found = {row.name: row.value for row in connection.execute(select(tables.store))}
-    if found and (found.get("kind") not in KINDS or not isinstance(found.get("identity"), str)):
+        begun = any(
+            connection.execute(select(table).limit(1)).first() is not None
+            for table in (tables.audit_head, tables.audit)
+        )
+    if (found or begun) and (found.get("kind") not in KINDS or not isinstance(found.get("identity"), str)):
         shown_terms = {name: value for name, value in found.items() if name != TERM}
-        raise RecordsError(f"{database.name} must say what store it is; got {shown_terms!r:.80}")
+        raise RecordsError(
+            f"{database.name} must say what store it is; got {shown_terms!r:.80} (take it from a backup)"
+        )
     return found
 
 

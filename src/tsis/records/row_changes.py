@@ -8,7 +8,8 @@ from sqlalchemy import insert, select, update
 
 from tsis.model.errors import RecordsError, StaleRecordError
 from tsis.records import tables
-from tsis.records.audit import Change
+from tsis.records.audit import Change, last_content
+from tsis.records.canonical import digest_of_any
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection, Table
@@ -29,15 +30,31 @@ def inserted_once(connection: Connection, table: Table, row: Row | None, *, acti
     return [inserted(connection, table, row, action=action)]
 
 
-def updated(connection: Connection, table: Table, before: Any, row: Row) -> Change:
-    """Change the row of the record ``before``; `StaleRecordError` when it is not as that says any more."""
+def updated(connection: Connection, table: Table, before: Any, changed: Row) -> Change:
+    """Change columns of the row of the record ``before``.
+
+    Raises
+    ------
+    StaleRecordError
+        When somebody has changed it since it was read.
+    RecordsError
+        When it is not as its last audit entry says: the next would vouch for what was done to it.
+    """
     what = "target" if table is tables.targets else "press"
     unchanged = (table.c.id == before.id) & (table.c.version == before.version)
-    if connection.execute(update(table).where(unchanged).values(row)).rowcount != 1:
+    found = connection.execute(select(table).where(unchanged)).first()
+    if found is None:
         raise StaleRecordError(
             f"the {what} must be as it was read to be changed; somebody else has changed it since version "
             f"{before.version} (read it again)"
         )
+    if digest_of_any(found._asdict()) != last_content(connection, table.name, before.id):
+        raise RecordsError(
+            f"the {what} must be as it was stored to be changed; it was changed behind the program's back "
+            "(tsis records verify tells more; take the store from a backup)"
+        )
+    connection.execute(update(table).where(table.c.id == before.id).values(changed))
+    row = connection.execute(select(table).where(table.c.id == before.id)).one()._asdict()
     return Change(action="edit", kind=table.name, row=before.id, values=row)
 
 

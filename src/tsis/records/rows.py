@@ -5,6 +5,7 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from tsis.calibration.file import identity
 from tsis.model.errors import InputError, RecordsError
 from tsis.records.canonical import canonical, parsed
 from tsis.records.plain import (
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from tsis.calibration import ProbeCalibration
     from tsis.records.values import Press, StoredEstimate, Target
 
 Row = dict[str, Any]
@@ -97,6 +99,12 @@ def estimate_of_row(row: Mapping[str, Any], samples: Mapping[str, NDArray[np.flo
         return estimate_of_plain(plain | nested | {"estimate": parsed(row["document"], "document")}, samples)
 
     return _believed(estimate, "estimate", row)
+
+
+def calibration_row(known: ProbeCalibration, file: str) -> Row:
+    """Row of a calibration that is the stored file of that name."""
+    made = "" if known.made is None else moment(known.made)
+    return {"id": identity(known), "file": file, "name": known.name, "probe": known.probe, "made": made}
 
 
 def _believed(build: Callable[[], Believed], what: str, row: Mapping[str, Any]) -> Believed:

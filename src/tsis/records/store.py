@@ -6,7 +6,6 @@ power before that has lost what nobody was told was kept; who loses it after has
 
 from __future__ import annotations
 
-import getpass
 import threading
 import uuid
 from contextlib import suppress
@@ -14,24 +13,23 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
-from sqlalchemy import func, select
-
 from tsis.calibration.file import calibration_bytes, identity
-from tsis.model import check
 from tsis.model.durable import DISK, Disk
 from tsis.model.errors import InputError, RecordsError
 from tsis.records import rows, tables
-from tsis.records.anchor import require_anchored, write_anchor
+from tsis.records.anchor import BEFORE, anchored, lost_after, write_anchor
 from tsis.records.audit import Change, append, locked_head
 from tsis.records.blobs import Blobs
 from tsis.records.contents import Contents
+from tsis.records.editing import press_edit, target_edit
 from tsis.records.frame_file import frame_bytes
 from tsis.records.plain import press_of_plain, press_to_plain
-from tsis.records.row_changes import inserted, inserted_once, required, updated
+from tsis.records.row_changes import inserted, inserted_once, required
 from tsis.records.samples import samples_bytes
 from tsis.records.secret import derived, entered_secret, read_secret
-from tsis.records.taking_in import Arrival, TakenIn
-from tsis.records.values import LONGEST_NAME, Press, StoredEstimate, Target, require_moment, require_text
+from tsis.records.taking_in import Arrival, TakenIn, held_frames
+from tsis.records.target_numbers import is_taken, next_number
+from tsis.records.values import Press, StoredEstimate, Target, require_label, require_moment
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -46,7 +44,6 @@ if TYPE_CHECKING:
 
 FILES = "files"
 Kept = TypeVar("Kept")
-EDITABLE = {"target": ("name", "note", "truth"), "press": ("role", "force_n", "flags", "note")}
 
 
 class Store(Contents):
@@ -65,11 +62,11 @@ class Store(Contents):
     """
 
     def __init__(
-        self, folder: Path, database: Database, *, identity: str, kind: str, actor: str | None = None, disk: Disk = DISK
+        self, folder: Path, database: Database, *, identity: str, kind: str, actor: str, disk: Disk = DISK
     ) -> None:
         super().__init__(folder, database, Blobs(folder / FILES, disk=disk), identity=identity, kind=kind)
-        self.actor = _user() if actor is None else actor
-        require_text("actor", self.actor, LONGEST_NAME)
+        require_label("actor", actor)
+        self.actor = actor
         self._disk = disk
         self._one_at_a_time = threading.Lock()
 
@@ -101,7 +98,7 @@ class Store(Contents):
         Raises
         ------
         InputError
-            When the number is taken or a value lies outside what `Target` accepts.
+            When the number is taken, there is no next one, or a value lies outside what `Target` accepts.
         RecordsError
             When it cannot be stored.
         """
@@ -116,14 +113,9 @@ class Store(Contents):
         )
 
         def enter(connection: Connection) -> tuple[Target, list[Change]]:
-            column = tables.targets.c.number
-            if number is None:
-                last = connection.execute(select(func.max(column))).scalar_one()
-                target = replace(wanted, number=(last or 0) + 1)
-            else:
-                if connection.execute(select(column).where(column == number)).first() is not None:
-                    raise InputError(f"number must be that of no target of this store; {number} is taken")
-                target = wanted
+            if number is not None and is_taken(connection, number):
+                raise InputError(f"number must be that of no target of this store; {number} is taken")
+            target = replace(wanted, number=next_number(connection)) if number is None else wanted
             return target, [inserted(connection, tables.targets, rows.target_row(target))]
 
         return self._write(enter)
@@ -263,16 +255,12 @@ class Store(Contents):
                 f"a store of {self.kind}s must hold nothing else; this target is a {dossier.target.kind} "
                 f"(open another store with --kind {dossier.target.kind})"
             )
-        return self._write(Arrival(dossier, self.blobs, self._calibration_row, progress).enter)
+        with self.database.reading() as connection:
+            held = held_frames(connection, dossier.presses)
+        return self._write(Arrival(dossier, self.blobs, held, progress).enter)
 
     def _calibration_row(self, known: ProbeCalibration) -> rows.Row:
-        return {
-            "id": identity(known),
-            "file": self.blobs.put(calibration_bytes(known), "json"),
-            "name": known.name,
-            "probe": known.probe,
-            "made": "" if known.made is None else rows.moment(known.made),
-        }
+        return rows.calibration_row(known, self.blobs.put(calibration_bytes(known), "json"))
 
     # What is changed: the old version stays in the audit as a digest, the new one takes its place
 
@@ -284,17 +272,15 @@ class Store(Contents):
         StaleRecordError
             When somebody else has changed it since it was read.
         InputError
-            When a value is not accepted, or may not be changed.
+            When a value is not accepted or may not be changed, or nothing is.
+        RecordsError
+            When it was changed behind the program's back.
         """
-        edited: Target = _edited(target, "target", changes)
-        self._write(lambda connection: (None, [updated(connection, tables.targets, target, rows.target_row(edited))]))
-        return edited
+        return self._write(target_edit(target, changes))
 
     def edit_press(self, press: Press, **changes: Any) -> Press:
         """Change ``role``, ``force_n``, ``flags`` or ``note`` of a press as it was read; errors as `edit_target`."""
-        edited: Press = _edited(press, "press", changes)
-        self._write(lambda connection: (None, [updated(connection, tables.presses, press, rows.press_row(edited))]))
-        return edited
+        return self._write(press_edit(press, changes))
 
     # How it is written
 
@@ -303,24 +289,12 @@ class Store(Contents):
         with self._one_at_a_time:
             with self.database.writing() as connection:
                 head = locked_head(connection)
-                require_anchored(connection, self.folder)
+                lost = not anchored(connection, self.folder) and head != BEFORE
                 kept, changes = enter(connection)
+                changes = [lost_after(head), *changes] if lost else changes
                 head = append(connection, head, changes, actor=self.actor)
             # The record lasts by now, and who were told that it failed would store it twice: an anchor that cannot be
             # written lags behind until the next one, and `verify` tells by how much.
             with suppress(OSError):
                 write_anchor(self.folder, self.identity, head, disk=self._disk)
         return kept
-
-
-def _user() -> str:
-    try:
-        return getpass.getuser()
-    except (OSError, KeyError):  # a container's user without a name
-        return "unknown"
-
-
-def _edited(record: Any, kind: str, changes: Mapping[str, Any]) -> Any:
-    for name in changes:
-        check.known(f"field of a {kind} that may be changed", name, EDITABLE[kind])
-    return replace(record, **changes, version=record.version + 1)

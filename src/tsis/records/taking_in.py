@@ -6,27 +6,32 @@ additions find their place. What is there already stays as it is here: edits mad
 
 from __future__ import annotations
 
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from sqlalchemy import func, select
+import numpy as np
+from sqlalchemy import select
 
+from tsis.calibration.file import calibration_bytes
 from tsis.model.errors import RecordsError
 from tsis.records import rows, tables
-from tsis.records.frame_file import frame_bytes
+from tsis.records.contents import MOST_AT_ONCE
+from tsis.records.frame_file import frame_bytes, frame_levels
+from tsis.records.lineage import in_lineage
 from tsis.records.row_changes import inserted, inserted_once
 from tsis.records.samples import samples_bytes
+from tsis.records.target_numbers import free_number
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from sqlalchemy import Connection, Table
 
-    from tsis.calibration import ProbeCalibration
     from tsis.records.audit import Change
     from tsis.records.blobs import Blobs
     from tsis.records.dossier import Dossier
-    from tsis.records.values import Target
+    from tsis.records.values import Press, Target
 
 ACTION = "import"
 
@@ -66,8 +71,8 @@ class Arrival:
         What is taken in.
     blobs
         Where its files go.
-    calibration_row
-        Stores a calibration and returns its row.
+    held
+        Frame of each of its presses that is here already, by the press, as `held_frames` gives them.
     progress
         Told (done, all) of the frames.
 
@@ -81,24 +86,28 @@ class Arrival:
         self,
         dossier: Dossier,
         blobs: Blobs,
-        calibration_row: Callable[[ProbeCalibration], rows.Row],
+        held: Mapping[str, str],
         progress: Callable[[int, int], None] | None = None,
     ) -> None:
         self.target = dossier.target
         self.frames: dict[str, rows.Row] = {}
         self.presses: list[rows.Row] = []
         for done, press in enumerate(dossier.presses, start=1):
-            content = frame_bytes(dossier.image(press))
-            frame = blobs.put(content, "png")  # another library may pack the same levels into other bytes
+            # Other libraries pack the same levels into other bytes: those that are here are not stored twice.
+            content = _content(dossier, press, blobs, held) or frame_bytes(dossier.image(press))
+            frame = blobs.put(content, "png")
             sizes = {"rows": press.rows, "columns": press.columns, "bytes": len(content)}
             self.frames[frame] = {"id": frame, **sizes}
             self.presses.append(rows.press_row(replace(press, frame=frame)))
             if progress is not None:
                 progress(done, len(dossier.presses))
-        self.calibrations = [calibration_row(known) for known in dossier.calibrations.values()]
+        self.calibrations = [
+            rows.calibration_row(known, blobs.put(calibration_bytes(known), "json"))
+            for known in dossier.calibrations.values()
+        ]
         self.estimates = [
             rows.estimate_row(stored, blobs.put(samples_bytes(stored.estimate), "samples"))
-            for stored in dossier.estimates
+            for stored in in_lineage(dossier.estimates)  # a row can name only those that are there
         ]
 
     def enter(self, connection: Connection) -> tuple[TakenIn, list[Change]]:
@@ -106,7 +115,7 @@ class Arrival:
         held = connection.execute(select(tables.targets).where(tables.targets.c.id == self.target.id)).first()
         changes: list[Change] = []
         if held is None:
-            target = replace(self.target, number=_free_number(connection, self.target.number), version=1)
+            target = replace(self.target, number=free_number(connection, self.target.number), version=1)
             changes.append(inserted(connection, tables.targets, rows.target_row(target), action=ACTION))
         else:
             target = rows.target_of_row(held._asdict())
@@ -139,12 +148,25 @@ class Arrival:
                 yield table, row
 
 
-def _free_number(connection: Connection, wanted: int) -> int:
-    """That number, or the next after all when another target has it."""
-    column = tables.targets.c.number
-    if connection.execute(select(column).where(column == wanted)).first() is None:
-        return wanted
-    return int(connection.execute(select(func.max(column))).scalar_one()) + 1
+def held_frames(connection: Connection, presses: Sequence[Press]) -> dict[str, str]:
+    """Frames of those of the presses that are stored already, by the identity of the press."""
+    table, wanted = tables.presses.c, [press.id for press in presses]
+    found: dict[str, str] = {}
+    for at in range(0, len(wanted), MOST_AT_ONCE):
+        query = select(table.id, table.frame).where(table.id.in_(wanted[at : at + MOST_AT_ONCE]))
+        found |= {row.id: row.frame for row in connection.execute(query)}
+    return found
+
+
+def _content(dossier: Dossier, press: Press, blobs: Blobs, held: Mapping[str, str]) -> bytes | None:
+    """The stored file of a press's frame; None where there is none that holds its grey levels."""
+    levels = dossier.levels(press)
+    for name in (held.get(press.id, ""), press.frame):
+        with suppress(RecordsError):  # it is not there, or was damaged
+            content = blobs.get(name, "png")
+            if np.array_equal(frame_levels(content, name), levels):
+                return content
+    return None
 
 
 def _held(connection: Connection, table: Table, row: rows.Row) -> dict[str, Any] | None:

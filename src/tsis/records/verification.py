@@ -13,14 +13,15 @@ from sqlalchemy import select
 
 from tsis.instrument.file_bytes import one_line
 from tsis.model.errors import RecordsError
-from tsis.records.anchor import BEFORE, read_anchor
-from tsis.records.audit import FIRST, Head
-from tsis.records.canonical import digest
+from tsis.records.anchor import BEFORE, LOST, read_anchor
+from tsis.records.anchor import KIND as ANCHOR
+from tsis.records.audit import FIRST, Head, has_entry
+from tsis.records.canonical import digest_of_any
 from tsis.records.schema import schema_faults
 from tsis.records.tables import RECORDED, audit, audit_head, calibrations, estimates, frames
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterator
 
     from sqlalchemy import Connection, Row, Select, Table
 
@@ -37,6 +38,8 @@ class Verification:
     ----------
     faults
         One sentence for each thing that is not as it was stored; none when the store can be believed.
+    notes
+        One sentence for each thing that happened to the store and is no fault of what it holds.
     head
         Last entry of the audit. Written down elsewhere, it shows later whether the whole store was put back.
     rows, files
@@ -49,6 +52,7 @@ class Verification:
     """
 
     faults: tuple[str, ...]
+    notes: tuple[str, ...]
     head: Head
     rows: int
     files: int
@@ -81,11 +85,12 @@ def verify(store: Store, *, progress: Callable[[int, int], None] | None = None) 
         faults += schema_faults(connection)
         faults += _chain_faults(connection)
         head = _head(connection)
-        if anchored is not None and anchored != BEFORE and not _holds(connection, anchored):
+        if anchored is not None and anchored != BEFORE and not has_entry(connection, anchored):
             faults.append(
                 f"audit entry {anchored.number} must be the one that the anchor tells; it is another, or was cut off"
             )
         row_faults, count = _row_faults(connection)
+        notes = tuple(_notes(connection))
         wanted = dict(_files(connection))
     faults += row_faults
     for done, ((name, ending), of) in enumerate(wanted.items(), start=1):
@@ -97,6 +102,7 @@ def verify(store: Store, *, progress: Callable[[int, int], None] | None = None) 
             progress(done, len(wanted))
     return Verification(
         faults=tuple(faults),
+        notes=notes,
         head=head,
         rows=count,
         files=len(wanted),
@@ -115,8 +121,15 @@ def _anchor(store: Store) -> tuple[list[str], Head | None]:
     return [], anchored
 
 
-def _holds(connection: Connection, head: Head) -> bool:
-    return connection.execute(select(audit.c.hash).where(audit.c.number == head.number)).scalar() == head.hash
+def _notes(connection: Connection) -> Iterator[str]:
+    """Times at which the anchor was lost and somebody went on."""
+    for row in _all(connection, select(audit).where(audit.c.action == LOST).order_by(audit.c.number)):
+        number, moment, actor = (one_line(each, 80) for each in (row.number, row.moment, row.actor))
+        yield (
+            f"audit entry {number} tells that the anchor was missing when {actor} went on at {moment}: whether the "
+            "entries before it were cut short or written anew until then, only a backup or a head that was written "
+            "down can tell"
+        )
 
 
 def _head(connection: Connection) -> Head:
@@ -141,7 +154,7 @@ def _chain_faults(connection: Connection) -> Iterator[str]:
             yield f"audit entry {number + 1} must follow entry {number}; {shown} does (entries were removed or put in)"
         elif entry["previous"] != before:
             yield f"audit entry {number + 1} must follow the one before it; it follows another"
-        if _digest(entry) != written:
+        if digest_of_any(entry) != written:
             yield f"audit entry {one_line(entry['number'], 40)} must be as it was written; it was changed"
         number, before = entry["number"] if type(entry["number"]) is int else number + 1, written
     head = _head(connection)
@@ -152,7 +165,7 @@ def _chain_faults(connection: Connection) -> Iterator[str]:
 def _row_faults(connection: Connection) -> tuple[list[str], int]:
     """Rows that differ from their last entry, were put in beside the audit, or taken out."""
     entries = _all(connection, select(audit.c.kind, audit.c.row, audit.c.content).order_by(audit.c.number))
-    last = {(entry.kind, entry.row): entry.content for entry in entries}
+    last = {(entry.kind, entry.row): entry.content for entry in entries if entry.kind != ANCHOR}
     faults, count = [], 0
     for name, table in RECORDED.items():
         primary = next(iter(table.primary_key)).name
@@ -162,18 +175,10 @@ def _row_faults(connection: Connection) -> tuple[list[str], int]:
             key, shown = (name, row[primary]), one_line(row[primary], 80)
             if key not in last:
                 faults.append(f"{name} {shown}: this row was put in beside the audit")
-            elif last.pop(key) != _digest(row):
+            elif last.pop(key) != digest_of_any(row):
                 faults.append(f"{name} {shown}: this row is not as it was stored")
     faults += [f"{one_line(name, 40)} {one_line(key, 80)}: this row was taken out" for name, key in last]
     return faults, count
-
-
-def _digest(values: Mapping[str, Any]) -> str | None:
-    """None for what no store holds: bytes, NaN and infinities."""
-    try:
-        return digest(values)
-    except (TypeError, ValueError):
-        return None
 
 
 def _files(connection: Connection) -> Iterator[tuple[tuple[str, str], str]]:

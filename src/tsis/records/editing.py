@@ -1,0 +1,58 @@
+"""What of a record may be changed, and how: only what was named, on a row that is as the audit says."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from tsis.model import check
+from tsis.model.errors import InputError
+from tsis.records import rows, tables
+from tsis.records.contents import press_query
+from tsis.records.row_changes import updated
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from sqlalchemy import Connection
+
+    from tsis.records.audit import Change
+    from tsis.records.values import Press, Target
+
+EDITABLE = {"target": ("name", "note", "truth"), "press": ("role", "force_n", "flags", "note")}
+
+
+def target_edit(target: Target, changes: Mapping[str, Any]) -> Callable[[Connection], tuple[Target, list[Change]]]:
+    """What enters changes of a target; `InputError` when a value is not accepted, or may not be changed."""
+    changed = _columns(rows.target_row(_edited(target, "target", changes)), changes)
+
+    def enter(connection: Connection) -> tuple[Target, list[Change]]:
+        change = updated(connection, tables.targets, target, changed)
+        return rows.target_of_row(change.values), [change]
+
+    return enter
+
+
+def press_edit(press: Press, changes: Mapping[str, Any]) -> Callable[[Connection], tuple[Press, list[Change]]]:
+    """What enters changes of a press; errors as `target_edit`."""
+    changed = _columns(rows.press_row(_edited(press, "press", changes)), changes)
+
+    def enter(connection: Connection) -> tuple[Press, list[Change]]:
+        change = updated(connection, tables.presses, press, changed)
+        found = connection.execute(press_query().where(tables.presses.c.id == press.id)).one()
+        return rows.press_of_row(found._asdict()), [change]
+
+    return enter
+
+
+def _edited(record: Any, kind: str, changes: Mapping[str, Any]) -> Any:
+    if not changes:
+        raise InputError(f"an edit of a {kind} must change something; got nothing (name {', '.join(EDITABLE[kind])})")
+    for name in changes:
+        check.known(f"field of a {kind} that may be changed", name, EDITABLE[kind])
+    return replace(record, **changes, version=record.version + 1)
+
+
+def _columns(row: rows.Row, changes: Mapping[str, Any]) -> rows.Row:
+    """What is changed in the row: all else of the record that was read may have been made up."""
+    return {name: row[name] for name in (*changes, "version")}
