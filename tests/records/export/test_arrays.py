@@ -116,11 +116,23 @@ def test_an_estimate_that_is_not_trusted_has_samples_and_no_result(tmp_path: Pat
     write(replace(dossier, estimates=(stored, doubted)), tmp_path / "out")
     good, bad = (read(tmp_path / "out")[f"estimates/{number}"] for number in (0, 1))
     assert (good.attrs["trusted"], bad.attrs["trusted"]) == (True, False)
+    assert (good.attrs["in_force"], bad.attrs["in_force"]) == (False, True)
     assert set(good.attrs) - set(bad.attrs) == {"presence"}
     told = {"mean", "sd", "interval_level", "interval_low", "interval_high", "cramer_rao_sd"}
     for name, values in stored.estimate.samples.items():
         assert set(good[f"samples/{name}"].attrs) - set(bad[f"samples/{name}"].attrs) == told
         np.testing.assert_array_equal(bad[f"samples/{name}"][...], values)
+
+
+@FORMATS
+def test_the_last_estimate_of_each_kind_is_in_force(tmp_path: Path, write: Write, read: Read) -> None:
+    dossier = sample_dossier()
+    kinds = ("inclusion", "hardness", "inclusion")
+    write(
+        replace(dossier, estimates=tuple(replace(dossier.estimates[0], kind=kind) for kind in kinds)), tmp_path / "out"
+    )
+    file = read(tmp_path / "out")
+    assert [file[f"estimates/{number}"].attrs["in_force"] for number in range(3)] == [False, True, True]
 
 
 @FORMATS

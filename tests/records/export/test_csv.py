@@ -2,6 +2,7 @@ import csv
 import hashlib
 import io
 import json
+import os
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -61,6 +62,17 @@ def test_what_nobody_measured_is_an_empty_cell() -> None:
     assert rows(files["estimates.csv"]) == []
 
 
+def test_the_last_estimate_of_each_kind_is_in_force() -> None:
+    dossier = sample_dossier()
+    stored = dossier.estimates[0]
+    kinds = ("inclusion", "hardness", "inclusion", "hardness", "inclusion")
+    found = rows(
+        csv_files(replace(dossier, estimates=tuple(replace(stored, kind=kind) for kind in kinds)))["estimates.csv"]
+    )
+    assert [row["in force"] for row in found[::3]] == ["no", "no", "no", "yes", "yes"]
+    assert [row["kind"] for row in found[::3]] == list(kinds)
+
+
 def test_an_estimate_that_is_not_trusted_has_no_result() -> None:
     dossier = sample_dossier()
     stored = dossier.estimates[0]
@@ -98,6 +110,15 @@ def test_frames_and_manifest_hold_every_level(tmp_path: Path, full_scale: float)
         content = (tmp_path / "out" / name).read_bytes()
         assert content == files[name]
         assert entry == {"sha256": hashlib.sha256(content).hexdigest(), "bytes": len(content)}
+
+
+def test_the_users_mask_says_who_may_read(tmp_path: Path) -> None:
+    before = os.umask(0o077)
+    try:
+        write_csv(sample_dossier(), tmp_path / "out")
+    finally:
+        os.umask(before)
+    assert {path.stat().st_mode & 0o077 for path in (tmp_path / "out", *(tmp_path / "out").rglob("*"))} == {0}
 
 
 def test_a_folder_that_exists_is_left_alone(tmp_path: Path) -> None:

@@ -28,7 +28,7 @@ README = f"""Target {{number}}, written by tsis {__version__}
 
 target.csv      what was pressed; of a phantom its true values
 presses.csv     one row a press, in the order in which they were taken
-estimates.csv   one row an estimate and parameter, in the order in which they were made; the one "in force" is the last
+estimates.csv   one row an estimate and parameter, in the order of making; "in force" is the last one of each kind
 frames/         the grey levels as the camera gave them, PNG of 8 or 16 bits; presses.csv names the file of each press
 manifest.json   SHA-256 and size in bytes of every file
 
@@ -39,8 +39,8 @@ measured it. Times are ISO 8601 with their offset from UTC.
 Text that a spreadsheet could take for a formula, because it begins with = + - @ or a tab, has an apostrophe in front,
 and so has text that begins with an apostrophe: take one away to have what was entered. Numbers are never changed.
 
-Where "trusted" is no, the model did not hold and no number of that row should be used. Where "identified" is no, the
-data told hardly more than was believed before, and the mean says little: use the interval.
+Where "trusted" is no, the model did not hold, and there is no result: the cells are empty. Where "identified" is no,
+the data told hardly more than was believed before, and the mean says little: use the interval.
 """
 
 

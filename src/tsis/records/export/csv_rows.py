@@ -101,7 +101,7 @@ def estimate_rows(dossier: Dossier) -> list[Sequence[Any]]:
     """Headings and one row an estimate and parameter."""
     rows: list[Sequence[Any]] = [ESTIMATE_HEADINGS]
     for number, stored in enumerate(dossier.estimates, start=1):
-        rows += _parameter_rows(number, stored, in_force=stored is dossier.estimate)
+        rows += _parameter_rows(number, stored, in_force=stored in dossier.in_force)
     return rows
 
 

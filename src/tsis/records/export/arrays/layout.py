@@ -54,7 +54,7 @@ def write_layout(dossier: Dossier, tree: Tree) -> None:
     for place, numbered in _stacks(dossier).items():
         _write_stack(dossier, tree, place, numbered)
     for number, stored in enumerate(dossier.estimates):
-        _write_estimate(tree, f"estimates/{number}", stored, in_force=stored is dossier.estimate)
+        _write_estimate(tree, f"estimates/{number}", stored, in_force=stored in dossier.in_force)
     for name, known in dossier.calibrations.items():
         _bytes(tree, f"calibrations/{_link(name)}", calibration_bytes(known))
 
