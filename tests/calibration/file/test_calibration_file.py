@@ -24,7 +24,7 @@ from tsis.calibration.file import (
     read_calibration,
     write_calibration,
 )
-from tsis.calibration.file.plain_values import require_bounded_maps
+from tsis.calibration.file.plain_values import _unpacked, require_bounded_maps
 from tsis.calibration.reference.making import Reference
 from tsis.calibration.scale import Scale
 from tsis.calibration.specification.sheet import Specification, SpecificationRow
@@ -242,6 +242,17 @@ def test_maps_packed_otherwise_are_the_same_calibration(path: Path) -> None:
     dark["zlib"] = base64.b64encode(zlib.compress(zlib.decompress(base64.b64decode(dark["zlib"])), 1)).decode()
     path.write_text(json.dumps(document))
     assert identity(read_calibration(path)) == document["sha256"]
+
+
+@pytest.mark.parametrize("level", [0, 1, 9])
+def test_maps_of_any_packing_unpack_to_exactly_what_they_declare(level: int) -> None:
+    content = np.random.default_rng(5).integers(0, 9, 50_000).astype(np.uint8).tobytes()
+    packed = base64.b64encode(zlib.compress(content, level)).decode()
+    assert bytes(_unpacked(packed, len(content), "map")) == content
+    half = base64.b64encode(zlib.compress(content, level)[:-5]).decode()
+    for size, each in ((len(content) - 1, packed), (len(content) + 1, packed), (len(content), half)):
+        with pytest.raises(InputError, match=f"map must be a whole map of {size} bytes"):
+            _unpacked(each, size, "map")
 
 
 def _resealed(path: Path, change: Any) -> None:

@@ -126,6 +126,8 @@ def _known(document: dict[str, Any], name: str) -> ProbeCalibration:
         known: ProbeCalibration = from_plain(ProbeCalibration, content, "calibration")
     except InputError as error:
         raise FileInputError(f"{name}: {error}") from error
+    except CalibrationError as error:
+        raise CalibrationError(f"{name}: {error}") from error
     return known
 
 

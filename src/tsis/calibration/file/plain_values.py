@@ -25,6 +25,7 @@ from tsis.model.errors import CalibrationError, InputError
 READABLE = 64  # numbers in an array that is written out
 LARGEST_ARRAY = 16_000_000
 MOST_UNPACKED = 256 * 2**20  # bytes of all maps together: those of a camera of 10 million pixels
+PIECE = 4096  # packed bytes, of which none becomes more than 1032
 _MAP_KEYS = {"shape", "kind", "sha256", "zlib"}
 _KINDS: dict[str, np.dtype[Any]] = {"single": np.dtype("<f4"), "double": np.dtype("<f8"), "bool": np.dtype("?")}
 
@@ -212,14 +213,20 @@ def _declared_bytes(shape: Any, kind: Any) -> int:
     return math.prod(shape) * _KINDS[kind].itemsize if math.prod(shape) <= LARGEST_ARRAY else 0
 
 
-def _unpacked(packed: Any, size: int, where: str) -> bytes:
-    """Exactly ``size`` bytes; more than that is never unpacked."""
+def _unpacked(packed: Any, size: int, where: str) -> bytearray:
+    """Exactly ``size`` bytes, in pieces: more is never unpacked, and nothing is held twice."""
+    unpacker, content, place = zlib.decompressobj(), bytearray(size), 0
     try:
-        unpacker = zlib.decompressobj()
-        content = unpacker.decompress(base64.b64decode(packed, validate=True), size)
+        data = memoryview(base64.b64decode(packed, validate=True))
+        for start in range(0, len(data), PIECE):
+            piece = unpacker.decompress(data[start : start + PIECE])
+            content[place : place + len(piece)] = piece[: size - place]
+            place += len(piece)
+            if place > size or unpacker.eof:
+                break
     except (TypeError, ValueError, binascii.Error, zlib.error) as error:
         raise InputError(f"{where} must be a whole map; it is damaged: {error!s:.80}") from error
-    if len(content) != size or not unpacker.eof:
+    if place != size or not unpacker.eof:
         raise InputError(f"{where} must be a whole map of {size} bytes; got another number")
     return content
 
