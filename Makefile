@@ -51,6 +51,13 @@ benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, o
 	$(BIN)/python -m benchmarks.hardness --probe tsis-direct --spheres 40 --rigs 5
 	$(BIN)/python -m benchmarks.hardness --probe tsis-2011 --spheres 20 --rigs 5 --ball
 	$(BIN)/python -m benchmarks.tampering --trials 1000 --seed 1
+	$(BIN)/python -m benchmarks.bombs
+	$(BIN)/python -m benchmarks.mutated_files --files 20000 --seed 1  # a million in the documents
+	$(BIN)/python -m benchmarks.power_loss --states 100000 --seed 1
+	$(BIN)/python -m benchmarks.killed_writers --cycles 1000  # ten thousand in the documents
+	$(BIN)/python -m benchmarks.full_disk
+	$(BIN)/python -m benchmarks.store_speed
+	$(BIN)/python -m benchmarks.dicom_round_trip || test $$? = 2  # 2: Orthanc and its companions are not on this machine
 	$(BIN)/python benchmarks/real_frames.py || test $$? = 2  # 2: the real frames are not on this machine
 
 lint: $(VENV)/.dev  ## style, room boundaries and types
