@@ -121,3 +121,46 @@ def test_a_frame_that_is_not_what_its_press_says_is_refused() -> None:
 def test_no_press_is_refused() -> None:
     with pytest.raises(RecordsError, match="at least one press"):
         dicom_files(replace(sample_dossier(), presses=()))
+
+
+def test_another_probe_is_another_series_that_starts_with_its_own_first_press() -> None:
+    dossier = framed([noise(3, 4), noise(3, 4, seed=1), noise(5, 4, seed=2), noise(4, 3, seed=3)])
+    probes, times = ("tsis-2011", "tsis-domed", "tsis-2011", "mine"), (3, 0, 2, 1)
+    presses = tuple(
+        replace(press, probe=probe, taken=WHEN + timedelta(days=day))
+        for press, probe, day in zip(dossier.presses, probes, times, strict=True)
+    )
+    for identified, third in ((False, "other probe"), (True, "mine")):
+        series: dict[str, set[tuple[str, ...]]] = {}
+        for image in images(replace(dossier, presses=presses), identified=identified):
+            said = (image.SeriesDescription, str(image.SeriesNumber), image.get("SeriesDate", ""))
+            series.setdefault(image.SeriesInstanceUID, set()).add(said)
+        assert all(len(said) == 1 for said in series.values())
+        assert sorted((what.split("probe ")[1], *rest) for ((what, *rest),) in series.values()) == sorted(
+            (probe, number, date if identified else "")
+            for probe, number, date in (
+                ("tsis-domed", "1", "20261122"),
+                (third, "11", "20261123"),
+                ("tsis-2011", "21", "20261124"),
+            )
+        )
+
+
+def test_nobody_says_that_no_writing_is_in_a_file_that_nobody_looked_at() -> None:
+    frames = [noise(3, 4), noise(3, 4, seed=1)]
+    (single,) = images(framed(frames[:1]))
+    assert "BurnedInAnnotation" not in single
+    from_file = {"format": "PNG", "kind": "grey", "camera": "files"}
+    for settings_, said in (
+        ({}, "YES"),
+        (from_file, "YES"),
+        ({"camera": "DMK 33"}, "NO"),
+        ({"source": "virtual"}, "NO"),
+    ):
+        for identified in (False, True):
+            (many,) = images(framed(frames, settings=settings_), identified=identified)
+            assert many.BurnedInAnnotation == said
+            assert "RecognizableVisualFeatures" not in many
+    mixed = framed(frames, settings={"camera": "DMK 33"})
+    mixed = replace(mixed, presses=(mixed.presses[0], replace(mixed.presses[1], settings={})))
+    assert images(mixed)[0].BurnedInAnnotation == "YES"

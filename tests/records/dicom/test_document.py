@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 MEAN, SD, LOW, HIGH = "373098007", "386136009", "371888009", "371889001"
 
 
-def report(dossier: Dossier) -> Dataset:
-    return dicom_files(dossier)[-1].dataset()
+def report(dossier: Dossier, *, identified: bool = False) -> Dataset:
+    return dicom_files(dossier, identified=identified)[-1].dataset()
 
 
 def items(parent: Dataset) -> Iterator[Dataset]:
@@ -48,10 +48,10 @@ def numbers(dossier: Dossier) -> dict[tuple[str, str], tuple[float, str]]:
     return found
 
 
-def texts(dossier: Dossier) -> list[tuple[str, str]]:
+def texts(dossier: Dossier, *, identified: bool = False) -> list[tuple[str, str]]:
     return [
         (item.ConceptNameCodeSequence[0].CodeMeaning, item.TextValue)
-        for item in items(report(dossier))
+        for item in items(report(dossier, identified=identified))
         if item.ValueType == "TEXT"
     ]
 
@@ -80,15 +80,18 @@ def test_a_parameter_without_a_code_is_named_without_a_number() -> None:
     estimate = replace(hardness(), samples={"slip_mm": np.array([1.0, 2.0])}, prior_sd={"slip_mm": 1.0})
     dossier = with_estimate(sample_dossier(), estimate)
     assert numbers(dossier) == {}
-    assert ("Parameter without a number", "slip_mm") in texts(dossier)
+    assert ("Parameter without a number", "other_1_mm") in texts(dossier)
+    assert ("Parameter without a number", "slip_mm") in texts(dossier, identified=True)
 
 
 def test_an_untrusted_estimate_has_no_numbers_anywhere() -> None:
-    told = replace(sample_estimate(trusted=False), identifiability="Diameter 9.8 ± 0.4 mm.", flags=("misfit",))
+    told = replace(
+        sample_estimate(trusted=False), identifiability="Diameter 9.8 ± 0.4 mm.", flags=("model_does_not_fit",)
+    )
     dossier = with_estimate(sample_dossier(), told)
     assert numbers(dossier) == {}
     said = texts(dossier)
-    assert ("Quality flag", "misfit") in said
+    assert ("Quality flag", "model_does_not_fit") in said
     assert not any("9.8" in sentence for _, sentence in said)
     evaluation = [item for item in items(report(dossier)) if item.ValueType == "CODE"]
     answers = {
@@ -151,3 +154,18 @@ def test_the_guards_flags_are_told() -> None:
 def test_nothing_known_is_no_report() -> None:
     dossier = with_presses(sample_dossier(estimated=False), force_n=None, flags=())
     assert all("report" not in file.name for file in dicom_files(dossier))
+
+
+def test_the_last_estimate_of_each_kind_is_told() -> None:
+    dossier = sample_dossier()
+    (hard,) = with_estimate(dossier, hardness(), "hardness").estimates
+    first = replace(dossier.estimates[0], estimate=replace(sample_estimate(), presence=0.5), id="estimate-0")
+    both = replace(dossier, estimates=(first, *dossier.estimates, hard))
+    for identified in (False, True):
+        said = texts(both, identified=identified)
+        assert [text for what, text in said if what == "Algorithm Name"] == ["tsis inclusion", "tsis hardness"]
+    found = numbers(both)
+    assert found["Probability", ""] == (0.97, "1")
+    assert found["Diameter", MEAN][0] == pytest.approx(sample_estimate().mean["diameter_mm"], rel=1e-5)
+    assert found["Elasticity", MEAN][0] == pytest.approx(hardness().mean["young_kpa"], rel=1e-5)
+    assert report(both, identified=True).ContentTime == "093300.000000"  # of the newest

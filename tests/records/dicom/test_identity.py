@@ -6,15 +6,15 @@ import re
 from dataclasses import replace
 
 import pytest
-from tests.records.dicom.variants import FRAME, NAME, NOTE, SETTING, framed, named, noise
+from tests.records.dicom.variants import FRAME, NAME, NOTE, SECRETS, SETTING, TARGET_ID, framed, named, noise
 from tests.records.sample import WHEN, sample_dossier
 
 from tsis.model.errors import RecordsError
 from tsis.records.dicom import dicom_files
+from tsis.records.export import fhir_observations
+from tsis.records.pseudonym import shown_identity
 
-# Each word of what identifies, as it could be written; numbers and dates too.
-WORDS = ("Zwölf", "Ünïcode", "触覚", "label", "Nurse", "Quibble", "Quagmire", "Quentin", "Quorn", "Quill")
-DATES = ("20261122", "2026-11-22", "0930", "20261122093", "target-a", "00003", "press-0", "estimate-b")
+DATES = ("20261122", "2026-11-22", "0930", "20261122093", "00003")
 
 
 def every_uid(content: bytes) -> set[bytes]:
@@ -28,7 +28,7 @@ def test_nothing_that_identifies_is_in_any_byte() -> None:
         readable = file.content
         if "PixelData" in (image := file.dataset()):
             readable = readable.replace(image.PixelData, b"")  # noise, in which any short word may occur
-        for word in (*WORDS, *DATES):
+        for word in (*SECRETS, *DATES):
             assert word.casefold().encode() not in readable.lower(), (file.name, word)
             assert word.casefold() not in file.name
         for text in (NAME, NOTE, FRAME, SETTING):
@@ -38,9 +38,9 @@ def test_nothing_that_identifies_is_in_any_byte() -> None:
 
 def test_the_search_finds_them_in_an_identified_export() -> None:
     everything = b"".join(file.content for file in dicom_files(named(), identified=True))
-    for word in ("Zwölf", "Quagmire", "20261122", "target-a", "Quill", "Quorn"):
+    for word in ("Zwölf", "Quagmire", "20261122", "quill", "quorn", "quaint"):
         assert word.encode() in everything, word
-    for word in ("Quibble", "Quentin"):  # notes and settings are in no export
+    for word in ("Quincy", "Quasimodo", TARGET_ID):  # settings, calibrations and the identity are in no export
         assert word.encode() not in everything, word
 
 
@@ -62,15 +62,21 @@ def test_the_pseudonym_is_that_of_the_target_and_of_nothing_else() -> None:
     relabelled = replace(named(), target=replace(named().target, name="other", number=9))
     assert dicom_files(relabelled)[0].dataset().PatientID == first.PatientID
     assert re.fullmatch("TSIS-[0-9A-F]{12}", first.PatientID)
-    other = replace(named(), target=replace(named().target, id="target-z"))
-    assert dicom_files(other)[0].dataset().PatientID != first.PatientID
+    for other in (
+        replace(named(), target=replace(named().target, id="target-z")),
+        replace(named(), secret="a5" * 32),
+    ):
+        assert dicom_files(other)[0].dataset().PatientID != first.PatientID
+    assert first.PatientID in fhir_observations(named()).decode()
+    assert first.PatientID not in fhir_observations(named(), identified=True).decode()
 
 
 def test_an_identified_export_tells_label_and_time() -> None:
     image = dicom_files(named(), identified=True)[0].dataset()
     assert str(image.PatientName) == "Zwölf-Ünïcode 触覚 / label^"
     assert NAME in image.PatientComments
-    assert (image.PatientID, image.StudyID) == ("target-a", "3")
+    assert (image.PatientID, image.StudyID) == (shown_identity(named().target), "3")
+    assert image.PatientID.startswith("subject-00003-")
     assert image.AcquisitionDateTime == f"{WHEN:%Y%m%d%H%M%S.%f}"
     assert image.TimezoneOffsetFromUTC == "+0000"
 

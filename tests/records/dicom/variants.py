@@ -10,7 +10,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from tests.records.sample import SECRET, WHEN, sample_dossier, sample_estimate
 
-from tsis.model import Estimate
+from tsis.calibration import ProbeCalibration
+from tsis.calibration.file import identity
+from tsis.model import Calibration, Estimate
 from tsis.records import Dossier, Press, StoredEstimate, Target
 
 if TYPE_CHECKING:
@@ -20,6 +22,13 @@ if TYPE_CHECKING:
 
 NAME, NOTE, FRAME = "Zwölf-Ünïcode 触覚 ^=\\ label", "seen by Nurse Quibble\non ward 7", "frame-Quagmire.png"
 SETTING = "bench-of-Quentin"
+PROBE, FLAG, CALIBRATION, CAMERA = "quill", "quorn-said-no", "calibration of Quasimodo", "camera of Quincy"
+PARAMETER, TARGET_ID = "quaintness_mm", "target-of-quixote"
+# Each word of what identifies, as it could be written: no export that is de-identified may hold one in any letters.
+SECRETS = (
+    *("Zwölf", "Ünïcode", "触覚", "label", "Nurse", "Quibble", "Quagmire", "Quentin"),
+    *("Quill", "Quorn", "Quasimodo", "Quincy", "Quaint", "Quixote", "press-0", "estimate-b", "estimate-of"),
+)
 
 
 def framed(frames: Sequence[NDArray[Any]], **known: Any) -> Dossier:
@@ -82,17 +91,64 @@ def hardness() -> Estimate:
 
 
 def named(kind: str = "subject") -> Dossier:
-    """A target whose every text says who it is of."""
+    """A target whose every text says who it is of, some of them in words that look like those of this program."""
     dossier = sample_dossier(kind=kind)
+    known = ProbeCalibration(
+        name=CALIBRATION,
+        probe=PROBE,
+        camera=CAMERA,
+        settings={CAMERA: 1.0},
+        response=Calibration(gain_grey_per_kpa=2.0, saturation_kpa=100.0, name=CALIBRATION, probe=PROBE),
+    )
     presses = tuple(
         replace(
-            press, name=f"{i}-{FRAME}", note=NOTE, settings={"file": SETTING}, flags=("Quorn said no",), probe="Quill's"
+            press,
+            name=f"{i}-{FRAME}",
+            note=NOTE,
+            settings={"file": SETTING, "camera": CAMERA, SETTING: 1.0},
+            flags=(FLAG, "moving"),
+            probe=PROBE,
+            calibration=identity(known),
+            target=TARGET_ID,
         )
         for i, press in enumerate(dossier.presses)
     )
-    estimate = replace(sample_estimate(), identifiability=f"The frame {presses[0].name} tells all.", notes=(NOTE,))
-    target = replace(dossier.target, name=NAME, note=NOTE)
-    return with_estimate(replace(dossier, target=target, presses=presses), estimate)
+    told, rng = sample_estimate(), np.random.default_rng(3)
+    estimate = replace(
+        told,
+        samples={**told.samples, PARAMETER: rng.normal(5, 1, 400)},
+        prior_sd={**told.prior_sd, PARAMETER: 2.0},
+        identifiability=f"The frame {presses[0].name} tells all.",
+        prior=f"as {NOTE} believed",
+        notes=(NOTE,),
+        flags=(*told.flags, f"{PARAMETER}_not_identified", FLAG, "off_axis"),
+        provenance={
+            "tsis": SETTING,
+            SETTING: SETTING,
+            "probe": {"name": PROBE},
+            "calibration": {"name": CALIBRATION, "probe": PROBE},
+            "prior": {"depth_mm": [4.0, 12.0], SETTING: 1.0, "young_kpa": SETTING},
+            "images": [{"name": presses[0].name, "sha256": "0" * 64, "settings": {"path": SETTING}}, {"name": FRAME}],
+            "presses": [{"name": FRAME, "seen": {SETTING: 1.0}}],
+        },
+    )
+    stored = replace(
+        dossier.estimates[0],
+        estimate=estimate,
+        probe=PROBE,
+        calibration=identity(known),
+        options={SETTING: SETTING, "prior": {SETTING: 1.0}},
+        environment={"tsis": SETTING, "machine": SETTING, "libraries": {SETTING: "1.0", "numpy": SETTING}},
+        supersedes="estimate-of-quixote",
+        id="estimate-b",
+    )
+    return replace(
+        dossier,
+        target=replace(dossier.target, id=TARGET_ID, name=NAME, note=NOTE),
+        presses=presses,
+        estimates=(stored,),
+        calibrations={identity(known): known},
+    )
 
 
 def variants() -> Iterator[tuple[str, Dossier]]:

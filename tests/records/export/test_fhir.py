@@ -5,6 +5,7 @@ from typing import Any
 import pytest
 from fhir.resources.bundle import Bundle as BundleR5
 from fhir.resources.R4B.bundle import Bundle as BundleR4B
+from tests.records.dicom.variants import SECRETS, named
 from tests.records.sample import sample_dossier, sample_estimate
 
 from tsis.__about__ import RESEARCH_USE_ONLY
@@ -88,8 +89,12 @@ def test_times_and_names_are_told_only_when_asked_for() -> None:
     dossier = sample_dossier(kind="subject")
     dossier = replace(dossier, target=replace(dossier.target, name="P-17", note="Jane Doe, born 1950"))
     masked, told = fhir_observations(dossier).decode(), fhir_observations(dossier, identified=True).decode()
-    for secret in ("2026", "P-17", "Jane", ".png"):
+    for secret in ("2026", "P-17", "Jane", ".png", "target-a"):
         assert secret not in masked
+    assert "target-a" not in told
+    everything = fhir_observations(named()).decode().casefold()
+    for secret in SECRETS:
+        assert secret.casefold() not in everything
     assert "P-17" in told
     assert "Jane" not in told
     (depth,) = observed(dossier, identified=True)["depth_mm"]

@@ -34,7 +34,7 @@ def has_report(dossier: Dossier) -> bool:
 
 def report(dossier: Dossier, cover: Cover, images: Sequence[tuple[Stack, Dataset]]) -> Dataset:
     """The report on images that are exported with it; it has no UID of its own yet."""
-    made = dossier.estimate.made if dossier.estimate else max(press.taken for press in dossier.presses)
+    made = max([stored.made for stored in dossier.in_force] or [press.taken for press in dossier.presses])
     date, time = cover.moment(made) or (NO_DATE, NO_TIME)
     sr = highdicom("sr")
     document: Dataset = sr.ComprehensiveSR(
@@ -66,14 +66,14 @@ def _content(dossier: Dossier, cover: Cover, images: Sequence[tuple[Stack, Datas
         id(press): (image, number) for stack, image in images for number, press in enumerate(stack.presses, 1)
     }
     groups = [
+        estimate_group(stored, cover, [image for stack, image in images if stack.holds(stored.presses)])
+        for stored in dossier.in_force
+    ]
+    groups += [
         press_group(press, cover, *places[id(press)])
         for press in dossier.presses
         if press.force_n is not None or press.flags
     ]
-    if dossier.estimate is not None:
-        cited = set(dossier.estimate.presses)
-        used = {image.SOPInstanceUID: image for stack, image in images if cited & {each.id for each in stack.presses}}
-        groups.insert(0, estimate_group(dossier.estimate, cover, list(used.values())))
     content = sr.MeasurementReport(
         observation_context=_observer(),
         procedure_reported=codes.own("imaging"),

@@ -6,11 +6,10 @@ from typing import TYPE_CHECKING
 
 from tsis.model.errors import RecordsError
 from tsis.records.dicom.capture import capture
-from tsis.records.dicom.cover import cover_of
+from tsis.records.dicom.cover import covered
 from tsis.records.dicom.document import has_report, report
 from tsis.records.dicom.files import DicomFile, sealed, write_files
 from tsis.records.dicom.series import stacks
-from tsis.records.values import ROLES
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -19,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def dicom_files(dossier: Dossier, *, identified: bool = False) -> tuple[DicomFile, ...]:
-    """The instances of a target: one or more of Secondary Capture a role of its presses, then a report.
+    """The instances of a target: one or more of Secondary Capture a role and probe of its presses, then a report.
 
     The same dossier gives the same bytes and UIDs whenever the same version exports it. The report is there when
     something is known to report: an estimate, forces, or flags of the presses.
@@ -30,7 +29,8 @@ def dicom_files(dossier: Dossier, *, identified: bool = False) -> tuple[DicomFil
         The target with its presses and estimates.
     identified
         Whether to tell the target's label, the names of frames and the true times. Otherwise a pseudonym stands for
-        the target and dates are taken out; notes and camera settings are in no export.
+        the target, dates are taken out, and `tsis.records.deidentified` says what else; notes and camera settings are
+        in no export.
 
     Raises
     ------
@@ -41,15 +41,14 @@ def dicom_files(dossier: Dossier, *, identified: bool = False) -> tuple[DicomFil
     """
     if not dossier.presses:
         raise RecordsError(f"target {dossier.target.number} must have at least one press to be exported; got none")
-    cover = cover_of(dossier, identified=identified)
+    told, cover = covered(dossier, identified=identified)
     images, files = [], []
-    for stack in stacks(dossier):
+    for stack in stacks(told):
         image = capture(stack, cover)
-        number = ROLES.index(stack.role) + 1
-        files.append(sealed(image, f"{cover.file_stem}-{number}-{stack.role}-{stack.number:02d}.dcm"))
+        files.append(sealed(image, f"{cover.file_stem}-{stack.series}-{stack.role}-{stack.number:02d}.dcm"))
         images.append((stack, image))
-    if has_report(dossier):
-        files.append(sealed(report(dossier, cover, images), f"{cover.file_stem}-9-report-01.dcm"))
+    if has_report(told):
+        files.append(sealed(report(told, cover, images), f"{cover.file_stem}-9-report-01.dcm"))
     return tuple(files)
 
 

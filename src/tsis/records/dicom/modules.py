@@ -35,7 +35,7 @@ class Series:
     number
         In the study, from 1.
     what
-        Short name in files and UIDs, e.g. the role of the presses.
+        What UIDs tell it from others by, e.g. role and probe of the presses.
     description
         What people read in an archive.
     modality
@@ -64,7 +64,7 @@ def describe(dataset: Dataset, cover: Cover, series: Series) -> None:
     _describe_patient(dataset, cover)
     dataset.StudyInstanceUID = deterministic_uid("study", cover.key)
     dataset.StudyDate, dataset.StudyTime = cover.moment(cover.target.made) or ("", "")
-    dataset.StudyID = str(cover.target.number) if cover.identified else cover.pseudonym[5:]
+    dataset.StudyID = str(cover.target.number) if cover.identified else cover.target.id[5:]
     dataset.StudyDescription = "Optical tactile imaging, research use only"
     dataset.AccessionNumber = dataset.ReferringPhysicianName = ""
     dataset.SeriesInstanceUID = deterministic_uid("series", cover.key, series.what)

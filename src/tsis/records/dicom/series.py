@@ -13,23 +13,31 @@ from tsis.model.errors import RecordsError
 from tsis.records.values import ROLES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Collection, Iterator
+    from datetime import datetime
 
     from numpy.typing import NDArray
 
     from tsis.records import Dossier, Press
 
 MOST_BYTES = 2**28  # of pixels in an instance: what archives take at one time, and far below DICOM's 4 GiB
+OTHER_PROBE = 10  # between the numbers of series of one role and different probes: 1, 11, 21, ...
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Stack:
-    """Presses of one role, size, depth and scale, in the order of their times.
+    """Presses of one role, probe, size, depth and scale, in the order of their times.
 
     Parameters
     ----------
     role
         Of all of them.
+    probe
+        Name of the probe of all of them; empty where nobody wrote it down.
+    series
+        Number of the series, which is that of a role and a probe.
+    started
+        Time of the first press of the series.
     number
         Of the instance in its series, from 1.
     presses
@@ -39,38 +47,53 @@ class Stack:
     """
 
     role: str
+    probe: str
+    series: int
+    started: datetime
     number: int
     presses: tuple[Press, ...]
     levels: NDArray[Any]
 
+    def holds(self, presses: Collection[str]) -> bool:
+        """Whether a frame is that of one of these presses, given by their identities."""
+        return any(press.id in presses for press in self.presses)
+
 
 def stacks(dossier: Dossier) -> Iterator[Stack]:
-    """The instances that a dossier's frames become, role by role; frames of one kind are together.
+    """The instances that a dossier's frames become, by role and probe; frames of one kind are together.
 
     Raises
     ------
     RecordsError
         When a frame is not of the size that its press states, or of a depth that the store does not keep.
     """
-    for role in ROLES:
-        kinds: dict[tuple[Any, ...], list[tuple[Press, NDArray[Any]]]] = {}
-        for press in sorted((each for each in dossier.presses if each.role == role), key=lambda each: each.taken):
-            levels = dossier.levels(press)
-            kinds.setdefault((levels.shape, levels.dtype, press.mm_per_pixel, press.full_scale), []).append(
-                (press, levels)
+    for place, role in enumerate(ROLES, start=1):
+        pressed = sorted((each for each in dossier.presses if each.role == role), key=lambda each: each.taken)
+        for other, probe in enumerate(dict.fromkeys(press.probe for press in pressed)):
+            presses = [press for press in pressed if press.probe == probe]
+            yield from _series(dossier, presses, place + other * OTHER_PROBE)
+
+
+def _series(dossier: Dossier, presses: list[Press], number: int) -> Iterator[Stack]:
+    """The instances of one series, whose presses are in the order of their times."""
+    kinds: dict[tuple[Any, ...], list[tuple[Press, NDArray[Any]]]] = {}
+    for press in presses:
+        levels = dossier.levels(press)
+        kinds.setdefault((levels.shape, levels.dtype, press.mm_per_pixel, press.full_scale), []).append((press, levels))
+    instances = itertools.count(1)
+    for frames in kinds.values():
+        most = max(1, MOST_BYTES // frames[0][1].nbytes)
+        for first in range(0, len(frames), most):
+            some = frames[first : first + most]
+            yield Stack(
+                role=presses[0].role,
+                probe=presses[0].probe,
+                series=number,
+                started=presses[0].taken,
+                number=next(instances),
+                presses=tuple(press for press, _ in some),
+                levels=np.stack([levels for _, levels in some]),
             )
-        number = 0
-        for frames in kinds.values():
-            most = max(1, MOST_BYTES // frames[0][1].nbytes)
-            for first in range(0, len(frames), most):
-                number += 1
-                some = frames[first : first + most]
-                yield Stack(
-                    role=role,
-                    number=number,
-                    presses=tuple(press for press, _ in some),
-                    levels=np.stack([levels for _, levels in some]),
-                )
 
 
 def increments_ms(presses: tuple[Press, ...]) -> list[str]:

@@ -7,12 +7,13 @@ from datetime import UTC
 from typing import TYPE_CHECKING
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.records.deidentified import deidentified
 from tsis.records.export.fhir.observations import estimate_observations, force_observation
 from tsis.records.export.fhir.terms import PROBES, TARGETS, Resource, urn
+from tsis.records.pseudonym import shown_identity
 
 if TYPE_CHECKING:
     from tsis.records.dossier import Dossier
-    from tsis.records.values import StoredEstimate
 
 
 def fhir_observations(dossier: Dossier, *, identified: bool = False) -> bytes:
@@ -23,12 +24,14 @@ def fhir_observations(dossier: Dossier, *, identified: bool = False) -> bytes:
     dossier
         Target, presses and estimates; of each kind of estimate the last is told.
     identified
-        Whether times and what people call the target are told; else they are masked.
+        Whether times, kind, number and label of the target are told. Otherwise times are masked, a pseudonym stands
+        for the target, and `tsis.records.deidentified` says what else is left out.
 
     Notes
     -----
     A phantom is a Device, a subject a Patient of whom nothing but a pseudonym is known. Free text never leaves.
     """
+    dossier = dossier if identified else deidentified(dossier)
     subject = {"reference": urn("target", dossier.target.id or str(dossier.target.number))}
     entries = [(subject["reference"], _subject(dossier, identified=identified))]
     entries += [(urn("probe", name), _probe(name)) for name in _probes(dossier)]
@@ -37,7 +40,7 @@ def fhir_observations(dossier: Dossier, *, identified: bool = False) -> bytes:
             name = urn("force", press.id or f"{subject['reference']}/{number}")
             device: Resource = {"reference": urn("probe", press.probe)}
             entries.append((name, force_observation(press, dict(subject), device, identified=identified)))
-    for stored in _in_force(dossier):
+    for stored in dossier.in_force:
         device = {"reference": urn("probe", stored.probe)}
         made = estimate_observations(dossier, stored, dict(subject), device, identified=identified)
         name = stored.id or f"{subject['reference']}/{stored.kind}"
@@ -50,19 +53,14 @@ def fhir_observations(dossier: Dossier, *, identified: bool = False) -> bytes:
     return (json.dumps(bundle, indent=2, allow_nan=False) + "\n").encode()
 
 
-def _in_force(dossier: Dossier) -> list[StoredEstimate]:
-    """The last estimate of each kind."""
-    return list({stored.kind: stored for stored in dossier.estimates}.values())
-
-
 def _probes(dossier: Dossier) -> list[str]:
     names = [press.probe for press in dossier.presses if press.force_n is not None]
-    return sorted({*names, *(stored.probe for stored in _in_force(dossier))})
+    return sorted({*names, *(stored.probe for stored in dossier.in_force)})
 
 
 def _subject(dossier: Dossier, *, identified: bool) -> Resource:
     target = dossier.target
-    known = [{"system": TARGETS, "value": target.id or str(target.number)}]
+    known = [{"system": TARGETS, "value": shown_identity(target) if identified else target.id}]
     if identified and target.name:
         known.append({"system": TARGETS, "value": target.name})
     if target.kind == "subject":

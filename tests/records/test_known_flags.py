@@ -1,0 +1,45 @@
+"""The lists of flags name every flag that the estimators' sources raise and their pages explain."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+import tsis
+from tsis.hardness.flag_meanings import FLAGS as HARDNESS
+from tsis.inclusion.flag_meanings import FLAGS as INCLUSION
+from tsis.inclusion.verdict import DISTRUSTED, NAMES
+
+SOURCE, DOCS = Path(tsis.__file__).parent, Path(__file__).parents[2] / "docs"
+RAISING = {"inclusion": ("verdict", "posterior", "image_checks", "tilt", "roundness"), "hardness": ("verdict",)}
+LISTED = {"inclusion": INCLUSION, "hardness": HARDNESS}
+PAGES = {"inclusion": "explanation/what-a-press-can-tell.md", "hardness": "how-to/measure-hardness.md"}
+
+
+def raised(kind: str) -> set[str]:
+    """First parts of all pairs of a flag and a sentence."""
+    found = set()
+    for name in RAISING[kind]:
+        for node in ast.walk(ast.parse((SOURCE / kind / f"{name}.py").read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Tuple) and len(node.elts) == 2:
+                flag, sentence = (ast.unparse(each) for each in node.elts)
+                if re.fullmatch(r"f?'[a-z_{}]+'", flag) and sentence.rstrip("'\"").endswith((".", ").", "sentence")):
+                    found |= {flag.removeprefix("f").strip("'").replace("{name}", each) for each in NAMES}
+    return found
+
+
+@pytest.mark.parametrize("kind", RAISING)
+def test_every_flag_is_listed(kind: str) -> None:
+    found = raised(kind)
+    assert len(found) > 7
+    assert found <= set(LISTED[kind])
+    page = (DOCS / PAGES[kind]).read_text(encoding="utf-8")
+    explained = {
+        flag for row in re.findall(r"^\| (`.*?) \|", page, re.MULTILINE) for flag in re.findall(r"`(.*?)`", row)
+    }
+    assert explained & set(LISTED[kind])
+    assert set(LISTED[kind]) - {f"{name}_at_prior_end" for name in NAMES} <= explained
+    assert kind == "hardness" or set(LISTED[kind]) >= DISTRUSTED
