@@ -15,6 +15,7 @@ import os
 import subprocess
 import sys
 import tempfile
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -39,7 +40,8 @@ def real_disks() -> tuple[Tally, int]:
             found.wrong.append(done.stderr.strip()[-300:])
             continue
         told = json.loads(done.stdout)
-        found.points += len(told["acknowledged"])
+        found.points += told["points"]
+        found.refused += told["refused"]
         found.wrong += told["wrong"]
         acknowledged += told["acknowledged"][-1]
     return found, acknowledged
@@ -74,7 +76,7 @@ def summed(parts: Iterable[Tally]) -> Tally:
 def inside(folder: Path) -> None:
     """Fill the file system of ``folder``."""
     told = list(filled(folder, 100_000))
-    print(json.dumps({"acknowledged": [number for number, _ in told], "wrong": told[-1][1]}))
+    print(json.dumps({"acknowledged": [number for number, _ in told], **asdict(told[-1][1])}))
 
 
 def main() -> int:
@@ -93,7 +95,6 @@ def main() -> int:
     tallies["the database is full"] = summed(full_at_every_page())
     if os.geteuid() == 0:
         total, acknowledged = real_disks()
-        total.refused = total.points
         tallies[f"{len(SIZES_KB)} real disks of {SIZES_KB[0]} to {SIZES_KB[-1]} kB, {acknowledged} presses"] = total
     rows = [(name, str(each.points), str(each.refused), str(len(each.wrong))) for name, each in tallies.items()]
     show("Full disks", ("what", "failing points", "refused in a sentence", "wrong"), rows, markdown=options.markdown)

@@ -24,7 +24,7 @@ def measured(cycles: int, seed: int, disk: Disk) -> tuple[Found, float]:
     """What was found, and how many seconds it took."""
     began = time.monotonic()
     with tempfile.TemporaryDirectory(prefix="tsis-killed-") as folder:
-        return killed_cycles(Path(folder), cycles, seed=seed, disk=disk, every=min(500, cycles // 10 * 2)), (
+        return killed_cycles(Path(folder), cycles, seed=seed, disk=disk, every=max(2, min(500, cycles // 10 * 2))), (
             time.monotonic() - began
         )
 
@@ -37,6 +37,8 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--markdown", action="store_true")
     options = parser.parse_args()
+    if min(options.cycles, options.careless) < 2:
+        parser.error("--cycles and --careless must be 2 or more: two programs are killed at a time")
     runs = {
         "store": measured(options.cycles, options.seed, DISK),
         "careless disk": measured(options.careless, options.seed, Careless()),

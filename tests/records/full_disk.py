@@ -243,13 +243,13 @@ def _entries(store: Store) -> int:
     return verify(store).head.number
 
 
-def filled(folder: Path, ballast: int) -> Iterator[tuple[int, list[str]]]:
+def filled(folder: Path, ballast: int) -> Iterator[tuple[int, Tally]]:
     """Store presses on a real file system until it is full, free ``ballast`` bytes, and go on; twice.
 
     Yields
     ------
     tuple
-        How many presses were acknowledged in all, and what was wrong.
+        How many presses were acknowledged in all, and what was found by then.
     """
     (folder / "ballast").write_bytes(bytes(ballast))
     acknowledged: list[str] = []
@@ -264,6 +264,7 @@ def filled(folder: Path, ballast: int) -> Iterator[tuple[int, list[str]]]:
                 acknowledged += kept
                 if refused:
                     break
+            found.points += 1
             if not refused:
                 found.wrong.append("it never was full")
             if {press.id for press in store.presses(target)} != set(acknowledged):
@@ -271,7 +272,7 @@ def filled(folder: Path, ballast: int) -> Iterator[tuple[int, list[str]]]:
             found.wrong += verify(store).faults
             if not freed:
                 (folder / "ballast").unlink()
-            yield len(acknowledged), found.wrong
+            yield len(acknowledged), found
     (folder / "phantoms" / "records.sqlite3").stat()
 
 

@@ -10,7 +10,7 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tests.records.power_loss import Playback, sha256
+from tests.records.power_loss_playback import Playback, sha256
 from tests.records.power_loss_scenarios import PLACE, image
 from tests.records.sample import WHEN
 
@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     import random
     from collections.abc import Collection, Iterator
 
-    from tests.records.power_loss import State, Step, Trace
+    from tests.records.power_loss import Step, Trace
+    from tests.records.power_loss_playback import State
     from tests.records.power_loss_scenarios import Kept, Run
 
     from tsis.records import Store

@@ -108,5 +108,6 @@ def test_a_real_disk_that_is_full(tmp_path: Path) -> None:
         pytest.skip(f"no mount is allowed here: {done.stderr.strip()}")
     found = json.loads(done.stdout)
     assert found["wrong"] == []
+    assert (found["points"], found["refused"]) == (2, 2)
     first, second = found["acknowledged"]
     assert 0 < first < second

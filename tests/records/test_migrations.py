@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import math
 import signal
@@ -23,10 +24,11 @@ from tests.records.place import Place
 from tests.records.sample import WHEN, levels, sample_calibration
 
 from tsis.calibration.file import identity
-from tsis.model import TactileImage
+from tsis.model import TactileImage, durable
 from tsis.model.errors import RecordsError
 from tsis.records import tables, verify
 from tsis.records.audit import Head
+from tsis.records.database import Database
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -172,6 +174,25 @@ def test_without_room_for_the_copy_nothing_is_migrated(old_file: Place) -> None:
     with pytest.raises(RecordsError, match="a copy of the old records must be written"):
         old_file.open()
     assert schema(old_file.folder) == OLD
+    assert list(old_file.folder.glob(".*")) == []
+
+
+@pytest.mark.parametrize("step", ["sync", "rename", "sync_folder"])
+def test_a_copy_that_cannot_be_finished_leaves_no_draft(
+    old_file: Place, step: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    with monkeypatch.context() as broken:
+        broken.setattr(durable.DISK, step, full)
+        with pytest.raises(RecordsError, match="a copy of the old records must be written"):
+            Database(None, old_file.folder).migrate()
+    assert schema(old_file.folder) == OLD
+    assert list(old_file.folder.glob(".*")) == []
+    with old_file.open() as store:
+        assert verify(store).sound
+    assert schema(old_file.folder, COPY) == OLD
 
 
 @pytest.mark.parametrize("version", ["3", "", "1'; DROP TABLE audit; --"])

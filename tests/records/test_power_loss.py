@@ -7,8 +7,9 @@ from itertools import islice
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.records.power_loss import SYNCS, Playback, Trace, damaged
+from tests.records.power_loss import SYNCS, Trace
 from tests.records.power_loss_judgement import explored, label, points, reopened, without
+from tests.records.power_loss_playback import Playback, damaged
 from tests.records.power_loss_scenarios import PLACE, Run, runs
 
 if TYPE_CHECKING:

@@ -109,7 +109,8 @@ def write_durably(
     Raises
     ------
     OSError
-        When it cannot be written; nothing is left then. `FileExistsError` when the name is taken.
+        When it cannot be written, or nobody knows whether it would last. Then either nothing is left of it, or, where
+        only the folder could not be synced, all of it. `FileExistsError` when the name is taken.
     """
     draft = (drafts or path.parent) / f".{path.name}-{secrets.token_hex(8)}{UNFINISHED}"
     try:

@@ -43,7 +43,7 @@ class Blobs:
         Raises
         ------
         RecordsError
-            When it cannot be written; nothing is left of it then.
+            When it cannot be written, or nobody knows whether it would last; never a part of it is left then.
         """
         name = hashlib.sha256(content).hexdigest()
         path = self.path(name, ending)

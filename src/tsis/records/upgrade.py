@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sqlite3
 import threading
+from contextlib import suppress
 from functools import cache
 from typing import TYPE_CHECKING
 
@@ -85,6 +86,9 @@ def copied(connection: Connection, file: Path, present: str) -> None:
             f"a copy of the old records must be written to {shown(copy)}; got: {one_line(error)} "
             "(nothing was changed; free some space)"
         ) from error
+    finally:
+        with suppress(OSError):
+            draft.unlink(missing_ok=True)  # where it did not become the copy
 
 
 def _alembic(connection: Connection | None = None) -> Config:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tsis.instrument.naming import LARGEST_TARGET
 from tsis.model import check
 from tsis.model.errors import InputError
 
@@ -14,7 +15,6 @@ if TYPE_CHECKING:
     from tsis.records import Store
 
 PHANTOM = "phantom"
-LARGEST_NUMBER = 99_999
 DATABASE = "TSIS_RECORDS_DATABASE"
 
 StoreFolder = Annotated[
@@ -62,5 +62,5 @@ def is_there(folder: Path | None, kind: str, database: str | None) -> bool:
 def target_number(text: str) -> int:
     """The number of a target as a person wrote it."""
     if not text.isascii() or not text.isdigit():
-        raise InputError(f"--target must be a number from 1 to {LARGEST_NUMBER}, or new; got {text!r:.40}")
-    return check.whole("--target", int(text[:20]), 1, LARGEST_NUMBER)
+        raise InputError(f"--target must be a number from 1 to {LARGEST_TARGET}, or new; got {text!r:.40}")
+    return check.whole("--target", int(text[:20]), 1, LARGEST_TARGET)

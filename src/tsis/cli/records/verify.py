@@ -31,20 +31,30 @@ def verify(
                 "records verify",
                 sound=found.sound,
                 faults=list(found.faults),
+                notes=list(found.notes),
                 audit=head,
                 rows=found.rows,
                 files=found.files,
                 unnamed=found.unnamed,
+                unanchored=found.unanchored,
             )
         )
     else:
         console = people()
         for fault in found.faults:
             console.print(f"- {fault}", markup=False, soft_wrap=True)
+        for note in found.notes:
+            console.print(f"Note: {note}.", markup=False, soft_wrap=True)
         state = "as it was stored" if found.sound else f"NOT as it was stored: {len(found.faults)} faults"
         console.print(f"The store is {state}: {found.rows} rows and {found.files} files were read.")
         if found.unnamed:
             console.print(f"{found.unnamed} files belong to saves that were cut short; nobody was told they were kept.")
+        if found.unanchored:
+            console.print(
+                f"The anchor does not vouch for the last {found.unanchored} entries of the audit; the next record brings "
+                "it up to date.",
+                soft_wrap=True,
+            )
         console.print(f"Audit: entry {found.head.number}, {found.head.hash}", soft_wrap=True)
         print_notice(console)
     if not found.sound:
