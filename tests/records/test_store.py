@@ -288,3 +288,22 @@ def test_two_who_begin_a_file_at_the_same_moment_wait_for_each_other(monkeypatch
 
     engines.use_write_ahead_log(Locked())  # type: ignore[arg-type]
     assert len(waited) == 3
+
+
+def test_a_closed_store_says_so(tmp_path: Path) -> None:
+    with open_store(tmp_path) as store:
+        target = store.add_target()
+    with pytest.raises(RecordsError, match="they were closed"):
+        store.presses(target)
+    with pytest.raises(RecordsError, match="they were closed"):
+        store.add_target()
+
+
+def test_what_is_no_press_is_refused_in_a_sentence(store: Store) -> None:
+    target = store.add_target()
+    with pytest.raises(InputError, match="target must be a Target"):
+        store.add_press("x", small_image(), taken=WHEN)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="image must be a TactileImage"):
+        store.add_press(target, None, taken=WHEN)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match="calibration must be a ProbeCalibration"):
+        store.add_press(target, small_image(), taken=WHEN, calibration="x")  # type: ignore[arg-type]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from alembic.util.exc import CommandError
 from sqlalchemy import text
-from sqlalchemy.exc import DBAPIError, SQLAlchemyError
+from sqlalchemy.exc import DBAPIError, OperationalError, SQLAlchemyError
 
 from tsis.instrument.file_bytes import one_line
 from tsis.model.errors import RecordsError
@@ -44,6 +44,7 @@ class Database:
 
     def __init__(self, url: str | None, folder: Path) -> None:
         self.file = folder / FILE if url is None else None
+        self._closed = False
         if url is None:
             self.name, self._engine = str(self.file), sqlite_engine(folder / FILE)
         else:
@@ -59,6 +60,7 @@ class Database:
     @contextmanager
     def reading(self) -> Iterator[Connection]:
         """One state of the whole database, whatever others write meanwhile."""
+        self._require_open()
         options: dict[str, Any] = {} if self.file else {"isolation_level": "REPEATABLE READ"}
         with told(self.name), self._engine.connect() as connection:
             yield connection.execution_options(**options)
@@ -66,6 +68,7 @@ class Database:
     @contextmanager
     def writing(self) -> Iterator[Connection]:
         """A transaction that lasts when this ends, or that never was; one at a time in SQLite."""
+        self._require_open()
         # A server may be set to a stricter isolation, in which who waits for another's row is refused it in the end.
         options: dict[str, Any] = {IMMEDIATE: True} if self.file else {"isolation_level": "READ COMMITTED"}
         with told(self.name), self._engine.connect() as connection, connection.execution_options(**options).begin():
@@ -99,7 +102,14 @@ class Database:
 
     def close(self) -> None:
         """Let go of every connection."""
+        self._closed = True
         self._engine.dispose()
+
+    def _require_open(self) -> None:
+        if self._closed:
+            raise RecordsError(
+                f"the records in {self.name} must be open; they were closed (open_store opens them again)"
+            )
 
 
 def _require_lasting(connection: Connection, name: str) -> None:
@@ -123,10 +133,15 @@ def told(name: str) -> Iterator[None]:
     """Turn what a database says into one sentence."""
     try:
         yield
-    except DBAPIError as error:
+    except OperationalError as error:  # locked, full, unreachable
         raise RecordsError(
             f"the records in {name} must be open to reading and writing; the database says: "
             f"{one_line(error.orig)} (nothing that was stored before is lost)"
+        ) from error
+    except DBAPIError as error:
+        raise RecordsError(
+            f"the records in {name} must be a database that is whole; it says: {one_line(error.orig)} "
+            "(is it damaged? then take it from a backup)"
         ) from error
     except (SQLAlchemyError, CommandError, UnicodeError) as error:  # the last: text that is none
         raise RecordsError(f"the records in {name} must be readable; got: {one_line(error)}") from error

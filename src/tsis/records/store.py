@@ -13,7 +13,9 @@ from dataclasses import replace
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
+from tsis.calibration import ProbeCalibration
 from tsis.calibration.file import calibration_bytes, identity
+from tsis.model import TactileImage, check
 from tsis.model.durable import DISK, Disk
 from tsis.model.errors import InputError, RecordsError
 from tsis.records import rows, tables
@@ -37,8 +39,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
-    from tsis.calibration import ProbeCalibration
-    from tsis.model import Estimate, TactileImage
+    from tsis.model import Estimate
     from tsis.records.database import Database
     from tsis.records.dossier import Dossier
 
@@ -152,6 +153,10 @@ class Store(Contents):
         RecordsError
             When it cannot be stored; what was stored before is as it was.
         """
+        check.kind("target", target, Target)
+        check.kind("image", image, TactileImage)
+        if calibration is not None:
+            check.kind("calibration", calibration, ProbeCalibration)
         require_moment("taken", taken)
         content = frame_bytes(image)
         shape = image.grey.shape

@@ -55,19 +55,21 @@ def export(
     with opened(store, kind, database) as records, waiting("writing"), ExitStack() as together:
         dossier = records.dossier(records.target(number))
         if len(wanted) == 1:
-            write_form(wanted[0], dossier, place, identified=identified)
+            seal = write_form(wanted[0], dossier, place, identified=identified)
         else:
             from tsis.records.export.whole import new_folder
 
-            draft = together.enter_context(new_folder(place))
+            draft, seal = together.enter_context(new_folder(place)), ""
             for form in wanted:
-                write_form(form, dossier, draft / f"{stem}{ENDINGS[form]}", identified=identified)
+                seal += write_form(form, dossier, draft / f"{stem}{ENDINGS[form]}", identified=identified)
     single = len(wanted) == 1
     files = {form: str((place if single else place / f"{stem}{ENDINGS[form]}").resolve()) for form in wanted}
     if as_json:
-        print_json(envelope("records export", target=number, files=files))
+        print_json(envelope("records export", target=number, files=files, bundle_sha256=seal or None))
         return
     console = people()
     for form, file in files.items():
         console.print(f"{form}: {file}", markup=False, soft_wrap=True)
+    if seal:
+        console.print(f"SHA-256 of the bundle, for its receiver: {seal}", markup=False, soft_wrap=True)
     print_notice(console)

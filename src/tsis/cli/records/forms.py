@@ -25,8 +25,8 @@ ENDINGS = {  # of the name that a form gets where nobody chose one
 MASKED = ("fhir", "dicom")  # forms that leave out labels and times unless they are asked for
 
 
-def write_form(form: str, dossier: Dossier, path: Path, *, identified: bool) -> None:
-    """Write one form of a dossier.
+def write_form(form: str, dossier: Dossier, path: Path, *, identified: bool) -> str:
+    """Write one form of a dossier; of a bundle return the SHA-256 by which its receiver knows it, else nothing.
 
     Raises
     ------
@@ -45,8 +45,13 @@ def write_form(form: str, dossier: Dossier, path: Path, *, identified: bool) -> 
         _write_file(path, fhir_observations(dossier, identified=identified))
     elif form == "dicom":
         _write_dicom(dossier, path, identified=identified)
+    elif form == "bundle":
+        from tsis.records.export import write_bundle
+
+        return write_bundle(dossier, path)
     else:
         _writer(form)(dossier, path)
+    return ""
 
 
 def _page(form: str, dossier: Dossier) -> bytes:
@@ -63,13 +68,12 @@ def _page(form: str, dossier: Dossier) -> bytes:
 
 
 def _writer(form: str) -> Callable[[Dossier, Path], object]:
-    from tsis.records.export import write_bundle, write_csv, write_hdf5, write_zarr
+    from tsis.records.export import write_csv, write_hdf5, write_zarr
 
     writers: dict[str, Callable[[Dossier, Path], object]] = {
         "csv": write_csv,
         "hdf5": write_hdf5,
         "zarr": write_zarr,
-        "bundle": write_bundle,
     }
     return writers[form]
 
