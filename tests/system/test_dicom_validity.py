@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 import shutil
 import subprocess
+from dataclasses import replace
 from typing import TYPE_CHECKING
 from xml.etree import ElementTree
 
 import pytest
-from tests.records.dicom.variants import variants
+from tests.records.dicom.variants import hardness, variants, with_estimate, with_presses
 from tests.records.sample import sample_dossier
 
 from tsis.records.dicom import write_dicom
@@ -20,7 +21,15 @@ if TYPE_CHECKING:
     from tsis.records import Dossier
 
 pytestmark = pytest.mark.system
-KINDS = dict(variants())
+PLAIN = sample_dossier()
+KINDS = {
+    **dict(variants()),
+    "two probes": replace(PLAIN, presses=(replace(PLAIN.presses[0], probe="tsis-domed"), *PLAIN.presses[1:])),
+    "from a camera": with_presses(PLAIN, settings={"camera": "DMK 33"}),
+    "both kinds of estimate": replace(
+        PLAIN, estimates=(*PLAIN.estimates, *with_estimate(PLAIN, hardness(), "hardness").estimates)
+    ),
+}
 # What dciodvfy remarks on, and why it stays.
 KNOWN = (
     "needed to build DICOMDIR - Study Date",  # taken out, as PS3.15 asks

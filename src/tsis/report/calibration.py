@@ -66,15 +66,15 @@ def calibration_rows(known: ProbeCalibration, findings: SessionFindings) -> tupl
     return tuple(rows)
 
 
-def held_rows(known: ProbeCalibration) -> tuple[Row, ...]:
-    """The same of what the file itself holds."""
+def held_rows(known: ProbeCalibration, *, cited: str = "") -> tuple[Row, ...]:
+    """The same of what the file itself holds; ``cited`` is its identity where not all of it is shown."""
     rows = [
         ("probe", known.probe or "not named", ""),
         ("camera", known.camera or "not named", ""),
         *((f"setting {name}", f"{value:g}", "") for name, value in known.settings.items()),
         ("made", "simulated" if known.made is None else f"{known.made:%Y-%m-%d %H:%M}", ""),
         ("good until", "does not age" if known.expires is None else f"{known.expires:%Y-%m-%d}", ""),
-        ("identity", identity(known)[:12], ""),
+        ("identity", (cited or identity(known))[:12], ""),
     ]
     rows += [_row(name, value) for name, value in _measured(known).items()]
     if known.force_line is not None:

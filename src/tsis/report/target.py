@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import __version__
 from tsis.report.hardness import hardness_card
 from tsis.report.inclusion import inclusion_cards
 from tsis.report.page import Card, Page
-from tsis.report.pseudonym import without_names
+from tsis.report.subject import shown
 from tsis.report.target_pictures import target_gallery
 from tsis.report.target_tables import target_tables
-from tsis.report.target_words import count_of, moment, roles, target_notes
+from tsis.report.target_words import count_of, heading, moment, newest_first, roles, target_notes
 
 if TYPE_CHECKING:
     from tsis.records import Dossier, Press, StoredEstimate
@@ -28,20 +29,21 @@ def target_page(dossier: Dossier) -> Page:
     Returns
     -------
     Page
-        The estimate in force, pictures of the strongest press, every press with its flags, calibrations, all estimates
-        and where each number came from. That of a subject shows the pseudonym and no other name.
+        The estimates in force, the newest first, pictures of the strongest press, every press with its flags,
+        calibrations, all estimates and where each number came from. That of a subject shows the pseudonym and no
+        other name.
     """
-    shown = without_names(dossier)
-    target, gallery = shown.target, target_gallery(shown)
+    dossier = shown(dossier)
+    target, gallery = dossier.target, target_gallery(dossier)
     name = f": {target.name}" if target.name else ""
     return Page(
         title=f"{'Subject, target' if target.kind == 'subject' else 'Target'} {target.number}{name}",
-        subtitle=_subtitle(shown),
-        cards=_cards(shown),
-        notes=(*target_notes(shown), *gallery.notes),
+        subtitle=_subtitle(dossier),
+        cards=_cards(dossier),
+        notes=(*target_notes(dossier), *gallery.notes),
         pictures=gallery.pictures,
-        tables=target_tables(shown),
-        provenance=_provenance(shown),
+        tables=target_tables(dossier),
+        provenance=_provenance(dossier),
     )
 
 
@@ -56,25 +58,32 @@ def _subtitle(dossier: Dossier) -> str:
 
 
 def _cards(dossier: Dossier) -> tuple[Card, ...]:
-    stored = dossier.estimate
-    if stored is None:
+    found = newest_first(dossier)
+    if not found:
         return (
             Card(title="Estimate", value="none yet", detail="the frames are kept and can be estimated", doubtful=True),
             Card(title="Recorded", value=count_of(len(dossier.presses), "press"), detail=roles(dossier.presses)),
         )
-    if stored.kind == "hardness":
-        return (hardness_card(stored.estimate, dossier.target.truth.get("young_kpa")),)
-    return inclusion_cards(stored.estimate, dossier.target.truth)
+    cards = []
+    for stored in found:
+        own = (
+            (hardness_card(stored.estimate, dossier.target.truth.get("young_kpa")),)
+            if stored.kind == "hardness"
+            else inclusion_cards(stored.estimate, dossier.target.truth)
+        )
+        cards += [replace(card, title=heading(dossier, stored, card.title)) for card in own]
+    return tuple(cards)
 
 
 def _provenance(dossier: Dossier) -> dict[str, Any]:
     """Where every number came from, with whole hashes and identities."""
     target = dossier.target
-    stored = {} if dossier.estimate is None else _estimate(dossier.estimate)
+    found = {heading(dossier, each, "estimate in force"): _estimate(each) for each in newest_first(dossier)}
+    stored = {} if len(found) > 1 else next(iter(found.values()), {})
     return {
         "target": {"id": target.id, "version": target.version, "entered": moment(target.made) + " UTC"},
         "report": f"tsis {__version__}",
-        **stored,
+        **(stored or found),
         **{f"press {number}": _press(press) for number, press in enumerate(dossier.presses, 1)},
         "calibrations": [
             {"name": known.name, "sha256": identity} for identity, known in sorted(dossier.calibrations.items())

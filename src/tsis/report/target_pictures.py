@@ -20,6 +20,7 @@ from tsis.report.frames import (
 )
 from tsis.report.hardness import modulus_picture
 from tsis.report.inclusion import marginals_picture, trade_off_picture
+from tsis.report.target_words import newest_first
 
 if TYPE_CHECKING:
     from tsis.model import TactileImage
@@ -57,17 +58,17 @@ class Frame:
 
 
 def target_gallery(dossier: Dossier) -> Gallery:
-    """Everything that the frames and the estimate in force let one draw."""
+    """Everything that the frames and the estimates in force let one draw."""
     frames, unread = _frames(dossier)
-    gallery = unread + _posterior(dossier) + _strongest(frames) + _profiles(dossier, frames)
+    gallery = unread + _posteriors(dossier) + _strongest(frames) + _profiles(dossier, frames)
     if len(frames) > 1:
         gallery += Gallery(pictures=(sheet_picture([(frame.role, frame.image) for frame in frames]),))
     return gallery
 
 
 def _frames(dossier: Dossier) -> tuple[list[Frame], Gallery]:
-    """Frames in the order of their presses, of many those that the estimate rests on, and what cannot be read."""
-    used = () if dossier.estimate is None else dossier.estimate.presses
+    """Frames in the order of their presses, of many those that estimates rest on, and what cannot be read."""
+    used = {press for stored in dossier.in_force for press in stored.presses}
     numbered = list(enumerate(dossier.presses, 1))
     chosen = sorted(numbered, key=lambda pair: (pair[1].id not in used, pair[0]))[:MOST_FRAMES]
     frames, notes = [], []
@@ -83,9 +84,15 @@ def _frames(dossier: Dossier) -> tuple[list[Frame], Gallery]:
     return frames, Gallery(notes=tuple(notes))
 
 
-def _posterior(dossier: Dossier) -> Gallery:
-    stored = dossier.estimate
-    if stored is None or not stored.estimate.trusted:
+def _posteriors(dossier: Dossier) -> Gallery:
+    found = Gallery()
+    for stored in newest_first(dossier):
+        found += _posterior(dossier, stored)
+    return found
+
+
+def _posterior(dossier: Dossier, stored: StoredEstimate) -> Gallery:
+    if not stored.estimate.trusted:
         return Gallery()
     estimate, truth = stored.estimate, dossier.target.truth
     if stored.kind == "hardness":
@@ -158,12 +165,12 @@ def _profiles(dossier: Dossier, frames: list[Frame]) -> Gallery:
         return Gallery(notes=(f"Profiles in rings are left out: {said}.",))
     scaled = sorted(scaled, key=lambda frame: -force_of(frame.image))[:MOST_PROFILES]
     groups = {words: [frame.image for frame in scaled if frame.role == role] for role, words in GROUPS.items()}
-    rests = dossier.estimate is not None and dossier.estimate.kind == "inclusion"
+    rests = any(stored.kind == "inclusion" for stored in dossier.in_force)
     title = "The profiles that the estimate rests on" if rests else "Profiles"
     return Gallery(pictures=(profile_picture(groups, edges, title=title),))
 
 
 def _probe(dossier: Dossier) -> str:
-    if dossier.estimate is not None:
-        return dossier.estimate.probe
+    if dossier.in_force:  # that of the inclusion where there is one, which rests on profiles
+        return dossier.in_force[0].probe
     return next((press.probe for press in dossier.presses if press.probe), "")

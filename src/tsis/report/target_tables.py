@@ -13,7 +13,7 @@ from tsis.report.document import doubt_of, spread
 from tsis.report.hardness import hardness_rows
 from tsis.report.inclusion import TITLES
 from tsis.report.page import Table
-from tsis.report.target_words import SHORT, moment
+from tsis.report.target_words import SHORT, heading, moment, newest_first
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -31,7 +31,7 @@ def target_tables(dossier: Dossier) -> tuple[Table, ...]:
             Table(
                 title=f"Calibration {known.name} ({identity[:SHORT]})",
                 headings=("quantity", "value", "95 % interval"),
-                rows=held_rows(known),
+                rows=held_rows(known, cited=identity),
             )
             for identity, known in sorted(dossier.calibrations.items())
         ),
@@ -53,20 +53,25 @@ def measure(value: float, unit: str) -> str:
 
 
 def _result(dossier: Dossier) -> tuple[Table, ...]:
-    stored, truth = dossier.estimate, dossier.target.truth
-    if stored is None:
+    truth = dossier.target.truth
+    if not dossier.estimates:
         known = tuple((named(name)[0], measure(value, named(name)[1])) for name, value in truth.items())
         return (
             (Table(title="What is true of the phantom", headings=("quantity", "truth"), rows=known),) if known else ()
         )
+    return tuple(_estimate_in_force(dossier, stored) for stored in newest_first(dossier))
+
+
+def _estimate_in_force(dossier: Dossier, stored: StoredEstimate) -> Table:
+    title, truth = heading(dossier, stored, "Estimate in force"), dossier.target.truth
     if stored.kind == "hardness":
         true = [(f"truth of {named(name)[0]}", measure(value, named(name)[1])) for name, value in truth.items()]
         values = (*hardness_rows(stored.estimate), *true)
-        return (Table(title="Estimate in force", headings=("quantity", "value"), rows=values),)
+        return Table(title=title, headings=("quantity", "value"), rows=values)
     headings = ("quantity", "mean", "90 % interval", "sd", "prior sd", "least sd (Cramér-Rao)")
     names = (*stored.estimate.samples, *(name for name in truth if name not in stored.estimate.samples))
     rows = tuple(_parameter_row(stored.estimate, name, truth) for name in names)
-    return (Table(title="Estimate in force", headings=(*headings, "truth") if truth else headings, rows=rows),)
+    return Table(title=title, headings=(*headings, "truth") if truth else headings, rows=rows)
 
 
 def _parameter_row(estimate: Estimate, name: str, truth: Mapping[str, float]) -> tuple[str, ...]:
@@ -123,7 +128,7 @@ def _history(dossier: Dossier) -> tuple[Table, ...]:
         return ()
     headings = ("made (UTC)", "estimate", "kind", "tsis", "mean and 90 % interval", "presses", "takes the place of")
     rows = tuple(_history_row(stored) for stored in dossier.estimates)
-    return (Table(title="All estimates, the last one in force", headings=headings, rows=rows),)
+    return (Table(title="All estimates, the last of each kind in force", headings=headings, rows=rows),)
 
 
 def _history_row(stored: StoredEstimate) -> tuple[str, ...]:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from tsis.calibration.guard import FLAGS
 from tsis.report.document import sentences
 from tsis.report.hardness import hardness_notes
-from tsis.report.pseudonym import SAID
+from tsis.report.subject import SAID
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,6 +40,16 @@ def roles(presses: Sequence[Press]) -> str:
     return ", ".join(f"{counts[role]} {words}" for role, words in ROLE_WORDS.items() if counts[role])
 
 
+def newest_first(dossier: Dossier) -> tuple[StoredEstimate, ...]:
+    """The estimates in force, of each kind one."""
+    return tuple(sorted(dossier.in_force, key=lambda stored: stored.made, reverse=True))
+
+
+def heading(dossier: Dossier, stored: StoredEstimate, title: str) -> str:
+    """A title, with the kind of the estimate that it is of where more than one is in force."""
+    return f"{title} ({stored.kind})" if len(dossier.in_force) > 1 else title
+
+
 def target_notes(dossier: Dossier) -> tuple[str, ...]:
     """All sentences, those of the estimate in force first."""
     return (
@@ -52,11 +62,15 @@ def target_notes(dossier: Dossier) -> tuple[str, ...]:
 
 
 def _estimate_notes(dossier: Dossier) -> tuple[str, ...]:
-    stored = dossier.estimate
-    if stored is None:
+    found = newest_first(dossier)
+    if not found:
         return ("Nothing was estimated from these presses yet.",) if dossier.presses else ("Nothing was recorded yet.",)
-    said = hardness_notes(stored.estimate) if stored.kind == "hardness" else sentences(stored.estimate)
-    return (*said, _origin(stored), *_coverage(dossier, stored))
+    said = []
+    for stored in found:
+        own = hardness_notes(stored.estimate) if stored.kind == "hardness" else sentences(stored.estimate)
+        told = (*own, _origin(stored), *_coverage(dossier, stored))
+        said += [f"Of the {stored.kind}: {sentence}" if len(found) > 1 else sentence for sentence in told]
+    return tuple(said)
 
 
 def _origin(stored: StoredEstimate) -> str:
