@@ -91,12 +91,14 @@ def _measure(loader: Loader, path: Path, writing: int) -> None:
 def main() -> int:
     """Print the table."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--quick", action="store_true", help="leave out those that take long to make")
-    quick = parser.parse_args().quick
+    some = parser.add_mutually_exclusive_group()
+    some.add_argument("--quick", action="store_true", help="leave out those that take long to make")
+    some.add_argument("--large", action="store_true", help="only those that take long to make")
+    options = parser.parse_args()
     loaders = {loader.name: loader for loader in every_loader()}
     table, bad = Table("loader", "bomb", "CPU s", "MB", "said"), 0
     for bomb in bombs():
-        if quick and bomb.large:
+        if (options.quick and bomb.large) or (options.large and not bomb.large):
             continue
         found = blast(bomb, loaders[bomb.loader])
         sound = (found.refused or (bomb.harmless and found.said == "read")) and found.memory_mb < MOST_MB

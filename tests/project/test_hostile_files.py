@@ -115,7 +115,7 @@ def test_bombs_are_refused_with_little_memory() -> None:
 @pytest.mark.slow
 @pytest.mark.skipif(sys.platform != "linux", reason="memory is measured as Linux tells it")
 def test_large_bombs_are_refused_with_little_memory() -> None:
-    done = _python("-m", "benchmarks.bombs")
+    done = _python("-m", "benchmarks.bombs", "--large")
     assert done.returncode == 0, done.stdout
 
 
