@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import asdict, dataclass, replace
 from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,9 @@ from tests.records.pressed_object import stored_object
 from tests.records.sample import WHEN, levels, sample_calibration, sample_estimate
 
 import tsis.hardness
+from tsis.hardness import HardnessPrior
+from tsis.hardness.likelihood import DRIFT_SD
+from tsis.hardness.reading import BLUR_MM
 from tsis.model import Estimate, TactileImage
 from tsis.model.errors import InputError, RecordsError
 from tsis.records import environment, open_store, verify
@@ -105,6 +108,36 @@ def test_a_change_without_a_known_cause_points_at_the_machine(store: Store, monk
     assert not again.same
     assert again.causes == ()
     assert "look at the processor" in again.sentence
+
+
+def test_another_default_prior_is_the_cause(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
+    target = stored_object(store)
+    assert "prior" not in store.estimates(target)[0].options
+
+    @dataclass(frozen=True, slots=True, kw_only=True)
+    class Narrow(HardnessPrior):
+        young_kpa: tuple[float, float] = (10.0, 200.0)
+
+    monkeypatch.setattr("tsis.hardness.posterior.HardnessPrior", Narrow)
+    (again,) = recompute(store, target)
+    assert not again.same
+    assert again.causes == ("the default prior changed: young_kpa",)
+
+
+def test_a_prior_that_was_written_down_is_taken_whatever_is_the_default_now(
+    store: Store, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    target = stored_object(store, prior=asdict(HardnessPrior()), blur_mm=BLUR_MM, drift_sd=DRIFT_SD)
+    whole = tsis.hardness.estimate
+
+    def of_another_release(*arguments: Any, **options: Any) -> Estimate:
+        others: dict[str, Any] = {"prior": HardnessPrior(young_kpa=(10.0, 200.0)), "blur_mm": 0.1, "drift_sd": 0.1}
+        return whole(*arguments, **others | options)
+
+    monkeypatch.setattr(tsis.hardness, "estimate", of_another_release)
+    (again,) = recompute(store, target)
+    assert again.same
+    assert again.sentence == "Nothing changed: bit for bit the same."
 
 
 def test_an_edited_force_is_an_input_that_changed(store: Store) -> None:

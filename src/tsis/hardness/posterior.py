@@ -13,7 +13,7 @@ from tsis.hardness.exploration import explore
 from tsis.hardness.frames import as_frames, ball_radius, check_belonging, check_frames, radius_belief
 from tsis.hardness.likelihood import DRIFT_SD, Likelihood, Press
 from tsis.hardness.prior import HardnessPrior
-from tsis.hardness.reading import read_contact
+from tsis.hardness.reading import BLUR_MM, read_contact
 from tsis.hardness.table_build import build_contact_table
 from tsis.hardness.verdict import DISTRUSTED, findings, identifiability
 from tsis.model import Calibration, Estimate, Probe, TactileImage, check
@@ -35,7 +35,7 @@ def estimate(
     reference: TactileImage | Sequence[TactileImage] | None = None,
     reference_radius_mm: float | None = None,
     prior: HardnessPrior | None = None,
-    blur_mm: float = 0.05,
+    blur_mm: float = BLUR_MM,
     drift_sd: float = DRIFT_SD,
     progress: Callable[[int, int], None] | None = None,
 ) -> Estimate:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 REACH = 1.35  # radii of the bright patch within which all pressure lies: a patch cut at half of the peak spans 0.87
 FURTHER_MM = 0.3  # of the ring around it that tells the stray light
 RIM_MM = 1.0  # width of the face's edge that is not looked at
+BLUR_MM = 0.05  # standard deviation of the lens's point spread on the face, where nobody measured it
 BLUR_DOUBT = 0.3  # relative standard deviation of the point spread
 STRAY_GREY = 0.01  # standard deviation in grey levels of stray light that is not even
 FULLEST, BRIGHTEST = 0.95, 0.999  # of the light of full contact: what a patch may reach, and what noise is cut at

@@ -34,6 +34,7 @@ def changes(before: StoredEstimate, after: StoredEstimate) -> tuple[str, ...]:
         *_differences("the probe", before.probe, after.probe),
         *_frame_changes(was, now),
         *_option_changes(_plain(before.options), _plain(after.options)),
+        *_prior_changes(before, after),
         *_other_changes(was, now),
     )
 
@@ -73,9 +74,21 @@ def _entries(frames: Any) -> list[Mapping[str, Any]]:
 def _option_changes(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
     for name in sorted({*was, *now} - {"prior"}):
         yield from _differences(f"the options changed: {name}", was.get(name), now.get(name))
-    prior = was.get("prior") or {}, now.get("prior") or {}
-    for name in sorted({*prior[0], *prior[1]}):
-        yield from _differences(f"the options changed: {name} of the prior", prior[0].get(name), prior[1].get(name))
+
+
+def _prior_changes(before: StoredEstimate, after: StoredEstimate) -> Iterator[str]:
+    """The prior as it was given; where it was the default of the release then, as the estimator wrote it down."""
+    told = "options" if all(each.options.get("prior") for each in (before, after)) else "provenance"
+    found = (each.options if told == "options" else each.estimate.provenance for each in (before, after))
+    was, now = (_plain({"prior": each.get("prior")})["prior"] for each in found)
+    if not isinstance(was, Mapping) or not isinstance(now, Mapping):  # a bundle may hold anything there
+        yield from _differences("the prior changed", was, now)
+        return
+    what = f"the {'options' if told == 'options' else 'default prior'} changed: "
+    for name in sorted({*was, *now}):
+        yield from _differences(
+            what + (f"{name} of the prior" if told == "options" else name), was.get(name), now.get(name)
+        )
 
 
 def _other_changes(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
