@@ -5,8 +5,9 @@ from __future__ import annotations
 import csv
 import json
 import os
+import time
 from datetime import UTC, datetime, timedelta
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -24,12 +25,17 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 ENDED = datetime(2026, 11, 22, 10, 0, tzinfo=UTC)
+BEGUN, BEGUN_S = datetime(2026, 11, 22, 9, 0, tzinfo=UTC), 1000.0
 FRAMES = 4
 
 
 @pytest.fixture
 def recorded(tmp_path: Path) -> Path:
-    return record_into(tmp_path / "recording", FrameFolder)
+    """A recording that says that it began at a certain time."""
+    folder = record_into(tmp_path / "recording", FrameFolder)
+    os.utime(folder / "frames.csv", (ENDED.timestamp(), ENDED.timestamp()))
+    told(folder, begun=BEGUN.isoformat(), begun_s=BEGUN_S)
+    return folder
 
 
 def record_into(folder: Path, sink: Callable[[Path], FrameFolder | LosslessVideo]) -> Path:
@@ -52,7 +58,6 @@ def record_into(folder: Path, sink: Callable[[Path], FrameFolder | LosslessVideo
     )
     with Acquisition(lambda: camera, reconnect=False) as acquisition:
         record(acquisition, sink(folder), folder, stopped=feed, beside=beside)
-    os.utime(folder / "frames.csv", (ENDED.timestamp(), ENDED.timestamp()))
     return folder
 
 
@@ -78,9 +83,58 @@ def test_a_recording_comes_in_with_its_times_and_forces(tmp_path: Path, recorded
         arrived = [float(row["arrived_s"]) for row in rows(recorded)]
         for number, (press, then) in enumerate(zip(presses, arrived, strict=True)):
             np.testing.assert_array_equal(store.levels(press.frame), frame(number).pixels)
-            assert (ENDED - press.taken) / timedelta(seconds=1) == pytest.approx(arrived[-1] - then, abs=2e-6)
+            assert (BEGUN - press.taken) / timedelta(seconds=1) == pytest.approx(BEGUN_S - then, abs=2e-6)
         (again,) = enter(store, batches([recorded], Given()))
         assert (again.target, again.added, again.present) == (entered.target, 0, FRAMES)
+
+
+def told(folder: Path, **changes: Any) -> None:
+    document = json.loads((folder / "recording.json").read_text()) | changes
+    kept = {name: value for name, value in document.items() if value is not ...}
+    (folder / "recording.json").write_text(json.dumps(kept))
+
+
+def test_the_recorder_tells_when_it_began(tmp_path: Path) -> None:
+    before, before_s = datetime.now(UTC), time.monotonic()
+    folder = record_into(tmp_path / "now", FrameFolder)
+    after = datetime.now(UTC)
+    (found,) = batches([folder], Given())
+    for press, row in zip(found.presses, rows(folder), strict=True):
+        assert before <= press.taken <= after
+        away = (press.taken - before) / timedelta(seconds=1) - (float(row["arrived_s"]) - before_s)
+        assert abs(away) < 0.1  # the two clocks were read one after the other
+
+
+def test_a_recording_of_an_older_release_ends_when_its_index_was_written(recorded: Path) -> None:
+    told(recorded, begun=..., begun_s=...)
+    (found,) = batches([recorded], Given())
+    arrived = [float(row["arrived_s"]) for row in rows(recorded)]
+    for press, then in zip(found.presses, arrived, strict=True):
+        assert (ENDED - press.taken) / timedelta(seconds=1) == pytest.approx(arrived[-1] - then, abs=2e-6)
+
+
+def test_a_recording_stays_the_same_one_when_its_files_are_copied(tmp_path: Path, recorded: Path) -> None:
+    with open_store(tmp_path / "store") as store:
+        (before,) = enter(store, batches([recorded], Given()))
+        os.utime(recorded / "frames.csv", (1e9, 1e9))
+        (again,) = batches([recorded], Given())
+        assert [each.taken for each in again.presses] == [press.taken for press in before.presses]
+
+
+@pytest.mark.parametrize(
+    ("changes", "sentence"),
+    [
+        ({"begun": "noon"}, "begun must be a date"),
+        ({"begun": "2026-11-22T10:00:00"}, "time zone"),
+        ({"begun_s": "x"}, "begun_s must be a number"),
+        ({"begun_s": ...}, "must tell when it began"),
+        ({"begun_s": 1e300}, "times of a recording must lie within it"),
+    ],
+)
+def test_a_beginning_that_is_none_is_refused(recorded: Path, changes: dict[str, Any], sentence: str) -> None:
+    told(recorded, **changes)
+    with pytest.raises(FileInputError, match=sentence):
+        batches([recorded], Given())
 
 
 def test_a_recording_that_was_cut_short_comes_in_and_says_so(recorded: Path) -> None:

@@ -8,6 +8,7 @@ import os
 import time
 from contextlib import closing
 from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
@@ -93,6 +94,9 @@ def record(
     Beside the frames the folder gets ``frames.csv``, a line a frame, and at the end ``recording.json`` with the report.
     When the disk fills or the program is interrupted, what was kept stays and the report says what is missing.
 
+    The report's file says when it began, twice: in UTC, and as the ``clock`` showed it, by which ``arrived_s`` of a
+    frame becomes a time of day.
+
     Parameters
     ----------
     acquisition
@@ -112,12 +116,13 @@ def record(
     about
         Asked at the end what else the report's file should hold, e.g. the calibration and what the gauge did.
     clock
-        Seconds, monotonic.
+        Seconds, monotonic: that of the acquisition.
     """
     place = as_path(folder)
     tally, end = _Tally(most=frames), _End(clock() + seconds if seconds is not None else None, stopped, clock)
     beside = beside or FurtherColumns(names=(), of=lambda arrival: ())
-    begun_s, ended_by, missed = clock(), "", 0 if acquisition.ring.patient else acquisition.account().missed
+    begun, begun_s = datetime.now(UTC), clock()
+    ended_by, missed = "", 0 if acquisition.ring.patient else acquisition.account().missed
     try:
         with (place / INDEX).open("x", newline="", encoding="utf-8") as index, closing(sink):
             rows = csv.writer(index)
@@ -138,7 +143,8 @@ def record(
         ended_by = str(error)
     account = acquisition.account()
     report = tally.report(account, begun_s, account.missed - missed, ended_by)
-    return _with_summary(place, report, acquisition, about())
+    started = {"begun": begun.isoformat(timespec="microseconds"), "begun_s": begun_s}
+    return _with_summary(place, report, acquisition, {**started, **about()})
 
 
 def _batches(acquisition: Acquisition, ended: Callable[[], bool]) -> Iterator[tuple[tuple[Arrival, ...], int]]:

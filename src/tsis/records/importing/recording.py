@@ -13,7 +13,8 @@ from tsis.instrument.recording.record import COLUMNS, FORMAT, INDEX, SUMMARY, VE
 from tsis.model.errors import FileInputError
 from tsis.records.importing.cited import cited_calibration
 from tsis.records.importing.found import MOST_FRAMES, Batch, Given, Incoming, looked_through, own_file, written
-from tsis.records.plain_fields import number
+from tsis.records.plain_fields import moment, number
+from tsis.records.values import require_moment
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -28,8 +29,8 @@ CUT_SHORT = "the recording was cut short before its report was written; its fram
 def recording(folder: Path, given: Given, progress: Callable[[], None]) -> Batch:
     """The frames of a recording, with the force of the gauge where it has one.
 
-    A recording tells how much later each frame came than the one before; when the last came is told by when its index
-    was written last.
+    A recording tells when it began, and how much later each frame came. One that was cut short, or made by a release
+    that did not tell it, says when its last frame came by when its index was written last.
 
     Raises
     ------
@@ -46,7 +47,7 @@ def recording(folder: Path, given: Given, progress: Callable[[], None]) -> Batch
     known, notes = cited_calibration(folder / SUMMARY, (summary or {}).get("calibration"), given)
     scale = given.mm_per_pixel if known is None or known.scale is None else known.scale.mm_per_pixel
     camera = str((summary or {}).get("camera", ""))[:200]
-    ended, last = written(folder / INDEX), float(rows[-1]["arrived_s"])
+    moment_then, then_s = _clock(folder, summary, last_s=float(rows[-1]["arrived_s"]))
     presses = []
     for row in rows:
         path = own_file(folder, row["kept_in"])
@@ -54,7 +55,7 @@ def recording(folder: Path, given: Given, progress: Callable[[], None]) -> Batch
             Incoming(
                 **looked_through(path, full_scale=_full_scale(summary)),
                 role=given.role,
-                taken=_moment(ended, last - float(row["arrived_s"])),
+                taken=_moment(moment_then, float(row["arrived_s"]) - then_s),
                 name=path.name,
                 force_n=max(0.0, float(row[FORCE])) if row.get(FORCE) else None,
                 mm_per_pixel=scale,
@@ -126,10 +127,22 @@ def _full_scale(summary: dict[str, Any] | None) -> float | None:
     return number(mode, "full_scale", "mode")
 
 
-def _moment(ended: datetime, before_s: float) -> datetime:
+def _clock(folder: Path, summary: dict[str, Any] | None, *, last_s: float) -> tuple[datetime, float]:
+    """One time of day and what the clock of ``arrived_s`` showed then."""
+    if summary is None or "begun" not in summary:
+        return written(folder / INDEX), last_s
     try:
-        return ended - timedelta(seconds=before_s)
+        begun = moment(summary, "begun", SUMMARY)
+        require_moment("begun", begun)
+        return begun, number(summary, "begun_s", SUMMARY)
+    except (ValueError, KeyError) as error:
+        raise FileInputError(f"{shown(folder / SUMMARY)} must tell when it began; {error}") from error
+
+
+def _moment(then: datetime, after_s: float) -> datetime:
+    try:
+        return then + timedelta(seconds=after_s)
     except OverflowError as error:
         raise FileInputError(
-            f"times of a recording must lie within it; got one {before_s:g} s before its end"
+            f"times of a recording must lie within it; got one {abs(after_s):g} s away from it"
         ) from error
