@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import inspect
 import json
+import shutil
 import sys
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -14,13 +17,19 @@ import pydicom
 import pytest
 import zarr
 from tests.hardness.stand_ins import by_table
+from tests.records.importing.snapshot_folder import save
 
+import tsis.hardness
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli import main
+from tsis.cli.acquire.kept_snapshot import ROLES
 from tsis.cli.records.forms import ENDINGS
 from tsis.model import load_phantom
-from tsis.records import open_store, verify
+from tsis.model.durable import Disk
+from tsis.model.errors import RecordsError
+from tsis.records import open_store, values, verify
 from tsis.records.export import read_bundle
+from tsis.records.store import Store
 from tsis.virtual import DirectContactRig
 
 if TYPE_CHECKING:
@@ -149,6 +158,92 @@ def test_what_examine_found_is_kept_and_made_again(run: RunTsis, tmp_path: Path)
     assert again["same"] is True
 
 
+def full_disk(monkeypatch: pytest.MonkeyPatch, *, after: int) -> None:
+    """A store whose disk takes only so many frames."""
+    whole, written = Disk.write, list[object]()
+
+    def write(self: Disk, file: Any, content: bytes) -> None:
+        if content.startswith(b"\x89PNG") and "records" in file.name:
+            written.append(file)
+            if len(written) > after:
+                raise OSError(28, "No space left on device")
+        whole(self, file, content)
+
+    monkeypatch.setattr(Disk, "write", write)
+
+
+@pytest.mark.parametrize("after", [0, 1])
+def test_a_store_that_takes_nothing_loses_no_result(
+    run: RunTsis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, after: int
+) -> None:
+    store, out = ("--store", tmp_path / "records"), tmp_path / "examined"
+    full_disk(monkeypatch, after=after)
+    finished = run("examine", *FRAMES, *KNOWN, *FORCES, "--keep", *store, "--out", out, "--json")
+    assert finished.code == 1
+    assert f"Error: the results are in {out}, but they could not be kept: " in finished.err
+    assert "No space left on device" in finished.err
+    assert finished.err.count("\n") == 1
+    document = json.loads(finished.out)
+    assert "kept" not in document
+    assert document.pop("folder") == str(out)
+    assert json.loads((out / "result.json").read_text()) == document
+    with open_store(tmp_path / "records") as records:
+        assert records.targets() == ()
+        assert verify(records).sound
+
+
+def test_an_estimate_that_finds_no_room_leaves_its_presses_and_says_where(
+    run: RunTsis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(*_: Any, **__: Any) -> None:
+        raise RecordsError("no room for it")
+
+    monkeypatch.setattr(Store, "add_estimate", refused)
+    store = ("--store", tmp_path / "records")
+    finished = run("examine", *FRAMES, *KNOWN, *FORCES, "--keep", *store, "--out", tmp_path / "examined")
+    assert finished.code == 1
+    assert "no room for it; 2 of 2 presses are stored in target 1" in finished.err
+    assert RESEARCH_USE_ONLY in " ".join(finished.out.split())
+
+
+def test_a_snapshot_that_is_not_kept_stays_and_is_named(
+    run: RunTsis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    save(tmp_path / "camera", 1)
+    raw = next((tmp_path / "camera").glob("*/*-raw.*"))
+    frames = tmp_path / "frames"
+    frames.mkdir()
+    shutil.copy(raw, frames)
+    full_disk(monkeypatch, after=0)
+    snapshot = ("acquire", "--camera", f"files:{frames}", "--out", tmp_path, "--json")
+    finished = run(*snapshot, "--keep", "--store", tmp_path / "records")
+    assert finished.code == 1
+    assert f"the results are in {tmp_path / 'Target1'}, but they could not be kept" in finished.err
+    files = json.loads(finished.out)["files"]
+    assert all(Path(file).is_file() for file in files.values())
+    with open_store(tmp_path / "records") as records:
+        assert records.targets() == ()
+
+
+def test_a_name_that_no_store_takes_is_refused_before_anything_is_computed(run: RunTsis, tmp_path: Path) -> None:
+    longest = tmp_path / f"{'a' * 205}.png"
+    shutil.copy(FRAMES[0], longest)
+    finished = run("examine", longest, *KNOWN, "--force-n", "1", "--keep", "--store", tmp_path / "records")
+    assert finished.code == 2
+    assert "must have at most 200 characters, to be kept" in finished.err
+    assert not (tmp_path / "records").exists()
+    assert not (tmp_path / "tsis-examine").exists()
+
+
+def test_keeping_under_a_phantom_with_another_truth_says_so(run: RunTsis, tmp_path: Path) -> None:
+    with open_store(tmp_path / "records") as records:
+        records.add_target(number=7, truth={"diameter_mm": 3.0})
+    store = ("--store", tmp_path / "records")
+    result = told(run, "demo", "--phantom", "size-8", "--keep", *store, "--target", "7", "--out", tmp_path / "demo")
+    assert "target 7 has another truth" in result["kept"]["notes"][0]
+    assert json.loads((tmp_path / "demo" / "result.json").read_text())["kept"] == result["kept"]
+
+
 def test_colours_are_refused_before_anything_is_computed(run: RunTsis, tmp_path: Path) -> None:
     noise = np.random.default_rng(1).integers(0, 256, (492, 768, 3)).astype(np.uint8)
     cv2.imwrite(str(tmp_path / "colour.png"), noise)
@@ -198,7 +293,14 @@ def test_a_hardness_is_kept_and_made_again(run: RunTsis, tmp_path: Path, monkeyp
     told(run, "hardness", *frames, *known, *radius, "--keep", *store, "--out", tmp_path / "again")
     shown = [told(run, "records", "show", number, *store)["estimate"] for number in ("1", "2")]
     assert [each["kind"] for each in shown] == ["hardness", "hardness"]
-    assert shown[1]["options"] == {"radius_mm": 3.0, "radius_sd_mm": 0.02}
+    given = {name: value for name, value in shown[1]["options"].items() if name not in shown[0]["options"]}
+    assert given == {"radius_mm": 3.0, "radius_sd_mm": 0.02}
+    taken = inspect.signature(tsis.hardness.estimate).parameters  # what an estimate takes where nothing is given
+    for each in shown:
+        assert {name: each["options"][name] for name in ("blur_mm", "drift_sd")} == {
+            name: taken[name].default for name in ("blur_mm", "drift_sd")
+        }
+        assert each["options"]["prior"] == each["provenance"]["prior"]
     again = told(run, "records", "recompute", "--all", *store)["estimates"]
     assert [(each["target"], each["same"]) for each in again] == [(1, True), (2, True)]
 
@@ -207,8 +309,9 @@ def test_a_snapshot_is_kept_as_its_import_would_find_it(run: RunTsis, tmp_path: 
     store = ("--store", tmp_path / "records")
     snapshot = ("acquire", "--force-n", "0", "--target", "12", "--role", "untouched", "--out", tmp_path)
     kept = told(run, *snapshot, "--keep", *store)["kept"]
-    (imported,) = told(run, "records", "import", tmp_path / "Target12", *store)["imported"]
-    assert (imported["target"], imported["added"], imported["present"]) == (12, 0, 1)
+    said = ("--role", "untouched", "--probe", "tsis-2011")
+    (imported,) = told(run, "records", "import", tmp_path / "Target12", *said, *store)["imported"]
+    assert (imported["target"], imported["added"], imported["present"], imported["notes"]) == (12, 0, 1, [])
     with open_store(tmp_path / "records") as records:
         (press,) = records.presses(records.target(12))
         raw = next((tmp_path / "Target12").glob("*-raw.*"))
@@ -216,3 +319,9 @@ def test_a_snapshot_is_kept_as_its_import_would_find_it(run: RunTsis, tmp_path: 
         assert (press.id, press.role, press.probe) == (kept["press"], "untouched", "tsis-2011")
         assert "no-contact" in press.flags
         assert verify(records).sound
+    alone = ("--store", tmp_path / "imported")
+    told(run, "records", "import", tmp_path / "Target12", *said, *alone)
+    with open_store(tmp_path / "imported") as records:
+        (other,) = records.presses(records.target(12))
+    assert replace(other, id=press.id, target=press.target) == press
+    assert ROLES == values.ROLES

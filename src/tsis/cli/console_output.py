@@ -21,6 +21,8 @@ if TYPE_CHECKING:
 
     from rich.table import Table
 
+RESULT = "result.json"
+
 
 def people() -> Console:
     """Standard output for people."""
@@ -50,8 +52,17 @@ class Outcome:
 
 def publish(outcome: Outcome, out: Path, *, as_json: bool) -> None:
     """Write the folder ``out`` (or the next free name) and print what is in it."""
-    files = {**outcome.files, "result.json": json_bytes(outcome.document), "index.html": outcome.page}
-    folder = write_folder(free_folder(out), files)
+    print_outcome(outcome, write_outcome(outcome, out), as_json=as_json)
+
+
+def write_outcome(outcome: Outcome, out: Path) -> Path:
+    """Write the folder ``out`` (or the next free name), whole or not at all; which one it is."""
+    files = {**outcome.files, RESULT: json_bytes(outcome.document), "index.html": outcome.page}
+    return write_folder(free_folder(out), files)
+
+
+def print_outcome(outcome: Outcome, folder: Path, *, as_json: bool) -> None:
+    """Print what was found, and where it is."""
     if as_json:
         print_json({**outcome.document, "folder": str(folder)})
         return

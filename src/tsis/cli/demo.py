@@ -10,9 +10,9 @@ import numpy as np
 import typer
 
 from tsis.calibration.file import ProbeCalibration, calibration_bytes
-from tsis.cli.console_output import Outcome, progress_bar, publish
+from tsis.cli.console_output import Outcome, progress_bar
 from tsis.cli.estimate_output import estimate_table, estimate_with_progress
-from tsis.cli.keeping import Keep, KeepFolder, KeepTarget, Made, chosen_keeping, keep_made, kept_note
+from tsis.cli.keeping import Keep, Keepable, KeepFolder, KeepTarget, chosen_destination, publish_and_keep
 from tsis.cli.targets import AsJson, DepthMm, DiameterMm, ForcesN, PhantomName, ProbeName, YoungKpa, chosen_phantom
 from tsis.inclusion import PARAMETERS, InclusionPrior, ring_edges
 from tsis.instrument import png_bytes
@@ -52,7 +52,7 @@ def demo(
     target = chosen_phantom(phantom, diameter_mm, depth_mm, young_kpa)
     truth, forces = _truth(target), _named(force_n)
     chosen, prior = load_probe(probe), InclusionPrior()
-    keeping = chosen_keeping(keep, store, number=number)
+    destination = chosen_destination(keep, store, number=number)
     with progress_bar("tracing the light of the lamps") as advance:
         light = irradiance(chosen, progress=advance)
     virtual = VirtualProbe(chosen, rng=np.random.default_rng(seed), light=light)
@@ -76,32 +76,28 @@ def demo(
         provenance=provenance,
     )
     known = ProbeCalibration(name=virtual.calibration.name, probe=chosen.name, response=virtual.calibration)
-    kept = {}
-    if keeping is not None:
-        frames = {"target": images, "plain": references, "untouched": [untouched]}
-        made = Made(
-            kind="inclusion",
-            estimate=result,
-            probe=chosen.name,
-            known=known,
-            frames=frames,
-            options={"prior": asdict(prior)},
-            name=target.name,
-            truth=truth or {},
-        )
-        kept = {"kept": keep_made(keeping, made)}
+    keepable = Keepable(
+        kind="inclusion",
+        estimate=result,
+        probe=chosen.name,
+        known=known,
+        frames={"target": images, "plain": references, "untouched": [untouched]},
+        options={"prior": asdict(prior)},
+        name=target.name,
+        truth=truth or {},
+    )
     outcome = Outcome(
-        document=envelope("demo", **provenance, estimate=estimate_document(result, truth), **kept),
+        document=envelope("demo", **provenance, estimate=estimate_document(result, truth)),
         page=page,
         tables=(estimate_table(result, title=f"{target.name}; {pressed}", truth=truth),),
-        notes=(*sentences(result), *_outside_the_prior(truth or {}, prior), *map(kept_note, kept.values())),
+        notes=(*sentences(result), *_outside_the_prior(truth or {}, prior)),
         files={
             **{frame.name: png_bytes(frame) for frame in (*images, *references)},
             "untouched.png": png_bytes(untouched),
             "calibration.json": calibration_bytes(known),
         },
     )
-    publish(outcome, out, as_json=as_json)
+    publish_and_keep(outcome, out, destination, keepable, as_json=as_json)
 
 
 def _named(force_n: list[float]) -> dict[str, float]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -16,13 +16,12 @@ from tsis.cli.console_output import Outcome, publish
 from tsis.cli.estimate_output import estimate_table, estimate_with_progress
 from tsis.cli.keeping import (
     Keep,
+    Keepable,
     KeepFolder,
     KeepKind,
     KeepTarget,
-    Made,
-    chosen_keeping,
-    keep_made,
-    kept_note,
+    chosen_destination,
+    publish_and_keep,
     require_keepable,
 )
 from tsis.cli.press_forces import plain_forces, target_forces
@@ -134,14 +133,14 @@ def examine(
         "calibration": None if known is None else known.citation(),
     }
     if known is None:
-        outcome = _contacts(frames, untouched, provenance, invert=invert, match=match_lamps)
+        publish(_contacts(frames, untouched, provenance, invert=invert, match=match_lamps), out, as_json=as_json)
     else:
         plain = plain or []
         plain_force = [None] * len(plain) if by_line else plain_forces(plain_force_n or (), force_n or (), len(plain))
         plain_frames = _read(plain, plain_force, scale)
         if keep:
             require_keepable([*frames, *plain_frames])
-        keeping = chosen_keeping(keep, store, kind, number)
+        destination = chosen_destination(keep, store, kind, number)
         pressed, response = known.pressed(frames)
         on_plain, plain_response = known.pressed(plain_frames)
         response = max(response, plain_response, key=lambda one: one.force_sd)
@@ -150,17 +149,15 @@ def examine(
         by, prior = chosen or _calibrated_probe(response), InclusionPrior()
         result = estimate_with_progress(pressed, probe=by, calibration=response, reference=on_plain, prior=prior)
         outcome = _inclusion(result, pressed, on_plain, by, prior, provenance)
-        if keeping is not None:
-            made = Made(
-                kind="inclusion",
-                estimate=result,
-                probe=by.name,
-                known=known.known,
-                frames={"target": frames, "plain": plain_frames},
-                options={"prior": asdict(prior)},
-            )
-            outcome = _kept(outcome, keep_made(keeping, made))
-    publish(outcome, out, as_json=as_json)
+        keepable = Keepable(
+            kind="inclusion",
+            estimate=result,
+            probe=by.name,
+            known=known.known,
+            frames={"target": frames, "plain": plain_frames},
+            options={"prior": asdict(prior)},
+        )
+        publish_and_keep(outcome, out, destination, keepable, as_json=as_json)
 
 
 def _read(
@@ -208,10 +205,6 @@ def _contacts(
     notes += [f"Not estimated: {name}: {reason}." for name, reason in REFUSED]
     page = contact_report(findings, refused=REFUSED, provenance=provenance)
     return Outcome(document=document, page=page, tables=tuple(tables), notes=tuple(notes))
-
-
-def _kept(outcome: Outcome, kept: dict[str, Any]) -> Outcome:
-    return replace(outcome, document={**outcome.document, "kept": kept}, notes=(*outcome.notes, kept_note(kept)))
 
 
 def _inclusion(

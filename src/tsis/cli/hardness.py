@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,23 +14,23 @@ from rich.table import Table
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.calibration.file import ProbeCalibration, calibration_bytes
 from tsis.cli.cited_calibration import chosen_scale, cited
-from tsis.cli.console_output import Outcome, progress_bar, publish, waiting
+from tsis.cli.console_output import Outcome, progress_bar, waiting
 from tsis.cli.demo import LARGEST_SEED
 from tsis.cli.keeping import (
     Keep,
+    Keepable,
     KeepFolder,
-    Keeping,
     KeepKind,
     KeepTarget,
-    Made,
-    chosen_keeping,
-    keep_made,
-    kept_note,
+    chosen_destination,
+    publish_and_keep,
     require_keepable,
 )
 from tsis.cli.press_forces import target_forces
 from tsis.cli.targets import AsJson
-from tsis.hardness import build_contact_table, estimate, shore
+from tsis.hardness import HardnessPrior, build_contact_table, estimate, shore
+from tsis.hardness.likelihood import DRIFT_SD
+from tsis.hardness.reading import BLUR_MM
 from tsis.instrument import png_bytes, read_image
 from tsis.model import list_probes, load_probe, load_sphere
 from tsis.model.errors import InputError
@@ -41,6 +41,7 @@ from tsis.virtual import DirectContactRig
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from tsis.cli.keeping import Destination
     from tsis.model import Calibration, Estimate, Probe, TactileImage
 
 DEMO, DEMO_FORCES = "cl2000x", [0.7, 1.2]
@@ -97,8 +98,8 @@ def hardness(
         if any(value is not None for value in given):
             raise InputError("--virtual and --demo press by themselves: give no images, scale, radius or calibration")
         chosen, name = load_probe(probe or UNNAMED), virtual or DEMO
-        keeping = chosen_keeping(keep, store, kind, number)
-        _virtual(name, chosen, force_n or DEMO_FORCES, seed, out, keeping=keeping, as_json=as_json)
+        destination = chosen_destination(keep, store, kind, number)
+        _virtual(name, chosen, force_n or DEMO_FORCES, seed, out, destination=destination, as_json=as_json)
         return
     if not paths:
         raise InputError("give the images of two presses, or --demo for a run without hardware")
@@ -119,40 +120,46 @@ def hardness(
     raw_balls = _read(balls, ball_force_n or (), scale)
     if keep:
         require_keepable([*raw, *raw_balls])
-    keeping = chosen_keeping(keep, store, kind, number)
+    destination = chosen_destination(keep, store, kind, number)
     options = {
         "radius_mm": radius_mm,
         "radius_sd_mm": radius_sd_mm,
         "reference": known.pressed(raw_balls)[0],
         "reference_radius_mm": ball_radius_mm,
+        **_defaults(),
     }
-    raw_frames = {"target": raw, "ball": raw_balls}
-    publish(
-        _outcome(
-            frames,
-            chosen,
-            response,
-            options,
-            cites=known.citation(),
-            kept=None if keeping is None else _Kept(keeping=keeping, known=known.known, frames=raw_frames),
-        ),
-        out,
-        as_json=as_json,
+    outcome, found = _outcome(frames, chosen, response, options, cites=known.citation())
+    keepable = Keepable(
+        kind="hardness",
+        estimate=found,
+        probe=chosen.name,
+        known=known.known,
+        frames={"target": raw, "ball": raw_balls},
+        options=_written_down(options),
     )
+    publish_and_keep(outcome, out, destination, keepable, as_json=as_json)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class _Kept:
-    """Where an estimate is to be kept, and what it rests on."""
+def _defaults() -> dict[str, Any]:
+    """What every estimate here takes, said to it and written down, so that another release can take the same."""
+    return {"prior": HardnessPrior(), "blur_mm": BLUR_MM, "drift_sd": DRIFT_SD}
 
-    keeping: Keeping
-    known: ProbeCalibration
-    frames: Mapping[str, Sequence[TactileImage]]
-    name: str = ""
+
+def _written_down(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Options as a store keeps them: without the reference, which are presses of their own, and what nobody gave."""
+    told = {name: value for name, value in options.items() if name != "reference" and value is not None}
+    return told | {"prior": asdict(told["prior"])}
 
 
 def _virtual(
-    name: str, probe: Probe, forces: Sequence[float], seed: int, out: Path, *, keeping: Keeping | None, as_json: bool
+    name: str,
+    probe: Probe,
+    forces: Sequence[float],
+    seed: int,
+    out: Path,
+    *,
+    destination: Destination | None,
+    as_json: bool,
 ) -> None:
     sphere = load_sphere(name)
     rig = DirectContactRig(probe, rng=np.random.default_rng(seed))
@@ -162,22 +169,21 @@ def _virtual(
     files = {"calibration.json": calibration_bytes(simulated_probe)}
     files |= {f"press-{frame.force_n:g}N.png": png_bytes(frame) for frame in frames}
     simulated = {"seed": seed, "sphere": asdict(sphere), "command": "tsis hardness"}
-    publish(
-        _outcome(
-            frames,
-            probe,
-            rig.calibration,
-            {},
-            truth_kpa=sphere.young_kpa,
-            simulated=simulated,
-            files=files,
-            kept=None
-            if keeping is None
-            else _Kept(keeping=keeping, known=simulated_probe, frames={"target": frames}, name=name),
-        ),
-        out,
-        as_json=as_json,
+    options = _defaults()
+    outcome, found = _outcome(
+        frames, probe, rig.calibration, options, truth_kpa=sphere.young_kpa, simulated=simulated, files=files
     )
+    keepable = Keepable(
+        kind="hardness",
+        estimate=found,
+        probe=probe.name,
+        known=simulated_probe,
+        frames={"target": frames},
+        options=_written_down(options),
+        name=name,
+        truth={"young_kpa": sphere.young_kpa},
+    )
+    publish_and_keep(outcome, out, destination, keepable, as_json=as_json)
 
 
 def _outcome(
@@ -190,8 +196,7 @@ def _outcome(
     simulated: dict[str, Any] | None = None,
     files: dict[str, bytes] | None = None,
     cites: dict[str, Any] | None = None,
-    kept: _Kept | None = None,
-) -> Outcome:
+) -> tuple[Outcome, Estimate]:
     with progress_bar("solving the contact of this probe (kept for next time)") as progress:
         table = build_contact_table(probe, progress=progress)
     found = estimate(frames, probe=probe, calibration=calibration, **options)
@@ -203,39 +208,21 @@ def _outcome(
     provenance = {"notice": RESEARCH_USE_ONLY, "tsis": __version__, "simulated": simulated, "calibration": cites}
     truth = None if truth_kpa is None else {"young_kpa": truth_kpa}
     readings = asdict(shore(found.mean["young_kpa"])) if found.trusted else None
-    said = {} if kept is None else {"kept": _keep(kept, found, probe, options, truth)}
-    return Outcome(
+    outcome = Outcome(
         document=envelope(
             "hardness",
             estimate=estimate_document(found, truth),
             shore_converted=readings,
             provenance=provenance,
-            **said,
         ),
         page=hardness_report(
             found, title=title, images=frames, table=table, provenance=provenance, truth_kpa=truth_kpa
         ),
         tables=(shown,),
-        notes=(*hardness_notes(found), *map(kept_note, said.values())),
+        notes=tuple(hardness_notes(found)),
         files=files or {},
     )
-
-
-def _keep(
-    kept: _Kept, found: Estimate, probe: Probe, options: Mapping[str, Any], truth: Mapping[str, float] | None
-) -> dict[str, Any]:
-    plain = {name: value for name, value in options.items() if name != "reference" and value is not None}
-    made = Made(
-        kind="hardness",
-        estimate=found,
-        probe=probe.name,
-        known=kept.known,
-        frames=kept.frames,
-        options=plain,
-        name=kept.name,
-        truth=truth or {},
-    )
-    return keep_made(kept.keeping, made)
+    return outcome, found
 
 
 def _read(paths: Sequence[Path], forces: Sequence[float | None], scale: tuple[float, float]) -> list[TactileImage]:

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from tsis.cli.acquire.chosen_camera import VIRTUAL, VirtualPress, connector, is_stored, wanted_settings
-from tsis.cli.acquire.kept_snapshot import ROLES, KeptSnapshot
+from tsis.cli.acquire.kept_snapshot import ROLES, SnapshotDestination
 from tsis.cli.acquire.listing import list_cameras, show_camera
 from tsis.cli.acquire.sequence import take_sequence
 from tsis.cli.acquire.snapshots import take_snapshot
@@ -17,7 +17,7 @@ from tsis.cli.cited_calibration import cited
 from tsis.cli.console_output import waiting
 from tsis.cli.demo import LARGEST_SEED
 from tsis.cli.force_gauge import BAUD, GaugeBaud, GaugeLatency, GaugePort, GaugeSends, GaugeUnit, gauge_log
-from tsis.cli.keeping import KeepFolder, KeepKind, chosen_keeping
+from tsis.cli.keeping import KeepFolder, KeepKind, chosen_destination
 from tsis.cli.targets import AsJson, ForceN, PhantomName, ProbeName
 from tsis.imaging.colour import COLOUR_MAPS
 from tsis.instrument.acquisition import Acquisition
@@ -97,10 +97,10 @@ def acquire(
     check.known("picture format", picture, FORMATS)
     check.known("colour map", map_name, COLOUR_MAPS)
     known = None if calibration is None else cited(calibration)
-    keeping = chosen_keeping(keep, store, kind)
-    kept = (
-        None if keeping is None else KeptSnapshot(keeping=keeping, role=role, probe=probe if camera == VIRTUAL else "")
-    )
+    destination = chosen_destination(keep, store, kind)
+    where = None
+    if destination is not None:
+        where = SnapshotDestination(destination=destination, role=role, probe=probe if camera == VIRTUAL else "")
     with waiting("opening the camera"):
         make = connector(camera, VirtualPress(probe=probe, phantom=phantom, force_n=force_n, seed=seed))
     if modes:
@@ -139,6 +139,6 @@ def acquire(
                 map_name=map_name,
                 calibration=known,
                 log=log,
-                keeping=kept,
+                where=where,
                 as_json=as_json,
             )

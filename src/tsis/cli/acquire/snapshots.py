@@ -7,26 +7,29 @@ from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
 from tsis.calibration.guard.press_check import check_press
-from tsis.cli.acquire.kept_snapshot import KeptSnapshot, keep_snapshot
+from tsis.cli.acquire.kept_snapshot import SnapshotDestination, keep_snapshot
 from tsis.cli.acquire.press_guard import guard_reference
 from tsis.cli.console_output import people, print_json, print_notice
 from tsis.cli.force_gauge import force_then
-from tsis.cli.keeping import kept_note
+from tsis.cli.keeping import kept_notes, stop_not_kept
 from tsis.imaging import colour_map
 from tsis.instrument.snapshot import save_snapshot
-from tsis.model.errors import CameraError
+from tsis.model.errors import CameraError, TsisError
 from tsis.report.document import envelope
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     import numpy as np
     from numpy.typing import NDArray
 
+    from tsis.calibration.guard.flags import GuardFlag
     from tsis.cli.cited_calibration import CitedCalibration
     from tsis.instrument import Frame
     from tsis.instrument.acquisition import Acquisition, Arrival
     from tsis.instrument.gauge import ForceLog
+    from tsis.instrument.snapshot import Snapshot
     from tsis.model import TactileImage
 
 FRAME_S = 10.0  # for which a frame is waited
@@ -41,7 +44,7 @@ def take_snapshot(
     map_name: str,
     calibration: CitedCalibration | None,
     log: ForceLog | None,
-    keeping: KeptSnapshot | None = None,
+    where: SnapshotDestination | None = None,
     as_json: bool,
 ) -> None:
     """Save the next frame, and print where."""
@@ -70,11 +73,20 @@ def take_snapshot(
         picture=picture,
         about=about,
     )
-    if keeping is not None:
-        names = tuple(flag.name for flag in flags)
-        about["kept"] = keep_snapshot(
-            keeping, _scaled(image, calibration), saved.raw, arrival.frame, target, when, names, calibration
-        )
+    failure = None
+    if where is not None:
+        try:
+            about["kept"] = keep_snapshot(where, saved.sidecar, calibration)
+        except TsisError as error:  # the files are there and stay
+            failure = error
+    _print(saved, arrival, flags, about, as_json=as_json)
+    if failure is not None:
+        stop_not_kept(failure, str(saved.sidecar.parent.resolve()))
+
+
+def _print(
+    saved: Snapshot, arrival: Arrival, flags: Sequence[GuardFlag], about: dict[str, Any], *, as_json: bool
+) -> None:
     files = {name: str(path.resolve()) for name, path in asdict(saved).items()}
     if as_json:
         print_json(envelope("acquire", files=files, sequence=arrival.frame.sequence, **about))
@@ -86,8 +98,8 @@ def take_snapshot(
         console.print(f"force: {about['force']['force_n']:.3f} N within {about['force']['error_n']:.3f} N")
     for flag in flags:
         console.print(f"- {flag.name}: {flag.advice}", markup=False, soft_wrap=True)
-    if keeping is not None:
-        console.print(kept_note(about["kept"]), markup=False, soft_wrap=True)
+    for note in kept_notes(about["kept"]) if "kept" in about else ():
+        console.print(note, markup=False, soft_wrap=True)
     print_notice(console)
 
 
