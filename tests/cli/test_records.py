@@ -113,6 +113,23 @@ def test_a_sound_store_ends_with_its_audit_head(run_tsis: RunTsis, records: Path
     assert head.hash in run_tsis("records", "verify", *STORE).out
 
 
+def test_an_anchor_that_lags_is_told(run_tsis: RunTsis, records: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    assert json.loads(run_tsis("records", "verify", *STORE, "--json").out)["unanchored"] == 0
+    assert "does not vouch" not in run_tsis("records", "verify", *STORE).out
+
+    def full(*_: Any, **__: Any) -> None:
+        raise OSError(28, "No space left on device")
+
+    with open_store(records) as store:
+        monkeypatch.setattr("tsis.records.store.write_anchor", full)
+        for _ in range(3):
+            store.add_target()
+    told = run_tsis("records", "verify", *STORE, "--json")
+    assert told.code == 0
+    assert json.loads(told.out)["unanchored"] == 3
+    assert "does not vouch for the last 3 entries of the audit" in run_tsis("records", "verify", *STORE).out
+
+
 def test_a_damaged_store_is_exit_code_1_with_what_is_wrong(run_tsis: RunTsis, records: Path) -> None:
     frame = next((records / "files").glob("*/*.png"))
     frame.write_bytes(frame.read_bytes() + b"x")
@@ -130,6 +147,9 @@ def test_edits_change_what_people_wrote_and_count_versions(run_tsis: RunTsis, re
     with open_store(records) as store:
         target = store.target(2)
         press = store.presses(target)[0]
+    assert run_tsis("records", "edit", "1", "--truth", "none", *STORE).code == 0
+    with open_store(records) as store:
+        assert dict(store.target(1).truth) == {}
     assert (target.name, dict(target.truth), target.note, target.version) == ("plain", {"young_kpa": 5.0}, "left", 2)
     edit = ("records", "edit", "2", "--press", press.id[:6], *STORE)
     assert run_tsis(*edit, "--force-n", "0.6", "--flag", "none", "--note", "again", "--version", "1").code == 0
@@ -200,7 +220,10 @@ def test_of_all_targets_one_that_fails_stops_no_other(run_tsis: RunTsis, records
         (["recompute", "1", "--all", *STORE], "give the number of a target, or --all"),
         (["recompute", "2", *STORE], "target 2 must have an estimate to be made again"),
         (["recompute", "77", *STORE], "got 77"),
-        (["edit", "1", *STORE], "give what to change"),
+        (["edit", "1", *STORE], "give what to change: --name, --note or --truth"),
+        (["edit", "1", "--press", "abcd", *STORE], "--note, --force-n, --role or --flag"),
+        (["edit", "1", "--press", "abcd", "--flag", "none", "--flag", "x", *STORE], "--flag must be none alone"),
+        (["edit", "1", "--truth", "none", "--truth", "a=1", *STORE], "--truth must be none alone"),
         (["edit", "1", "--force-n", "0.5", *STORE], "need --press"),
         (["edit", "1", "--name", "x", "--press", "abcd", *STORE], "are of the target"),
         (["edit", "1", "--press", "zzzz", "--note", "x", *STORE], "'zzzz' fits 0"),

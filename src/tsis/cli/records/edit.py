@@ -30,7 +30,7 @@ def edit(
     note: Annotated[str | None, typer.Option(help="Note on the target, or on the press with --press.")] = None,
     truth: Annotated[
         list[str] | None,
-        typer.Option(help="True value of a phantom, e.g. diameter_mm=10; repeatable, replaces all of them."),
+        typer.Option(help="True value of a phantom, e.g. diameter_mm=10; repeatable, replaces all; none for none."),
     ] = None,
     press: Annotated[
         str | None, typer.Option(help="Change this press instead: its identity, or how that begins.")
@@ -65,7 +65,9 @@ def edit(
             raise InputError("--name and --truth are of the target; leave out --press")
         changes |= _of_a_press(force_n, role, flags)
     if not changes:
-        raise InputError("give what to change: --name, --note or --truth; with --press --note, --force-n or --role")
+        raise InputError(
+            "give what to change: --name, --note or --truth; with --press --note, --force-n, --role or --flag"
+        )
     with opened(store, kind, database) as records:
         target = records.target(number)
         if press is None:
@@ -84,7 +86,7 @@ def edit(
 def _of_a_press(force_n: str | None, role: str | None, flags: Sequence[str] | None) -> dict[str, Any]:
     changes: dict[str, Any] = {} if role is None else {"role": role}
     if flags:
-        changes["flags"] = () if list(flags) == [NONE] else tuple(flags)
+        changes["flags"] = () if _is_none("--flag", flags) else tuple(flags)
     if force_n is not None:
         changes["force_n"] = None if force_n == NONE else check.number("--force-n", _number(force_n), 0.0, 100.0)
     return changes
@@ -97,8 +99,16 @@ def _number(text: str) -> float:
         raise InputError(f"--force-n must be a number of newtons, or none; got {text!r:.40}") from error
 
 
+def _is_none(option: str, given: Sequence[str]) -> bool:
+    if NONE in given and len(given) > 1:
+        raise InputError(f"{option} must be none alone, or what there is instead; got {', '.join(given)!r:.80}")
+    return list(given) == [NONE]
+
+
 def _truth(given: Sequence[str]) -> dict[str, float]:
-    found = {}
+    found: dict[str, float] = {}
+    if _is_none("--truth", given):
+        return found
     for each in given:
         name, _, value = each.partition("=")
         try:

@@ -51,8 +51,8 @@ def verify(
             console.print(f"{found.unnamed} files belong to saves that were cut short; nobody was told they were kept.")
         if found.unanchored:
             console.print(
-                f"The anchor does not vouch for the last {found.unanchored} entries of the audit; the next record brings "
-                "it up to date.",
+                f"The anchor does not vouch for the last {found.unanchored} entries of the audit; the next record "
+                "brings it up to date.",
                 soft_wrap=True,
             )
         console.print(f"Audit: entry {found.head.number}, {found.head.hash}", soft_wrap=True)
