@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from tsis.records import Dossier
     from tsis.records.dicom import DicomFile
 
+PROGRAMS = ("dciodvfy", "getscu", "storescp")
+
 
 def judged(dossiers: Iterable[Dossier], folder: Path) -> tuple[int, Counter[str]]:
     """Number of instances that dciodvfy saw, and what it said, without the place that it said it of."""
@@ -106,7 +108,8 @@ def same(dossier: Dossier, files: tuple[DicomFile, ...], back: Iterable[Any]) ->
 
 def main() -> None:
     """Print how many exports were judged and came back, and what was said of them."""
-    if reason := missing():
+    absent = [name for name in PROGRAMS if installed(name) is None]
+    if reason := missing() or (f"{', '.join(absent)}: absent; apt install dicom3tools dcmtk" if absent else ""):
         print(reason, file=sys.stderr)
         raise SystemExit(2)
     kinds = [replace(each, target=replace(each.target, id=name)) for name, each in variants()]
