@@ -54,7 +54,8 @@ class Blobs:
         except OSError as error:
             raise RecordsError(
                 f"a file of {len(content)} bytes must be written into {shown(self.folder)}; got: "
-                f"{error.strerror or error} (what was stored before is as it was; free some space)"
+                f"{error.strerror or error} (what was stored before is as it was; "
+                "free some space, or have the store where it can be written)"
             ) from error
         return name
 

@@ -6,12 +6,19 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from alembic.util.exc import CommandError
-from sqlalchemy import text
+from sqlalchemy import inspect, text
 from sqlalchemy.exc import DBAPIError, OperationalError, SQLAlchemyError
 
 from tsis.instrument.file_bytes import one_line
 from tsis.model.errors import RecordsError
-from tsis.records.engines import IMMEDIATE, postgresql_engine, postgresql_url, public_name, sqlite_engine
+from tsis.records.engines import (
+    IMMEDIATE,
+    postgresql_engine,
+    postgresql_url,
+    public_name,
+    reading_engine,
+    sqlite_engine,
+)
 from tsis.records.upgrade import copied, revision, upgraded, wanted_revision
 
 if TYPE_CHECKING:
@@ -21,6 +28,7 @@ if TYPE_CHECKING:
     from sqlalchemy import Connection
 
 FILE = "records.sqlite3"
+CURE = "copy the whole folder of the store to where it can be written, and name that"
 _ALONE = 0x74736973  # the advisory lock of those who begin or migrate a store
 
 
@@ -33,6 +41,8 @@ class Database:
         ``None`` for SQLite in ``folder``, else the URL of a PostgreSQL database.
     folder
         Folder of the store.
+    read_only
+        Whether it lies where nothing can be written, as on a backup medium.
 
     Raises
     ------
@@ -42,19 +52,26 @@ class Database:
         When PostgreSQL is named and its driver is not installed.
     """
 
-    def __init__(self, url: str | None, folder: Path) -> None:
+    def __init__(self, url: str | None, folder: Path, *, read_only: bool = False) -> None:
         self.file = folder / FILE if url is None else None
+        self.read_only = read_only
         self._closed = False
         if url is None:
-            self.name, self._engine = str(self.file), sqlite_engine(folder / FILE)
+            engine = reading_engine if read_only else sqlite_engine
+            self.name, self._engine = str(self.file), engine(folder / FILE)
         else:
             found = postgresql_url(url)
             self.name, self._engine = public_name(found), postgresql_engine(found)
         try:
             with self.reading() as connection:
-                _require_lasting(connection, self.name)
-        except BaseException:
+                if self.read_only:
+                    inspect(connection).get_table_names()  # what is logged and cannot be taken in shows here
+                else:
+                    _require_lasting(connection, self.name)
+        except BaseException as error:
             self.close()
+            if read_only and isinstance(error, RecordsError):
+                raise RecordsError(f"{error}; {CURE}") from error
             raise
 
     @contextmanager
@@ -69,6 +86,8 @@ class Database:
     def writing(self) -> Iterator[Connection]:
         """A transaction that lasts when this ends, or that never was; one at a time in SQLite."""
         self._require_open()
+        if self.read_only:
+            raise RecordsError(f"{self.name} must lie where it can be written, to be added to; it does not: {CURE}")
         # A server may be set to a stricter isolation, in which who waits for another's row is refused it in the end.
         options: dict[str, Any] = {IMMEDIATE: True} if self.file else {"isolation_level": "READ COMMITTED"}
         with told(self.name), self._engine.connect() as connection, connection.execution_options(**options).begin():
@@ -88,6 +107,11 @@ class Database:
             present = revision(connection, self.name)
         if present == wanted_revision():
             return
+        if self.read_only:
+            raise RecordsError(
+                f"{self.name} must have schema {wanted_revision()} where nothing can be written; it has "
+                f"{present or 'none'}: {CURE}"
+            )
         with self.beginning() as connection:
             present = revision(connection, self.name)  # another program may have been faster
             if present is not None and present != wanted_revision() and self.file is not None:

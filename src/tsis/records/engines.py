@@ -38,12 +38,32 @@ SESSION = (
 
 def sqlite_engine(file: Path) -> Engine:
     """Connections to a SQLite file: a write-ahead log, every commit synced."""
-    engine = create_engine(URL.create("sqlite", database=str(file)), connect_args={"timeout": float(BUSY_S)})
+    return _sqlite_engine(file, read_only=False, connect_args={"timeout": float(BUSY_S)})
+
+
+def reading_engine(file: Path) -> Engine:
+    """Connections to a SQLite file in a place where nothing can be written: they leave no trace of themselves."""
+
+    def connection() -> sqlite3.Connection:
+        log = file.with_name(f"{file.name}-wal")
+        logged = log.exists() and log.stat().st_size > 0
+        # Without a log nobody writes to it just now: it needs no locks, whose file could not be made here. With one,
+        # those who write keep their locks beside it, and they are looked at.
+        options = "mode=ro" if logged else "mode=ro&immutable=1"
+        uri = f"{file.absolute().as_uri()}?{options}"
+        return sqlite3.connect(uri, uri=True, timeout=float(BUSY_S), check_same_thread=False)
+
+    return _sqlite_engine(file, read_only=True, creator=connection)
+
+
+def _sqlite_engine(file: Path, *, read_only: bool, **options: Any) -> Engine:
+    engine = create_engine(URL.create("sqlite", database=str(file)), **options)
 
     @event.listens_for(engine, "connect")
     def configure(connection: Any, _record: Any) -> None:
         connection.isolation_level = None  # SQLAlchemy's own BEGIN, below, and no other
-        use_write_ahead_log(connection)
+        if not read_only:
+            use_write_ahead_log(connection)
         for pragma in _PRAGMAS:
             connection.execute(f"PRAGMA {pragma}")
 

@@ -43,7 +43,7 @@ def open_store(
     actor: str | None = None,
     disk: Disk = DISK,
 ) -> Store:
-    """Open a store, or make an empty one.
+    """Open a store, or make an empty one; where nothing can be written one can be read all the same.
 
     Parameters
     ----------
@@ -73,17 +73,12 @@ def open_store(
     place = default_folder(kind) if folder is None else as_path(folder)
     if not create and (not place.is_dir() if database else not (place / FILE).is_file()):
         raise RecordsError(f"{shown(place)} must be a store of records; there is none (tsis records import makes one)")
+    read_only = only_readable(place) and (database is not None or (place / FILE).is_file())
+    if not read_only:
+        _make(place, disk)
+    rows_of = Database(database, place, read_only=read_only)
     try:
-        make_folder_durably(place / FILES, disk=disk)
-    except (OSError, ValueError) as error:  # ValueError: a NUL character in its name
-        raise RecordsError(
-            f"{shown(place)} must be a folder that can be made; got: {one_line(error)} (choose another)"
-        ) from error
-    for folder in (place, place / FILES):
-        remove_unfinished(folder, age_s=ABANDONED_S)
-    rows_of = Database(database, place)
-    try:
-        if not create:
+        if not create or read_only:
             _require_begun(rows_of)
         rows_of.migrate()
         found = _terms(rows_of) or _begun(rows_of, place, kind, actor, disk)
@@ -93,6 +88,26 @@ def open_store(
     except BaseException:
         rows_of.close()
         raise
+
+
+def only_readable(place: Path) -> bool:
+    """Whether a folder is there and nothing can be written into it, as on a backup medium or in somebody else's."""
+    try:
+        return any(each.exists() and not os.access(each, os.W_OK) for each in (place, place / FILE))
+    except (OSError, ValueError):  # a name that no folder can have
+        return False
+
+
+def _make(place: Path, disk: Disk) -> None:
+    """Make the folders of a store where they are missing, and take away what killed programs left."""
+    try:
+        make_folder_durably(place / FILES, disk=disk)
+    except (OSError, ValueError) as error:  # ValueError: a NUL character in its name
+        raise RecordsError(
+            f"{shown(place)} must be a folder that can be made; got: {one_line(error)} (choose another)"
+        ) from error
+    for folder in (place, place / FILES):
+        remove_unfinished(folder, age_s=ABANDONED_S)
 
 
 def _user() -> str:

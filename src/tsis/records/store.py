@@ -17,7 +17,7 @@ from tsis.calibration import ProbeCalibration
 from tsis.calibration.file import calibration_bytes, identity
 from tsis.model import TactileImage, check
 from tsis.model.durable import DISK, Disk
-from tsis.model.errors import InputError, RecordsError
+from tsis.model.errors import InputError
 from tsis.records import rows, tables
 from tsis.records.anchor import BEFORE, anchored, lost_after, write_anchor
 from tsis.records.audit import Change, append, locked_head
@@ -29,7 +29,7 @@ from tsis.records.plain import press_of_plain, press_to_plain
 from tsis.records.row_changes import inserted, inserted_once, required
 from tsis.records.samples import samples_bytes
 from tsis.records.secret import derived, entered_secret, read_secret
-from tsis.records.taking_in import Arrival, TakenIn, held_frames
+from tsis.records.taking_in import Arrival, TakenIn, held_frames, require_kind
 from tsis.records.target_numbers import is_taken, next_number
 from tsis.records.values import Press, StoredEstimate, Target, require_label, require_moment
 
@@ -255,11 +255,7 @@ class Store(Contents):
         RecordsError
             When it is of the other kind, an identity in it is that of something else here, or it cannot be stored.
         """
-        if dossier.target.kind != self.kind:
-            raise RecordsError(
-                f"a store of {self.kind}s must hold nothing else; this target is a {dossier.target.kind} "
-                f"(open another store with --kind {dossier.target.kind})"
-            )
+        require_kind(dossier.target, self.kind)
         with self.database.reading() as connection:
             held = held_frames(connection, dossier.presses)
         return self._write(Arrival(dossier, self.blobs, held, progress).enter)
@@ -286,8 +282,6 @@ class Store(Contents):
     def edit_press(self, press: Press, **changes: Any) -> Press:
         """Change ``role``, ``force_n``, ``flags`` or ``note`` of a press as it was read; errors as `edit_target`."""
         return self._write(press_edit(press, changes))
-
-    # How it is written
 
     def _write(self, enter: Callable[[Connection], tuple[Kept, list[Change]]]) -> Kept:
         """Run one transaction that enters rows and their audit; when this returns, it lasts."""

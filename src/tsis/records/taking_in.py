@@ -148,6 +148,15 @@ class Arrival:
                 yield table, row
 
 
+def require_kind(target: Target, kind: str) -> None:
+    """Refuse a target of the other kind, with `RecordsError`: what is known of one must never get into the other."""
+    if target.kind != kind:
+        raise RecordsError(
+            f"a store of {kind}s must hold nothing else; this target is a {target.kind} "
+            f"(open another store with --kind {target.kind})"
+        )
+
+
 def held_frames(connection: Connection, presses: Sequence[Press]) -> dict[str, str]:
     """Frames of those of the presses that are stored already, by the identity of the press."""
     table, wanted = tables.presses.c, [press.id for press in presses]

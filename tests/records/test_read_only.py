@@ -1,0 +1,153 @@
+"""A store on a backup medium, or in a folder of somebody else, can be read and verified; nothing of it is touched."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import sqlite3
+import subprocess
+import sys
+from contextlib import closing
+from pathlib import Path
+
+import pytest
+from tests.records.old_store import make_old
+from tests.records.place import Place
+from tests.records.sample import WHEN, levels
+from tests.records.tampered import fill
+
+from tsis.model import TactileImage
+from tsis.model.errors import RecordsError
+from tsis.records import open_store, verify
+
+ROOT = Path(__file__).parents[2]
+READ = """
+import json, sys
+from tsis.model.errors import RecordsError
+from tsis.records import open_store, verify
+from tsis.records.export import write_bundle
+try:
+    with open_store(sys.argv[1], create=False) as store:
+        target = store.target(1)
+        write_bundle(store.dossier(target), sys.argv[2])
+        found = verify(store)
+        try:
+            store.add_target()
+        except RecordsError as error:
+            refused = str(error)
+        told = {"targets": len(store.targets()), "faults": found.faults, "rows": found.rows, "refused": refused}
+except RecordsError as error:
+    told = {"error": str(error)}
+print(json.dumps(told))
+"""
+needs_mounts = pytest.mark.skipif(
+    shutil.which("unshare") is None or os.geteuid() != 0, reason="needs unshare, and root to mount"
+)
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.fixture
+def sealed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A store of which the program is told that nothing can be written there."""
+    with open_store(tmp_path / "store") as store:
+        fill(store, 1)
+    monkeypatch.setattr("tsis.records.opening.only_readable", lambda _: True)
+    return tmp_path / "store"
+
+
+@pytest.mark.parametrize("create", [True, False])
+def test_it_is_read_and_verified_and_nothing_is_touched(sealed: Path, create: bool) -> None:
+    before = content(sealed)
+    with open_store(sealed, create=create) as store:
+        dossier = store.dossier(store.target(1))
+        assert [dossier.levels(press).shape for press in dossier.presses] == [(16, 20)] * 4
+        assert len(dossier.estimates) == 1
+        found = verify(store)
+        assert (found.faults, found.notes) == ((), ())
+        assert found.rows > 10
+        with pytest.raises(RecordsError, match=r"to be added to.*copy the whole folder"):
+            store.add_target()
+        with pytest.raises(RecordsError, match=r"to be added to.*copy the whole folder"):
+            store.edit_target(dossier.target, name="b")
+    assert content(sealed) == before
+
+
+def test_tampering_shows_there_as_well(sealed: Path) -> None:
+    with closing(sqlite3.connect(sealed / "records.sqlite3")) as connection, connection:
+        connection.execute("UPDATE presses SET force_n = 9")
+    with open_store(sealed, create=False) as store:
+        assert any("this row is not as it was stored" in fault for fault in verify(store).faults)
+
+
+def test_what_is_in_the_log_is_seen(sealed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Somebody else writes there meanwhile."""
+    with monkeypatch.context() as allowed:
+        allowed.setattr("tsis.records.opening.only_readable", lambda _: False)
+        writing = open_store(sealed)
+    with writing:
+        target = writing.add_target(name="logged")
+        assert (sealed / "records.sqlite3-wal").stat().st_size > 0
+        with open_store(sealed) as store:
+            assert store.target(target.number).name == "logged"
+            later = writing.add_target()
+            assert store.target(later.number) == later
+            assert verify(store).sound
+
+
+def test_a_store_of_an_old_schema_is_not_migrated_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    make_old(Place(tmp_path / "old"))
+    before = content(tmp_path / "old")
+    monkeypatch.setattr("tsis.records.opening.only_readable", lambda _: True)
+    with pytest.raises(RecordsError, match=r"must have schema 2 where nothing can be written; it has 1: copy") as told:
+        open_store(tmp_path / "old")
+    assert "\n" not in str(told.value)
+    assert content(tmp_path / "old") == before
+
+
+def read_on_a_medium(folder: Path, out: Path) -> dict[str, object]:
+    """What a program finds in a folder that is mounted to be read only."""
+    mount = f"mount --bind {folder} {folder} && mount -o remount,ro,bind {folder}"
+    done = subprocess.run(
+        ["unshare", "-m", "sh", "-c", f'{mount} && exec {sys.executable} -c "$1" {folder} {out}', "sh", READ],
+        capture_output=True,
+        text=True,
+        cwd=ROOT,
+        check=False,
+        timeout=120,
+    )
+    if "mount:" in done.stderr:
+        pytest.skip(f"no mount is allowed here: {done.stderr.strip()}")
+    assert done.returncode == 0, done.stderr
+    told: dict[str, object] = json.loads(done.stdout)
+    return told
+
+
+@pytest.mark.system
+@needs_mounts
+def test_a_real_medium(tmp_path: Path) -> None:
+    with open_store(tmp_path / "store") as store:
+        fill(store, 1)
+        rows = verify(store).rows
+    before = content(tmp_path / "store")
+    told = read_on_a_medium(tmp_path / "store", tmp_path / "bundle")
+    assert (told["targets"], told["faults"], told["rows"]) == (1, [], rows)
+    assert "copy the whole folder" in str(told["refused"])
+    assert (tmp_path / "bundle" / "manifest.json").is_file()
+    assert content(tmp_path / "store") == before
+
+
+@pytest.mark.system
+@needs_mounts
+def test_a_real_medium_with_a_log_that_was_never_taken_in(tmp_path: Path) -> None:
+    with open_store(tmp_path / "living") as store:
+        store.add_press(store.add_target(), TactileImage(grey=levels(0), full_scale=255.0), taken=WHEN)
+        shutil.copytree(tmp_path / "living", tmp_path / "store")
+    (tmp_path / "store" / "records.sqlite3-shm").unlink()
+    assert (tmp_path / "store" / "records.sqlite3-wal").stat().st_size > 0
+    told = read_on_a_medium(tmp_path / "store", tmp_path / "bundle")
+    assert "copy the whole folder" in str(told["error"])
+    assert "\n" not in str(told["error"])
