@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from tests.records.dicom.variants import hardness, with_estimate
 from tests.records.importing.snapshot_folder import save
 from tests.records.pressed_object import pressed, stored_object
 from tests.records.sample import WHEN, levels, sample_calibration, sample_dossier
@@ -85,6 +86,20 @@ def test_a_target_is_shown_with_its_estimate_and_pages_of_presses(run_tsis: RunT
     for words in ("Estimate in force: hardness", "Presses, 1 to 2 of 2", "Calibration bench", "Research use only"):
         assert words in people
     assert "No estimate yet" in run_tsis("records", "show", "2", *STORE).out
+
+
+def test_the_last_estimate_of_each_kind_is_shown(run_tsis: RunTsis, tmp_path: Path) -> None:
+    given = sample_dossier()
+    (first,) = given.estimates
+    (hard,) = with_estimate(given, hardness(), "hardness").estimates
+    again = replace(first, id="estimate-c", supersedes=first.id, made=first.made + timedelta(seconds=1))
+    with open_store(tmp_path / "records") as store:
+        store.take_in(replace(given, estimates=(first, again, replace(hard, calibration=first.calibration))))
+    shown = json.loads(run_tsis("records", "show", "3", *STORE, "--json").out)
+    assert shown["in_force"] == ["estimate-c", "estimate-b"]
+    people = run_tsis("records", "show", "3", *STORE).out
+    assert people.count("Estimate in force") == 2
+    assert people.index("in force: hardness") < people.index("in force: inclusion")  # the newest first
 
 
 def test_an_estimate_with_numbers_that_json_has_not_is_shown(run_tsis: RunTsis, tmp_path: Path) -> None:

@@ -14,13 +14,19 @@ from tsis.model.errors import RecordsError
 from tsis.records.values import ESTIMATES
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Iterable, Mapping
     from typing import Any
 
     from numpy.typing import NDArray
 
     from tsis.calibration import ProbeCalibration
     from tsis.records.values import Press, StoredEstimate, Target
+
+
+def last_of_each_kind(estimates: Iterable[StoredEstimate]) -> tuple[StoredEstimate, ...]:
+    """The estimates in force among those of a target, which are in the order in which they were made."""
+    last = {stored.kind: stored for stored in estimates}
+    return tuple(last[kind] for kind in ESTIMATES if kind in last)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,8 +69,7 @@ class Dossier:
     @property
     def in_force(self) -> tuple[StoredEstimate, ...]:
         """The estimates in force: the last of each kind, in the order of `tsis.records.values.ESTIMATES`."""
-        last = {stored.kind: stored for stored in self.estimates}
-        return tuple(last[kind] for kind in ESTIMATES if kind in last)
+        return last_of_each_kind(self.estimates)
 
     def press(self, identity: str) -> Press:
         """The press of that identity; KeyError where there is none."""

@@ -34,7 +34,9 @@ def show(
     database: StoreDatabase = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show a target: its presses, the estimate in force with its intervals, calibrations and history."""
+    """Show a target: its presses, the estimates in force with their intervals, calibrations and history."""
+    from tsis.records.dossier import last_of_each_kind
+
     with opened(store, kind, database) as records:
         target = records.target(number)
         presses = records.presses(target, limit=limit, offset=offset)
@@ -52,7 +54,7 @@ def show(
     if target.note:
         console.print(target.note, markup=False)
     console.print(_presses(presses, total, offset))
-    for stored in estimates[-1:]:
+    for stored in sorted(last_of_each_kind(estimates), key=lambda each: each.made, reverse=True):
         found = stored.estimate
         truth = target.truth if set(found.samples) <= set(target.truth) else None
         console.print(estimate_table(found, title=f"Estimate in force: {stored.kind}, {stored.probe}", truth=truth))
@@ -99,6 +101,7 @@ def _document(
     estimates: Sequence[StoredEstimate],
     calibrations: Mapping[str, ProbeCalibration],
 ) -> dict[str, Any]:
+    from tsis.records.dossier import last_of_each_kind
     from tsis.records.plain import press_to_plain, target_to_plain
 
     truth = dict(target.truth)
@@ -109,6 +112,7 @@ def _document(
         presses=[press_to_plain(press) for press in presses],
         presses_in_all=total,
         estimate=made[-1] if made else None,
+        in_force=[stored.id for stored in last_of_each_kind(estimates)],
         history=made[:-1],
         calibrations=[
             {"sha256": identity, "name": known.name, "until": _until(known)} for identity, known in calibrations.items()
