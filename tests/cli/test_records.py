@@ -378,10 +378,10 @@ def test_several_forms_appear_together_or_not_at_all(
 
     whole = forms.write_form
 
-    def without_an_extra(form: str, *arguments: Any, **options: Any) -> None:
+    def without_an_extra(form: str, *arguments: Any, **options: Any) -> Any:
         if form == "hdf5":
             raise MissingExtraError("HDF5 export needs h5py, which is not installed")
-        whole(form, *arguments, **options)
+        return whole(form, *arguments, **options)
 
     monkeypatch.setattr(sys.modules["tsis.cli.records.export"], "write_form", without_an_extra)
     finished = run_tsis("records", "export", "1", "--format", "html,hdf5", "--out", "given", *STORE)

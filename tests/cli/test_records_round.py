@@ -18,13 +18,15 @@ import pytest
 import zarr
 from tests.hardness.stand_ins import by_table
 from tests.records.importing.snapshot_folder import save
+from tests.records.sample import levels, sample_calibration, sample_estimate
 
 import tsis.hardness
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli import main
 from tsis.cli.acquire.kept_snapshot import ROLES
+from tsis.cli.keeping import Destination, Keepable, keep
 from tsis.cli.records.forms import ENDINGS
-from tsis.model import load_phantom
+from tsis.model import TactileImage, load_phantom
 from tsis.model.durable import Disk
 from tsis.model.errors import RecordsError
 from tsis.records import open_store, values, verify
@@ -235,13 +237,26 @@ def test_a_name_that_no_store_takes_is_refused_before_anything_is_computed(run: 
     assert not (tmp_path / "tsis-examine").exists()
 
 
-def test_keeping_under_a_phantom_with_another_truth_says_so(run: RunTsis, tmp_path: Path) -> None:
+def test_keeping_under_a_phantom_with_another_truth_says_so(tmp_path: Path) -> None:
     with open_store(tmp_path / "records") as records:
         records.add_target(number=7, truth={"diameter_mm": 3.0})
-    store = ("--store", tmp_path / "records")
-    result = told(run, "demo", "--phantom", "size-8", "--keep", *store, "--target", "7", "--out", tmp_path / "demo")
-    assert "target 7 has another truth" in result["kept"]["notes"][0]
-    assert json.loads((tmp_path / "demo" / "result.json").read_text())["kept"] == result["kept"]
+    keepable = Keepable(
+        kind="inclusion",
+        estimate=sample_estimate(),
+        probe="tsis-2011",
+        known=sample_calibration(),
+        frames={"target": [TactileImage(grey=levels(0), force_n=1.0, mm_per_pixel=(0.1, 0.1))]},
+        truth={"diameter_mm": 10.0},
+    )
+    for number, notes in ((7, 1), (8, 0), (8, 0)):
+        kept = keep(Destination(folder=tmp_path / "records", kind="phantom", number=number), keepable)
+        assert kept["target"] == number
+        assert len(kept["notes"]) == notes
+    with open_store(tmp_path / "records") as records:
+        assert [(dict(each.target.truth), each.estimates) for each in records.targets()] == [
+            ({"diameter_mm": 3.0}, 1),
+            ({"diameter_mm": 10.0}, 2),
+        ]
 
 
 def test_colours_are_refused_before_anything_is_computed(run: RunTsis, tmp_path: Path) -> None:
@@ -307,16 +322,17 @@ def test_a_hardness_is_kept_and_made_again(run: RunTsis, tmp_path: Path, monkeyp
 
 def test_a_snapshot_is_kept_as_its_import_would_find_it(run: RunTsis, tmp_path: Path) -> None:
     store = ("--store", tmp_path / "records")
-    snapshot = ("acquire", "--force-n", "0", "--target", "12", "--role", "untouched", "--out", tmp_path)
+    pressed = ("--probe", "tsis-domed", "--force-n", "0")
+    snapshot = ("acquire", *pressed, "--target", "12", "--role", "untouched", "--out", tmp_path)
     kept = told(run, *snapshot, "--keep", *store)["kept"]
-    said = ("--role", "untouched", "--probe", "tsis-2011")
+    said = ("--role", "untouched", "--probe", "tsis-domed")
     (imported,) = told(run, "records", "import", tmp_path / "Target12", *said, *store)["imported"]
     assert (imported["target"], imported["added"], imported["present"], imported["notes"]) == (12, 0, 1, [])
     with open_store(tmp_path / "records") as records:
         (press,) = records.presses(records.target(12))
         raw = next((tmp_path / "Target12").glob("*-raw.*"))
         np.testing.assert_array_equal(records.levels(press.frame), cv2.imread(str(raw), cv2.IMREAD_UNCHANGED))
-        assert (press.id, press.role, press.probe) == (kept["press"], "untouched", "tsis-2011")
+        assert (press.id, press.role, press.probe) == (kept["press"], "untouched", "tsis-domed")
         assert "no-contact" in press.flags
         assert verify(records).sound
     alone = ("--store", tmp_path / "imported")
