@@ -38,3 +38,25 @@ def run_tsis(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
         return Finished(code=code if isinstance(code, int) else 0, out=captured.out, err=captured.err)
 
     return run
+
+
+@pytest.fixture(scope="session")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with ``demo``, whose frames and estimate went into the store ``records``."""
+    folder = tmp_path_factory.mktemp("round")
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(folder)
+        patch.setattr(
+            sys, "argv", ["tsis", "demo", "--keep", "--store", "records", "--phantom", "size-8", "--out", "demo"]
+        )
+        with pytest.raises(SystemExit) as stop:
+            main()
+    assert not stop.value.code
+    return folder
+
+
+@pytest.fixture
+def run(run_tsis: RunTsis, kept: Path, monkeypatch: pytest.MonkeyPatch) -> RunTsis:
+    """Runs the program in that folder."""
+    monkeypatch.chdir(kept)
+    return run_tsis

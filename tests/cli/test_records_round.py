@@ -4,70 +4,30 @@ from __future__ import annotations
 
 import inspect
 import json
-import shutil
-import sys
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import cv2
 import h5py
 import numpy as np
 import pydicom
-import pytest
 import zarr
+from tests.cli.kept_demo import FORCES, FRAMES, KNOWN, told
 from tests.hardness.stand_ins import by_table
-from tests.records.importing.snapshot_folder import save
-from tests.records.sample import levels, sample_calibration, sample_estimate
 
 import tsis.hardness
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.cli import main
 from tsis.cli.acquire.kept_snapshot import ROLES
-from tsis.cli.keeping import Destination, Keepable, keep
 from tsis.cli.records.forms import ENDINGS
-from tsis.model import TactileImage, load_phantom
-from tsis.model.durable import Disk
-from tsis.model.errors import RecordsError
+from tsis.model import load_phantom
 from tsis.records import open_store, values, verify
 from tsis.records.export import read_bundle
-from tsis.records.store import Store
 from tsis.virtual import DirectContactRig
 
 if TYPE_CHECKING:
+    import pytest
     from tests.cli.conftest import RunTsis
-
-KNOWN = ("--calibration", "demo/calibration.json", "--scale-mm", "0.0336,0.0392")
-FRAMES = ("demo/target-0.5N.png", "demo/target-1N.png")
-FORCES = ("--force-n", "0.5", "--force-n", "1")
-
-
-@pytest.fixture(scope="module")
-def kept(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A folder with ``demo``, whose frames and estimate went into the store ``records``."""
-    folder = tmp_path_factory.mktemp("round")
-    with pytest.MonkeyPatch.context() as patch:
-        patch.chdir(folder)
-        patch.setattr(
-            sys, "argv", ["tsis", "demo", "--keep", "--store", "records", "--phantom", "size-8", "--out", "demo"]
-        )
-        with pytest.raises(SystemExit) as stop:
-            main()
-    assert not stop.value.code
-    return folder
-
-
-@pytest.fixture
-def run(run_tsis: RunTsis, kept: Path, monkeypatch: pytest.MonkeyPatch) -> RunTsis:
-    """Runs the program in that folder."""
-    monkeypatch.chdir(kept)
-    return run_tsis
-
-
-def told(run: RunTsis, *arguments: str | Path) -> Any:
-    finished = run(*arguments, "--json")
-    assert finished.code == 0, finished.err
-    return json.loads(finished.out)
 
 
 def test_the_demo_says_where_it_was_kept_and_the_store_holds_what_it_found(run: RunTsis, kept: Path) -> None:
@@ -158,140 +118,6 @@ def test_what_examine_found_is_kept_and_made_again(run: RunTsis, tmp_path: Path)
     assert set(digests) == {Path(name).name for name in (*FRAMES, *plain[1::2])}
     (again,) = told(run, "records", "recompute", "31", *store)["estimates"]
     assert again["same"] is True
-
-
-def full_disk(monkeypatch: pytest.MonkeyPatch, *, after: int) -> None:
-    """A store whose disk takes only so many frames."""
-    whole, written = Disk.write, list[object]()
-
-    def write(self: Disk, file: Any, content: bytes) -> None:
-        if content.startswith(b"\x89PNG") and "records" in file.name:
-            written.append(file)
-            if len(written) > after:
-                raise OSError(28, "No space left on device")
-        whole(self, file, content)
-
-    monkeypatch.setattr(Disk, "write", write)
-
-
-@pytest.mark.parametrize("after", [0, 1])
-def test_a_store_that_takes_nothing_loses_no_result(
-    run: RunTsis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, after: int
-) -> None:
-    store, out = ("--store", tmp_path / "records"), tmp_path / "examined"
-    full_disk(monkeypatch, after=after)
-    finished = run("examine", *FRAMES, *KNOWN, *FORCES, "--keep", *store, "--out", out, "--json")
-    assert finished.code == 1
-    assert f"Error: the results are in {out}, but they could not be kept: " in finished.err
-    assert "No space left on device" in finished.err
-    assert finished.err.count("\n") == 1
-    document = json.loads(finished.out)
-    assert "kept" not in document
-    assert document.pop("folder") == str(out)
-    assert json.loads((out / "result.json").read_text()) == document
-    with open_store(tmp_path / "records") as records:
-        assert records.targets() == ()
-        assert verify(records).sound
-
-
-def test_an_estimate_that_finds_no_room_leaves_its_presses_and_says_where(
-    run: RunTsis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def refused(*_: Any, **__: Any) -> None:
-        raise RecordsError("no room for it")
-
-    monkeypatch.setattr(Store, "add_estimate", refused)
-    store = ("--store", tmp_path / "records")
-    finished = run("examine", *FRAMES, *KNOWN, *FORCES, "--keep", *store, "--out", tmp_path / "examined")
-    assert finished.code == 1
-    assert "no room for it; 2 of 2 presses are stored in target 1" in finished.err
-    assert RESEARCH_USE_ONLY in " ".join(finished.out.split())
-
-
-def test_a_snapshot_that_is_not_kept_stays_and_is_named(
-    run: RunTsis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    save(tmp_path / "camera", 1)
-    raw = next((tmp_path / "camera").glob("*/*-raw.*"))
-    frames = tmp_path / "frames"
-    frames.mkdir()
-    shutil.copy(raw, frames)
-    full_disk(monkeypatch, after=0)
-    snapshot = ("acquire", "--camera", f"files:{frames}", "--out", tmp_path, "--json")
-    finished = run(*snapshot, "--keep", "--store", tmp_path / "records")
-    assert finished.code == 1
-    assert f"the results are in {tmp_path / 'Target1'}, but they could not be kept" in finished.err
-    files = json.loads(finished.out)["files"]
-    assert all(Path(file).is_file() for file in files.values())
-    with open_store(tmp_path / "records") as records:
-        assert records.targets() == ()
-
-
-def test_a_name_that_no_store_takes_is_refused_before_anything_is_computed(run: RunTsis, tmp_path: Path) -> None:
-    longest = tmp_path / f"{'a' * 205}.png"
-    shutil.copy(FRAMES[0], longest)
-    finished = run("examine", longest, *KNOWN, "--force-n", "1", "--keep", "--store", tmp_path / "records")
-    assert finished.code == 2
-    assert "must have at most 200 characters, to be kept" in finished.err
-    assert not (tmp_path / "records").exists()
-    assert not (tmp_path / "tsis-examine").exists()
-
-
-def test_keeping_under_a_phantom_with_another_truth_says_so(tmp_path: Path) -> None:
-    with open_store(tmp_path / "records") as records:
-        records.add_target(number=7, truth={"diameter_mm": 3.0})
-    keepable = Keepable(
-        kind="inclusion",
-        estimate=sample_estimate(),
-        probe="tsis-2011",
-        known=sample_calibration(),
-        frames={"target": [TactileImage(grey=levels(0), force_n=1.0, mm_per_pixel=(0.1, 0.1))]},
-        truth={"diameter_mm": 10.0},
-    )
-    for number, notes in ((7, 1), (8, 0), (8, 0)):
-        kept = keep(Destination(folder=tmp_path / "records", kind="phantom", number=number), keepable)
-        assert kept["target"] == number
-        assert len(kept["notes"]) == notes
-    with open_store(tmp_path / "records") as records:
-        assert [(dict(each.target.truth), each.estimates) for each in records.targets()] == [
-            ({"diameter_mm": 3.0}, 1),
-            ({"diameter_mm": 10.0}, 2),
-        ]
-
-
-def test_colours_are_refused_before_anything_is_computed(run: RunTsis, tmp_path: Path) -> None:
-    noise = np.random.default_rng(1).integers(0, 256, (492, 768, 3)).astype(np.uint8)
-    cv2.imwrite(str(tmp_path / "colour.png"), noise)
-    colour = tmp_path / "colour.png"
-    finished = run("examine", colour, *KNOWN, "--force-n", "1", "--keep", "--store", tmp_path / "records")
-    assert finished.code == 2
-    assert "save it as a grey PNG file" in finished.err
-    assert not (tmp_path / "records").exists()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "sentence"),
-    [
-        (("demo", "--store", "x"), "--store needs --keep"),
-        (("demo", "--target", "3"), "--target needs --keep"),
-        (("demo", "--keep", "--target", "0"), "--target"),
-        (("demo", "--keep", "--store", "demo/result.json/below"), "result.json"),
-        (("examine", FRAMES[0], "--keep"), "--keep needs --calibration"),
-        (("hardness", "--demo", "--kind", "subject"), "--kind needs --keep"),
-        (("hardness", "--demo", "--keep", "--kind", "person"), "no kind of store is called 'person'"),
-        (("acquire", "--keep", "--frames", "2"), "tsis records import"),
-        (("acquire", "--keep", "--role", "palin"), "did you mean 'plain'"),
-        (("acquire", "--store", "x"), "--store needs --keep"),
-    ],
-)
-def test_keeping_says_what_is_wrong_before_anything_is_pressed(
-    run: RunTsis, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, arguments: tuple[str, ...], sentence: str
-) -> None:
-    monkeypatch.setenv("TSIS_RECORDS_DIR", str(tmp_path))
-    finished = run(*arguments)
-    assert finished.code == 2
-    assert sentence in finished.err
-    assert finished.err.count("\n") == 1
 
 
 def test_a_hardness_is_kept_and_made_again(run: RunTsis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
