@@ -161,7 +161,7 @@ def test_a_step_that_fails_leaves_the_old_schema(old: Place, at: int, monkeypatc
     with monkeypatch.context() as broken:
         broken.setattr(op, "execute", failing)
         with pytest.raises(
-            RecordsError, match="nothing that was stored before is lost|must be a database that is whole"
+            RecordsError, match=r"nothing that was stored before is lost|must be a database that is whole"
         ):
             old.open()
     if old.database is None:
