@@ -21,6 +21,8 @@ from tsis.calibration.file import identity
 from tsis.model import TactileImage
 from tsis.model.errors import InputError, RecordsError
 from tsis.records import engines, environment, open_store, tables, verify
+from tsis.report.page import html
+from tsis.report.target import target_page
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -307,3 +309,30 @@ def test_what_is_no_press_is_refused_in_a_sentence(store: Store) -> None:
         store.add_press(target, None, taken=WHEN)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="calibration must be a ProbeCalibration"):
         store.add_press(target, small_image(), taken=WHEN, calibration="x")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("ending", ["samples", "json"])
+def test_a_damaged_file_hides_nothing_else_of_a_target(tmp_path: Path, ending: str) -> None:
+    known = sample_calibration()
+    with open_store(tmp_path) as store:
+        target = store.add_target()
+        press = store.add_press(target, small_image(), taken=WHEN)
+        store.add_estimate(
+            target, sample_estimate(), kind="inclusion", presses=[press], probe="tsis-2011", calibration=known
+        )
+        (file,) = tmp_path.glob(f"files/*/*.{ending}")
+        file.write_bytes(file.read_bytes() + b"x")
+        found = store.dossier(target)
+        assert found.presses == (press,)
+        np.testing.assert_array_equal(found.levels(press), store.levels(press.frame))
+        assert (len(found.estimates), len(found.calibrations)) == ((0, 1) if ending == "samples" else (1, 0))
+        assert len(found.damaged) == 1
+        assert "must be as it was stored" in found.damaged[0]
+        with pytest.raises(RecordsError, match="must be as it was stored"):
+            found.require_whole()
+        for kind in ("phantom", "subject"):
+            page = target_page(replace(found, target=replace(target, kind=kind)))
+            told = [note for note in page.notes if note.startswith("Left out: ")]
+            assert len(told) == 1
+            assert (tmp_path.name in told[0]) is (kind == "phantom")
+            assert html(page)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from sqlalchemy import func, select
 
 from tsis.calibration.file import parse_calibration
 from tsis.instrument.naming import LARGEST_TARGET
 from tsis.model import check
-from tsis.model.errors import InputError, RecordsError
+from tsis.model.errors import FileInputError, InputError, RecordsError
 from tsis.records import rows, tables
 from tsis.records.dossier import Dossier
 from tsis.records.frame_file import frame_levels
@@ -18,7 +18,7 @@ from tsis.records.samples import samples_of
 from tsis.records.summary import TargetSummary, target_summaries
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Iterable, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
@@ -30,6 +30,8 @@ if TYPE_CHECKING:
     from tsis.records.values import Press, StoredEstimate, Target
 
 MOST_AT_ONCE = 500  # names in one question to a database
+Named = TypeVar("Named")
+Whole = TypeVar("Whole")
 
 
 class Contents:
@@ -89,13 +91,11 @@ class Contents:
         """Estimates of a target in the order in which they were made; one that supersedes another after it."""
         with self.database.reading() as connection:
             found = _estimate_rows(connection, target)
-        return self._estimates(found)
+        return in_lineage([self._estimate(row) for row in found])
 
-    def _estimates(self, found: Sequence[rows.Row]) -> tuple[StoredEstimate, ...]:
-        return in_lineage([rows.estimate_of_row(row, self._samples(row["samples"])) for row in found])
-
-    def _samples(self, name: object) -> Mapping[str, NDArray[Any]]:
-        return samples_of(self.blobs.get(str(name), "samples"), f"samples {name!s:.12}")
+    def _estimate(self, row: rows.Row) -> StoredEstimate:
+        name = str(row["samples"])
+        return rows.estimate_of_row(row, samples_of(self.blobs.get(name, "samples"), f"samples {name:.12}"))
 
     def levels(self, frame: str) -> NDArray[Any]:
         """Grey levels of a stored frame, shape (rows, columns), uint8 or uint16; `RecordsError` when it is damaged."""
@@ -112,19 +112,33 @@ class Contents:
         return parse_calibration(self.blobs.get(file, "json"), f"calibration {cited:.12}")
 
     def dossier(self, target: Target) -> Dossier:
-        """All that is stored of a target; frames are read when they are asked for."""
+        """All that is stored of a target, what is damaged left out and said; frames are read when asked for."""
         with self.database.reading() as connection:  # one state, so that presses that estimates rest on are there
             presses, made = _presses_of(connection, target), _estimate_rows(connection, target)
-        estimates = self._estimates(made)
-        cited = {each.calibration for each in estimates}
+        damaged: list[str] = []
+        found = _whole(self._estimate, made, damaged)
+        cited = {str(each["calibration"]) for each in made}
         cited |= {each.calibration for each in presses if each.calibration is not None}
+        named = _whole(lambda each: (each, self.calibration(each)), sorted(cited), damaged)
         return Dossier(
             target=target,
             presses=presses,
-            estimates=estimates,
-            calibrations={each: self.calibration(each) for each in sorted(cited)},
+            estimates=in_lineage(found),
+            calibrations=dict(named),
             read=self.levels,
+            damaged=tuple(damaged),
         )
+
+
+def _whole(read: Callable[[Named], Whole], names: Iterable[Named], damaged: list[str]) -> list[Whole]:
+    """What can be read of these, and a sentence more for each other: one damaged file hides nothing else."""
+    found = []
+    for name in names:
+        try:
+            found.append(read(name))
+        except (RecordsError, FileInputError) as error:
+            damaged.append(str(error))
+    return found
 
 
 def _presses_of(connection: Connection, target: Target, limit: int | None = None, offset: int = 0) -> tuple[Press, ...]:

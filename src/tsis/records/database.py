@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from alembic.util.exc import CommandError
 from sqlalchemy import inspect, text
-from sqlalchemy.exc import DBAPIError, OperationalError, SQLAlchemyError
+from sqlalchemy.exc import DatabaseError, DBAPIError, SQLAlchemyError
 
 from tsis.instrument.file_bytes import one_line
 from tsis.model.errors import RecordsError
@@ -157,15 +157,15 @@ def told(name: str) -> Iterator[None]:
     """Turn what a database says into one sentence."""
     try:
         yield
-    except OperationalError as error:  # locked, full, unreachable
+    except DBAPIError as error:
+        if type(error) is DatabaseError:  # and none of its kinds: what SQLite says of a file that is none, or damaged
+            raise RecordsError(
+                f"the records in {name} must be a database that is whole; it says: {one_line(error.orig)} "
+                "(take it from a backup)"
+            ) from error
         raise RecordsError(
             f"the records in {name} must be open to reading and writing; the database says: "
             f"{one_line(error.orig)} (nothing that was stored before is lost)"
-        ) from error
-    except DBAPIError as error:
-        raise RecordsError(
-            f"the records in {name} must be a database that is whole; it says: {one_line(error.orig)} "
-            "(is it damaged? then take it from a backup)"
         ) from error
     except (SQLAlchemyError, CommandError, UnicodeError) as error:  # the last: text that is none
         raise RecordsError(f"the records in {name} must be readable; got: {one_line(error)}") from error

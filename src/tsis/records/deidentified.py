@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from tsis.records.values import Press, StoredEstimate
 
 CAMERA = "a camera"
+DAMAGED = "a stored file is not as it was stored (tsis records verify says which)"  # whose path may tell a name
 CAMERA_SOURCES = ("virtual", "virtual loading machine")  # of frames that this program simulated
 
 
@@ -43,6 +44,7 @@ def deidentified(dossier: Dossier) -> Dossier:
     return replace(
         dossier,
         target=replace(dossier.target, id=target, name="", note="", truth={}),
+        damaged=(DAMAGED,) if dossier.damaged else (),
         presses=tuple(_press(dossier, press, probes, target) for press in dossier.presses),
         estimates=tuple(_stored(dossier, each, probes, numbers, target) for each in dossier.estimates),
         calibrations=calibrations,

@@ -45,6 +45,8 @@ class Dossier:
         Those that presses and estimates cite, by their SHA-256.
     read
         Reads and checks the grey levels of a stored frame: its SHA-256 -> shape (rows, columns), uint8 or uint16.
+    damaged
+        One sentence for each estimate and calibration that is stored but is not as it was, and so is left out.
     secret
         64 hexadecimal digits from which the target's pseudonym follows (`tsis.records.pseudonym`), and which no export
         holds. A store gives a target always the same, which follow from a secret of its own. A dossier of no store, as
@@ -56,6 +58,7 @@ class Dossier:
     read: Callable[[str], NDArray[Any]]
     estimates: tuple[StoredEstimate, ...] = ()
     calibrations: Mapping[str, ProbeCalibration] = field(default_factory=dict)
+    damaged: tuple[str, ...] = ()
     secret: str = field(default_factory=lambda: secrets.token_hex(32), repr=False)
 
     def __post_init__(self) -> None:
@@ -70,6 +73,11 @@ class Dossier:
     def in_force(self) -> tuple[StoredEstimate, ...]:
         """The estimates in force: the last of each kind, in the order of `tsis.records.values.ESTIMATES`."""
         return last_of_each_kind(self.estimates)
+
+    def require_whole(self) -> None:
+        """Refuse, with `RecordsError`, to go on without what is damaged."""
+        if self.damaged:
+            raise RecordsError(self.damaged[0])
 
     def press(self, identity: str) -> Press:
         """The press of that identity; KeyError where there is none."""

@@ -124,6 +124,7 @@ def recompute(
         When today's code does not take what was stored.
     """
     dossier = store.dossier(target)
+    dossier.require_whole()
     in_force = list({stored.kind: stored for stored in dossier.estimates}.values())
     if not in_force:
         raise RecordsError(f"target {target.number} must have an estimate to be made again; it has none")

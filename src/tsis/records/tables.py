@@ -97,6 +97,7 @@ audit = Table(
     Column("content", Text, nullable=False),  # digest of the row as it is from now on
     Column("previous", Text, nullable=False),
     Column("hash", Text, nullable=False),
+    Index("audit_of_a_row", "kind", "row", "number"),  # since schema 2
 )
 
 audit_head = Table(

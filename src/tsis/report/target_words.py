@@ -56,6 +56,7 @@ def target_notes(dossier: Dossier) -> tuple[str, ...]:
         *_estimate_notes(dossier),
         *_flag_notes(dossier),
         *_gap_notes(dossier),
+        *(f"Left out: {sentence}." for sentence in dossier.damaged),
         *((f"Note: {dossier.target.note}",) if dossier.target.note else ()),
         *((SAID,) if dossier.target.kind == "subject" else ()),
     )

@@ -44,7 +44,12 @@ def edit(
     ] = None,
     version: Annotated[
         int | None,
-        typer.Option(help="Version that you saw; refused when somebody has changed it since.", show_default="the last"),
+        typer.Option(
+            help="Version that you saw; refused when somebody has changed it since.",
+            min=1,
+            max=2**31,
+            show_default="the last",
+        ),
     ] = None,
     store: StoreFolder = None,
     kind: StoreKind = PHANTOM,

@@ -10,7 +10,7 @@ import typer
 
 from tsis.cli.console_output import people, print_json, print_notice, waiting
 from tsis.cli.records.chosen_store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, TargetNumber, opened
-from tsis.cli.records.forms import ENDINGS, MASKED, require_free, write_form
+from tsis.cli.records.forms import ENDINGS, MASKED, PAGES, require_free, write_form
 from tsis.cli.targets import AsJson
 from tsis.model import check
 from tsis.model.errors import InputError
@@ -54,6 +54,8 @@ def export(
     require_free(place)
     with opened(store, kind, database) as records, waiting("writing"), ExitStack() as together:
         dossier = records.dossier(records.target(number))
+        if set(wanted) - set(PAGES):  # which say what is missing
+            dossier.require_whole()
         if len(wanted) == 1:
             seal = write_form(wanted[0], dossier, place, identified=identified)
         else:

@@ -22,6 +22,7 @@ ENDINGS = {  # of the name that a form gets where nobody chose one
     "dicom": "-dicom",
     "bundle": ".zip",
 }
+PAGES = ("html", "pdf")  # forms that say what of a target is damaged; the others are whole or not written
 MASKED = ("fhir", "dicom")  # forms that leave out labels and times unless they are asked for
 
 
@@ -37,7 +38,7 @@ def write_form(form: str, dossier: Dossier, path: Path, *, identified: bool) -> 
     RecordsError
         When a stored file is damaged.
     """
-    if form in ("html", "pdf"):
+    if form in PAGES:
         _write_file(path, _page(form, dossier))
     elif form == "fhir":
         from tsis.records.export import fhir_observations

@@ -62,7 +62,7 @@ def import_(
     a demo folder is made again from its frames; a bundle brings its own.
     """
     from tsis.calibration import read_calibration
-    from tsis.records.importing import Entering, Given, batches, enter
+    from tsis.records.importing import Entering, Given, batches, enter, require_enterable
 
     number = None if target in (None, NEW) else target_number(str(target))
     given = Given(
@@ -75,6 +75,7 @@ def import_(
     )
     with _Calibrations(store, kind, database) as calibrations, waiting("looking through what there is"):
         looked = batches(paths, replace(given, calibration_of=calibrations.of))
+    require_enterable(looked, kind, number)  # before a store is made for them
     with opened(store, kind, database, create=True) as records:
         tally = Entering()
         try:

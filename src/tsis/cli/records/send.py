@@ -53,7 +53,9 @@ def send(
     from tsis.records.dicom import c_store, dicom_files, stow_rs
 
     with opened(store, kind, database) as records, waiting("sending"):
-        files: Sequence[DicomFile] = dicom_files(records.dossier(records.target(number)), identified=identified)
+        dossier = records.dossier(records.target(number))
+        dossier.require_whole()
+        files: Sequence[DicomFile] = dicom_files(dossier, identified=identified)
         if address is not None:
             stored = c_store(
                 files,

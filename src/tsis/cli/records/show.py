@@ -18,35 +18,31 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from tsis.calibration import ProbeCalibration
-    from tsis.records import Press, StoredEstimate, Target
+    from tsis.records import Dossier, Press, StoredEstimate, Target
 
 SHORT = 8  # letters of an identity that are shown; any that are unique will do to name a press
-MOST_SHOWN = 100_000
+MOST_SHOWN, MOST_OFFSET = 100_000, 10**12
 
 
 def show(
     number: TargetNumber,
     *,
     limit: Annotated[int, typer.Option(help="Most presses to show.", min=1, max=MOST_SHOWN)] = 50,
-    offset: Annotated[int, typer.Option(help="How many presses to leave out before.", min=0)] = 0,
+    offset: Annotated[int, typer.Option(help="How many presses to leave out before.", min=0, max=MOST_OFFSET)] = 0,
     store: StoreFolder = None,
     kind: StoreKind = PHANTOM,
     database: StoreDatabase = None,
     as_json: AsJson = False,
 ) -> None:
     """Show a target: its presses, the estimates in force with their intervals, calibrations and history."""
-    from tsis.records.dossier import last_of_each_kind
-
     with opened(store, kind, database) as records:
         target = records.target(number)
         presses = records.presses(target, limit=limit, offset=offset)
-        total = next(each.presses for each in records.targets() if each.target.id == target.id)
-        estimates = records.estimates(target)
-        cited = {each.calibration for each in presses if each.calibration}
-        cited |= {each.calibration for each in estimates}
-        calibrations = {name: records.calibration(name) for name in sorted(cited)}
+        total = records.press_count(target)
+        dossier = records.dossier(target)
+        estimates, calibrations = dossier.estimates, dossier.calibrations
     if as_json:
-        print_json(_document(target, presses, total, estimates, calibrations))
+        print_json(_document(target, presses, total, dossier))
         return
     console = people()
     name = f" {target.name}" if target.name else ""
@@ -54,13 +50,15 @@ def show(
     if target.note:
         console.print(target.note, markup=False)
     console.print(_presses(presses, total, offset))
-    for stored in sorted(last_of_each_kind(estimates), key=lambda each: each.made, reverse=True):
+    for stored in sorted(dossier.in_force, key=lambda each: each.made, reverse=True):
         found = stored.estimate
         truth = target.truth if set(found.samples) <= set(target.truth) else None
         console.print(estimate_table(found, title=f"Estimate in force: {stored.kind}, {stored.probe}", truth=truth))
         for sentence in sentences(found):
             console.print(f"- {sentence}", markup=False)
         console.print(f"Flags: {', '.join(found.flags) or 'none'}", markup=False)
+    for sentence in dossier.damaged:
+        console.print(f"- Left out: {sentence}", markup=False)
     if not estimates:
         console.print("No estimate yet.")
     for identity, known in calibrations.items():
@@ -91,32 +89,29 @@ def _history(estimates: Sequence[StoredEstimate]) -> Table:
 
 
 def _until(known: ProbeCalibration) -> str:
-    return "ever (simulated)" if known.expires is None else f"{known.expires:%Y-%m-%d}"
+    return "it is replaced (simulated)" if known.expires is None else f"{known.expires:%Y-%m-%d}"
 
 
-def _document(
-    target: Target,
-    presses: Sequence[Press],
-    total: int,
-    estimates: Sequence[StoredEstimate],
-    calibrations: Mapping[str, ProbeCalibration],
-) -> dict[str, Any]:
-    from tsis.records.dossier import last_of_each_kind
+def _document(target: Target, presses: Sequence[Press], total: int, dossier: Dossier) -> dict[str, Any]:
     from tsis.records.plain import press_to_plain, target_to_plain
 
     truth = dict(target.truth)
-    made = [_estimate(stored, truth if set(stored.estimate.samples) <= set(truth) else None) for stored in estimates]
+    made = [
+        _estimate(stored, truth if set(stored.estimate.samples) <= set(truth) else None) for stored in dossier.estimates
+    ]
     return envelope(
         "records show",
         target=target_to_plain(target),
         presses=[press_to_plain(press) for press in presses],
         presses_in_all=total,
         estimate=made[-1] if made else None,
-        in_force=[stored.id for stored in last_of_each_kind(estimates)],
+        in_force=[stored.id for stored in dossier.in_force],
         history=made[:-1],
         calibrations=[
-            {"sha256": identity, "name": known.name, "until": _until(known)} for identity, known in calibrations.items()
+            {"sha256": identity, "name": known.name, "until": _until(known)}
+            for identity, known in dossier.calibrations.items()
         ],
+        damaged=list(dossier.damaged),
     )
 
 

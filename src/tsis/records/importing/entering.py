@@ -12,7 +12,7 @@ from tsis.records.importing.made_here import enter_estimate, new_target, used
 from tsis.records.importing.present import holding, matched, numbered, stored_frames
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
+    from collections.abc import Callable, Iterable, Sequence
 
     from tsis.records.dossier import Dossier
     from tsis.records.importing.found import Batch, Incoming
@@ -78,6 +78,17 @@ class Entering:
         return f"{told}, the last in target {self.targets[-1]} (go on with --target {self.targets[-1]} for its files)"
 
 
+def require_enterable(batches: Iterable[Batch], kind: str, target: int | None = None) -> None:
+    """Refuse, with `InputError`, batches that do not belong into a store of that kind, or under that number."""
+    for batch in batches:
+        if batch.dossier is not None and target is not None:
+            raise InputError("--target is not used with a bundle, whose target keeps its identity; leave it out")
+        own = "phantom" if batch.simulated else kind
+        own = own if batch.dossier is None else batch.dossier.target.kind
+        if own != kind:
+            raise InputError(f"{batch.kind} must go into a store of {own}s; this one is of {kind}s (--kind {own})")
+
+
 def enter(
     store: Store,
     batches: Sequence[Batch],
@@ -118,11 +129,7 @@ def enter(
     tally = tally or Entering()
     tally.apart = apart
     tally.total = sum(_size(batch) for batch in batches)
-    for batch in batches:
-        if batch.dossier is not None and target is not None:
-            raise InputError("--target is not used with a bundle, whose target keeps its identity; leave it out")
-        if batch.truth and store.kind == "subject":
-            raise InputError(f"{batch.kind} must go into a store of phantoms; this one is of subjects (--kind phantom)")
+    require_enterable(batches, store.kind, target)
     try:
         return tuple(
             _entered(store, batch, target or (None if apart else batch.number), tally, progress) for batch in batches

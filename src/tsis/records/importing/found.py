@@ -157,6 +157,8 @@ class Batch:
         Which target the files name; None where they name none.
     name, truth
         As of `Target`, for a new one.
+    simulated
+        Whether it is a virtual phantom that was pressed, of which a store of subjects holds none.
     estimate
         What to estimate from them; None for nothing.
     dossier
@@ -171,6 +173,7 @@ class Batch:
     number: int | None = None
     name: str = ""
     truth: Mapping[str, float] = field(default_factory=dict)
+    simulated: bool = False
     estimate: Wanted | None = None
     dossier: Dossier | None = None
     notes: tuple[str, ...] = ()

@@ -69,6 +69,7 @@ def _batch(folder: Path, document: dict[str, Any], progress: Callable[[], None])
         presses=tuple(presses),
         name=text(phantom, "name", "phantom"),
         truth=truth,
+        simulated=True,
         estimate=wanted,
     )
 

@@ -12,3 +12,4 @@ def upgrade() -> None:
     op.execute("ALTER TABLE presses ADD COLUMN note TEXT")
     op.execute("CREATE INDEX presses_of_a_target ON presses (target, taken, id)")
     op.execute("CREATE INDEX estimates_of_a_target ON estimates (target, made, id)")
+    op.execute('CREATE INDEX audit_of_a_row ON audit (kind, "row", number)')
