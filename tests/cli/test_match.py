@@ -192,7 +192,7 @@ def test_bench_on_public_trials_and_the_hotel(run_tsis: RunTsis, tmp_path: Path)
         (("--families", "hotel"), "needs --data"),
         (("--methods", "tprll"), "did you mean 'tprl'"),
         (("--shapes", "fish"), "no shape is called 'fish'"),
-        (("--data", "nowhere"), "No such file"),
+        (("--data", "nowhere"), "does not exist; check the name and the folder"),
         (("--resume",), "--resume needs --out"),
         (("--trials", "0"), "--trials"),
     ],

@@ -93,7 +93,7 @@ def test_a_bundle_is_the_same_target_elsewhere_and_estimates_the_same(run: RunTs
     assert "--target is not used with a bundle" in refused.err
     refused = run("records", "import", bundle, "--store", tmp_path / "subjects", "--kind", "subject")
     assert refused.code == 2
-    assert "this target is a phantom" in refused.err
+    assert "must go into a store of phantoms" in refused.err
 
 
 def test_the_folder_of_the_demo_is_known_by_its_frames(run: RunTsis, tmp_path: Path) -> None:
