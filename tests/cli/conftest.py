@@ -1,15 +1,19 @@
 from __future__ import annotations
 
+import shutil
 import sys
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Protocol
+from datetime import timedelta
+from pathlib import Path
+from typing import Protocol
 
 import pytest
+from tests.records.pressed_object import stored_object
+from tests.records.sample import WHEN, levels
 
 from tsis.cli import main
-
-if TYPE_CHECKING:
-    from pathlib import Path
+from tsis.model import TactileImage
+from tsis.records import open_store
 
 
 @dataclass(frozen=True)
@@ -60,3 +64,22 @@ def run(run_tsis: RunTsis, kept: Path, monkeypatch: pytest.MonkeyPatch) -> RunTs
     """Runs the program in that folder."""
     monkeypatch.chdir(kept)
     return run_tsis
+
+
+@pytest.fixture(scope="session")
+def filled(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A store with an object whose hardness was estimated (1), and presses without an estimate (2)."""
+    folder = tmp_path_factory.mktemp("filled") / "records"
+    with open_store(folder) as store:
+        stored_object(store)
+        plain = store.add_target(name="[bold]plain[/bold]", note="left")
+        for second in range(5):
+            image = TactileImage(grey=levels(second), force_n=0.5, name=f"p{second}.png")
+            store.add_press(plain, image, taken=WHEN + timedelta(seconds=second), role="plain", flags=("moving",))
+    return folder
+
+
+@pytest.fixture
+def records(filled: Path, tmp_path: Path) -> Path:
+    """A copy of it."""
+    return Path(shutil.copytree(filled, tmp_path / "records"))

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import json
-import shutil
 import subprocess
 import sys
 from dataclasses import replace
 from datetime import timedelta
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -26,29 +24,12 @@ from tsis.records import open_store, verify
 from tsis.records.store import Store
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from tests.cli.conftest import RunTsis
 
 STORE = ("--store", "records")
 COMMANDS = ("list", "show", "verify", "import", "recompute", "edit", "export", "send")
-
-
-@pytest.fixture(scope="module")
-def filled(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A store with an object whose hardness was estimated (1), and presses without an estimate (2)."""
-    folder = tmp_path_factory.mktemp("filled") / "records"
-    with open_store(folder) as store:
-        stored_object(store)
-        plain = store.add_target(name="[bold]plain[/bold]", note="left")
-        for second in range(5):
-            image = TactileImage(grey=levels(second), force_n=0.5, name=f"p{second}.png")
-            store.add_press(plain, image, taken=WHEN + timedelta(seconds=second), role="plain", flags=("moving",))
-    return folder
-
-
-@pytest.fixture
-def records(filled: Path, tmp_path: Path) -> Path:
-    """A copy of it."""
-    return Path(shutil.copytree(filled, tmp_path / "records"))
 
 
 @pytest.mark.parametrize("command", COMMANDS)
@@ -367,59 +348,6 @@ def test_calibrations_that_snapshots_cite_open_the_store_once(
     damaged = run_tsis("records", "import", "Target3", *STORE)
     assert damaged.code == 2
     assert "does not match its name" in damaged.err
-
-
-@pytest.mark.usefixtures("records")
-def test_several_forms_appear_together_or_not_at_all(
-    run_tsis: RunTsis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    from tsis.cli.records import forms
-    from tsis.model.errors import MissingExtraError
-
-    whole = forms.write_form
-
-    def without_an_extra(form: str, *arguments: Any, **options: Any) -> Any:
-        if form == "hdf5":
-            raise MissingExtraError("HDF5 export needs h5py, which is not installed")
-        return whole(form, *arguments, **options)
-
-    monkeypatch.setattr(sys.modules["tsis.cli.records.export"], "write_form", without_an_extra)
-    finished = run_tsis("records", "export", "1", "--format", "html,hdf5", "--out", "given", *STORE)
-    assert finished.code == 2
-    assert "needs h5py" in finished.err
-    assert {path.name for path in tmp_path.iterdir()} == {"records"}
-
-
-@pytest.mark.usefixtures("records")
-def test_a_single_form_gets_a_name_of_its_own(run_tsis: RunTsis, tmp_path: Path) -> None:
-    for form, name in (("html", "target-2.html"), ("csv", "target-2-csv"), ("bundle", "target-2.zip")):
-        told = json.loads(run_tsis("records", "export", "2", "--format", form, *STORE, "--json").out)
-        assert told["files"] == {form: str(tmp_path / name)}
-        assert (tmp_path / name).exists()
-        assert run_tsis("records", "export", "2", "--format", form, *STORE).code == 2
-
-
-@pytest.mark.usefixtures("records")
-def test_sending_goes_where_it_was_told(run_tsis: RunTsis, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("highdicom")
-    asked: list[dict[str, Any]] = []
-
-    def archive(files: Any, **options: Any) -> tuple[str, ...]:
-        asked.append(options)
-        return tuple(file.sop_instance_uid for file in files)
-
-    monkeypatch.setattr("tsis.records.dicom.c_store", archive)
-    monkeypatch.setattr("tsis.records.dicom.stow_rs", archive)
-    monkeypatch.setenv("TSIS_DICOMWEB_TOKEN", "abc")
-    for to in ("ORTHANC@127.0.0.1:4242", "ORTHANC@[::1]:4242", "https://archive.example/dicom-web"):
-        finished = run_tsis("records", "send", "1", "--to", to, *STORE, "--json")
-        assert finished.code == 0, finished.err
-        assert len(json.loads(finished.out)["stored"]) == 2  # the frames, and the report on them
-    assert [(each.get("host"), each.get("port"), each.get("called_ae")) for each in asked[:2]] == [
-        ("127.0.0.1", 4242, "ORTHANC"),
-        ("::1", 4242, "ORTHANC"),
-    ]
-    assert (asked[2]["url"], asked[2]["token"]) == ("https://archive.example/dicom-web", "abc")
 
 
 @pytest.mark.system

@@ -27,7 +27,7 @@ def _component(name: str) -> dict[str, Any]:
         "name": name,
         "version": version,
         "licenses": [{"license": {"name": "free"}}],
-        "externalReferences": [{"type": "distribution", "url": f"https://pypi.example/simple/{name}"}],
+        "externalReferences": [{"type": "distribution", "url": f"https://registry.example/simple/{name}"}],
     }
 
 

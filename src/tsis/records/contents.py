@@ -111,10 +111,13 @@ class Contents:
         file = str(found)
         return parse_calibration(self.blobs.get(file, "json"), f"calibration {cited:.12}")
 
-    def dossier(self, target: Target) -> Dossier:
-        """All that is stored of a target, what is damaged left out and said; frames are read when asked for."""
+    def dossier(self, target: Target, *, limit: int | None = None, offset: int = 0) -> Dossier:
+        """All that is stored of a target, what is damaged left out and said; frames are read when asked for.
+
+        Of its presses only ``limit`` after the first ``offset``, where one is given.
+        """
         with self.database.reading() as connection:  # one state, so that presses that estimates rest on are there
-            presses, made = _presses_of(connection, target), _estimate_rows(connection, target)
+            presses, made = _presses_of(connection, target, limit, offset), _estimate_rows(connection, target)
         damaged: list[str] = []
         found = _whole(self._estimate, made, damaged)
         cited = {str(each["calibration"]) for each in made}

@@ -83,13 +83,13 @@ class Store(Contents):
 
     # What is stored
 
-    def dossier(self, target: Target) -> Dossier:
+    def dossier(self, target: Target, *, limit: int | None = None, offset: int = 0) -> Dossier:
         """All that is stored of a target; a store that was begun without a secret gets it here, once."""
         with self.database.reading() as connection:
             secret = read_secret(connection)
         if secret is None:
             secret = self._write(entered_secret)
-        return replace(super().dossier(target), secret=derived(secret, "target", target.id))
+        return replace(super().dossier(target, limit=limit, offset=offset), secret=derived(secret, "target", target.id))
 
     def add_target(
         self, *, number: int | None = None, name: str = "", note: str = "", truth: Mapping[str, float] | None = None

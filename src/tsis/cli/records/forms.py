@@ -45,7 +45,9 @@ def write_form(form: str, dossier: Dossier, path: Path, *, identified: bool) -> 
 
         _write_file(path, fhir_observations(dossier, identified=identified))
     elif form == "dicom":
-        _write_dicom(dossier, path, identified=identified)
+        from tsis.records.dicom import write_dicom
+
+        write_dicom(dossier, path, identified=identified)
     elif form == "bundle":
         from tsis.records.export import write_bundle
 
@@ -77,16 +79,6 @@ def _writer(form: str) -> Callable[[Dossier, Path], object]:
         "zarr": write_zarr,
     }
     return writers[form]
-
-
-def _write_dicom(dossier: Dossier, folder: Path, *, identified: bool) -> None:
-    from tsis.records.dicom import dicom_files
-    from tsis.records.export.whole import new_folder
-
-    files = dicom_files(dossier, identified=identified)
-    with new_folder(folder) as draft:
-        for file in files:
-            (draft / file.name).write_bytes(file.content)
 
 
 def _write_file(path: Path, content: bytes) -> None:

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from tsis.calibration import ProbeCalibration
-    from tsis.records import Dossier, Press, StoredEstimate, Target
+    from tsis.records import Dossier, Press, StoredEstimate
 
 SHORT = 8  # letters of an identity that are shown; any that are unique will do to name a press
 MOST_SHOWN, MOST_OFFSET = 100_000, 10**12
@@ -37,12 +37,11 @@ def show(
     """Show a target: its presses, the estimates in force with their intervals, calibrations and history."""
     with opened(store, kind, database) as records:
         target = records.target(number)
-        presses = records.presses(target, limit=limit, offset=offset)
         total = records.press_count(target)
-        dossier = records.dossier(target)
-        estimates, calibrations = dossier.estimates, dossier.calibrations
+        dossier = records.dossier(target, limit=limit, offset=offset)
+    presses, estimates = dossier.presses, dossier.estimates
     if as_json:
-        print_json(_document(target, presses, total, dossier))
+        print_json(_document(dossier, total))
         return
     console = people()
     name = f" {target.name}" if target.name else ""
@@ -61,7 +60,7 @@ def show(
         console.print(f"- Left out: {sentence}", markup=False)
     if not estimates:
         console.print("No estimate yet.")
-    for identity, known in calibrations.items():
+    for identity, known in dossier.calibrations.items():
         console.print(f"Calibration {known.name} ({identity[:12]}), good until {_until(known)}", markup=False)
     if estimates:
         console.print(_history(estimates))
@@ -92,17 +91,17 @@ def _until(known: ProbeCalibration) -> str:
     return "it is replaced (simulated)" if known.expires is None else f"{known.expires:%Y-%m-%d}"
 
 
-def _document(target: Target, presses: Sequence[Press], total: int, dossier: Dossier) -> dict[str, Any]:
+def _document(dossier: Dossier, total: int) -> dict[str, Any]:
     from tsis.records.plain import press_to_plain, target_to_plain
 
-    truth = dict(target.truth)
+    truth = dict(dossier.target.truth)
     made = [
         _estimate(stored, truth if set(stored.estimate.samples) <= set(truth) else None) for stored in dossier.estimates
     ]
     return envelope(
         "records show",
-        target=target_to_plain(target),
-        presses=[press_to_plain(press) for press in presses],
+        target=target_to_plain(dossier.target),
+        presses=[press_to_plain(press) for press in dossier.presses],
         presses_in_all=total,
         estimate=made[-1] if made else None,
         in_force=[stored.id for stored in dossier.in_force],
@@ -116,19 +115,8 @@ def _document(target: Target, presses: Sequence[Press], total: int, dossier: Dos
 
 
 def _estimate(stored: StoredEstimate, truth: Mapping[str, float] | None) -> dict[str, Any]:
-    from tsis.records.plain_free import free_to_plain
+    from tsis.records.plain import estimate_to_plain
 
-    found = estimate_document(stored.estimate, truth)
-    return {
-        "id": stored.id,
-        "kind": stored.kind,
-        "made": stored.made.isoformat(),
-        "probe": stored.probe,
-        "presses": list(stored.presses),
-        "calibration": stored.calibration,
-        "options": free_to_plain(stored.options, "options"),
-        "environment": free_to_plain(stored.environment, "environment"),
-        "supersedes": stored.supersedes,
-        **found,
-        "provenance": free_to_plain(stored.estimate.provenance, "provenance"),
-    }
+    plain = estimate_to_plain(stored)
+    made = plain.pop("estimate")
+    return {**plain, **estimate_document(stored.estimate, truth), "provenance": made["provenance"]}
