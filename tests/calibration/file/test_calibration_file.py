@@ -4,18 +4,22 @@ import base64
 import hashlib
 import json
 import math
-import re
 import zlib
 from dataclasses import replace
-from datetime import UTC, datetime, timedelta, timezone
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from tests.calibration.file.bench import (
+    LATER,
+    MADE,
+    bench,
+    bench_reference,
+    bench_scale,
+)
 
-from tsis.calibration import ForceLine, Measured
 from tsis.calibration.file import (
     ProbeCalibration,
     calibration_bytes,
@@ -25,92 +29,12 @@ from tsis.calibration.file import (
     write_calibration,
 )
 from tsis.calibration.file.plain_values import _unpacked, require_bounded_maps
-from tsis.calibration.reference.making import Reference
-from tsis.calibration.scale import Scale
-from tsis.calibration.specification.sheet import Specification, SpecificationRow
-from tsis.model import Calibration, LightMap
 from tsis.model.errors import CalibrationError, FileInputError, InputError, TsisError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 LARGE_MAPS = ("dark_grey", "untouched_grey", "relative_light")
-MADE = datetime(2026, 11, 22, 10, 0, tzinfo=UTC)
-LATER = MADE + timedelta(days=180)
-
-
-def _measured(value: float, unit: str = "") -> Measured:
-    return Measured(value=value, sd=0.01 * abs(value), unit=unit)
-
-
-def _scale(x: float = 0.0336, y: float = 0.0392) -> Scale:
-    return Scale(
-        mm_per_pixel_x=Measured(value=x, sd=1e-5, degrees_of_freedom=40.5, unit="mm/px"),
-        mm_per_pixel_y=Measured(value=y, sd=1e-5, degrees_of_freedom=40.5, unit="mm/px"),
-        shape=(30, 40),
-        at_px=(19.5, 14.5),
-        method="dots",
-        count=63,
-    )
-
-
-def _reference() -> Reference:
-    rng = np.random.default_rng(3)
-    usable = np.ones((30, 40), dtype=bool)
-    usable[2, 3] = False
-    return Reference(
-        dark_grey=rng.normal(8.0, 0.1, (30, 40)),
-        untouched_grey=rng.normal(2.0, 0.1, (30, 40)),
-        relative_light=np.ones((30, 40)),
-        usable=usable,
-        full_scale=255.0,
-        mm_per_pixel=(0.0336, 0.0392),
-        dark_frames=16,
-        untouched_frames=16,
-        flat_frames=0,
-        read_noise_grey=_measured(0.5, "grey"),
-        shot_noise_grey=_measured(0.017, "grey"),
-        stray_grey=_measured(2.0, "grey"),
-    )
-
-
-def _line(**changes: Any) -> ForceLine:
-    values: dict[str, Any] = {
-        "intercept_grey": _measured(900.0, "grey"),
-        "slope_grey_per_n": _measured(1e5, "grey/N"),
-        "unit_covariance": (0.0, 0.0, 0.0),
-        "units": 3,
-        "residual_grey": _measured(100.0, "grey"),
-        "residual_share": _measured(0.01),
-        "least_n": 0.1,
-        "most_n": 2.0,
-        "pixels": 1200,
-        "full_scale": 255.0,
-        "tips_mm": (2.0, 10.0, 14.0),
-    }
-    return ForceLine(**{**values, **changes})
-
-
-def _sheet(unit: str = "N", *, probe: str = "tsis-2011", note: str = "") -> Specification:
-    measured = _measured(0.01, "N")
-    row = SpecificationRow(quantity="force", unit=unit, measured=measured, fingertip="", printed="", note=note)
-    return Specification(probe=probe, rows=(row,))
-
-
-def _known(**changes: Any) -> ProbeCalibration:
-    light = LightMap.uniform()
-    parts: dict[str, Any] = {
-        "name": "bench",
-        "probe": "tsis-2011",
-        "camera": "Aravis-TSIS01",
-        "settings": {"exposure_ms": 20.0, "gain": 0.0},
-        "made": MADE,
-        "expires": LATER,
-        "scale": _scale(),
-        "reference": _reference(),
-        "response": Calibration(gain_grey_per_kpa=60, saturation_kpa=20.0, light=light, probe="tsis-2011"),
-    }
-    return ProbeCalibration(**{**parts, **changes})
 
 
 @pytest.fixture
@@ -119,7 +43,7 @@ def path(tmp_path: Path) -> Path:
 
 
 def test_everything_comes_back(path: Path) -> None:
-    known = _known()
+    known = bench()
     cited = write_calibration(known, path)
     again = read_calibration(path)
     assert cited == identity(known) == identity(again)
@@ -137,7 +61,7 @@ def test_everything_comes_back(path: Path) -> None:
 
 
 def test_people_can_read_it(path: Path) -> None:
-    write_calibration(_known(), path)
+    write_calibration(bench(), path)
     text = path.read_text()
     assert '"gain_grey_per_kpa": 60' in text
     assert '"expires": "2027-05-21T10:00:00+00:00"' in text
@@ -145,12 +69,12 @@ def test_people_can_read_it(path: Path) -> None:
 
 
 def test_it_is_named_by_its_content_alone(path: Path) -> None:
-    assert identity(_known()) == identity(_known())
-    assert identity(_known()) != identity(_known(name="other"))
-    assert identity(_known()) != identity(_known(scale=_scale(x=0.0337)))
-    assert _known().known_response("0123456789abcdef").name == "bench (0123456789ab)"
-    write_calibration(_known(), path)
-    write_calibration(_known(), path.with_name("elsewhere.json"))
+    assert identity(bench()) == identity(bench())
+    assert identity(bench()) != identity(bench(name="other"))
+    assert identity(bench()) != identity(bench(scale=bench_scale(x=0.0337)))
+    assert bench().known_response("0123456789abcdef").name == "bench (0123456789ab)"
+    write_calibration(bench(), path)
+    write_calibration(bench(), path.with_name("elsewhere.json"))
     assert path.read_bytes() == path.with_name("elsewhere.json").read_bytes()
 
 
@@ -165,7 +89,7 @@ def _leaves(value: Any, at: tuple[Any, ...] = ()) -> list[tuple[Any, ...]]:
 @settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(data=st.data())
 def test_any_changed_value_is_noticed(path: Path, data: st.DataObject) -> None:
-    document = json.loads(calibration_bytes(_known()))
+    document = json.loads(calibration_bytes(bench()))
     at = data.draw(st.sampled_from(_leaves(document["calibration"])))
     place: Any = document["calibration"]
     for step in at[:-1]:
@@ -185,14 +109,14 @@ def test_any_changed_value_is_noticed(path: Path, data: st.DataObject) -> None:
 @settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
 @given(at=st.floats(0, 1), new=st.binary(max_size=4), cut=st.booleans())
 def test_damaged_files_are_one_sentence_never_another_calibration(path: Path, at: float, new: bytes, cut: bool) -> None:
-    whole = calibration_bytes(_known())
+    whole = calibration_bytes(bench())
     place = int(at * len(whole))
     path.write_bytes(whole[:place] + (b"" if cut else new + whole[place + len(new) :]))
     try:
         again = read_calibration(path)
     except TsisError:
         return
-    assert identity(again) == identity(_known())  # what was hit lies outside the calibration: notice, spaces
+    assert identity(again) == identity(bench())  # what was hit lies outside the calibration: notice, spaces
 
 
 @pytest.mark.parametrize(
@@ -229,15 +153,15 @@ def _documented_hash(content: Any) -> str:
 
 
 def test_the_hash_is_the_documented_one_whatever_packed_the_maps() -> None:
-    document = json.loads(calibration_bytes(_known()))
-    assert document["sha256"] == _documented_hash(document["calibration"]) == identity(_known())
+    document = json.loads(calibration_bytes(bench()))
+    assert document["sha256"] == _documented_hash(document["calibration"]) == identity(bench())
     dark = document["calibration"]["reference"]["dark_grey"]
     raw = zlib.decompress(base64.b64decode(dark["zlib"]))
     assert hashlib.sha256(raw).hexdigest() == dark["sha256"]
 
 
 def test_maps_packed_otherwise_are_the_same_calibration(path: Path) -> None:
-    document = json.loads(calibration_bytes(_known()))
+    document = json.loads(calibration_bytes(bench()))
     dark = document["calibration"]["reference"]["dark_grey"]
     dark["zlib"] = base64.b64encode(zlib.compress(zlib.decompress(base64.b64decode(dark["zlib"])), 1)).decode()
     path.write_text(json.dumps(document))
@@ -257,7 +181,7 @@ def test_maps_of_any_packing_unpack_to_exactly_what_they_declare(level: int) -> 
 
 def _resealed(path: Path, change: Any) -> None:
     """A file whose hash is right and whose content is not what this program writes."""
-    document = json.loads(calibration_bytes(_known()))
+    document = json.loads(calibration_bytes(bench()))
     change(document["calibration"])
     document["sha256"] = _documented_hash(document["calibration"])
     path.write_text(json.dumps(document))
@@ -296,13 +220,13 @@ def _dark(side: tuple[int, int], lit: float) -> ProbeCalibration:
     rng = np.random.default_rng(2)
     dark, untouched = ((rng.random(side, dtype=np.float32) < lit) * rng.integers(1, 4, side) / 16 for _ in range(2))
     reference = replace(
-        _reference(),
+        bench_reference(),
         dark_grey=dark,
         untouched_grey=untouched,
         relative_light=np.ones(side),
         usable=np.ones(side, bool),
     )
-    return _known(reference=reference, scale=replace(_scale(), shape=side))
+    return bench(reference=reference, scale=replace(bench_scale(), shape=side))
 
 
 @pytest.mark.parametrize("lit", [0.0, 1e-3, 1e-2])
@@ -337,127 +261,11 @@ def test_what_could_not_be_read_back_is_not_written(path: Path, monkeypatch: pyt
 
 
 def test_nothing_is_written_over(path: Path) -> None:
-    write_calibration(_known(), path)
+    write_calibration(bench(), path)
     before = path.read_bytes()
     with pytest.raises(FileInputError, match="exists already"):
-        write_calibration(_known(name="new"), path)
+        write_calibration(bench(name="new"), path)
     assert path.read_bytes() == before
     (path.parent / "file").write_text("")
     with pytest.raises(FileInputError, match="can be written"):
-        write_calibration(_known(), path.parent / "file" / "bench.json")
-
-
-@pytest.mark.parametrize(
-    ("use", "said"),
-    [
-        ({"now": LATER + timedelta(seconds=1)}, "must not be expired; it was good until 2027-05-21"),
-        ({"now": MADE - timedelta(days=1)}, "must not come from the future"),
-        ({"now": MADE, "probe": "tsis-domed"}, "must be of the probe in use, 'tsis-domed'; it is of 'tsis-2011'"),
-        ({"now": MADE, "camera": "another"}, "must be of the camera in use, 'another'"),
-        ({"now": MADE, "settings": {"exposure_ms": 10.0}}, "holds at exposure_ms = 20; the camera is at 10"),
-    ],
-)
-def test_expired_and_foreign_calibrations_are_refused(use: dict[str, Any], said: str) -> None:
-    with pytest.raises(CalibrationError, match=re.escape(said)):
-        _known().require_usable(**use)
-
-
-def test_its_own_probe_may_use_it_in_any_time_zone() -> None:
-    east = timezone(timedelta(hours=9))
-    now = (MADE + timedelta(minutes=1)).astimezone(east)
-    _known().require_usable(
-        now, probe="tsis-2011", camera="Aravis-TSIS01", settings={"exposure_ms": 20.0000001, "brightness": 3.0}
-    )
-    _known(probe="", camera="", settings={}).require_usable(now, probe="any", camera="any", settings={"gain": 9.0})
-
-
-def test_a_part_that_was_not_measured_is_named() -> None:
-    with pytest.raises(CalibrationError, match="a force needs the part 'force_line', which calibration 'bench'"):
-        _known().need(ForceLine, "a force")
-    assert _known().need(Scale, "a size") == _scale()
-
-
-@pytest.mark.parametrize(
-    "wrong",
-    [
-        {"made": datetime(2026, 1, 1)},
-        {"made": None},
-        {"expires": MADE},
-        {"settings": {"gain": math.nan}},
-        {"scale": 0.05},
-        {"name": None},
-        {"expires": None},
-        {"made": datetime(1, 1, 1, tzinfo=timezone(timedelta(hours=23, minutes=59)))},
-        {"expires": datetime(9999, 12, 31, 23, 59, tzinfo=timezone(-timedelta(hours=23, minutes=59)))},
-        {"made": datetime(1999, 12, 31, 12, tzinfo=UTC)},
-        {"expires": datetime(2201, 1, 1, tzinfo=UTC)},
-        {"made": "2026-11-22"},
-        {"name": "\ud800"},
-        {"name": "bench\n2"},
-        {"probe": "\x1b[31mtsis"},
-        {"camera": "c" * 201},
-        {"settings": {"gain\n": 1.0}},
-    ],
-)
-def test_values_that_make_no_calibration_are_refused(wrong: dict[str, Any]) -> None:
-    with pytest.raises(InputError, match=next(iter(wrong)).removesuffix("s")) as caught:
-        _known(**wrong)
-    assert str(caught.value).isprintable()
-    assert len(str(caught.value)) < 300
-
-
-def test_the_longest_name_and_the_first_and_last_year_are_taken() -> None:
-    far = {"made": datetime(2000, 1, 1, tzinfo=UTC), "expires": datetime(2200, 12, 31, tzinfo=UTC)}
-    known = _known(name="ä" * 200, force_line=_line(), specification=_sheet(), **far)
-    east, west = (timezone(sign * timedelta(hours=23, minutes=59)) for sign in (1, -1))
-    known.require_usable(MADE.astimezone(east))
-    known.require_usable(MADE.astimezone(west))
-    assert _known(made=None, expires=None).made is None
-
-
-@pytest.mark.parametrize(
-    ("wrong", "said"),
-    [
-        ({"force_line": _line(slope_grey_per_n=_measured(1e5, "grey/mN"))}, "slope_grey_per_n must be in grey/N; got"),
-        ({"force_line": _line(intercept_grey=_measured(9.0))}, "force_line.intercept_grey must be in grey; got ''"),
-        ({"force_line": _line(residual_share=_measured(0.1, "%"))}, "residual_share must be in no unit"),
-        ({"force_line": _line(residual_grey=_measured(-1.0, "grey"))}, "residual_grey must not be negative; got -1"),
-        ({"reference": replace(_reference(), read_noise_grey=_measured(0.5, "N"))}, "read_noise_grey must be in grey"),
-        ({"reference": replace(_reference(), read_noise_grey=_measured(-0.5, "grey"))}, "must not be negative"),
-        ({"reference": replace(_reference(), shot_noise_grey=_measured(-0.5, "grey"))}, "must not be negative"),
-        (
-            {"response": Calibration(gain_grey_per_kpa=60, saturation_kpa=20.0, probe="tsis-domed")},
-            "response.probe must be that of the calibration, 'tsis-2011'; got 'tsis-domed'",
-        ),
-        ({"response": Calibration(gain_grey_per_kpa=60, saturation_kpa=20.0, name="\x1b[2J")}, "response.name must be"),
-        ({"specification": _sheet(probe="tsis-domed")}, "specification.probe must be that of the calibration"),
-        ({"specification": _sheet("mN")}, r"specification.rows\[0\].measured must be in mN; got 'N'"),
-        ({"specification": _sheet(note="a\nb")}, r"specification.rows\[0\].note must be printable"),
-    ],
-)
-def test_parts_that_make_no_sense_are_refused(wrong: dict[str, Any], said: str) -> None:
-    with pytest.raises(InputError, match=said):
-        _known(**wrong)
-
-
-@pytest.mark.parametrize(
-    ("wrong", "said"),
-    [
-        ({"tips_mm": ()}, "tips_mm must hold the radius of at least one tip"),
-        ({"tips_mm": (2.0, -1.0)}, r"tips_mm must lie in \[0.1, 1000\]; got -1"),
-        ({"tips_mm": (math.inf,)}, "tips_mm must lie in"),
-        ({"unit_covariance": (-1.0, 0.0, 0.0)}, "unit_covariance must lie in"),
-        ({"unit_covariance": (0.0, 0.0, -1.0)}, "unit_covariance must lie in"),
-        ({"method": "x"}, "no segmentation method is called 'x'"),
-    ],
-)
-def test_force_lines_that_make_no_sense_are_refused(wrong: dict[str, Any], said: str) -> None:
-    with pytest.raises(InputError, match=said):
-        _line(**wrong)
-
-
-def test_a_response_that_names_no_probe_is_that_of_the_calibrations() -> None:
-    """Else an estimate under another probe would not be refused."""
-    silent = Calibration(gain_grey_per_kpa=60.0, saturation_kpa=20.0)
-    assert _known(response=silent, probe="tsis-domed").known_response("0" * 64).probe == "tsis-domed"
-    assert _known().known_response("0" * 64).probe == "tsis-2011"
+        write_calibration(bench(), path.parent / "file" / "bench.json")
