@@ -75,8 +75,6 @@ def bench_line(**changes: Any) -> ForceLine:
 def sheet(unit: str = "N", *, probe: str = "tsis-2011", note: str = "") -> Specification:
     force = measured(0.01, "N")
     row = SpecificationRow(quantity="force", unit=unit, measured=force, fingertip="", printed="", note=note)
-        quantity="force", unit=unit, measured=measured(0.01, "N"), fingertip="", printed="", note=note
-    )
     return Specification(probe=probe, rows=(row,))
 
 
