@@ -6,11 +6,11 @@ BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip --disable-pip-version-check
 PINNED := --constraint constraints.txt --build-constraint constraints.txt
 PYTHON ?=
-PYTEST_FLAGS ?= -n 2
+PYTEST_FLAGS ?= -n 2 --dist loadfile
 MANIFESTS := pyproject.toml constraints.txt
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test peers test-slow benchmark lint docs sbom constraints clean
+.PHONY: help demo test peers test-slow benchmark studies lint docs sbom constraints clean
 
 help:  ## say what there is
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -28,6 +28,8 @@ test-slow: $(VENV)/.dev  ## the tests that take minutes
 
 benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, one process at a time
 	$(BIN)/pytest -m benchmark -s tests benchmarks
+	$(BIN)/python -m benchmarks.speed
+	$(BIN)/python -m benchmarks.scaling --out build
 	$(BIN)/python -m benchmarks.coverage --protocol domed --presses 500
 	$(BIN)/python -m benchmarks.coverage --protocol flat --presses 500
 	$(BIN)/python -m benchmarks.coverage --protocol flat-alone --presses 500
@@ -50,6 +52,8 @@ benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, o
 	$(BIN)/python -m benchmarks.press_guard
 	$(BIN)/python -m benchmarks.hardness --probe tsis-direct --spheres 40 --rigs 5
 	$(BIN)/python -m benchmarks.hardness --probe tsis-2011 --spheres 20 --rigs 5 --ball
+	$(BIN)/python -m benchmarks.detection_intervals
+	$(BIN)/python -m benchmarks.detection_study --targets 2000 --seed 1
 	$(BIN)/python -m benchmarks.tampering --trials 1000 --seed 1
 	$(BIN)/python -m benchmarks.bombs
 	$(BIN)/python -m benchmarks.mutated_files --files 20000 --seed 1  # a million in the documents
@@ -57,8 +61,17 @@ benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, o
 	$(BIN)/python -m benchmarks.killed_writers --cycles 1000  # ten thousand in the documents
 	$(BIN)/python -m benchmarks.full_disk
 	$(BIN)/python -m benchmarks.store_speed
+	$(BIN)/python -m benchmarks.api_fuzz --cases 10000
+	$(BIN)/python -m benchmarks.live_view
+	$(BIN)/python -m benchmarks.first_report
+	$(BIN)/python -m benchmarks.records_page
+	$(BIN)/python -m benchmarks.console_growth --hours 8
 	$(BIN)/python -m benchmarks.dicom_round_trip || test $$? = 2  # 2: Orthanc and its companions are not on this machine
 	$(BIN)/python benchmarks/real_frames.py || test $$? = 2  # 2: the real frames are not on this machine
+
+studies: $(VENV)/.dev $(VENV)/.docs  ## every figure and table of the dissertation anew, beside the printed ones
+	$(BIN)/python -m studies.gallery
+	$(BIN)/sphinx-build -W --keep-going -q -b html docs docs/_build/html  # the gallery is docs/_build/html/figures.html
 
 lint: $(VENV)/.dev  ## style, room boundaries and types
 	$(BIN)/ruff check .

@@ -34,6 +34,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from tsis import PressField
+
 REPEATS = 15
 BLUR_MM = 0.05
 SENSOR = Sensor(field_angle_deg=15.0)
@@ -71,13 +73,7 @@ def rows() -> Iterator[Row]:
     light, rng = uneven_light(), np.random.default_rng(1)
     picture = render(field, SENSOR, ANSWER, light=light)
     sigma = [BLUR_MM / size for size in SENSOR.mm_per_pixel]
-
-    def frame() -> NDArray[np.float64]:
-        return expose(render(field, SENSOR, ANSWER, light=light), SENSOR, rng)
-
-    def plain_frame() -> NDArray[np.float64]:
-        return expose_plainly(render_plainly(field, SENSOR, ANSWER, light=light), rng)
-
+    frame, plain_frame = whole_frames(field, light, rng)
     yield from timed(
         "light, shading and contact of every pixel",
         ("tsis", lambda: render(field, Sensor(), ANSWER, light=light, blur_mm=0.0)),
@@ -105,6 +101,16 @@ def rows() -> Iterator[Row]:
         *galsim_noise(picture),
     )
     yield from timed("whole frame", ("tsis", frame), ("NumPy and SciPy", plain_frame))
+
+
+def whole_frames(
+    field: PressField, light: LightMap, rng: np.random.Generator
+) -> tuple[Callable[[], NDArray[np.float64]], Callable[[], NDArray[np.float64]]]:
+    """The calls that make a frame, by tsis and in NumPy's and SciPy's own passes."""
+    return (
+        lambda: expose(render(field, SENSOR, ANSWER, light=light), SENSOR, rng),
+        lambda: expose_plainly(render_plainly(field, SENSOR, ANSWER, light=light), rng),
+    )
 
 
 def expose_plainly(light: NDArray[np.float64], rng: np.random.Generator) -> NDArray[np.float64]:

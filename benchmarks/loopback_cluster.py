@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 READY_S = 60.0
 HOST = "127.0.0.1"
 SCHEDULER = ("-m", "distributed.cli.dask_scheduler", "--host", HOST, "--port", "0")
-WORKER = ("-m", "distributed.cli.dask_worker", "--host", HOST, "--nthreads", "1", "--no-nanny")
+WORKER = ("-m", "distributed.cli.dask_worker", "--host", HOST, "--no-nanny")
 # Every port is chosen by the system; the statistics page, which can only be moved, gets one of them too.
 NO_PAGES = ("--no-dashboard", "--dashboard-address", f"{HOST}:0")
 
@@ -28,12 +28,12 @@ class LoopbackCluster:
     ----------
     folder
         For logs and for what the workers spill.
-    workers
-        How many to start with.
+    workers, threads
+        How many to start with, and how many batches each has at a time.
     """
 
-    def __init__(self, folder: Path, workers: int) -> None:
-        self._folder, self._count = folder, workers
+    def __init__(self, folder: Path, workers: int, threads: int = 1) -> None:
+        self._folder, self._count, self._threads = folder, workers, threads
         self._file = folder / "scheduler.json"
         self.workers: list[subprocess.Popen[bytes]] = []
 
@@ -52,7 +52,10 @@ class LoopbackCluster:
     def add_worker(self) -> None:
         """Start one more worker."""
         self.workers.append(
-            self._start(*WORKER, *NO_PAGES, "--local-directory", str(self._folder / "spill"), self.address)
+            self._start(
+                *(*WORKER, *NO_PAGES, "--nthreads", str(self._threads)),
+                *("--local-directory", str(self._folder / "spill"), self.address),
+            )
         )
 
     def replace_worker(self) -> None:

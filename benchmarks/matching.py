@@ -84,9 +84,14 @@ def speed_trials(count: int, *, seed: int = 0) -> Iterator[Trial]:
     """Shapes of growing numbers of points, deformed and turned by 30 degrees."""
     for size in SPEED_POINTS:
         for number in range(count):
-            rng = np.random.default_rng([seed, size, number])
-            shape = SHAPES["strokes"](size, rng=rng)
-            yield distort(shape, public_distortion("rotation", 2), rng=rng, name=f"speed/points/{size}/{number}")
+            yield speed_trial(size, number, seed=seed)
+
+
+def speed_trial(size: int, number: int, *, seed: int = 0) -> Trial:
+    """One of them."""
+    rng = np.random.default_rng([seed, size, number])
+    shape = SHAPES["strokes"](size, rng=rng)
+    return distort(shape, public_distortion("rotation", 2), rng=rng, name=f"speed/points/{size}/{number}")
 
 
 def exponent(points: Sequence[float], seconds: Sequence[float]) -> float:

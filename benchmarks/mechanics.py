@@ -39,7 +39,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from tsis.mechanics import PressSurrogate
     from tsis.mechanics.face_contact import Touch
+    from tsis.mechanics.surrogate import TissueSurrogate
 
 PROBE, DOMED = tsis.load_probe("tsis-2011"), tsis.load_probe("tsis-domed")
 SPHERE = Inclusion(diameter_mm=10.0, depth_mm=5.0, young_kpa=100.0)
@@ -73,15 +75,21 @@ def least(call: Callable[[], object], repeats: int = 5) -> float:
 
 def signals(resolution: Resolution, presses: NDArray[np.float64]) -> tuple[NDArray[np.float64], float]:
     """What inclusions (diameter, depth, modulus) change on the face, and seconds a solve of a new geometry."""
-    kernel = PressKernel(PROBE, thickness_mm=30.0, poisson=0.49, resolution=resolution)
+    kernel = slab_kernel(resolution)
     bare = kernel.press(5.0, MN).face_displacement_mm
+    found = np.array([solved(kernel, *one) for one in presses.tolist()])  # which also fills what is remembered
+    return found - bare, least(lambda: [solved(kernel, *one) for one in presses.tolist()], 3) / len(presses)
 
-    def solve(diameter: float, depth: float, young: float) -> NDArray[np.float64]:
-        slab = kernel.slab(diameter_mm=diameter, depth_mm=depth, poisson=0.49)
-        return kernel.press(5.0, MN, slab.change(young / 5.0)).face_displacement_mm
 
-    found = np.array([solve(*one) for one in presses.tolist()])  # which also fills what is remembered
-    return found - bare, least(lambda: [solve(*one) for one in presses.tolist()], 3) / len(presses)
+def slab_kernel(resolution: Resolution) -> PressKernel:
+    """What presses of one slab share."""
+    return PressKernel(PROBE, thickness_mm=30.0, poisson=0.49, resolution=resolution)
+
+
+def solved(kernel: PressKernel, diameter: float, depth: float, young: float) -> NDArray[np.float64]:
+    """Displacement of the face over an inclusion that is meshed anew, under 1 N."""
+    slab = kernel.slab(diameter_mm=diameter, depth_mm=depth, poisson=0.49)
+    return kernel.press(5.0, MN, slab.change(young / 5.0)).face_displacement_mm
 
 
 def small_strain() -> Iterator[Row]:
@@ -127,13 +135,10 @@ def small_strain() -> Iterator[Row]:
 
 def assembly() -> Iterator[Row]:
     """Element matrices of 1,184 quadratic elements."""
-    body = mesh.rectangle(np.linspace(0.0, 10.0, 38), np.linspace(0.0, 10.0, 33), 2, a_is_radius=True)
-    elements = np.concatenate([body.layer(index, body.nodes) for index in range(body.layers)])
-    young, poisson = np.full(len(elements), 5.0), np.full(len(elements), 0.49)
     yield Row(
         task="1,184 elements of nine nodes",
         program="tsis",
-        seconds=least(lambda: stiffness(elements, 2, young, poisson)),
+        seconds=least(element_matrices()),
         outcome="element matrices",
     )
     if has("scikit-fem"):
@@ -145,6 +150,14 @@ def assembly() -> Iterator[Row]:
             seconds=least(lambda: assembled(37, 32, 5.0, 0.49)),
             outcome="sparse matrix",
         )
+
+
+def element_matrices() -> Callable[[], object]:
+    """The call that computes them, by tsis."""
+    body = mesh.rectangle(np.linspace(0.0, 10.0, 38), np.linspace(0.0, 10.0, 33), 2, a_is_radius=True)
+    elements = np.concatenate([body.layer(index, body.nodes) for index in range(body.layers)])
+    young, poisson = np.full(len(elements), 5.0), np.full(len(elements), 0.49)
+    return lambda: stiffness(elements, 2, young, poisson)
 
 
 def domed() -> Iterator[Row]:
@@ -232,9 +245,8 @@ def surrogate() -> Iterator[Row]:
         seconds=time.perf_counter() - start,
         outcome=f"231 slabs on {os.cpu_count()} cores; error {built.error:.3%} of the mean pressure",
     )
-    rng, count = np.random.default_rng(2), 100_000
-    rings = built.pressure_kpa.mapped(built.interpolation(np.linspace(0.0, 9.6, 20))).at_tissue(5.0, 30.0)
-    asked = [rng.uniform(*interval, count) for interval in ((1.0, 15.0), (4.0, 12.0), (40.0, 120.0))]
+    count = 100_000
+    rings, asked = twenty_rings(built), drawn_inclusions(count)
     seconds = least(lambda: rings(*asked))
     yield Row(
         task="profiles of 20 rings from the surrogate",
@@ -242,6 +254,17 @@ def surrogate() -> Iterator[Row]:
         seconds=seconds / count,
         outcome=f"{count / seconds / 1e6:.2f} million profiles/s",
     )
+
+
+def twenty_rings(built: PressSurrogate) -> TissueSurrogate:
+    """Mean pressures of 20 rings on one tissue."""
+    return built.pressure_kpa.mapped(built.interpolation(np.linspace(0.0, 9.6, 20))).at_tissue(5.0, 30.0)
+
+
+def drawn_inclusions(count: int) -> list[NDArray[np.float64]]:
+    """Diameters, depths and moduli anywhere in the default box, each of shape (count,)."""
+    rng = np.random.default_rng(2)
+    return [rng.uniform(*interval, count) for interval in ((1.0, 15.0), (4.0, 12.0), (40.0, 120.0))]
 
 
 def has(package: str) -> bool:

@@ -14,10 +14,12 @@ import time
 from typing import TYPE_CHECKING
 
 import cv2
+from benchmarks.hostile.detection_loaders import detection_loaders
 from benchmarks.hostile.picture_loaders import picture_loaders
 from benchmarks.hostile.point_loaders import point_loaders
 from benchmarks.hostile.record_loaders import record_loaders
 from benchmarks.hostile.store_loaders import store_loaders
+from benchmarks.hostile.study_loaders import study_loaders
 from benchmarks.hostile.verdict import Tally, Verdict
 from benchmarks.hostile.workers import run
 from rich.console import Console
@@ -34,7 +36,14 @@ BAD = (Verdict.SILENT, Verdict.UNTYPED, Verdict.CRASHED)
 
 def every_loader() -> tuple[Loader, ...]:
     """All of them."""
-    return (*picture_loaders(), *record_loaders(), *point_loaders(), *store_loaders())
+    return (
+        *picture_loaders(),
+        *record_loaders(),
+        *point_loaders(),
+        *store_loaders(),
+        *detection_loaders(),
+        *study_loaders(),
+    )
 
 
 def shared_out(files: int, loaders: Sequence[Loader]) -> list[int]:

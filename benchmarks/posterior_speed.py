@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis import TactileImage
+    from tsis.inclusion.exploration import Posterior
     from tsis.inclusion.likelihood import Likelihood
     from tsis.model import Calibration
 
@@ -107,6 +108,13 @@ def dense_grid(
     return np.concatenate([likelihood(part, nuisance).log_evidence for part in parts])
 
 
+def grid_within_reach(likelihood: Likelihood, found: Posterior) -> Callable[[], NDArray[np.float64]]:
+    """The dense grid over the reach of the samples that were found."""
+    low, high = found.samples.min(axis=0), found.samples.max(axis=0)
+    nuisance = likelihood.within(found.fit.nuisance[0])
+    return lambda: dense_grid(likelihood, low, high, nuisance)
+
+
 def row(name: str, bench: Bench, repeats: int) -> list[str]:
     """One line of the table."""
     bench.estimate()  # loads what later calls find at hand
@@ -116,9 +124,7 @@ def row(name: str, bench: Bench, repeats: int) -> list[str]:
     reading = median_ms(bench.likelihood, repeats)
     with threadpool_limits(limits=1, user_api="blas"):
         exploring = median_ms(lambda: explore(likelihood, bench.prior), repeats)
-        low, high = found.samples.min(axis=0), found.samples.max(axis=0)
-        nuisance = likelihood.within(found.fit.nuisance[0])
-        dense = median_ms(lambda: dense_grid(likelihood, low, high, nuisance), 1)
+        dense = median_ms(grid_within_reach(likelihood, found), 1)
     return [
         name,
         f"{whole:.0f} ms",

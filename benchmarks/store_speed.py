@@ -51,11 +51,8 @@ def saving(folder: Path, count: int, seed: int) -> dict[str, list[float]]:
     """Milliseconds of each way to keep a frame, in turns."""
     rng = np.random.default_rng(seed)
     found: dict[str, list[float]] = {}
-    with open_store(folder / "store") as store, closing(sqlite3.connect(folder / "plain.sqlite3")) as plain:
+    with open_store(folder / "store") as store, closing(plain_database(folder / "plain.sqlite3")) as plain:
         target = store.add_target()
-        plain.execute("PRAGMA journal_mode=WAL")
-        plain.execute("PRAGMA synchronous=FULL")
-        plain.execute("CREATE TABLE presses (id TEXT, taken TEXT, note TEXT)")
         for number in range(count):
             image = frame(rng)
             content = frame_bytes(image)
@@ -70,6 +67,21 @@ def saving(folder: Path, count: int, seed: int) -> dict[str, list[float]]:
                 way()
                 found.setdefault(name, []).append(1e3 * (time.perf_counter() - began))
     return found
+
+
+def plain_database(path: Path) -> sqlite3.Connection:
+    """A database with one table, which syncs each transaction."""
+    plain = sqlite3.connect(path)
+    plain.execute("PRAGMA journal_mode=WAL")
+    plain.execute("PRAGMA synchronous=FULL")
+    plain.execute("CREATE TABLE presses (id TEXT, taken TEXT, note TEXT)")
+    return plain
+
+
+def kept_plainly(plain: sqlite3.Connection, path: Path, image: TactileImage) -> None:
+    """What a press comes to without a record of who, when and what: the same PNG file, and a row."""
+    _kept(path, frame_bytes(image))
+    _entered(plain)
 
 
 def _kept(path: Path, content: bytes) -> None:

@@ -35,6 +35,13 @@ if TYPE_CHECKING:
 MOST_OVERHEAD = 0.03
 
 
+def let_workers_import() -> None:
+    """Let processes that are started from now on find the presses of this folder."""
+    root, found = str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "").split(os.pathsep)
+    if root not in found:
+        os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (root, *found)))
+
+
 def _plan(count: int, batch: int = 100) -> Plan:
     tissue = Range(low=3.0, high=10.0)
     return Plan(
@@ -46,7 +53,7 @@ def _plan(count: int, batch: int = 100) -> Plan:
     )
 
 
-def _sweep(count: int, batch: int) -> NDArray[np.float64]:
+def swept(count: int, batch: int) -> NDArray[np.float64]:
     """Beginning and end of each press, s."""
     with tempfile.TemporaryDirectory() as folder:
         run_sweep(_plan(count, batch), folder, workers=1, press=busy)
@@ -79,11 +86,10 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=(__doc__ or "").splitlines()[0])
     parser.add_argument("--presses", type=int, default=1500)
     count = parser.parse_args().presses
-    root = str(Path(__file__).parents[1])
-    os.environ["PYTHONPATH"] = os.pathsep.join(filter(None, (root, os.environ.get("PYTHONPATH"))))  # for the workers
+    let_workers_import()
     ways: dict[str, Callable[[int], NDArray[np.float64]]] = {
-        "tsis sweep, 100 a file": partial(_sweep, batch=100),
-        "tsis sweep, 20 a file": partial(_sweep, batch=20),
+        "tsis sweep, 100 a file": partial(swept, batch=100),
+        "tsis sweep, 20 a file": partial(swept, batch=20),
         "concurrent.futures, 100 a task": partial(_futures, batch=100),
         "concurrent.futures, 1 a task": partial(_futures, batch=1),
         "bare loop": _loop,

@@ -1,3 +1,4 @@
+import re
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -8,6 +9,8 @@ ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
 from release import traceability  # noqa: E402
+
+from studies import gallery_page  # noqa: E402
 
 if TYPE_CHECKING:
     from sphinx.application import Sphinx
@@ -38,5 +41,19 @@ def add_requirements(app: "Sphinx", docname: str, source: list[str]) -> None:
         source[0] += "\n" + traceability.page(traceability.read(ROOT), ROOT)
 
 
+def add_figures(app: "Sphinx", docname: str, source: list[str]) -> None:
+    if docname == "figures":
+        for path in gallery_page.sources():
+            app.env.note_dependency(str(path))
+        source[0] += "\n" + gallery_page.page(ROOT)
+
+
+def join_names(app: "Sphinx", what: str, name: str, described: object, options: object, lines: list[str]) -> None:
+    """Attributes that share a line stay together: after a space the first would be taken for the type of the second."""
+    lines[:] = [re.sub("^:ivar [^:]+:", lambda names: names[0].replace(", ", ","), line) for line in lines]
+
+
 def setup(app: "Sphinx") -> None:
+    app.connect("autodoc-process-docstring", join_names, priority=900)  # after the fields were made
     app.connect("source-read", add_requirements)
+    app.connect("source-read", add_figures)

@@ -14,33 +14,55 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from studies.shown import Shown
 
 from tsis.optics import Dent, Propagation, propagate, thin_guide
 from tsis.plots import guide_index, guide_light, light_out_of_the_top
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
 CLAIM = "the total amount of scattered light is proportional to the waveguide deformation depth"
-DEPTHS_UM = np.arange(0.0, 7.0)
+DEPTHS_UM = (0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+FEW_UM = (0.0, 2.0, 5.0)
+PRESSED_UM = 5.0  # that of figure 3.5
 DRAWN_UM = (0.0, 2.0, 4.0, 6.0)  # those of figure 3.6
+SHADES = ("#000000", "#0072b2", "#56b4e9", "#d55e00")  # told apart without red-green vision
 STEP_UM = 0.08  # powers differ by less than 0.003 from those of half the step
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Result:
-    """Powers at each depth: of the mean of the modes, shape (depths,), and of each mode, shape (depths, modes)."""
+    """Powers at each depth.
+
+    Attributes
+    ----------
+    depth_um
+        Depths of the dent, ascending, shape (depths,).
+    solved
+        The light at each of them.
+    guided, top, bottom
+        Shares of the launched power, means over the modes, shape (depths,).
+    top_of_mode
+        Share out of the top of each mode, shape (depths, modes).
+    """
 
     depth_um: NDArray[np.float64]
-    drawn: tuple[Propagation, ...]
+    solved: tuple[Propagation, ...]
     guided: NDArray[np.float64]
     top: NDArray[np.float64]
     bottom: NDArray[np.float64]
     top_of_mode: NDArray[np.float64]
+
+    def at(self, depth_um: float) -> Propagation:
+        """The light under a dent that was solved."""
+        return next(one for one in self.solved if one.dent.depth_um == depth_um)
 
     def off_proportion(self, light: NDArray[np.float64]) -> float:
         """Largest miss of the best line through the origin, over what it says, at depths from 2 µm on."""
@@ -60,14 +82,14 @@ class Result:
         return int((np.diff(self.top_of_mode, axis=0) < 0).any(axis=0).sum())
 
 
-def run(rng: np.random.Generator | None = None) -> Result:
+def run(rng: np.random.Generator | None = None, *, depths_um: Sequence[float] = DEPTHS_UM) -> Result:
     """Solve for every depth; nothing is random, ``rng`` is what every study takes."""
     del rng
     guide = thin_guide("dissertation")
-    found = [propagate(guide, Dent(depth_um=float(d)), method="fdfd", step_um=STEP_UM) for d in DEPTHS_UM]
+    found = [propagate(guide, Dent(depth_um=depth), method="fdfd", step_um=STEP_UM) for depth in depths_um]
     return Result(
-        depth_um=DEPTHS_UM,
-        drawn=tuple(one for one in found if one.dent.depth_um in DRAWN_UM),
+        depth_um=np.array(depths_um),
+        solved=tuple(found),
         guided=np.array([one.powers.guided.mean() for one in found]),
         top=np.array([one.powers.top.mean() for one in found]),
         bottom=np.array([one.powers.bottom.mean() for one in found]),
@@ -75,32 +97,100 @@ def run(rng: np.random.Generator | None = None) -> Result:
     )
 
 
-def draw(result: Result, path: Path) -> None:
-    """Figures 3.4 and 3.5 above, figure 3.6 and the totals below."""
-    from matplotlib.figure import Figure
+def behind_the_dent_um(light: Propagation) -> float:
+    """Mean distance from the dent's middle at which light goes through the line over the guide, µm; it flies on."""
+    share = light.top_per_um[1:-1].mean(axis=1)
+    return float((share * light.z_um[1:-1]).sum() / share.sum())
 
-    figure = Figure(figsize=(11.0, 9.0), layout="constrained")
-    axes = figure.subplots(3, 2)
-    for column, (name, shown) in enumerate((("Figure 3.4", result.drawn[0]), ("Figure 3.5", result.drawn[2]))):
-        guide_index(shown, axes[0, column]).set_title(f"{name}a: dent of {shown.dent.depth_um:g} µm")
-        guide_light(shown, axes[1, column]).set_title(f"{name}b")
-    light_out_of_the_top(result.drawn, axes[2, 0]).set_title("Figure 3.6")
-    totals = axes[2, 1]
-    totals.plot(result.depth_um, 100 * result.top_of_mode, color="0.8", linewidth=0.8)
-    totals.plot(result.depth_um, 100 * result.top, "o-", label="out of the top, mean (modes grey)")
-    totals.plot(result.depth_um, 100 * (result.top + result.bottom), "s--", label="out of either side, mean")
-    totals.set(title="Is it proportional?", xlabel="depth of the dent / µm", ylabel="light that leaves / %")
-    totals.set_ylim(-1.0, 42.0)  # room for the legend
+
+def draw_guide(light: Propagation, figure: Figure) -> None:
+    """Figures 3.4 and 3.5: the layers, and the light in them."""
+    above, below = figure.subplots(2, 1, sharex=True)
+    guide_index(light, above).set(title=f"dent of {light.dent.depth_um:g} µm", xlabel="")
+    guide_light(light, below)
+
+
+def draw_leaving(result: Result, figure: Figure) -> None:
+    """Figure 3.6: the light out of the top, along the guide and in all."""
+    along, totals = figure.subplots(1, 2)
+    along.set_prop_cycle(color=SHADES)
+    light_out_of_the_top([one for one in result.solved if one.dent.depth_um in DRAWN_UM], along)
+    top, depth = 100 * result.top, result.depth_um
+    totals.plot(depth, 100 * result.top_of_mode, color="0.8", linewidth=0.8)
+    totals.plot(depth, top, "o-", color="#0072b2", label="out of the top, mean (modes grey)")
+    totals.plot(depth, top + 100 * result.bottom, "s-", color="#d55e00", label="out of either side, mean")
+    line = depth * (depth @ top) / (depth @ depth)
+    totals.plot(depth, line, "k--", linewidth=1, label="proportional, as the source says")
+    totals.set(
+        xlabel="depth of the dent / µm", ylabel="light that leaves / %", ylim=(-1.0, 48.0)
+    )  # room for the legend
     totals.legend(loc="upper left")
-    figure.supxlabel("Research use only", fontsize=8)
-    figure.savefig(path)
+
+
+def flat_values(result: Result) -> dict[str, float]:
+    """Numbers of figure 3.4."""
+    flat = result.at(0.0)
+    return {
+        "modes that are launched": float(len(flat.n_eff)),
+        "light still guided behind a flat face": 100 * float(flat.powers.guided.mean()),
+        "light out of the top of a flat guide": abs(round(100 * float(flat.powers.top.mean()), 6)),
+    }
+
+
+def pressed_values(result: Result) -> dict[str, float]:
+    """Numbers of figure 3.5."""
+    light = result.at(PRESSED_UM)
+    return {
+        "light still guided behind the dent": 100 * float(light.powers.guided.mean()),
+        "light out of the top": 100 * float(light.powers.top.mean()),
+        "light out of the far side": 100 * float(light.powers.bottom.mean()),
+        "where light crosses the line over the guide, mean, behind the dent's middle": behind_the_dent_um(light),
+    }
+
+
+def leaving_values(result: Result) -> dict[str, float]:
+    """Numbers of figure 3.6; exponents only where all depths were solved."""
+    out = {
+        f"light out of the top, dent of {depth:g} µm": abs(round(100 * float(share), 6))  # no minus before nothing
+        for depth, share in zip(result.depth_um, result.top, strict=True)
+        if depth in DRAWN_UM
+    }
+    if len(result.depth_um) == len(DEPTHS_UM):
+        out["exponent of the light out of the top over the depth, 2 to 6 µm"] = result.growth(result.top)
+        both = result.top + result.bottom
+        out["exponent of the light out of either side over the depth, 2 to 6 µm"] = result.growth(both)
+        out["light out of the top, farthest off proportion"] = 100 * result.off_proportion(result.top)
+    return out
+
+
+def short(rng: np.random.Generator) -> Result:
+    """Three of the depths."""
+    return run(rng, depths_um=FEW_UM)
+
+
+SHOWN = (
+    Shown(
+        name="figure-3-4",
+        run=run,
+        values=flat_values,
+        draw=lambda result, figure: draw_guide(result.at(0.0), figure),
+        short=short,
+    ),
+    Shown(
+        name="figure-3-5",
+        run=run,
+        values=pressed_values,
+        draw=lambda result, figure: draw_guide(result.at(PRESSED_UM), figure),
+        short=short,
+    ),
+    Shown(name="figure-3-6", run=run, values=leaving_values, draw=draw_leaving, short=short),
+)
 
 
 def main() -> None:
-    """Print the powers beside the claim, and draw them where asked."""
+    """Print the powers beside the claim."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--figure", type=Path, help="picture to write, e.g. pressed-guide.png")
-    arguments = parser.parse_args()
+    parser.parse_args()
     result = run()
     print(f"{'dent um':>8} {'guided %':>9} {'top %':>7} {'bottom %':>9}")
     for depth, *shares in zip(result.depth_um, result.guided, result.top, result.bottom, strict=True):
@@ -114,8 +204,6 @@ def main() -> None:
         )
     print(f"{result.falling_modes} of {result.top_of_mode.shape[1]} modes send less out of the top at a larger depth")
     print("Research use only")
-    if arguments.figure is not None:
-        draw(result, arguments.figure)
 
 
 if __name__ == "__main__":

@@ -13,20 +13,22 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from studies.shown import Shown
 
 import tsis
 from tsis import Layer, Probe
 from tsis.mechanics import closed_form, indent
 
 if TYPE_CHECKING:
+    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
 SPHERE_MM = 10.0
 SEEN_MM = 0.05  # a deformation that a camera sees
+STYLES = {"three layers": "o-", "single layer": "s--"}
 FORCES_N = np.array([0.05, 0.1, 0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
 
 
@@ -64,32 +66,59 @@ def run(rng: np.random.Generator | None = None) -> Result:
     )
 
 
-def draw(result: Result, path: Path) -> None:
-    """Both figures side by side."""
-    from matplotlib.figure import Figure
+def draw_depth(result: Result, figure: Figure) -> None:
+    """Figure 3.9."""
+    axis = figure.subplots()
+    for name, style in STYLES.items():
+        axis.plot(result.force_n, result.depth_mm[name], style, label=name)
+    axis.set(xlabel="force / N", ylabel="maximum deformation / mm")
+    axis.legend(loc="upper left")
 
-    figure = Figure(figsize=(9.0, 3.8), layout="constrained")
-    left, right = figure.subplots(1, 2)
-    for name, style in (("three layers", "o-"), ("single layer", "s--")):
-        left.plot(result.force_n, result.depth_mm[name], style, label=name)
-        right.plot(
-            result.force_n, result.seen_area_mm2[name], style, label=f"{name}, deeper than {1000 * SEEN_MM:g} µm"
-        )
-        right.plot(result.force_n, result.contact_area_mm2[name], style, alpha=0.4, label=f"{name}, in contact")
-    left.set(title="Figure 3.9", xlabel="force / N", ylabel="maximum deformation / mm")
-    right.set(title="Figure 3.10", xlabel="force / N", ylabel="deformation area / mm²")
-    right.set_ylim(0.0, 680.0)  # room for the legend
-    for axis in (left, right):
-        axis.legend(loc="upper left")
-    figure.supxlabel("Research use only", fontsize=8)
-    figure.savefig(path)
+
+def draw_area(result: Result, figure: Figure) -> None:
+    """Figure 3.10."""
+    axis = figure.subplots()
+    for name, style in STYLES.items():
+        axis.plot(result.force_n, result.seen_area_mm2[name], style, label=f"{name}, deeper than {1000 * SEEN_MM:g} µm")
+        axis.plot(result.force_n, result.contact_area_mm2[name], style, alpha=0.4, label=f"{name}, in contact")
+    axis.set(xlabel="force / N", ylabel="deformation area / mm²", ylim=(0.0, 680.0))  # room for the legend
+    axis.legend(loc="upper left")
+
+
+def depth_values(result: Result) -> dict[str, float]:
+    """Numbers of figure 3.9."""
+    layered, single = (result.depth_mm[name] for name in STYLES)
+    return {
+        "deformation of the layered probe over the single layer's at 0.05 N": layered[0] / single[0],
+        "deformation of the layered probe over the single layer's at 1 N": layered[-1] / single[-1],
+        "deformation of the layered probe at 1 N": layered[-1],
+    }
+
+
+def area_values(result: Result) -> dict[str, float]:
+    """Numbers of figure 3.10."""
+    layered, single = (result.contact_area_mm2[name] for name in STYLES)
+    return {
+        "exponent of the contact area over the force, three layers": result.growth(
+            result.contact_area_mm2, "three layers"
+        ),
+        "exponent of the contact area over the force, single layer": result.growth(
+            result.contact_area_mm2, "single layer"
+        ),
+        "contact area of the layered probe over the single layer's at 1 N": layered[-1] / single[-1],
+    }
+
+
+SHOWN = (
+    Shown(name="figure-3-9", run=run, values=depth_values, draw=draw_depth),
+    Shown(name="figure-3-10", run=run, values=area_values, draw=draw_area),
+)
 
 
 def main() -> None:
     """Print the curves, and draw them where asked."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--figure", type=Path, help="picture to write, e.g. layers.png")
-    arguments = parser.parse_args()
+    parser.parse_args()
     result = run()
     print(f"{'force N':>8} {'depth mm':>17} {'contact mm2':>17} {'> 50 um mm2':>17}   three layers, single")
     for index, force in enumerate(result.force_n):
@@ -97,8 +126,6 @@ def main() -> None:
         cells = (f"{curve['three layers'][index]:8.3f} {curve['single layer'][index]:8.3f}" for curve in curves)
         print(f"{force:8.2f} " + " ".join(cells))
     print("Research use only")
-    if arguments.figure is not None:
-        draw(result, arguments.figure)
 
 
 if __name__ == "__main__":

@@ -23,7 +23,6 @@ from __future__ import annotations
 import argparse
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,6 +38,7 @@ from studies.section_5_1 import (
     noisy_sums,
 )
 from studies.section_5_1_bench import PRINTED_SLOPE, SENSOR
+from studies.shown import Shown
 
 import tsis
 from tsis import PressField
@@ -49,11 +49,14 @@ from tsis.mechanics import SphereResolution, indent
 from tsis.mechanics.closed_form import HertzContact
 from tsis.model import SoftSphere
 from tsis.model.press import MN_PER_N
+from tsis.plots import grey_sums
+from tsis.plots.hardness_figures import contact_rows
 from tsis.virtual.direct_contact import direct_contact_calibration
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
+    from matplotlib.figure import Figure
     from numpy.typing import NDArray
     from studies.section_5_1 import Line
 
@@ -62,6 +65,7 @@ if TYPE_CHECKING:
 PROBE = tsis.load_probe("tsis-direct")
 RIGID_KPA = 3e5  # two hundred times the skin's modulus
 FINE = SphereResolution(order=4, cells=10, rings=2, face_cells=10)
+COARSE = SphereResolution(order=3, cells=6, rings=2, face_cells=6)
 PEAK_KPA = 700.0  # a little more than the tip of 2 mm presses at 2 N
 
 
@@ -110,12 +114,17 @@ class Result:
         """The same of sums without noise."""
         return between(FORCES_N, self.expected[14.0], self.expected[10.0])
 
+    def best(self, shape: Callable[..., NDArray[np.float64]]) -> NDArray[np.float64]:
+        """Parameters of a shape that fits the last cross-section best."""
+        row = self.rows[-1]
+        found, _ = curve_fit(shape, self.row_mm, row, p0=(row.max(), self.contact_mm[2.0][-1]))
+        return np.asarray(found)
+
     def misfit(self, shape: Callable[..., NDArray[np.float64]]) -> float:
         """Root mean square of what a shape leaves of the last cross-section, over its height."""
         row = self.rows[-1]
-        found, _ = curve_fit(shape, self.row_mm, row, p0=(row.max(), self.contact_mm[2.0][-1]))
         lit = np.abs(self.row_mm) < 2 * self.contact_mm[2.0][-1]
-        return float(np.sqrt(np.mean((row - shape(self.row_mm, *found))[lit] ** 2)) / row.max())
+        return float(np.sqrt(np.mean((row - shape(self.row_mm, *self.best(shape)))[lit] ** 2)) / row.max())
 
 
 def gaussian(x: NDArray[np.float64], peak: float, width: float) -> NDArray[np.float64]:
@@ -176,28 +185,100 @@ def glow(contact_mm: float, force_n: float, answer: Calibration) -> NDArray[np.f
     return render(field, SENSOR, answer)
 
 
-def draw(result: Result, path: Path) -> None:
-    """Cross-sections, and sums over the force of the three tips."""
-    from matplotlib.figure import Figure
+def row_values(result: Result) -> dict[str, float]:
+    """Numbers of figure 5.2."""
+    row, x = result.rows[-1], result.row_mm
+    above = np.abs(x[row > row.max() / 2])
+    return {
+        "what a Gaussian leaves of the cross-section at 2 N, over its height": 100 * result.misfit(gaussian),
+        "what Hertz's half-ellipse leaves of it": 100 * result.misfit(half_ellipse),
+        "where the cross-section's centroid lies from the middle": 1000 * abs(float((x * row).sum() / row.sum())),
+        "width at half height at 2 N": 2 * float(above.max()),
+    }
 
-    from tsis.plots import grey_sums
-    from tsis.plots.hardness_figures import contact_rows
 
-    figure = Figure(figsize=(13.0, 4.2), layout="constrained")
-    across, small, wide = figure.subplots(1, 3)
-    contact_rows(result.row_mm, result.rows, FORCES_N, across).set(xlim=(-2.5, 2.5))
-    across.set_title("2 mm tip (figure 5.2)", fontsize=10)
-    for sums, name, marker in zip(result.sums[2.0], ("loading", "unloading"), "ox", strict=True):
-        grey_sums(FORCES_N, sums, small, label=name, marker=marker)
-    small.set_title(f"2 mm tip (figure 5.3): residual {result.residual(2.0):.2%}", fontsize=10)
+def line_values(result: Result) -> dict[str, float]:
+    """Numbers of figure 5.3."""
+    tip = TIPS_MM[0]
+    line = result.line(tip)
+    return {
+        "slope, in millions of grey levels": line.slope_per_n / 1e6,
+        "intercept, in millions of grey levels": line.intercept / 1e6,
+        "intercept over slope": line.intercept / line.slope_per_n,
+        "exponent of the sum over the force": line.exponent,
+        "largest departure from the line, over the largest sum": 100 * result.residual(tip),
+        "largest difference of loading and unloading, over the largest sum": 100 * result.hysteresis(tip),
+    }
+
+
+def tip_values(result: Result) -> dict[str, float]:
+    """Numbers of figure 5.4."""
+    return {
+        "lines of 14 and 10 mm at 0.8 N, difference without its sign": 100 * abs(result.difference()),
+        "the same without noise and drift": 100 * abs(result.expected_difference()),
+        **{f"slope of the {tip:g} mm tip, in millions": result.line(tip).slope_per_n / 1e6 for tip in TIPS_MM[1:]},
+    }
+
+
+def draw_rows(result: Result, figure: Figure) -> None:
+    """Figure 5.2, and what the last of its curves is."""
+    rows, last = figure.subplots(1, 2)
+    drawn = slice(3, None, 4)
+    contact_rows(result.row_mm, result.rows[drawn], FORCES_N[drawn], rows)
+    rows.set(xlim=(-2.5, 2.5), ylim=(-8.0, 1.5 * result.rows.max()))
+    rows.legend(loc="upper center", ncols=3, frameon=False, fontsize=9)
+    last.plot(result.row_mm, result.rows[-1], color="0.6", label=f"{FORCES_N[-1]:g} N")
+    for shape, name, style in ((gaussian, "Gaussian, as the source says", "--"), (half_ellipse, "Hertz", "-")):
+        curve = shape(result.row_mm, *result.best(shape))
+        colour = "#d55e00" if shape is gaussian else "#0072b2"
+        last.plot(result.row_mm, curve, style, color=colour, label=f"{name}: {result.misfit(shape):.1%} off")
+    last.set(xlabel="x / mm", ylabel="grey level", xlim=(-2.5, 2.5), ylim=(-8.0, 1.5 * result.rows.max()))
+    last.legend(loc="upper center", frameon=False, fontsize=9)
+
+
+def draw_line(result: Result, figure: Figure) -> None:
+    """Figure 5.3, and what its line leaves; the printed line is scaled to the slope found here."""
+    sums, left = figure.subplots(1, 2)
+    line = result.line(TIPS_MM[0])
+    for one, name, marker in zip(result.sums[TIPS_MM[0]], ("loading", "unloading"), "ox", strict=True):
+        grey_sums(FORCES_N, one, sums, label=name, marker=marker)
+        departure = one - line.intercept - line.slope_per_n * FORCES_N
+        left.plot(FORCES_N, 100 * departure / result.sums[TIPS_MM[0]].max(), marker, label=name)
+    ends = np.array([0.0, FORCES_N[-1]])
+    printed = (PRINTED_INTERCEPT + PRINTED_SLOPE * ends) * line.slope_per_n / PRINTED_SLOPE
+    sums.plot(ends, printed / 1e6, "k--", linewidth=1, label="printed, scaled to this slope")
+    sums.legend(loc="upper left", frameon=False)
+    left.axhline(0.0, color="0.4", linewidth=0.8)
+    left.set(xlabel="force / N", ylabel="departure from the line / % of the largest sum", ylim=(-0.6, 0.6))
+    left.legend(frameon=False)
+
+
+def draw_tips(result: Result, figure: Figure) -> None:
+    """Figure 5.4, and how far the lines lie apart."""
+    sums, apart = figure.subplots(1, 2)
     for tip, marker in zip(TIPS_MM[1:], "s^", strict=True):
-        grey_sums(FORCES_N, result.sums[tip][0], wide, label=f"{tip:g} mm tip", marker=marker)
-    wide.set_title(
-        f"figure 5.4: {result.difference():+.2%} at {COMPARED_N:g} N, printed {PRINTED_DIFFERENCE:.2%}", fontsize=10
-    )
-    small.legend()
-    wide.legend()
-    figure.savefig(path, dpi=110)
+        grey_sums(FORCES_N, result.sums[tip][0], sums, label=f"{tip:g} mm tip", marker=marker)
+    sums.legend(loc="upper left", frameon=False)
+    ten, fourteen = (result.line(tip).intercept + result.line(tip).slope_per_n * FORCES_N for tip in TIPS_MM[1:])
+    apart.plot(FORCES_N, 100 * (fourteen / ten - 1), color="#0072b2", label="14 mm over 10 mm, lines")
+    exact = 100 * (result.expected[14.0] / result.expected[10.0] - 1)
+    apart.plot(FORCES_N, exact, ":", color="#009e73", label="without noise and drift")
+    both = 100 * PRINTED_DIFFERENCE * np.array([1.0, -1.0])
+    apart.plot([COMPARED_N] * 2, both, "o", color="#d55e00", mfc="none", label="printed, without a sign")
+    apart.set(xlabel="force / N", ylabel="difference of the tips / %", ylim=(-4.0, 5.5))
+    apart.legend(loc="upper right", frameon=False, fontsize=9)
+
+
+def short(rng: np.random.Generator) -> Result:
+    """The same on a coarse mesh, which moves the contact of the small tip by up to 3 %."""
+    return run(rng, resolution=COARSE)
+
+
+SHOWN = (
+    Shown(name="figure-5-2", run=run, values=row_values, draw=draw_rows, short=short),
+    Shown(name="figure-5-3", run=run, values=line_values, draw=draw_line, short=short),
+    Shown(name="figure-5-4", run=run, values=tip_values, draw=draw_tips, short=short),
+)
 
 
 def report(result: Result) -> None:
@@ -221,16 +302,13 @@ def report(result: Result) -> None:
 
 
 def main() -> None:
-    """Print the numbers, and draw them where asked."""
+    """Print the numbers."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--figure", type=Path, help="picture to write, e.g. force_line.png")
     parser.add_argument("--seed", type=int, default=52)
     arguments = parser.parse_args()
     result = run(np.random.default_rng(arguments.seed))
     report(result)
     print("Research use only")
-    if arguments.figure is not None:
-        draw(result, arguments.figure)
 
 
 if __name__ == "__main__":

@@ -21,12 +21,13 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from benchmarks.hardness import FORCES_N, NEIGHBOURS, PRINTED
 from benchmarks.hardness_bank import SolvedSphere
+from benchmarks.hertzian_presses import by_table
+from studies.shown import Shown
 
 import tsis
 from tsis.hardness import PrintedHardness, estimate, printed_estimate
@@ -37,6 +38,7 @@ from tsis.virtual import DirectContactRig
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
+    from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
     from tsis import Estimate, PressField, TactileImage
@@ -45,6 +47,8 @@ if TYPE_CHECKING:
 
 PROBE = tsis.load_probe("tsis-direct")
 SPHERES = {name: load_sphere(name) for name in PRINTED}
+STIFF = next(iter(SPHERES))
+LABELS = ("CL2000X", "CL2003X")
 RIGS = 12
 RADIUS_SD_MM = 0.03
 DEPTHS_MM = np.geomspace(0.002, 0.5, 9)  # of a grey level; a pixel is 0.034 mm wide, the sphere 6 mm
@@ -150,6 +154,11 @@ def run(
     )
 
 
+def run_short(rng: np.random.Generator) -> Result:
+    """Two rigs whose contact radii are the estimator's own, and the faster of two methods of matching."""
+    return run(rng, rigs=2, solve_of=lambda _: by_table, method="cpd")
+
+
 def moduli(
     pairs: Sequence[tuple[TactileImage, ...]], plain: Sequence[PrintedHardness], method: str
 ) -> dict[str, NDArray[np.float64]]:
@@ -175,40 +184,60 @@ def solved(sphere: SoftSphere) -> SolvedSphere:
     )
 
 
-def draw(result: Result, path: Path) -> None:
-    """Control points before and after matching, readings of both ways, and what the depth of a grey level does."""
-    from matplotlib.figure import Figure
-
-    from tsis.plots.hardness_figures import modulus_readings, strain_over_depth
+def draw_matching(result: Result, figure: Figure) -> None:
+    """Figure 5.22: control points before and after matching."""
     from tsis.plots.matching import point_sets
 
-    figure = Figure(figsize=(14.0, 9.0), layout="constrained")
     example = result.example
     for place, (source, title) in enumerate(((example.before, "before"), (example.registration.moved, "after")), 1):
-        ax = figure.add_subplot(2, 3, place, projection="3d")
+        ax = figure.add_subplot(1, 2, place, projection="3d")
         point_sets(source, example.after, ax, source_label="0.7 N", target_label="1.2 N")
         sides = np.ptp([ax.get_xlim3d(), ax.get_ylim3d(), ax.get_zlim3d()], axis=1)
         ax.set_box_aspect(tuple(sides), zoom=0.85)
         ax.set(xlabel="x / mm", ylabel="y / mm", zlabel="")  # depth is light: its unit is a choice
         ax.locator_params(axis="z", nbins=3)
-        ax.set_title(f"control points {title} matching (figure 5.22)", fontsize=10)
-    scan = figure.add_subplot(2, 3, 3)
-    for name, answers in result.over_depth.items():
-        strain_over_depth(DEPTHS_MM, answers, scan, truth_kpa=SPHERES[name].young_kpa, label=name)
-    scan.set_title("the depth of a grey level, first rig", fontsize=10)
+        ax.set_title(f"{title} matching", fontsize=10)
+
+
+def draw_moduli(result: Result, figure: Figure) -> None:
+    """Figure 5.23: readings of both ways, one a rig."""
+    from tsis.plots.hardness_figures import modulus_readings
+
     columns = {
-        "as printed (figure 5.23)": {name: result.printed[name]["second"] for name in SPHERES},
-        "as printed, one factor from the other sphere": {
+        "as printed": {name: result.printed[name]["second"] for name in SPHERES},
+        "as printed, one factor\nfrom the other sphere": {
             name: result.calibrated(_other(name), name, "second") for name in SPHERES
         },
         "contact mechanics": {name: result.contact_kpa(name) for name in SPHERES},
     }
-    for place, (title, readings) in enumerate(columns.items(), 4):
-        ax = figure.add_subplot(2, 3, place)
+    for ax, (title, readings) in zip(figure.subplots(1, 3), columns.items(), strict=True):
         for series, (name, sphere) in enumerate(SPHERES.items()):
             modulus_readings(readings[name], ax, truth_kpa=sphere.young_kpa, label=name, series=series)
         ax.set_title(title, fontsize=10)
-    figure.savefig(path, dpi=100)
+
+
+def matching_values(result: Result) -> dict[str, float]:
+    """Numbers of figure 5.22."""
+    example = result.example
+    found = {"control points of either image": float(min(len(example.before), len(example.after)))}
+    if len(result.contact[STIFF]) == RIGS:
+        found["mean strain, CL2000X"], found["mean strain, CL2003X"] = (
+            float(result.strain[name].mean()) for name in SPHERES
+        )
+    return found
+
+
+def modulus_values(result: Result) -> dict[str, float]:
+    """Numbers of figure 5.23, errors in per cent; of few rigs, only what does not depend on how many there are."""
+    held = sum(result.held(name) for name in SPHERES) / sum(len(result.contact[name]) for name in SPHERES)
+    found = {"90 % intervals of contact mechanics that hold the modulus": 100 * held}
+    if len(result.contact[STIFF]) == RIGS:
+        for name, label in zip(SPHERES, LABELS, strict=True):
+            found[f"mean error as printed, {label}"] = 100 * result.printed_error(name, "second")
+            factor = result.calibrated_error(_other(name), name, "second")
+            found[f"mean error as printed, one factor from the other sphere, {label}"] = 100 * factor
+            found[f"mean error of contact mechanics, {label}"] = 100 * result.contact_error(name)
+    return found
 
 
 def _other(name: str) -> str:
@@ -242,18 +271,24 @@ def report(result: Result) -> None:
         print(f"  printed error {PRINTED[name]:.2%}")
 
 
+SHOWN = tuple(
+    Shown(name=name, run=run, values=values, draw=draw, short=run_short)
+    for name, values, draw in (
+        ("figure-5-22", matching_values, draw_matching),
+        ("figure-5-23", modulus_values, draw_moduli),
+    )
+)
+
+
 def main() -> None:
-    """Print the numbers, and draw them where asked."""
+    """Print the numbers."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--figure", type=Path, help="picture to write, e.g. hardness_printed.png")
     parser.add_argument("--rigs", type=int, default=RIGS)
     parser.add_argument("--seed", type=int, default=54)
     arguments = parser.parse_args()
     result = run(np.random.default_rng(arguments.seed), rigs=arguments.rigs)
     report(result)
     print("Research use only")
-    if arguments.figure is not None:
-        draw(result, arguments.figure)
 
 
 if __name__ == "__main__":

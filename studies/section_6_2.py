@@ -12,18 +12,17 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-from rich.progress import track
 
 import tsis
+from tsis.cli.console_output import progress_bar
 from tsis.inclusion import RelativeReading, Repeats, ratios, relative_depth, relative_hardness, relative_size
 from tsis.virtual import VirtualProbe
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from tsis import Calibration, TactileImage
 
@@ -93,12 +92,24 @@ FIGURES = {
 }
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Result:
-    """Readings of each figure against each kind of reference, one `Repeats` a phantom."""
+    """What the presses showed.
+
+    Attributes
+    ----------
+    probe
+        What pressed.
+    readings
+        Of each figure against each kind of reference, one `Repeats` a phantom.
+    frames
+        The first strong press of each phantom, figures 6.4, 6.10 and 6.14; under ``"plain"`` the mean of all on plain
+        tissue.
+    """
 
     probe: str
     readings: Mapping[str, Mapping[str, tuple[Repeats, ...]]]
+    frames: Mapping[str, TactileImage]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -143,10 +154,18 @@ def without_errors(virtual: VirtualProbe, rng: np.random.Generator) -> VirtualPr
     return VirtualProbe(virtual.probe, rng=rng, sensor=quiet, calibration=steady)
 
 
-def run(rng: np.random.Generator, *, presses: int = PRESSES, probe: str = "tsis-2011", ideal: bool = False) -> Result:
+def run(
+    rng: np.random.Generator,
+    *,
+    presses: int = PRESSES,
+    probe: str = "tsis-2011",
+    ideal: bool = False,
+    progress: Callable[[int, int], None] | None = None,
+) -> Result:
     """Press every phantom; each press misses its force and has stray light, pattern and noise of its own.
 
-    ``ideal`` leaves all of that out, so that one press is as good as many.
+    ``ideal`` leaves all of that out, so that one press is as good as many; ``progress`` is called with (phantoms
+    pressed, in all).
     """
     virtual = VirtualProbe(tsis.load_probe(probe), rng=rng)
     virtual = without_errors(virtual, rng) if ideal else virtual
@@ -166,16 +185,22 @@ def run(rng: np.random.Generator, *, presses: int = PRESSES, probe: str = "tsis-
         for name, figure in FIGURES.items()
         for phantom, truth in zip(figure.phantoms, figure.truth, strict=True)
     ]
-    for name, phantom, label in track(targets, description="pressing phantoms", transient=True):
+    plain = references["plain tissue"][1]
+    frames = {"plain": replace(plain[0], grey=np.mean([frame.grey for frame in plain], axis=0))}
+    for done, (name, phantom, label) in enumerate(targets, start=1):
         weak = pressed(phantom, WEAK_N) if name == "hardness" else []
         strong = pressed(phantom, STRONG_N)
+        frames[phantom] = strong[0]
         for kind, (weak_reference, strong_reference) in references.items():
             site = Site(weak=weak, strong=strong, weak_reference=weak_reference, strong_reference=strong_reference)
             readings = site.readings(name, kind, virtual.calibration)
             found[name][kind].append(Repeats(label=label, readings=tuple(readings)))
+        if progress is not None:
+            progress(done, len(targets))
     return Result(
         probe=probe,
         readings={name: {kind: tuple(rows) for kind, rows in kinds.items()} for name, kinds in found.items()},
+        frames=frames,
     )
 
 
@@ -215,45 +240,19 @@ def lines(result: Result) -> list[str]:
     return [*out, "Research use only"]
 
 
-def draw(result: Result, path: Path) -> None:
-    """The three charts, a row for each kind of reference."""
-    from matplotlib.figure import Figure as Sheet
-
-    from tsis.plots import repeated_readings
-
-    sheet = Sheet(figsize=(11.0, 6.4), layout="constrained")
-    for row, kind in zip(sheet.subplots(2, 3), AGAINST, strict=True):
-        for ax, (name, figure) in zip(row, FIGURES.items(), strict=True):
-            repeated_readings(
-                result.readings[name][kind],
-                ax,
-                printed_mean=figure.printed_mean,
-                printed_sd=figure.printed_sd,
-            )
-            if name == "hardness":  # the printed values and those here lie orders of magnitude apart
-                ax.set_yscale("log")
-                ax.autoscale(axis="y")
-            ax.set_title(f"figure {figure.number}, against {kind}", fontsize=10)
-            ax.legend(fontsize=8)
-    sheet.supxlabel("Research use only", fontsize=8)
-    sheet.savefig(path, dpi=120)
-
-
 def main() -> None:
-    """Print the readings, and draw them where asked."""
+    """Print the readings."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--probe", default="tsis-2011", help="tsis-2011 (flat, the source's) or tsis-domed")
     parser.add_argument("--presses", type=int, default=PRESSES, help="presses of each target")
     parser.add_argument("--ideal", action="store_true", help="one press of each target, without any error")
     parser.add_argument("--seed", type=int, default=1)
-    parser.add_argument("--figure", type=Path, help="picture to write, e.g. relative.png")
     arguments = parser.parse_args()
     presses = 1 if arguments.ideal else arguments.presses
     rng = np.random.default_rng(arguments.seed)
-    result = run(rng, presses=presses, probe=arguments.probe, ideal=arguments.ideal)
+    with progress_bar("pressing phantoms") as progress:
+        result = run(rng, presses=presses, probe=arguments.probe, ideal=arguments.ideal, progress=progress)
     print("\n".join(lines(result)))
-    if arguments.figure is not None:
-        draw(result, arguments.figure)
 
 
 if __name__ == "__main__":

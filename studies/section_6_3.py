@@ -19,7 +19,6 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,7 +41,7 @@ from tsis.mechanics import Box, build_surrogate
 from tsis.virtual import VirtualProbe
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from numpy.typing import NDArray
 
@@ -56,6 +55,7 @@ BOX_MIDDLE = np.array([BOX.diameter_mm, BOX.depth_mm, BOX.young_kpa]).mean(axis=
 UNITS = ("mm", "mm", "kPa")
 METHODS = {"scg": "scaled conjugate gradients", "lm": "Levenberg-Marquardt"}
 SIMULATED = {"face_displacement_mm": "displacement", "pressure_kpa": "pressure"}
+ROUTES = tuple((field, method) for field in SIMULATED for method in METHODS)  # the source's first
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -83,6 +83,10 @@ class Result:
     ----------
     truth
         The nine inclusions of table 6.2, shape (9, 3).
+    inclusions, outputs
+        The random inclusions, shape (134, 3), and what is simulated of them by field, shape (134, 3), figure 6.18.
+    measured, known
+        Outputs of the nine off frames, shape (9, 3), and simulated ones by field, shape (9, 3), figure 6.19.
     estimates
         By (simulated field, method): shape (trials, 9, 3).
     without_frames
@@ -94,6 +98,10 @@ class Result:
     """
 
     truth: NDArray[np.float64]
+    inclusions: NDArray[np.float64]
+    outputs: dict[str, NDArray[np.float64]]
+    measured: NDArray[np.float64]
+    known: dict[str, NDArray[np.float64]]
     estimates: dict[tuple[str, str], NDArray[np.float64]]
     without_frames: dict[tuple[str, str], NDArray[np.float64]]
     r_squared: dict[str, NDArray[np.float64]]
@@ -104,12 +112,14 @@ def run(
     rng: np.random.Generator,
     *,
     trials: int = TRIALS,
+    routes: Sequence[tuple[str, str]] = ROUTES,
     light: LightMap | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> Result:
     """Press the nine phantoms, simulate, map, train, estimate; ``progress`` is called with (networks, in all).
 
-    The probe is lit by its own lamps, or by ``light``.
+    Networks are trained for each of ``routes``: (simulated field, method). The probe is lit by its own lamps, or by
+    ``light``.
     """
     probe = tsis.load_probe("tsis-2011")
     surrogate = build_surrogate(probe, BOX, force_n=FORCE_N)
@@ -121,7 +131,9 @@ def run(
     frames = [virtual.press(phantom, force_n=FORCE_N) for phantom in phantoms]
     repeats = [virtual.press(phantoms[1], force_n=FORCE_N) for _ in range(REPEATS)]
     plain = virtual.press(tsis.load_phantom("plain"), force_n=FORCE_N)
-    reading, field = change_reading(), "face_displacement_mm"
+    reading = change_reading()
+    outputs = {field: simulated_outputs(surrogate, inclusions, reading, field=field) for field in SIMULATED}
+    known = {field: simulated_outputs(surrogate, truth, reading, field=field) for field in SIMULATED}
 
     def printed(shown: list[TactileImage]) -> NDArray[np.float64]:
         return printed_frame_outputs(shown, threshold_grey=float(plain.grey.mean()) / 2)
@@ -130,32 +142,33 @@ def run(
         return frame_outputs(shown, plain, reading, calibration=virtual.calibration)
 
     measured = change(frames)
-    as_printed = simulated_outputs(surrogate, inclusions, printed_reading(probe), field=field)
+    as_printed = simulated_outputs(surrogate, inclusions, printed_reading(probe))
     readings = {
         "as printed": _readings(as_printed, printed(frames), printed(repeats)),
-        "change": _readings(simulated_outputs(surrogate, inclusions, reading, field=field), measured, change(repeats)),
+        "change": _readings(outputs["face_displacement_mm"], measured, change(repeats)),
     }
-    estimates, without_frames, r_squared, done = {}, {}, {}, 0
-    total = len(SIMULATED) * len(METHODS) * trials
-    for field in SIMULATED:
-        known = simulated_outputs(surrogate, truth, reading, field=field)
-        outputs = simulated_outputs(surrogate, inclusions, reading, field=field)
-        r_squared[field] = fit_mapping(measured, known).r_squared
-        unknown = np.concatenate([mapped_without_itself(measured, known), known])
-        for method in METHODS:
-            found = estimate_by_networks(
-                outputs,
-                inclusions,
-                unknown,
-                rng=rng,
-                trials=trials,
-                method=method,
-                progress=None if progress is None else _later(progress, done, total),
-            )
-            estimates[field, method], without_frames[field, method] = np.split(found, 2, axis=1)
-            done += trials
+    estimates, without_frames = {}, {}
+    for number, (field, method) in enumerate(routes):
+        found = estimate_by_networks(
+            outputs[field],
+            inclusions,
+            np.concatenate([mapped_without_itself(measured, known[field]), known[field]]),
+            rng=rng,
+            trials=trials,
+            method=method,
+            progress=None if progress is None else _later(progress, number * trials, len(routes) * trials),
+        )
+        estimates[field, method], without_frames[field, method] = np.split(found, 2, axis=1)
     return Result(
-        truth=truth, estimates=estimates, without_frames=without_frames, r_squared=r_squared, readings=readings
+        truth=truth,
+        inclusions=inclusions,
+        outputs=outputs,
+        measured=measured,
+        known=known,
+        estimates=estimates,
+        without_frames=without_frames,
+        r_squared={field: fit_mapping(measured, known[field]).r_squared for field in SIMULATED},
+        readings=readings,
     )
 
 
@@ -174,36 +187,6 @@ def name_of(route: tuple[str, str]) -> str:
     """A route in words."""
     field, method = route
     return f"{METHODS[method]} on {SIMULATED[field]}"
-
-
-def draw(result: Result, path: Path) -> None:
-    """Figure 6.22, one row for each simulated field, beside the printed levels and the mean of the other eight."""
-    from matplotlib.figure import Figure
-
-    from tsis.plots import trial_errors
-
-    figure = Figure(figsize=(11.0, 7.0), layout="constrained")
-    table = figure.subplots(len(SIMULATED), len(PARAMETERS), sharex=True)
-    levels = {
-        "table 6.1, printed": PRINTED_RMSE,
-        "table 6.1 from table 6.2's list": rmse(PRINTED, result.truth),
-        "mean of the other eight": rmse(without_itself(result.truth), result.truth),
-    }
-    for row, field in zip(table, SIMULATED, strict=True):
-        for column, (name, unit) in enumerate(zip(("size d", "depth h", "modulus E"), UNITS, strict=True)):
-            trial_errors(
-                {label: rmse(result.estimates[field, key], result.truth)[:, column] for key, label in METHODS.items()},
-                row[column],
-                levels={label: float(level[column]) for label, level in levels.items()},
-                error_label=f"RMSE of {name} / {unit}",
-                top=1.6 * max(float(level[column]) for level in levels.values()),
-            )
-        row[1].set_title(f"simulated: {SIMULATED[field]}")
-    for axis in table[0]:
-        axis.set_xlabel("")
-    figure.legend(*table[0, 0].get_legend_handles_labels(), loc="outside upper center", ncols=3)
-    figure.supxlabel("Research use only", fontsize=8)
-    figure.savefig(path, dpi=150)
 
 
 def table_6_1(result: Result) -> dict[str, NDArray[np.float64]]:
@@ -292,20 +275,17 @@ def spread(results: list[Result]) -> str:
 
 
 def main() -> None:
-    """Print the tables, and draw the figure where asked."""
+    """Print the tables."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--trials", type=int, default=TRIALS)
     parser.add_argument("--benches", type=int, default=1, help="probes, frames and simulations of seeds from --seed on")
-    parser.add_argument("--figure", type=Path, help="picture of the first bench to write, e.g. trials.png")
     arguments = parser.parse_args()
     results = []
     for seed in range(arguments.seed, arguments.seed + arguments.benches):
         with progress_bar(f"training, seed {seed}") as progress:
             results.append(run(np.random.default_rng(seed), trials=arguments.trials, progress=progress))
     print(report(results[0]) if len(results) == 1 else spread(results))
-    if arguments.figure is not None:
-        draw(results[0], arguments.figure)
 
 
 if __name__ == "__main__":

@@ -51,6 +51,8 @@ __all__ = [
 _ROOMS = frozenset(
     {
         "calibration",
+        "console",
+        "detection",
         "hardness",
         "imaging",
         "inclusion",
@@ -61,6 +63,7 @@ _ROOMS = frozenset(
         "plots",
         "records",
         "report",
+        "study",
         "virtual",
     }
 )

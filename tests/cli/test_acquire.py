@@ -352,7 +352,7 @@ def test_the_gauges_force_stands_beside_each_frame(
         assert port == "port"
         return SimulatedGauge(lambda time_s: 1.25, rng=np.random.default_rng(1), rate_per_s=200.0)
 
-    monkeypatch.setattr("tsis.cli.force_gauge.SerialGauge", gauge)
+    monkeypatch.setattr("tsis.instrument.gauge.connecting.SerialGauge", gauge)
     finished = run_tsis("acquire", *UNTOUCHED, "--gauge", "port", "--json")
     assert finished.code == 0, finished.err
     assert json.loads(finished.out)["force"]["force_n"] == pytest.approx(1.25, abs=0.01)

@@ -12,11 +12,8 @@ import numpy as np
 import pytest
 from tests.cli.kept_demo import FORCES, FRAMES, KNOWN
 from tests.records.importing.snapshot_folder import save
-from tests.records.sample import levels, sample_calibration, sample_estimate
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.cli.keeping import Destination, Keepable, keep
-from tsis.model import TactileImage
 from tsis.model.durable import Disk
 from tsis.model.errors import RecordsError
 from tsis.records import open_store, verify
@@ -101,28 +98,6 @@ def test_a_name_that_no_store_takes_is_refused_before_anything_is_computed(run: 
     assert "must have at most 200 characters, to be kept" in finished.err
     assert not (tmp_path / "records").exists()
     assert not (tmp_path / "tsis-examine").exists()
-
-
-def test_keeping_under_a_phantom_with_another_truth_says_so(tmp_path: Path) -> None:
-    with open_store(tmp_path / "records") as records:
-        records.add_target(number=7, truth={"diameter_mm": 3.0})
-    keepable = Keepable(
-        kind="inclusion",
-        estimate=sample_estimate(),
-        probe="tsis-2011",
-        known=sample_calibration(),
-        frames={"target": [TactileImage(grey=levels(0), force_n=1.0, mm_per_pixel=(0.1, 0.1))]},
-        truth={"diameter_mm": 10.0},
-    )
-    for number, notes in ((7, 1), (8, 0), (8, 0)):
-        kept = keep(Destination(folder=tmp_path / "records", kind="phantom", number=number), keepable)
-        assert kept["target"] == number
-        assert len(kept["notes"]) == notes
-    with open_store(tmp_path / "records") as records:
-        assert [(dict(each.target.truth), each.estimates) for each in records.targets()] == [
-            ({"diameter_mm": 3.0}, 1),
-            ({"diameter_mm": 10.0}, 2),
-        ]
 
 
 def test_colours_are_refused_before_anything_is_computed(run: RunTsis, tmp_path: Path) -> None:

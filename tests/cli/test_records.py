@@ -17,11 +17,11 @@ from tests.records.sample import WHEN, levels, sample_calibration, sample_dossie
 
 import tsis.hardness
 from tsis.calibration.file import identity
-from tsis.cli.records.forms import ENDINGS
 from tsis.model import Estimate, TactileImage
 from tsis.model.durable import Disk
 from tsis.records import open_store, verify
 from tsis.records.store import Store
+from tsis.report.forms import ENDINGS
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -132,7 +132,7 @@ def test_a_damaged_store_is_exit_code_1_with_what_is_wrong(run_tsis: RunTsis, re
     finished = run_tsis("records", "verify", *STORE)
     assert finished.code == 1
     assert frame.stem in finished.out.replace("\n", "")
-    assert "NOT as it was stored: 1 faults" in finished.out
+    assert "NOT as it was stored: 1 fault:" in finished.out
     told = json.loads(run_tsis("records", "verify", *STORE, "--json").out)
     assert told["sound"] is False
     assert len(told["faults"]) == 1

@@ -20,8 +20,8 @@ STORE = ("--store", "records")
 def test_several_forms_appear_together_or_not_at_all(
     run_tsis: RunTsis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from tsis.cli.records import forms
     from tsis.model.errors import MissingExtraError
+    from tsis.report import forms
 
     whole = forms.write_form
 

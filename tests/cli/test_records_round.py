@@ -19,10 +19,10 @@ from tests.hardness.stand_ins import by_table
 import tsis.hardness
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli.acquire.kept_snapshot import ROLES
-from tsis.cli.records.forms import ENDINGS
 from tsis.model import load_phantom
 from tsis.records import open_store, values, verify
 from tsis.records.export import read_bundle
+from tsis.report.forms import ENDINGS
 from tsis.virtual import DirectContactRig
 
 if TYPE_CHECKING:

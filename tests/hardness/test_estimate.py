@@ -181,7 +181,7 @@ def test_an_oval_contact_is_no_sphere() -> None:
     ("images", "options", "error", "words"),
     [
         ([], {}, InputError, "at least one TactileImage"),
-        ([3], {}, InputError, "each of images must be a TactileImage"),
+        ([3], {}, InputError, "images must hold TactileImage values; got int"),
         ([replace(IMAGES[0], force_n=None)], {}, InputError, "force_n must be known"),
         ([replace(IMAGES[0], mm_per_pixel=None)], {}, InputError, "mm_per_pixel is not known"),
         ([IMAGES[0], IMAGES[0]], {}, InputError, "given twice"),

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tsis.matching import METHODS, Registration, guess, register, registration
+from tsis.matching import METHODS, Registration, fit, guess, register, registration
 from tsis.matching.fit import UNMATCHED, Fit
 from tsis.matching.shapes import even_texture, tactile_surface
 from tsis.model.errors import InputError, UnknownNameError
@@ -142,7 +142,7 @@ def test_the_transform_goes_over_many_points_in_blocks(method: str, monkeypatch:
     found = register(task.source, task.target, method=method)
     points = np.random.default_rng(0).uniform(0.3, 0.9, (100, 2))
     whole = found.transform(points)
-    monkeypatch.setattr(registration, "BLOCK", 7)
+    monkeypatch.setattr(fit, "BLOCK", 7)
     np.testing.assert_allclose(found.transform(points), whole, atol=1e-12)
     with pytest.raises(InputError, match="points must have 2 coordinates each, as the source"):
         found.transform(SOLID)

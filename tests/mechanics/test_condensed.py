@@ -14,7 +14,7 @@ from tsis.mechanics import Resolution, bodies, mesh, slab
 from tsis.mechanics.bodies import face_of
 from tsis.mechanics.condensed import EMPTY, FIXED, Condensate, sweep
 from tsis.mechanics.element import stiffness
-from tsis.mechanics.small_strain import sphere
+from tsis.mechanics.on_axis import sphere
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

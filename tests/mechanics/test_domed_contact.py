@@ -15,8 +15,9 @@ import tsis
 from tsis import Inclusion, Layer, Phantom, Probe
 from tsis.mechanics import Resolution, closed_form, disc_contact, press
 from tsis.mechanics.bodies import face_of
+from tsis.mechanics.on_axis import block_radius_mm
 from tsis.mechanics.slab import Slab
-from tsis.mechanics.small_strain import PressKernel, block_radius_mm
+from tsis.mechanics.small_strain import PressKernel
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -115,6 +115,7 @@ def test_an_ellipsoid_of_equal_axes_is_the_sphere() -> None:
     )
 
 
+@pytest.mark.slow
 def test_an_ellipsoid_is_felt_along_its_long_axis() -> None:
     along_x = replace(LARGE, semi_axes_mm=(6.0, 3.0, 3.0))
     along_y = replace(LARGE, semi_axes_mm=(3.0, 6.0, 3.0))
@@ -127,6 +128,7 @@ def test_an_ellipsoid_is_felt_along_its_long_axis() -> None:
     assert np.abs(turned - change)[inner].max() < 0.02 * np.abs(change).max()  # another mesh
 
 
+@pytest.mark.slow
 def test_a_spheroid_is_that_of_the_axisymmetric_press() -> None:
     lens = replace(LARGE, depth_mm=5.0, semi_axes_mm=(6.0, 6.0, 3.0))
     expected = press(PROBE, replace(PLAIN, inclusion=lens), force_n=1.0)
@@ -161,6 +163,7 @@ def test_the_answer_is_linear_in_the_force() -> None:
     assert 2 * half.approach_mm == pytest.approx(whole.approach_mm)
 
 
+@pytest.mark.slow
 def test_housed_sides_agree_with_the_axisymmetric_press() -> None:
     housed = replace(PROBE, sides="bonded")
     expected = press(housed, replace(PLAIN, inclusion=LARGE), force_n=1.0)

@@ -128,6 +128,7 @@ def _middles(nodes: NDArray[np.float64]) -> NDArray[np.float64]:
     return (nodes[1:] + nodes[:-1]) / 2
 
 
+@pytest.mark.slow
 def test_the_march_finds_what_the_referee_finds_and_more_leaves_a_deeper_dent() -> None:
     tops, off = [], []
     for depth in (0.0, 2.0, 4.0, 6.0):
@@ -158,6 +159,7 @@ def test_powers_do_not_depend_on_where_the_grid_ends() -> None:
     assert here[0] < 0.8 * here[1] < 0.99 * long.powers.top.mean()
 
 
+@pytest.mark.slow
 def test_refining_the_grid_changes_less_and_less() -> None:
     dent = Dent(depth_um=0.4, tip_radius_um=4.0)
     found = [

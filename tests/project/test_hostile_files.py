@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
 ROOT = Path(__file__).parents[2]
 SOURCES = sorted((ROOT / "src").rglob("*.py"))
-OWN_PIPES = {"local_crew.py", "worker_process.py"}  # between a sweep and the workers that it started, never a file
+# between a program and the processes that it started, never a file
+OWN_PIPES = {"local_crew.py", "worker_process.py", "apart.py"}
 
 
 @pytest.fixture(scope="module")

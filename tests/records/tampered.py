@@ -54,7 +54,7 @@ def make_stores(folder: Path) -> Stores:
 def fill(store: Store, seed: int, *, targets: int = 1) -> None:
     """Add targets with presses and an estimate each, and change some of it."""
     for number in range(seed, seed + targets):
-        target = store.add_target(name=f"size {number}", truth={"diameter_mm": 8.0 + number})
+        target = store.add_target(name=f"size {number}", truth={"diameter_mm": 8.0 + 0.01 * number})
         known = replace(sample_calibration(), name=f"bench {number}")
         presses = []
         for at in range(4):

@@ -6,9 +6,11 @@ from contextlib import contextmanager
 from datetime import datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
+import pytest
 from tests.records.sample import WHEN, levels, sample_calibration, sample_dossier, sample_estimate
 
 from tsis.model import TactileImage
+from tsis.model.errors import InputError
 from tsis.records import StoredEstimate
 from tsis.records import store as store_module
 from tsis.records.database import Database
@@ -16,7 +18,6 @@ from tsis.records.database import Database
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    import pytest
     from tests.records.place import Place
 
     from tsis.records import Store, Target
@@ -86,3 +87,28 @@ def test_presses_are_counted_without_being_read(store: Store) -> None:
     target = store.take_in(given).target
     empty = store.add_target()
     assert (store.press_count(target), store.press_count(empty)) == (len(given.presses), 0)
+
+
+def test_a_press_is_found_by_its_identity_and_its_target(store: Store) -> None:
+    one, other = store.add_target(), store.add_target()
+    estimated(store, one, 1)
+    (press,) = store.presses(one)
+    assert store.press(one, press.id) == press
+    for target, identity in ((other, press.id), (one, press.id[:-1]), (one, ""), (one, "' OR ''='")):
+        with pytest.raises(InputError, match=f"press must be one of target {target.number}"):
+            store.press(target, identity)
+
+
+def test_the_number_of_entries_tells_every_change(place: Place) -> None:
+    with place.open() as store, place.open() as other:
+        seen = [store.entries()]
+        target = other.add_target()
+        seen.append(store.entries())
+        estimated(other, target, 1)
+        seen.append(store.entries())
+        other.edit_target(target, note="changed")
+        seen.append(store.entries())
+        assert seen == sorted(set(seen))
+        store.targets()
+        store.dossier(target)
+        assert store.entries() == seen[-1]

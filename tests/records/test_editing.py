@@ -7,7 +7,7 @@ from datetime import timedelta
 from typing import TYPE_CHECKING
 
 import pytest
-from tests.records.sample import WHEN, levels
+from tests.records.sample import WHEN, levels, sample_dossier
 
 from tsis.model import TactileImage
 from tsis.model.errors import InputError, StaleRecordError
@@ -56,4 +56,43 @@ def test_only_what_was_named_is_changed(store: Store) -> None:
         with pytest.raises(InputError, match="must change something; got nothing"):
             edit()
     assert store.target(1).version == 2
+    assert verify(store).sound
+
+
+@pytest.mark.parametrize(
+    "truth",
+    [
+        {"diameter_mm": -1.0},
+        {"depth_mm": 0.0},
+        {"young_kpa": 2e6},
+        {"diameter_mm": 10.0, "depth_mm": float("inf")},
+    ],
+)
+def test_no_target_is_entered_with_what_no_inclusion_has(store: Store, truth: dict[str, float]) -> None:
+    with pytest.raises(InputError, match=r"truth\['\w+'\] must lie in"):
+        store.add_target(truth=truth)
+    target = store.add_target(truth={"diameter_mm": 0.1, "offset_x_mm": -3.0})
+    with pytest.raises(InputError, match=r"truth\['\w+'\] must lie in"):
+        store.edit_target(target, truth=truth)
+    assert store.target(target.number) == target
+
+
+def test_names_are_one_line_and_notes_may_be_more(store: Store) -> None:
+    with pytest.raises(InputError, match="name must be one line"):
+        store.add_target(name="two\nlines")
+    target = store.add_target(name="one line", note="two\nlines")
+    with pytest.raises(InputError, match="name must be one line"):
+        store.edit_target(target, name="two\nlines")
+    assert store.edit_target(target, note="three\nof\nthem").name == "one line"
+
+
+def test_what_earlier_releases_accepted_stays_readable_and_can_be_mended(store: Store) -> None:
+    dossier = sample_dossier()
+    odd = replace(dossier.target, name="two\nlines", truth={"diameter_mm": -1.0})
+    store.take_in(replace(dossier, target=odd))
+    read = store.target(odd.number)
+    assert (read.name, dict(read.truth)) == ("two\nlines", {"diameter_mm": -1.0})
+    noted = store.edit_target(read, note="mend its truth")
+    mended = store.edit_target(noted, truth={"diameter_mm": 1.0}, name="one line")
+    assert (mended.note, mended.name) == ("mend its truth", "one line")
     assert verify(store).sound

@@ -21,9 +21,9 @@ pytestmark = [
 
 
 def test_nothing_acknowledged_is_lost(tmp_path: Path) -> None:
-    found = killed_cycles(tmp_path, 200, seed=200, every=20, disk=DISK)
+    found = killed_cycles(tmp_path, 100, seed=200, every=20, disk=DISK)
     assert (found.lost, found.torn, found.faults) == ([], [], [])
-    assert found.acknowledged > 200
+    assert found.acknowledged > 100
 
 
 @pytest.mark.slow

@@ -117,6 +117,7 @@ def estimates(draw: st.DrawFn) -> StoredEstimate:
         prior_sd={name: draw(spreads) for name in names},
         cramer_rao_sd={name: draw(st.just(math.inf) | spreads) for name in names if draw(st.booleans())},
         presence=draw(st.none() | st.floats(0, 1)),
+        log_bayes_factor=draw(st.none() | st.floats(-1e12, 1e12)),
         identifiability=draw(WORDS),
         prior=draw(WORDS),
         trusted=draw(st.booleans()),

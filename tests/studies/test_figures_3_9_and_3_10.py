@@ -2,14 +2,9 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
-from studies.figures_3_9_and_3_10 import Result, draw, run
-
-if TYPE_CHECKING:
-    from pathlib import Path
+from studies.figures_3_9_and_3_10 import Result, run
 
 
 @pytest.fixture(scope="module")
@@ -33,8 +28,3 @@ def test_curves_rise_with_the_force(result: Result) -> None:
     for curves in (result.depth_mm, result.contact_area_mm2, result.seen_area_mm2):
         for curve in curves.values():
             assert (np.diff(curve) > 0).all()
-
-
-def test_the_picture_is_written(result: Result, tmp_path: Path) -> None:
-    draw(result, tmp_path / "layers.png")
-    assert (tmp_path / "layers.png").read_bytes().startswith(b"\x89PNG")

@@ -2,20 +2,26 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
-from studies.force_line import FINE, PROBE, Result, contact_radii, draw, gaussian, half_ellipse, report, run
+from matplotlib.figure import Figure
+from studies.force_line import (
+    COARSE,
+    FINE,
+    PROBE,
+    SHOWN,
+    Result,
+    contact_radii,
+    gaussian,
+    half_ellipse,
+    report,
+    row_values,
+    run,
+)
 from studies.section_5_1 import FORCES_N, PRINTED_DIFFERENCE, TIPS_MM
 from studies.section_5_1_bench import SENSOR
 
 from tsis.mechanics import SphereResolution, indent
-
-if TYPE_CHECKING:
-    from pathlib import Path
-
-COARSE = SphereResolution(order=3, cells=6, rings=2, face_cells=6)
 
 
 @pytest.fixture(scope="module")
@@ -60,11 +66,22 @@ def test_small_and_large_strain_meet_at_light_presses(result: Result) -> None:
         assert result.contact_mm[2.0][place] == pytest.approx(other, rel=0.03)
 
 
-def test_the_picture_and_the_table_are_written(
-    result: Result, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    draw(result, tmp_path / "line.png")
-    assert (tmp_path / "line.png").read_bytes().startswith(b"\x89PNG")
+def test_the_width_is_that_of_a_half_ellipse(result: Result) -> None:
+    """Half of the height is reached at ``sqrt(3) / 2`` of the contact radius."""
+    expected = np.sqrt(3) * result.contact_mm[2.0][-1]
+    assert row_values(result)["width at half height at 2 N"] == pytest.approx(expected, abs=0.1)
+
+
+def test_the_figures_and_the_table_show_what_was_found(result: Result, capsys: pytest.CaptureFixture[str]) -> None:
+    figures = {shown.name: Figure() for shown in SHOWN}
+    for shown in SHOWN:
+        assert shown.draw is not None
+        shown.draw(result, figures[shown.name])
+    assert np.asarray(figures["figure-5-2"].axes[0].lines[-1].get_ydata()) == pytest.approx(result.rows[-1])
+    up = figures["figure-5-3"].axes[0].lines[0]
+    assert np.asarray(up.get_ydata()) == pytest.approx(result.sums[2.0][0] / 1e6)
+    apart = np.asarray(figures["figure-5-4"].axes[1].lines[0].get_ydata())
+    assert apart[7] == pytest.approx(100 * result.difference())
     report(result)
     assert "14 mm over 10 mm at 0.8 N" in capsys.readouterr().out
 

@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 from benchmarks.hardness import PRINTED
-from studies.hardness_printed import DEPTHS_MM, SPHERES, Result, draw, report, run
-from tests.hardness.stand_ins import by_table
-
-if TYPE_CHECKING:
-    from pathlib import Path
+from studies.hardness_printed import DEPTHS_MM, SPHERES, Result, report, run, run_short
 
 STIFF, SOFT = SPHERES
 
@@ -19,7 +13,7 @@ STIFF, SOFT = SPHERES
 @pytest.fixture(scope="module")
 def result() -> Result:
     """Two rigs with stand-ins of the mechanics, and the faster of two methods of matching."""
-    return run(rigs=2, solve_of=lambda _: by_table, method="cpd")
+    return run_short(np.random.default_rng(54))
 
 
 def test_the_spheres_are_the_sources() -> None:
@@ -73,11 +67,7 @@ def test_the_depth_of_a_grey_level_was_tried(result: Result) -> None:
     assert abs(np.log(found[nearest] / 103.0)) == pytest.approx(np.abs(np.log(found / 103.0)).min())
 
 
-def test_the_picture_and_the_table_are_written(
-    result: Result, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    draw(result, tmp_path / "hardness.png")
-    assert (tmp_path / "hardness.png").read_bytes().startswith(b"\x89PNG")
+def test_the_table_is_written(result: Result, capsys: pytest.CaptureFixture[str]) -> None:
     report(result)
     printed = capsys.readouterr().out
     assert "printed error 4.23%" in printed

@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 import pytest
 from studies.printed_6_3 import PRINTED, PRINTED_ERROR, PRINTED_RMSE, ROUNDING, relative_error, rmse, without_itself
-from studies.section_6_3 import Result, correlations, draw, report, run, spread, table_6_1
+from studies.section_6_3 import Result, correlations, report, run, spread, table_6_1
 
 from tsis.model import LightMap
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 SCG, LM = ("face_displacement_mm", "scg"), ("face_displacement_mm", "lm")
 
@@ -91,8 +86,3 @@ def test_the_same_seed_gives_the_same_estimates() -> None:
     first, second = (run(np.random.default_rng(1), trials=1) for _ in range(2))
     for key, estimates in first.estimates.items():
         np.testing.assert_array_equal(estimates, second.estimates[key])
-
-
-def test_the_picture_is_written(result: Result, tmp_path: Path) -> None:
-    draw(result, tmp_path / "trials.png")
-    assert (tmp_path / "trials.png").read_bytes().startswith(b"\x89PNG")

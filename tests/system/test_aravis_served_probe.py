@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from tests.system.aravis_peer import FOREIGN_CLIENT, LOOPBACK, loopback_camera_port, served_probe
 
-from tsis.cli.targets import chosen_phantom
 from tsis.instrument.sources.aravis import AravisCamera, found
 from tsis.model import load_probe
 from tsis.model.errors import CameraError
+from tsis.model.variants import chosen_phantom
 from tsis.virtual import VirtualProbe
 from tsis.virtual.camera import VirtualCamera
 from tsis.virtual.gige import GigEServer

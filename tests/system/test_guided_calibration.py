@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from tests.system.aravis_peer import LOOPBACK, fake_camera, loopback_camera_port
-from tests.system.test_serial_gauge import GaugeInTerminal
+from tests.system.gauge_peer import GaugeInTerminal
 
 from tsis.calibration.session import SessionFolder, plan
 

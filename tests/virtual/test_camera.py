@@ -1,17 +1,20 @@
 from __future__ import annotations
 
 import itertools
+import threading
 from itertools import islice
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
 
 import tsis
+from tsis.imaging.sensor import Sensor
 from tsis.instrument import Camera
 from tsis.instrument.acquisition import Acquisition
-from tsis.model import LightMap
-from tsis.model.errors import CameraError, InputError, UnknownNameError
+from tsis.model import LightMap, Phantom, SoftSphere
+from tsis.model.errors import CameraError, InputError, MechanicsError, UnknownNameError
 from tsis.virtual import VirtualCamera, VirtualProbe
 
 if TYPE_CHECKING:
@@ -122,3 +125,136 @@ def test_a_paced_camera_ends_when_it_is_stopped() -> None:
     with Acquisition(lambda: camera) as acquisition:
         assert acquisition.ring.wait(0, 10.0)
     assert acquisition.account().received == 1
+
+
+TISSUE = tsis.load_phantom("plain")
+BALL = SoftSphere(radius_mm=3.0, young_kpa=100.0, name="ball")
+LEVEL_PER_N = 20.0
+
+
+class FlatRig:
+    """Light as bright as the force, evenly; it refuses more than 3 N, and waits at the gate where there is one."""
+
+    def __init__(self) -> None:
+        self.sensor = Sensor(columns=10, rows=8, read_noise_grey=0.0, shot_noise_grey=0.0)
+        self.pressed: list[tuple[Any, float]] = []
+        self.gate: threading.Event | None = None
+        self.waits = threading.Event()
+
+    def light(self, lies: Any, /, *, force_n: float) -> NDArray[np.float64]:
+        if self.gate is not None:
+            self.waits.set()
+            assert self.gate.wait(10.0)
+        if force_n > 3.0:
+            raise MechanicsError("force_n must be at most 3 here; got more (ask for at most that)")
+        self.pressed.append((lies, force_n))
+        return np.full((8, 10), LEVEL_PER_N * force_n)
+
+
+def _flat(lies: Phantom | SoftSphere = TISSUE, **options: Any) -> SimpleNamespace:
+    rig = FlatRig()
+    camera = VirtualCamera(rig, lies, rng=np.random.default_rng(1), **options)
+    camera.open()
+    camera.start()
+    return SimpleNamespace(rig=rig, camera=camera, frames=camera.frames())
+
+
+def _told_and_shown(flat: SimpleNamespace) -> tuple[float, float]:
+    """The force that a frame carries, and that which its grey levels show."""
+    frame = next(flat.frames)
+    return frame.settings["force_n"], (float(frame.pixels.mean()) - flat.rig.sensor.background_grey) / LEVEL_PER_N
+
+
+def test_it_is_held_on_something_else_while_it_runs() -> None:
+    flat = _flat(force_n=1.0)
+    assert _told_and_shown(flat) == (1.0, 1.0)
+    flat.camera.hold_on(BALL, force_n=2.5)
+    frame = next(flat.frames)
+    assert frame.name == "virtual probe on ball#1"
+    assert frame.settings["force_n"] == 2.5
+    assert frame.pixels.mean() == flat.rig.sensor.background_grey + 50.0
+    assert [lies for lies, _ in flat.rig.pressed] == [TISSUE, BALL]
+    assert {setting.name: setting.value for setting in flat.camera.settings()}["force_n"] == 2.5
+
+
+def test_every_lift_is_another_press_and_other_settings_are_none() -> None:
+    flat = _flat()
+    next(flat.frames)
+    flat.camera.hold_on(TISSUE, force_n=1.0)
+    flat.camera.adjust("gain", 6.0)
+    flat.camera.adjust("force_n", 1.0)  # as it is held
+    next(flat.frames)
+    assert flat.rig.pressed == [(TISSUE, 1.0)] * 2
+
+
+@pytest.mark.parametrize("act", ["hold_on", "adjust"])
+def test_what_cannot_be_pressed_leaves_the_press_as_it_was(act: str) -> None:
+    flat = _flat()
+    next(flat.frames)
+    with pytest.raises(MechanicsError, match="at most 3"):
+        flat.camera.hold_on(BALL, force_n=4.0) if act == "hold_on" else flat.camera.adjust("force_n", 4.0)
+    for wrong in (5.5, float("nan")):
+        with pytest.raises(InputError, match="force_n must lie in"):
+            flat.camera.hold_on(BALL, force_n=wrong)
+    assert _told_and_shown(flat) == (1.0, 1.0)
+    assert flat.camera.name == "virtual probe on plain"
+
+
+def test_frames_go_on_as_they_were_while_a_press_is_solved() -> None:
+    flat = _flat(force_n=0.5)
+    next(flat.frames)
+    flat.rig.gate = threading.Event()
+    holding = threading.Thread(target=flat.camera.hold_on, args=(BALL,), kwargs={"force_n": 2.0})
+    holding.start()
+    assert flat.rig.waits.wait(10.0)
+    assert [_told_and_shown(flat) for _ in range(3)] == [(0.5, 0.5)] * 3
+    flat.rig.gate.set()
+    holding.join(10.0)
+    assert _told_and_shown(flat) == (2.0, 2.0)
+
+
+def test_no_frame_shows_one_press_under_the_force_of_another() -> None:
+    flat, over = _flat(force_n=0.0), threading.Event()
+
+    def press() -> None:
+        for step in range(2000):
+            flat.camera.hold_on(TISSUE, force_n=float(step % 4) / 2)
+        over.set()
+
+    pressing = threading.Thread(target=press)
+    pressing.start()
+    seen = {_told_and_shown(flat)}
+    while not over.is_set():
+        seen.add(_told_and_shown(flat))
+    pressing.join(10.0)
+    assert all(told == shown for told, shown in seen)
+
+
+def test_known_light_is_not_computed_again() -> None:
+    flat = _flat(light=np.full((8, 10), 33.0))
+    assert next(flat.frames).pixels.mean() == flat.rig.sensor.background_grey + 33.0
+    assert flat.rig.pressed == []
+    with pytest.raises(InputError, match=r"light must have the sensor's shape, \(8, 10\); got \(3, 3\)"):
+        _flat(light=np.zeros((3, 3)))
+
+
+def test_it_looks_at_a_sphere_through_the_rig_of_direct_contact() -> None:
+    from tests.hardness.stand_ins import by_table
+
+    rig = tsis.virtual.DirectContactRig(
+        tsis.load_probe("tsis-direct"),
+        rng=np.random.default_rng(1),
+        sensor=Sensor(columns=192, rows=128),
+        solve=by_table,
+    )
+    camera = VirtualCamera(rig, BALL, rng=np.random.default_rng(1), force_n=0.0)
+    camera.open()
+    camera.start()
+    stream = camera.frames()
+    dark = next(stream).pixels
+    camera.hold_on(BALL, force_n=0.7)
+    lit = next(stream).pixels
+    assert dark.max() < rig.sensor.background_grey + 6
+    rows, columns = np.nonzero(lit > 60)
+    assert abs(columns.mean() - 95.5) < 10  # near the axis, beside which it lies a little
+    assert abs(rows.mean() - 63.5) < 10

@@ -82,6 +82,27 @@ def test_errors_have_their_stated_sizes() -> None:
     assert 0.25 * 0.03 < np.std(radii) < 0.5 * 0.03  # the radius goes with about the third root of the force
 
 
+def test_light_is_what_a_frame_shows_before_noise() -> None:
+    light = rig_of(3).light(SPHERE, force_n=0.7)
+    frame = rig_of(3).press(SPHERE, force_n=0.7)
+    rounded_and_noisy = frame.grey - SMALL.background_grey - np.minimum(light, SMALL.full_scale - SMALL.background_grey)
+    assert abs(rounded_and_noisy.mean()) < 0.05
+    assert rounded_and_noisy.std() < 2.5
+    assert light.max() > 30
+
+
+def test_no_force_is_no_light_and_moves_no_errors() -> None:
+    untouched, other = rig_of(3), rig_of(3)
+    assert not untouched.light(SPHERE, force_n=0.0).any()
+    np.testing.assert_array_equal(untouched.light(SPHERE, force_n=0.5), other.light(SPHERE, force_n=0.5))
+
+
+@pytest.mark.parametrize("force_n", [-0.1, 5e-4, 21.0, float("nan")])
+def test_light_of_an_impossible_force_is_refused(force_n: float) -> None:
+    with pytest.raises(InputError, match="forces_n must"):
+        rig_of().light(SPHERE, force_n=force_n)
+
+
 def test_the_written_radius_belongs_to_the_sphere() -> None:
     rig = rig_of()
     first, again = (rig.press(SPHERE, force_n=force).settings["radius_mm"] for force in (0.5, 0.7))
@@ -130,6 +151,7 @@ def test_wrong_presses_are_refused(sphere: Any, forces: list[float], error: type
         rig_of().press_path(sphere, forces_n=forces)
 
 
+@pytest.mark.slow
 def test_a_force_that_flattens_the_sphere_is_refused() -> None:
     coarse = SphereResolution(order=3, cells=4, rings=2, face_cells=4)
     rig = DirectContactRig(PROBE, rng=np.random.default_rng(1), resolution=coarse)

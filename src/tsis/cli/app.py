@@ -13,15 +13,18 @@ from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.cli import INTERRUPTED
 from tsis.cli.acquire import acquire
 from tsis.cli.calibrate import app as calibrate
+from tsis.cli.console import console
 from tsis.cli.demo import demo
 from tsis.cli.design import design
 from tsis.cli.examine import examine
 from tsis.cli.hardness import hardness
+from tsis.cli.login import app as login
 from tsis.cli.match import app as match
 from tsis.cli.optics import app as optics
 from tsis.cli.records import app as records
 from tsis.cli.serve import serve
 from tsis.cli.simulate import simulate
+from tsis.cli.study import app as study
 from tsis.cli.sweep import app as sweep
 from tsis.model.errors import TsisError
 
@@ -35,6 +38,7 @@ app = typer.Typer(
     context_settings={"help_option_names": ["-h", "--help"]},
 )
 app.command(epilog="Example: tsis demo --phantom size-8 --seed 3 --out first-press")(demo)
+app.command(epilog="Example: tsis console --phantom size-8")(console)
 app.command(epilog="Example: tsis acquire --camera aravis: --target 3 --set exposure_ms=10")(acquire)
 app.command(epilog="Example: tsis examine press.png --reference untouched.png --scale-mm 0.051 --invert")(examine)
 app.command(epilog="Example: tsis simulate --phantom depth-8 --force-n 0.7 --json")(simulate)
@@ -42,9 +46,11 @@ app.command(epilog="Example: tsis design --probe tsis-domed --compare dome --com
 app.command(epilog="Example: tsis hardness --demo --out first-touch")(hardness)
 app.command(epilog="Example: tsis serve --phantom size-8 --force-n 0.7")(serve)
 app.add_typer(calibrate)
+app.add_typer(login)
 app.add_typer(match)
 app.add_typer(optics)
 app.add_typer(records)
+app.add_typer(study)
 app.add_typer(sweep)
 
 

@@ -15,7 +15,7 @@ from tsis.report import free_folder, write_folder
 from tsis.report.document import json_bytes
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping
+    from collections.abc import Callable, Iterable, Iterator, Mapping
     from pathlib import Path
     from typing import Any
 
@@ -32,6 +32,7 @@ def people() -> Console:
 def print_json(document: Mapping[str, Any]) -> None:
     """Write a result to standard output, and nothing else there."""
     sys.stdout.write(json_bytes(document).decode())
+    sys.stdout.flush()
 
 
 def print_notice(console: Console) -> None:
@@ -66,12 +67,18 @@ def print_outcome(outcome: Outcome, folder: Path, *, as_json: bool) -> None:
     if as_json:
         print_json({**outcome.document, "folder": str(folder)})
         return
+    print_found(outcome.tables, outcome.notes, where=f"Page: {folder / 'index.html'}")
+
+
+def print_found(tables: Iterable[Table], notes: Iterable[str], *, where: str = "") -> None:
+    """Print tables, notes and where the files are, if any, for people."""
     console = people()
-    for table in outcome.tables:
+    for table in tables:
         console.print(table)
-    for note in outcome.notes:
+    for note in notes:
         console.print(f"- {note}", markup=False)
-    console.print(f"Page: {folder / 'index.html'}", soft_wrap=True, markup=False)
+    if where:
+        console.print(where, soft_wrap=True, markup=False)
     print_notice(console)
 
 

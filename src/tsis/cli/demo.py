@@ -12,12 +12,14 @@ import typer
 from tsis.calibration.file import ProbeCalibration, calibration_bytes
 from tsis.cli.console_output import Outcome, progress_bar
 from tsis.cli.estimate_output import estimate_table, estimate_with_progress
-from tsis.cli.keeping import Keep, Keepable, KeepFolder, KeepTarget, chosen_destination, publish_and_keep
-from tsis.cli.targets import AsJson, DepthMm, DiameterMm, ForcesN, PhantomName, ProbeName, YoungKpa, chosen_phantom
+from tsis.cli.keeping import Keep, KeepFolder, KeepTarget, chosen_destination, publish_and_keep
+from tsis.cli.probe_file import given_probe, require_no_file
+from tsis.cli.targets import AsJson, DepthMm, DiameterMm, ForcesN, PhantomName, ProbeGiven, YoungKpa
 from tsis.inclusion import PARAMETERS, InclusionPrior, ring_edges
 from tsis.instrument import png_bytes
-from tsis.model import load_probe
+from tsis.model import check
 from tsis.model.errors import InputError
+from tsis.model.variants import chosen_phantom
 from tsis.optics import irradiance
 from tsis.report import inclusion_report
 from tsis.report.document import envelope, estimate_document, sentences
@@ -26,18 +28,16 @@ from tsis.virtual import VirtualProbe
 if TYPE_CHECKING:
     from tsis.model import Phantom, TactileImage
 
-LARGEST_SEED = 2**63 - 1
-
 
 def demo(
     *,
     phantom: PhantomName = "hardness-100",
-    probe: ProbeName = "tsis-domed",
+    probe: ProbeGiven = "tsis-domed",
     force_n: ForcesN,
     diameter_mm: DiameterMm = None,
     depth_mm: DepthMm = None,
     young_kpa: YoungKpa = None,
-    seed: Annotated[int, typer.Option(help="Seed of every random error.", min=0, max=LARGEST_SEED)] = 4,
+    seed: Annotated[int, typer.Option(help="Seed of every random error.", min=0, max=check.LARGEST_SEED)] = 4,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path("tsis-demo"),
     keep: Keep = False,
     store: KeepFolder = None,
@@ -51,7 +51,9 @@ def demo(
     """
     target = chosen_phantom(phantom, diameter_mm, depth_mm, young_kpa)
     truth, forces = _truth(target), _named(force_n)
-    chosen, prior = load_probe(probe), InclusionPrior()
+    if keep:
+        require_no_file("--keep", probe)
+    chosen, prior = given_probe(probe), InclusionPrior()
     destination = chosen_destination(keep, store, number=number)
     with progress_bar("tracing the light of the lamps") as advance:
         light = irradiance(chosen, progress=advance)
@@ -75,6 +77,8 @@ def demo(
         truth=truth,
         provenance=provenance,
     )
+    from tsis.records.keeping import Keepable  # loads the libraries of records
+
     known = ProbeCalibration(name=virtual.calibration.name, probe=chosen.name, response=virtual.calibration)
     keepable = Keepable(
         kind="inclusion",

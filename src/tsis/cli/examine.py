@@ -11,25 +11,17 @@ from rich.markup import escape
 from rich.table import Table
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.cli.cited_calibration import chosen_scale, cited
+from tsis.calibration.cited import cited
 from tsis.cli.console_output import Outcome, publish
 from tsis.cli.estimate_output import estimate_table, estimate_with_progress
-from tsis.cli.keeping import (
-    Keep,
-    Keepable,
-    KeepFolder,
-    KeepKind,
-    KeepTarget,
-    chosen_destination,
-    publish_and_keep,
-    require_keepable,
-)
+from tsis.cli.given_scale import chosen_scale
+from tsis.cli.keeping import Keep, KeepFolder, KeepKind, KeepTarget, chosen_destination, publish_and_keep
 from tsis.cli.press_forces import plain_forces, target_forces
+from tsis.cli.probe_file import calibrated_probe, given_probe, require_no_file
 from tsis.cli.targets import AsJson
 from tsis.imaging import match_light
 from tsis.inclusion import InclusionPrior, ring_edges
 from tsis.instrument import read_image
-from tsis.model import list_probes, load_probe
 from tsis.model.errors import InputError
 from tsis.report import contact_report, inclusion_report
 from tsis.report.contact import find, finding_notes, finding_rows
@@ -38,7 +30,7 @@ from tsis.report.document import envelope, estimate_document, features_document,
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tsis.model import Calibration, Estimate, Probe, TactileImage
+    from tsis.model import Estimate, Probe, TactileImage
 
 UNNAMED = "tsis-2011"  # the probe of calibrations that name none of the catalog
 REFUSED = (
@@ -81,7 +73,7 @@ def examine(
     probe: Annotated[
         str | None,
         typer.Option(
-            help="Name in the catalog; tsis simulate --list shows all.",
+            help="Name in the catalog (tsis simulate --list), or a file of your own, as mine.toml.",
             show_default=f"the calibration's, else {UNNAMED}",
         ),
     ] = None,
@@ -95,7 +87,9 @@ def examine(
     as_json: AsJson = False,
 ) -> None:
     """Find the contact in image files and measure it; estimate the inclusion when the probe is calibrated."""
-    chosen = None if probe is None else load_probe(probe)
+    if keep:
+        require_no_file("--keep", probe)
+    chosen = None if probe is None else given_probe(probe)
     if calibration is None and (plain or plain_force_n):
         raise InputError("--plain needs --calibration: without it no inclusion is estimated")
     if plain_force_n and not plain:
@@ -135,6 +129,8 @@ def examine(
     if known is None:
         publish(_contacts(frames, untouched, provenance, invert=invert, match=match_lamps), out, as_json=as_json)
     else:
+        from tsis.records.keeping import Keepable, require_keepable  # loads the libraries of records
+
         plain = plain or []
         plain_force = [None] * len(plain) if by_line else plain_forces(plain_force_n or (), force_n or (), len(plain))
         plain_frames = _read(plain, plain_force, scale)
@@ -146,7 +142,7 @@ def examine(
         response = max(response, plain_response, key=lambda one: one.force_sd)
         if by_line:
             provenance["forces_n"] = {"by": "force line", "images": [frame.force_n for frame in pressed]}
-        by, prior = chosen or _calibrated_probe(response), InclusionPrior()
+        by, prior = chosen or calibrated_probe(response.probe, unnamed=UNNAMED), InclusionPrior()
         result = estimate_with_progress(pressed, probe=by, calibration=response, reference=on_plain, prior=prior)
         outcome = _inclusion(result, pressed, on_plain, by, prior, provenance)
         keepable = Keepable(
@@ -164,11 +160,6 @@ def _read(
     paths: Sequence[Path], forces: Sequence[float | None], scale: tuple[float, float] | None
 ) -> list[TactileImage]:
     return [read_image(path, mm_per_pixel=scale, force_n=force) for path, force in zip(paths, forces, strict=True)]
-
-
-def _calibrated_probe(calibration: Calibration) -> Probe:
-    """The catalog's probe that the calibration names."""
-    return load_probe(calibration.probe if calibration.probe in list_probes() else UNNAMED)
 
 
 def _contacts(

@@ -7,16 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tsis.instrument.gauge import ForceLog, SerialGauge
-from tsis.model.errors import GaugeError, InputError
+from tsis.instrument.gauge.connecting import connected_gauge
+from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from tsis.instrument.gauge import ForceAtTime
-
-FIRST_READINGS, FIRST_S = 4, 5.0
-BAUD = 9600
+    from tsis.instrument.gauge import ForceAtTime, ForceLog
 
 
 GaugePort = Annotated[
@@ -52,11 +49,11 @@ def gauge_log(
             raise InputError("--gauge-unit and --gauge-sends need --gauge, the port that they belong to")
         yield None
         return
-    gauge = SerialGauge(port, unit=unit, baud=baud) if not sends else SerialGauge(port, unit=unit, baud=baud, poll=None)
-    with ForceLog(gauge, latency_s=latency_ms / 1000) as log:
-        if not log.wait_for(FIRST_READINGS, timeout_s=FIRST_S):
-            raise GaugeError(log.state().error or f"{gauge.name} must send readings; none came for {FIRST_S:g} s")
+    log = connected_gauge(port, unit=unit, baud=baud, sends=sends, latency_s=latency_ms / 1000)
+    try:
         yield log
+    finally:
+        log.stop()
 
 
 def force_then(log: ForceLog, time_s: float) -> ForceAtTime:

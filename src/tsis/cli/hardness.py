@@ -12,27 +12,19 @@ from rich.markup import escape
 from rich.table import Table
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.calibration.cited import cited
 from tsis.calibration.file import ProbeCalibration, calibration_bytes
-from tsis.cli.cited_calibration import chosen_scale, cited
 from tsis.cli.console_output import Outcome, progress_bar, waiting
-from tsis.cli.demo import LARGEST_SEED
-from tsis.cli.keeping import (
-    Keep,
-    Keepable,
-    KeepFolder,
-    KeepKind,
-    KeepTarget,
-    chosen_destination,
-    publish_and_keep,
-    require_keepable,
-)
+from tsis.cli.given_scale import chosen_scale
+from tsis.cli.keeping import Keep, KeepFolder, KeepKind, KeepTarget, chosen_destination, publish_and_keep
 from tsis.cli.press_forces import target_forces
+from tsis.cli.probe_file import calibrated_probe, given_probe, require_no_file
 from tsis.cli.targets import AsJson
 from tsis.hardness import HardnessPrior, build_contact_table, estimate, shore
 from tsis.hardness.likelihood import DRIFT_SD
 from tsis.hardness.reading import BLUR_MM
 from tsis.instrument import png_bytes, read_image
-from tsis.model import list_probes, load_probe, load_sphere
+from tsis.model import check, load_sphere
 from tsis.model.errors import InputError
 from tsis.report.document import envelope, estimate_document
 from tsis.report.hardness import hardness_notes, hardness_report, hardness_rows
@@ -75,13 +67,16 @@ def hardness(
     ball_radius_mm: Annotated[float | None, typer.Option(help="Radius of that ball.")] = None,
     probe: Annotated[
         str | None,
-        typer.Option(help="Name in the catalog.", show_default=f"the calibration's, else {UNNAMED}"),
+        typer.Option(
+            help="Name in the catalog, or a file of your own, as mine.toml.",
+            show_default=f"the calibration's, else {UNNAMED}",
+        ),
     ] = None,
     virtual: Annotated[
         str | None, typer.Option(help="Press a sphere of the catalog virtually instead: cl2000x or cl2003x.")
     ] = None,
     demo: Annotated[bool, typer.Option("--demo", help=f"The same as --virtual {DEMO}.")] = False,
-    seed: Annotated[int, typer.Option(help="Seed of the virtual rig's errors.", min=0, max=LARGEST_SEED)] = 1,
+    seed: Annotated[int, typer.Option(help="Seed of the virtual rig's errors.", min=0, max=check.LARGEST_SEED)] = 1,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path(
         "tsis-hardness"
     ),
@@ -93,11 +88,13 @@ def hardness(
 ) -> None:
     """Estimate Young's modulus of a touched object from two presses, with its interval and as Shore hardness."""
     paths = images or []
+    if keep:
+        require_no_file("--keep", probe)
     if demo or virtual is not None:
         given = [*paths, *(ball or ()), calibration, scale_mm, radius_mm, radius_sd_mm, ball_radius_mm]
         if any(value is not None for value in given):
             raise InputError("--virtual and --demo press by themselves: give no images, scale, radius or calibration")
-        chosen, name = load_probe(probe or UNNAMED), virtual or DEMO
+        chosen, name = given_probe(probe or UNNAMED), virtual or DEMO
         destination = chosen_destination(keep, store, kind, number)
         _virtual(name, chosen, force_n or DEMO_FORCES, seed, out, destination=destination, as_json=as_json)
         return
@@ -113,11 +110,13 @@ def hardness(
     forces = target_forces(force_n, len(paths)) if force_n else [None] * len(paths)
     raw = _read(paths, forces, scale)
     frames, response = known.pressed(raw)
-    chosen = load_probe(probe or (response.probe if response.probe in list_probes() else UNNAMED))
+    chosen = given_probe(probe) if probe else calibrated_probe(response.probe, unnamed=UNNAMED)
     balls = ball or []
     if len(ball_force_n or ()) != len(balls):
         raise InputError(f"--ball-force-n must be given once for each --ball; got it {len(ball_force_n or ())} times")
     raw_balls = _read(balls, ball_force_n or (), scale)
+    from tsis.records.keeping import Keepable, require_keepable  # loads the libraries of records
+
     if keep:
         require_keepable([*raw, *raw_balls])
     destination = chosen_destination(keep, store, kind, number)
@@ -165,6 +164,8 @@ def _virtual(
     rig = DirectContactRig(probe, rng=np.random.default_rng(seed))
     with waiting(f"squeezing {name} with the virtual rig"):
         frames = rig.press_path(sphere, forces_n=forces)
+    from tsis.records.keeping import Keepable  # loads the libraries of records
+
     simulated_probe = ProbeCalibration(name=rig.calibration.name, probe=probe.name, response=rig.calibration)
     files = {"calibration.json": calibration_bytes(simulated_probe)}
     files |= {f"press-{frame.force_n:g}N.png": png_bytes(frame) for frame in frames}

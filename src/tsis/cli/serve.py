@@ -9,11 +9,11 @@ import numpy as np
 import typer
 
 from tsis.cli.console_output import people, print_notice, waiting
-from tsis.cli.demo import LARGEST_SEED
 from tsis.cli.interrupt import ended_by
-from tsis.cli.targets import DepthMm, DiameterMm, ForceN, PhantomName, ProbeName, YoungKpa, chosen_phantom
-from tsis.model import load_probe
+from tsis.cli.targets import DepthMm, DiameterMm, ForceN, PhantomName, ProbeName, YoungKpa
+from tsis.model import check, load_probe
 from tsis.model.errors import CameraError
+from tsis.model.variants import chosen_phantom
 from tsis.virtual import VirtualProbe
 from tsis.virtual.camera import VirtualCamera
 from tsis.virtual.gige import GigEServer
@@ -33,7 +33,7 @@ def serve(
     interface: Annotated[str, typer.Option(help="Address of this machine to listen on.")] = "127.0.0.1",
     serial: Annotated[str, typer.Option(help="Serial number of the camera.")] = "TSIS01",
     frames_per_s: Annotated[float, typer.Option(help="Frames a second until a program sets another rate.")] = 30.0,
-    seed: Annotated[int, typer.Option(help="Seed of every random error.", min=0, max=LARGEST_SEED)] = 4,
+    seed: Annotated[int, typer.Option(help="Seed of every random error.", min=0, max=check.LARGEST_SEED)] = 4,
 ) -> None:
     """Serve the virtual probe's frames as a GigE Vision camera, until Ctrl-C.
 

@@ -10,9 +10,11 @@ import typer
 from rich.table import Table
 
 from tsis.cli.console_output import people, print_json, print_notice, waiting
-from tsis.cli.targets import AsJson, DepthMm, DiameterMm, ForceN, PhantomName, ProbeName, YoungKpa, chosen_phantom
+from tsis.cli.probe_file import given_probe
+from tsis.cli.targets import AsJson, DepthMm, DiameterMm, ForceN, PhantomName, ProbeGiven, YoungKpa
 from tsis.mechanics import press
 from tsis.model import list_phantoms, list_probes, load_phantom, load_probe
+from tsis.model.variants import chosen_phantom
 from tsis.report.document import envelope
 
 SHOWN_RADII = 13
@@ -28,7 +30,7 @@ class Strain(StrEnum):
 def simulate(
     *,
     phantom: PhantomName = "hardness-100",
-    probe: ProbeName = "tsis-2011",
+    probe: ProbeGiven = "tsis-2011",
     force_n: ForceN = 1.0,
     diameter_mm: DiameterMm = None,
     depth_mm: DepthMm = None,
@@ -44,7 +46,7 @@ def simulate(
         _catalog(as_json=as_json)
         return
     pressed = chosen_phantom(phantom, diameter_mm, depth_mm, young_kpa)
-    chosen = load_probe(probe)
+    chosen = given_probe(probe)
     with waiting(f"pressing at {strain} strain"):
         field = press(chosen, pressed, force_n=force_n, strain=strain)
         plain = press(chosen, pressed.without_inclusion(), force_n=force_n, strain=strain)

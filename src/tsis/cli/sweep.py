@@ -11,12 +11,12 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
+from tsis.cli import INTERRUPTED
 from tsis.cli.console_output import people, print_json, print_notice, progress_bar
 from tsis.cli.targets import AsJson
 from tsis.report.document import envelope
 from tsis.sweep import EXAMPLE, Plan, load_plan, run_sweep, seconds_per_press, verify, worker_count
 
-INTERRUPTED = 130
 MOST_NAMED = 5
 
 app = typer.Typer(

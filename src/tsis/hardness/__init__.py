@@ -1,6 +1,7 @@
 """How stiff a touched object is: contact mechanics without the probe's own compliance."""
 
 from tsis.hardness.contact_table import ContactTable
+from tsis.hardness.frames import check_radius
 from tsis.hardness.posterior import estimate
 from tsis.hardness.printed import PrintedHardness, printed_estimate
 from tsis.hardness.prior import HardnessPrior
@@ -17,6 +18,7 @@ __all__ = [
     "ShoreHardness",
     "axial_strain",
     "build_contact_table",
+    "check_radius",
     "estimate",
     "lagrangian_strain",
     "printed_axial_strain",

@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.hardness.exploration import explore
-from tsis.hardness.frames import as_frames, ball_radius, check_belonging, check_frames, radius_belief
+from tsis.hardness.frames import ball_radius, check_of_probe, radius_belief
 from tsis.hardness.likelihood import DRIFT_SD, Likelihood, Press
 from tsis.hardness.prior import HardnessPrior
 from tsis.hardness.reading import BLUR_MM, read_contact
@@ -18,6 +18,7 @@ from tsis.hardness.table_build import build_contact_table
 from tsis.hardness.verdict import DISTRUSTED, findings, identifiability
 from tsis.model import Calibration, Estimate, Probe, TactileImage, check
 from tsis.model.errors import InputError
+from tsis.model.image_series import as_frames, check_belonging, check_frames
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -99,7 +100,8 @@ def estimate(
     check.kind("prior", prior, HardnessPrior)
     check.number("blur_mm", blur_mm, 0.0, 1.0, hint="millimetres")
     check.number("drift_sd", drift_sd, 0.0, 0.5, hint="a share of one")
-    digests = check_frames(frames + balls, probe)
+    digests = check_frames(frames + balls)
+    check_of_probe(frames + balls, probe)
     radius = radius_belief(probe, frames, radius_mm, radius_sd_mm)
     ball_mm, ball_sd = ball_radius(probe, balls, reference_radius_mm) if balls else (None, 0.0)
     seen = [read_contact(frame, probe=probe, calibration=calibration, blur_mm=blur_mm) for frame in frames + balls]

@@ -11,8 +11,8 @@ from threadpoolctl import threadpool_limits
 
 from tsis.mechanics.finite_strain import load_path
 from tsis.mechanics.finite_strain.pressing import check_forces, refuse_light
+from tsis.mechanics.finite_strain.probe_on_slab import SPRING as PULL
 from tsis.mechanics.finite_strain.squeezed_sphere import LIGHTEST, TOUCH, WIDEST, SphereOnProbe
-from tsis.mechanics.finite_strain.squeezed_sphere import SPRING as PULL
 from tsis.model import PressField, Probe, check
 from tsis.model.errors import InputError, MechanicsError
 from tsis.model.press import MN_PER_N

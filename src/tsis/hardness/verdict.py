@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.stats import chi2
 
+from tsis.model.estimate import NOT_IDENTIFIED, UNLIKELY
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -16,10 +18,8 @@ if TYPE_CHECKING:
 
     Finding = tuple[str, str]
 
-NOT_IDENTIFIED = 0.85  # posterior over prior standard deviation from which the data told next to nothing
 WIDE = 2.0  # ratio of the 90 % interval's ends from which a modulus is not told as a number
 CUT_OFF, EDGE = 0.2, 0.02  # share of the samples within this share of the prior's range at one of its ends
-UNLIKELY = 1e-4  # chance of a misfit this large if the model were true
 CLIPPED = 1e-3  # share of the contact's pixels
 NOT_ROUND = 1.1  # long over short axis: a sphere on a round probe lights a round patch
 BEYOND = 0.05  # share of the moduli for which a press lies outside the table

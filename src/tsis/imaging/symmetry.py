@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 from scipy.optimize import minimize
 
-from tsis.imaging.edge_circle import blurred, pixel_shape
+from tsis.imaging.edge_circle import CENTRE_REACH, COARSE_STEPS, TOLERANCE, blurred, pixel_shape
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,10 +21,7 @@ if TYPE_CHECKING:
 
 WINDOW = 1.2  # radius of what is compared, in patch radii: the hill with its foot
 SAMPLES = 24  # across the window's radius; the blur leaves nothing finer
-CENTRE_REACH = 0.4  # how far the centre may lie from the patch's, in patch radii
-COARSE_STEPS = 9  # a side of the first grid of centres
 LEAST_VISIBLE = 0.5  # share of the window that must lie inside the image, with its turned twin
-TOLERANCE = 1e-3  # of the patch's radius: some hundredths of a pixel
 
 
 def symmetry_centre(

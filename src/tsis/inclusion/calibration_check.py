@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.model.errors import NotCalibratedError
+from tsis.model.image_series import check_belonging
 
 if TYPE_CHECKING:
     from tsis.model import Calibration, LightMap, Probe
@@ -15,18 +16,17 @@ ROUNDING = 1e-6  # of the radius
 
 
 def check_calibration(calibration: Calibration, probe: Probe) -> None:
-    """Refuse a calibration of another probe.
+    """Refuse a missing calibration, or one of another probe.
 
     Raises
     ------
+    InputError
+        When ``probe`` is no `Probe`.
     NotCalibratedError
-        When both names are known and differ, or the map of the light ends inside the probe's face.
+        When there is no calibration, both names are known and differ, or the map of the light ends inside the
+        probe's face.
     """
-    if calibration.probe and probe.name and calibration.probe != probe.name:
-        raise NotCalibratedError(
-            f"calibration must be that of the probe {probe.name!r}; got one of {calibration.probe!r}: calibrate this "
-            "probe, or give the one that was calibrated"
-        )
+    check_belonging(probe, calibration)
     light = calibration.light
     if light is None or _is_even(light):
         return

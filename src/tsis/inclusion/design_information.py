@@ -27,7 +27,7 @@ from tsis.inclusion.verdict import MODULUS_SD_KPA
 from tsis.mechanics import Degrees, build_covered_surrogate, contrast_factor
 from tsis.model import Calibration, TactileImage, check
 from tsis.model.catalog import load_phantom
-from tsis.model.errors import InputError, NotCalibratedError
+from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -237,8 +237,6 @@ def planned_view(
 ) -> PlannedView:
     """Make a protocol ready; see `information` for the parameters."""
     check.kind("prior", prior, InclusionPrior)
-    if not isinstance(calibration, Calibration):
-        raise NotCalibratedError(f"calibration must be a Calibration; got {calibration!r:.80}")
     check_calibration(calibration, protocol.probe)
     built = build_covered_surrogate(protocol.probe, prior.box(), degrees=degrees or COARSE, progress=progress)
     return view_of(protocol, built, prior=prior, calibration=calibration, sensor=sensor or Sensor())
@@ -286,6 +284,8 @@ def _averaged(calibration: Calibration, frames: int) -> Calibration:
 
 def even_inclusions(prior: InclusionPrior, count: int = SPREAD) -> NDArray[np.float64]:
     """Diameters, depths and moduli spread evenly over the prior's box by a Sobol sequence, shape (count, 3).
+
+    Diameters and depths are in mm, moduli in kPa; ``count`` lies in [1, 65536], else `InputError` is raised.
 
     Examples
     --------

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from tsis.inclusion.force_range import covering_force_n, largest_force_n, nominal_strains
 from tsis.inclusion.frames import OUTER_SHARE
-from tsis.mechanics.small_strain import STRAIN_LIMIT
+from tsis.mechanics.strain_limit import STRAIN_LIMIT
 
 if TYPE_CHECKING:
     import numpy as np

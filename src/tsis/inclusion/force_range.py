@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.mechanics.small_strain import STRAIN_LIMIT, nominal_strain
+from tsis.mechanics.strain_limit import STRAIN_LIMIT, nominal_strain
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:

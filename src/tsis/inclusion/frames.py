@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
@@ -14,12 +12,10 @@ from tsis.imaging import radial_profile
 from tsis.inclusion.likelihood import Profiles
 from tsis.inclusion.shading import RingShading
 from tsis.model import TactileImage
-from tsis.model.errors import ImageMismatchError, InputError
+from tsis.model.errors import InputError
 from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
     from tsis.model import Calibration, LightMap, Probe
@@ -32,48 +28,6 @@ OUTER_SHARE = 0.8  # of the face's radius; outside it the singular edge tells mo
 def ring_edges(probe: Probe) -> NDArray[np.float64]:
     """Boundaries in mm of the rings that the profile is averaged over."""
     return np.linspace(0.0, OUTER_SHARE * probe.radius_mm, RINGS + 1)
-
-
-def as_frames(name: str, given: TactileImage | Sequence[TactileImage] | None) -> list[TactileImage]:
-    """One image, several or none as a list."""
-    if given is None:
-        return []
-    if isinstance(given, TactileImage):
-        return [given]
-    frames = list(given) if isinstance(given, Iterable) else [given]
-    for frame in frames:
-        if not isinstance(frame, TactileImage):
-            raise InputError(f"{name} must hold TactileImage values; got {type(frame).__name__}")
-    return frames
-
-
-def check_frames(frames: list[TactileImage]) -> list[str]:
-    """Refuse frames of unknown force or scale, that do not belong together, or that are given twice.
-
-    Returns
-    -------
-    SHA-256 of the grey levels of each, in single precision, which holds 16 bits exactly.
-    """
-    first, seen = frames[0], list[str]()
-    for frame in frames:
-        label = frame.name or "an image"
-        if not frame.force_n:
-            raise InputError(f"force_n must be known and positive for {label!r}; got {frame.force_n!r}")
-        if frame.scale() != first.scale() or frame.full_scale != first.full_scale:
-            raise ImageMismatchError(
-                f"all images must share mm_per_pixel {first.mm_per_pixel} and full_scale {first.full_scale:g}; "
-                f"{label!r} has {frame.mm_per_pixel} and {frame.full_scale:g}"
-            )
-        if frame.grey.shape != first.grey.shape or frame.axis_px != first.axis_px:
-            raise ImageMismatchError(
-                f"all images must share the shape {first.grey.shape} and axis_px {first.axis_px}; "
-                f"{label!r} has {frame.grey.shape} and {frame.axis_px}"
-            )
-        digest = hashlib.sha256(frame.grey.astype(np.float32).data).hexdigest()
-        if digest in seen:
-            raise InputError(f"images must be different frames; {label!r} is given twice, which tells nothing new")
-        seen.append(digest)
-    return seen
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -9,20 +9,22 @@ counts by the share of it that lies inside.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.optimize import brentq
 from scipy.stats import qmc
 
+from tsis.inclusion.grid_cells import Cells, cells_of
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
+    from tsis.inclusion.grid_cells import Support
+
     LogDensity = Callable[[NDArray[np.float64]], NDArray[np.float64]]
-    Support = Callable[[NDArray[np.float64]], NDArray[np.bool_]]
     SlantedBox = tuple[NDArray[np.float64], NDArray[np.float64]]  # a corner, and its edges as rows
 
 ENOUGH_SHARE = 0.04  # of the cells: effective number that a refinement step leaves; fewer alias thin slanted densities
@@ -34,42 +36,6 @@ WIDER = 2.0  # than a box that held nearly the same density
 STUCK = 0.7  # share of the volume: a box that shrinks less cannot be resolved by shrinking
 TRIES = 16  # draws from a cell at the edge before its centroid is taken
 ELSEWHERE = np.array([0.8191725134, 0.6710436067, 0.5497004779])  # Kronecker sequence that fills a cube evenly
-
-
-@cache
-def _lattice(per_axis: int, *, ends: bool) -> NDArray[np.float64]:
-    """Points of a regular lattice in the cube [-1/2, 1/2]**3, with its faces or without, shape (per_axis**3, 3)."""
-    steps = np.linspace(-0.5, 0.5, per_axis) if ends else (np.arange(per_axis) + 0.5) / per_axis - 0.5
-    points = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
-    points.flags.writeable = False
-    return points
-
-
-CORNERS = 8  # of a cell
-INNER = _lattice(4, ends=False)
-INNER_AND_ENDS = _lattice(5, ends=True)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Cells:
-    """Cells of a sheared box that lie at least in part inside the support.
-
-    Attributes
-    ----------
-    centre
-        Their centres, shape (n, 3).
-    edges
-        One cell's edge vectors as rows, shape (3, 3).
-    points
-        Centroids of the parts inside, shape (n, 3).
-    share
-        Share of each cell that lies inside, shape (n,), in (0, 1].
-    """
-
-    centre: NDArray[np.float64]
-    edges: NDArray[np.float64]
-    points: NDArray[np.float64]
-    share: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -163,7 +129,7 @@ def refine(
             return np.asarray(((points >= low) & (points <= high)).all(axis=1))
 
     def look(box: SlantedBox, count: int) -> _Look:
-        cells = _cells(*box, count, support)
+        cells = cells_of(*box, count, support)
         return _Look(box=box, per_axis=count, cells=cells, log_density=log_density(cells.points))
 
     start = None if near is None else look(near, finder)
@@ -238,37 +204,6 @@ def _find(
             per_axis = min(3 * per_axis // 2, most)
         found = look(box, per_axis)
     return box, max(per_axis, fine)
-
-
-def _cells(origin: NDArray[np.float64], axes: NDArray[np.float64], per_axis: int, support: Support) -> Cells:
-    """Cells of the box spanned by the rows of ``axes``, without those outside the support."""
-    centre = origin + (_lattice(per_axis, ends=False) + 0.5) @ axes
-    edges = axes / per_axis
-    if support(origin + (INNER_AND_ENDS + 0.5) @ axes).all():  # the region bulges little, so that all cells lie inside
-        return Cells(centre=centre, edges=edges, points=centre, share=np.ones(len(centre)))
-    corners = _corners_inside(origin, axes, per_axis, support)
-    centre, corners = centre[corners > 0], corners[corners > 0]
-    points, share = centre.copy(), np.ones(len(centre))
-    cut = corners < CORNERS
-    inner = centre[cut][:, None] + INNER @ edges
-    inside = support(inner.reshape(-1, 3)).reshape(-1, len(INNER)).astype(float)
-    count = inside.sum(axis=1)
-    share[cut] = count / len(INNER)
-    points[cut] += (inside / np.maximum(count, 1.0)[:, None]) @ INNER @ edges
-    some = share > 0
-    return Cells(centre=centre[some], edges=edges, points=points[some], share=share[some])
-
-
-def _corners_inside(
-    origin: NDArray[np.float64], axes: NDArray[np.float64], per_axis: int, support: Support
-) -> NDArray[np.int64]:
-    """How many corners of each cell lie inside the support, shape (cells,); neighbours share theirs."""
-    vertices = support(origin + (_lattice(per_axis + 1, ends=True) + 0.5) @ axes)
-    cube = vertices.reshape(3 * (per_axis + 1,)).astype(np.int64)
-    for axis in range(3):
-        low, high = (np.take(cube, range(start, start + per_axis), axis=axis) for start in (0, 1))
-        cube = low + high
-    return cube.ravel()
 
 
 def _temper(log_weight: NDArray[np.float64], enough: float) -> float:

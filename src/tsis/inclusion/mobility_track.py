@@ -10,12 +10,12 @@ import numpy as np
 from scipy.spatial.distance import pdist
 
 from tsis.imaging.correct import check_same_frame
-from tsis.inclusion.frames import as_frames
 from tsis.inclusion.mobility_noise import centroid_noise_mm
 from tsis.inclusion.relative_frames import change_of_light
 from tsis.inclusion.relative_light import lit_part
 from tsis.inclusion.relative_reading import COMPARED_WITH, ONE_SPHERE, lit_alike, notes_of
 from tsis.model.errors import ImageMismatchError, InputError
+from tsis.model.image_series import as_frames
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.imaging import radial_profile
-from tsis.inclusion.frames import as_frames, check_frames
 from tsis.inclusion.network_outputs import Reading
 from tsis.model import Calibration, check
 from tsis.model.errors import InputError
+from tsis.model.image_series import as_frames, check_frames
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

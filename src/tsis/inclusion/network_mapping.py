@@ -71,7 +71,18 @@ def fit_mapping(measured: ArrayLike, simulated: ArrayLike) -> LinearMapping:
 
 
 def mapped_without_itself(measured: ArrayLike, simulated: ArrayLike) -> NDArray[np.float64]:
-    """Each inclusion's measured outputs through lines that were fitted to the others; shape (n, outputs)."""
+    """Each inclusion's measured outputs through lines that were fitted to the others; shape (n, outputs).
+
+    Parameters
+    ----------
+    measured, simulated
+        Outputs of n inclusions by frames and by the model, shape (n, outputs), n from three on, in the same units.
+
+    Raises
+    ------
+    InputError
+        When the shapes differ, or there are fewer than three inclusions.
+    """
     x, y = check.array("measured", measured, ndim=2), check.array("simulated", simulated, ndim=2)
     if x.shape != y.shape or len(x) < 3:
         raise InputError(f"measured and simulated must have one shape, three rows or more; got {x.shape}, {y.shape}")

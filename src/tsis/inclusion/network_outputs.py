@@ -92,13 +92,31 @@ def change_reading(*, reach_mm: float = REACH_MM, threshold_share: float = CHANG
         Radius on the face, mm, in [0.1, 200].
     threshold_share
         Change that counts as deformed, over plain tissue's mean.
+
+    Raises
+    ------
+    InputError
+        When a number lies outside its range.
     """
     reach = check.number("reach_mm", reach_mm, 0.1, 200.0, hint="millimetres")
     return Reading(edges_mm=np.linspace(0.0, reach, RINGS + 1), subtract=True, threshold_share=threshold_share)
 
 
 def printed_reading(probe: Probe, *, threshold_share: float = PRESSED_SHARE) -> Reading:
-    """Read the whole face and subtract nothing, as section 6.3 says."""
+    """Read the whole face and subtract nothing, as section 6.3 says.
+
+    Parameters
+    ----------
+    probe
+        Whose face is read, from the axis to the rim.
+    threshold_share
+        Grey level that counts as deformed, over the mean of plain tissue.
+
+    Raises
+    ------
+    InputError
+        When ``probe`` is no `Probe`, or the share lies outside its range.
+    """
     check.kind("probe", probe, Probe)
     edges = np.linspace(0.0, probe.radius_mm, RINGS + 1)
     return Reading(edges_mm=edges, subtract=False, threshold_share=threshold_share)

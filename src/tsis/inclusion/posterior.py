@@ -15,8 +15,6 @@ from tsis.inclusion.exploration import explore
 from tsis.inclusion.force_range import check_forces, covering_force_n
 from tsis.inclusion.forward import TISSUE, ForwardModel
 from tsis.inclusion.frames import (
-    as_frames,
-    check_frames,
     depletion_per_n,
     ring_edges,
     ring_light,
@@ -29,7 +27,6 @@ from tsis.inclusion.prior import PARAMETERS, InclusionPrior
 from tsis.inclusion.rings import ring_answers, ring_correlation
 from tsis.inclusion.verdict import (
     DISTRUSTED,
-    UNLIKELY,
     cramer_rao_sd,
     findings,
     identifiability,
@@ -39,7 +36,9 @@ from tsis.inclusion.verdict import (
 )
 from tsis.mechanics import build_covered_surrogate
 from tsis.model import Calibration, Estimate, Probe, TactileImage, check
-from tsis.model.errors import InputError, NotCalibratedError
+from tsis.model.errors import InputError
+from tsis.model.estimate import UNLIKELY
+from tsis.model.image_series import as_frames, check_frames
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -94,20 +93,15 @@ def estimate(
     targets, references = as_frames("images", images), as_frames("reference", reference)
     if not targets:
         raise InputError("images must hold at least one TactileImage; got none")
-    if not isinstance(calibration, Calibration):
-        raise NotCalibratedError(
-            f"calibration must be a Calibration, the answer of this probe's grey level to pressure; got {calibration!r}"
-        )
-    check.kind("probe", probe, Probe)
+    check_calibration(calibration, probe)
     prior = InclusionPrior() if prior is None else prior
     check.kind("prior", prior, InclusionPrior)
-    check_calibration(calibration, probe)
     digests = check_frames(targets + references)
     surrogate = _surrogate(probe, prior.box())
     check_forces(targets + references, surrogate, probe=probe, prior=prior)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
 
-        def read(shown: list[TactileImage]) -> Reading:
+        def read(shown: list[TactileImage]) -> FrameReading:
             return reading_of(shown, references, surrogate, probe=probe, calibration=calibration, prior=prior)
 
         reading = read(targets)
@@ -124,6 +118,7 @@ def estimate(
         prior_sd=prior.sd,
         cramer_rao_sd=cramer_rao_sd(found),
         presence=found.presence,
+        log_bayes_factor=found.log_bayes_factor,
         identifiability=identifiability(found, prior),
         prior=str(prior),
         trusted=not DISTRUSTED.intersection(flag for flag, _ in said),
@@ -142,7 +137,7 @@ def _surrogate(probe: Probe, box: Box) -> CoveredSurrogate:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Reading:
+class FrameReading:
     """What frames say: the likelihood of inclusions, the profiles that it rests on, and where the inclusion lies."""
 
     likelihood: Likelihood
@@ -150,7 +145,7 @@ class Reading:
     place: Place | None
 
 
-def _fits(reading: Reading, prior: InclusionPrior) -> bool:
+def _fits(reading: FrameReading, prior: InclusionPrior) -> bool:
     return misfit_chance(explore(reading.likelihood, prior), reading.data) >= UNLIKELY
 
 
@@ -197,7 +192,7 @@ def reading_of(
     probe: Probe,
     calibration: Calibration,
     prior: InclusionPrior,
-) -> Reading:
+) -> FrameReading:
     """Read frames that belong together."""
     frames, edges = targets + references, ring_edges(probe)
     light = ring_light(frames[0], calibration, edges)
@@ -216,7 +211,7 @@ def reading_of(
         alike=ring_correlation(edges, calibration.grain_mm),
         spread_sd=spread_sd,
     )
-    return Reading(likelihood=Likelihood(model, data), data=data, place=place)
+    return FrameReading(likelihood=Likelihood(model, data), data=data, place=place)
 
 
 def _offset(place: Place | None, prior: InclusionPrior) -> tuple[float, float]:

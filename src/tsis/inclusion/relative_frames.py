@@ -10,9 +10,10 @@ import numpy as np
 from tsis.imaging import subtract_background
 from tsis.imaging.correct import check_image, check_same_frame
 from tsis.imaging.patch import NOISE_FACTOR, SMOOTH_PX, pixel_noise, smoothed
-from tsis.inclusion.frames import as_frames, at_even_light
+from tsis.inclusion.frames import at_even_light
 from tsis.model import Calibration, check
 from tsis.model.errors import ImageMismatchError, InputError
+from tsis.model.image_series import as_frames
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.inclusion.harmonics import harmonic, harmonic_noise, shading_harmonics, unevenness
+from tsis.model.estimate import UNLIKELY
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 FIRST_RING = 1  # the innermost is a few pixels wide and shows no second harmonic
 FEWEST = 4  # rings with which roundness can be told
 OFFSET_MM = 1.5  # standard deviation of the place of an inclusion near the axis
-UNLIKELY = 1e-4
 
 
 def roundness(target: Sectors, reference: Sectors | None, calibration: Calibration) -> Unevenness | None:

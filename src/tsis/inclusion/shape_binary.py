@@ -18,6 +18,18 @@ if TYPE_CHECKING:
 def binary_image(image: TactileImage, threshold_grey: float) -> TactileImage:
     """Full scale where the image reaches the threshold, zero elsewhere (6.11).
 
+    Parameters
+    ----------
+    image
+        Whose scale, axis and full scale the answer keeps.
+    threshold_grey
+        In grey levels, at most the full scale above or below zero.
+
+    Raises
+    ------
+    InputError
+        When the threshold lies outside its range.
+
     Examples
     --------
     >>> from tsis.model import TactileImage

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.inclusion.harmonics import harmonic, shading_harmonics, unevenness
-from tsis.inclusion.roundness import FEWEST, FIRST_RING, UNLIKELY, harmonic_variance
+from tsis.inclusion.roundness import FEWEST, FIRST_RING, harmonic_variance
+from tsis.model.estimate import UNLIKELY
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -9,6 +9,7 @@ from scipy.stats import chi2
 
 from tsis.inclusion.least_spread import least_sd
 from tsis.inclusion.prior import PARAMETERS
+from tsis.model.estimate import NOT_IDENTIFIED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,11 +21,9 @@ if TYPE_CHECKING:
 
     Finding = tuple[str, str]
 
-NOT_IDENTIFIED = 0.85  # posterior over prior standard deviation from which the data told next to nothing
 MODULUS_SD_KPA = 20.0  # a modulus this uncertain is not reported as a number
 PILED_UP = 0.3  # share of the samples in the outer twentieth of the prior's range that says that it cuts them off
 EDGE = 0.05
-UNLIKELY = 1e-4  # chance of a misfit this large if the model were true
 OFF_AXIS_MM = 3.0  # beyond it the change no longer moves as the model says
 CERTAIN = 0.95  # probability of an inclusion below which it is said
 UNITS = {"diameter_mm": "mm", "depth_mm": "mm", "young_kpa": "kPa"}

@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 import stat
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from tsis.model.errors import FileInputError, InputError
 
 if TYPE_CHECKING:
     import os
+    from collections.abc import Callable
+
+Parsed = TypeVar("Parsed")
 
 LARGEST_FILE_BYTES = 512 * 2**20
 LARGEST_OBJECT_BYTES = 8 * 2**20
@@ -100,6 +103,23 @@ def read_bytes(path: Path, *, most: int = LARGEST_FILE_BYTES) -> bytes:
     if size > most:
         raise FileInputError(f"{shown(path)} must be at most {most} bytes; got {size}")
     return _first_bytes(path, most)  # bounded: the file may have grown since its size was read
+
+
+def read_parsed(path: Path, parse: Callable[[str], Parsed], *, most: int = LARGEST_FILE_BYTES) -> Parsed:
+    """What ``parse`` makes of a file of text, which may raise `InputError`.
+
+    Raises
+    ------
+    FileInputError
+        As `read_bytes`, when the file is no text in UTF-8, and with its name before what ``parse`` says.
+    """
+    data = read_bytes(path, most=most)
+    try:
+        return parse(data.decode())
+    except InputError as error:
+        raise FileInputError(f"{shown(path)}: {error}") from error
+    except UnicodeDecodeError as error:
+        raise FileInputError(f"{shown(path)} must be text in UTF-8; it is not") from error
 
 
 def read_head(path: Path, length: int = 64) -> bytes:

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial.distance import cdist
 
+from tsis.matching.ridge import ridge_solution
 from tsis.matching.spline import spread_order
 from tsis.optics.compiled import fused
 
@@ -234,5 +234,4 @@ def _follow(
     ridge[basis.bent] = 1e-12 * resting  # the translation is free, but for no weight at all
     ridge[basis.bent + 1 :] = TURNING * resting
     right[basis.bent + 1 :] += ridge[basis.bent + 1 :, None] * hold
-    normal[np.diag_indices_from(normal)] += ridge
-    return np.asarray(cho_solve(cho_factor(normal, check_finite=False), right, check_finite=False))
+    return ridge_solution(normal, right, ridge)

@@ -11,12 +11,13 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.linalg import solve_triangular
 from scipy.linalg.lapack import dpstrf
 from scipy.spatial.distance import cdist
 
 from tsis.matching.fit import Fit
 from tsis.matching.one_to_one import REACH, nearest_pairs, spacing
+from tsis.matching.ridge import ridge_solution
 from tsis.optics.compiled import compiled
 
 if TYPE_CHECKING:
@@ -137,9 +138,8 @@ def _maximise(
 ) -> NDArray[np.float64]:
     """Coordinates c of the displacement L c that draws each point to its targets and has a small sum of squares."""
     normal = factor.T @ (seen.source[:, None] * factor)
-    normal[np.diag_indices_from(normal)] += ridge
     right = factor.T @ (seen.drawn - seen.source[:, None] * source)
-    return np.asarray(cho_solve(cho_factor(normal, check_finite=False), right, check_finite=False))
+    return ridge_solution(normal, right, ridge)
 
 
 def _variance(moved: NDArray[np.float64], target: NDArray[np.float64], seen: Explained) -> float:

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial import KDTree
 
+from tsis.matching.ridge import ridge_solution
 from tsis.optics.compiled import fused
 
 if TYPE_CHECKING:
@@ -103,8 +103,7 @@ def _follow(basis: SplineBasis, now: Explained, bending: float) -> NDArray[np.fl
     ridge = np.full(len(normal), bending)
     ridge[basis.bent :] = SLACK
     right[basis.bent :] += SLACK * basis.rest[basis.bent :]
-    normal[np.diag_indices_from(normal)] += ridge
-    return np.asarray(cho_solve(cho_factor(normal, check_finite=False), right, check_finite=False))
+    return ridge_solution(normal, right, ridge)
 
 
 def _cosine_of_turn(matrix: NDArray[np.float64]) -> float:

@@ -5,11 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Protocol
 
+import numpy as np
+
 if TYPE_CHECKING:
-    import numpy as np
     from numpy.typing import NDArray
 
 UNMATCHED = -1
+BLOCK = 20_000  # points that are moved at once
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -36,6 +38,11 @@ class Move(Protocol):
 
     def __call__(self, points: NDArray[np.float64], /) -> NDArray[np.float64]:
         """Where the points go."""
+
+
+def moved_in_blocks(move: Move, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Where many points go, shape (k, d), without room for the terms of all of them at once."""
+    return np.concatenate([move(points[start : start + BLOCK]) for start in range(0, len(points), BLOCK)])
 
 
 class Method(Protocol):

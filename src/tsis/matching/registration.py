@@ -10,7 +10,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from tsis.matching import cpd, rpm_lns, shape_context, tprl, tps_rpm
-from tsis.matching.fit import UNMATCHED
+from tsis.matching.fit import UNMATCHED, moved_in_blocks
 from tsis.matching.frame import Frame
 from tsis.matching.reliability import RELIABLE, confidence_of
 from tsis.matching.sampled import MOST_POINTS, drawn, matched_all
@@ -28,7 +28,6 @@ if TYPE_CHECKING:
 FEWEST = 4  # points: three in the plane fit any affine map
 FEW = {2: 9, 3: 16}  # points, by dimension, that a bent map takes close to unrelated ones
 LARGEST = 1e100  # coordinate whose square is a number
-BLOCK = 20_000  # points that are moved at once
 THIN = 1e-6  # extent of points across a line or plane, of that along it, that rounding could make
 
 METHODS: Mapping[str, Method] = MappingProxyType(
@@ -87,8 +86,7 @@ class Registration:
         dimension = self.moved.shape[1]
         if checked.shape[1] != dimension:
             raise InputError(f"points must have {dimension} coordinates each, as the source; got shape {checked.shape}")
-        blocks = [self.move(checked[start : start + BLOCK]) for start in range(0, len(checked), BLOCK)]
-        return np.concatenate(blocks)
+        return moved_in_blocks(self.move, checked)
 
     @property
     def outliers(self) -> NDArray[np.bool_]:
@@ -140,7 +138,7 @@ def guess(
 ) -> Registration:
     """What a method finds, however little it can be relied on; the rest is as `register` says.
 
-    For comparisons with programs that withhold nothing.
+    For comparisons with programs that withhold nothing. Parameters and errors are those of `register`.
     """
     check.known("method", method, METHODS)
     source, target = _points("source", source), _points("target", target)

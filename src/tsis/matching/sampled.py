@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import KDTree
 
-from tsis.matching.fit import UNMATCHED, Fit
+from tsis.matching.fit import UNMATCHED, Fit, moved_in_blocks
 from tsis.matching.one_to_one import spacing
 
 if TYPE_CHECKING:
@@ -17,7 +17,6 @@ MOST_PAIRS = 16_000_000  # 128 MB a table; a method holds a few of them
 SAMPLE = 2000  # points of the source; of the target, as many as a table of all pairs has room for
 MOST_POINTS = 2_000_000
 REACH = 0.5  # of the target's spacing, up to which a moved point has found its partner
-BLOCK = 20_000
 
 
 def drawn(
@@ -43,7 +42,7 @@ def matched_all(fit: Fit, source: NDArray[np.float64], target: NDArray[np.float6
     What samples tell is the map. The matches are read off it, between moved source points and target points that are
     each other's nearest.
     """
-    moved = np.concatenate([fit.move(source[start : start + BLOCK]) for start in range(0, len(source), BLOCK)])
+    moved = moved_in_blocks(fit.move, source)
     matches, trust = mutual_nearest(moved, target)
     return Fit(move=fit.move, matches=matches, trust=trust)
 

@@ -15,10 +15,10 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 from scipy.spatial.distance import cdist
 
 from tsis.matching.frame import Frame
+from tsis.matching.ridge import ridge_solution
 from tsis.model import check
 from tsis.model.errors import InputError
 
@@ -112,10 +112,7 @@ class SplineBasis:
         ridge = np.full(len(normal), bending)
         ridge[self.bent :] = ANCHOR * max(float(np.trace(normal)), 1e-300)
         right = weighted.T @ targets + self._still(ridge)
-        normal[np.diag_indices_from(normal)] += ridge
-        return np.asarray(
-            cho_solve(cho_factor(normal, overwrite_a=True, check_finite=False), right, check_finite=False)
-        )
+        return ridge_solution(normal, right, ridge)
 
     def _still(self, ridge: NDArray[np.float64]) -> NDArray[np.float64]:
         """Right-hand side of the affine ridge, which draws to the identity."""

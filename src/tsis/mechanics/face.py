@@ -13,6 +13,9 @@ from tsis.mechanics.mesh import refine
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+FACE_POINTS = 241  # even steps of the radius at which a press is told
+EDGE_SHARE = 0.95  # of the radius; outside it the pressure may be singular and its sign says nothing
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Face:

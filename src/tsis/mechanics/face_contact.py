@@ -16,7 +16,7 @@ from scipy.optimize import brentq
 
 from tsis.mechanics import disc_contact
 from tsis.mechanics.contact import unilateral_contact
-from tsis.mechanics.face import hats, means, ring_points
+from tsis.mechanics.face import EDGE_SHARE, hats, means, ring_points
 from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from tsis.mechanics.face import Face
     from tsis.model import Probe
 
-EDGE_SHARE = 0.95  # of the face's radius; outside it the pressure may be singular and its sign says nothing
 PULL = 1e-6  # pressures this far below zero, relative to the mean, are rounding
 
 

@@ -11,7 +11,8 @@ from threadpoolctl import threadpool_limits
 
 from tsis.mechanics import disc_contact
 from tsis.mechanics.bodies import Resolution, face_of, probe_compliance
-from tsis.mechanics.small_strain import STRAIN_LIMIT, half_space_compliance
+from tsis.mechanics.small_strain import half_space_compliance
+from tsis.mechanics.strain_limit import STRAIN_LIMIT
 from tsis.model import Probe, check
 from tsis.model.errors import InputError, MechanicsError
 from tsis.model.press import MN_PER_N
@@ -51,7 +52,7 @@ class Indentation:
         return float(np.pi * self.contact_radius_mm**2)
 
     def area_deeper_than_mm2(self, depth_mm: float) -> float:
-        """Area of the face that is pressed in by more than ``depth_mm``."""
+        """Area of the face, mm², that is pressed in by more than ``depth_mm``, in [0, 1000]; else `InputError`."""
         check.number("depth_mm", depth_mm, 0.0, 1e3, hint="millimetres")
         deeper = self.face_displacement_mm - depth_mm
         if deeper[0] <= 0:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from tsis.mechanics.bodies import Resolution
+from tsis.mechanics.face import FACE_POINTS
 from tsis.mechanics.finite_strain.bodies import FiniteResolution
 from tsis.mechanics.finite_strain.pressing import press_finite
-from tsis.mechanics.small_strain import FACE_POINTS, small_strain_press
+from tsis.mechanics.small_strain import small_strain_press
 from tsis.model import Phantom, PressField, Probe, check
 from tsis.model.errors import InputError
 

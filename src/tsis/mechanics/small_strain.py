@@ -12,11 +12,13 @@ from threadpoolctl import threadpool_limits
 
 from tsis.mechanics.bodies import Resolution, face_of, probe_compliance
 from tsis.mechanics.disc_contact import Elastic
+from tsis.mechanics.face import FACE_POINTS
 from tsis.mechanics.face_contact import FaceContact
-from tsis.mechanics.mesh import Spheroid
+from tsis.mechanics.on_axis import block_radius_mm, central_cell_mm, shape_on_axis, sphere
 from tsis.mechanics.slab import Slab, SlabWithInclusion
+from tsis.mechanics.strain_limit import STRAIN_LIMIT, nominal_strain, strain_problem
 from tsis.model import PressField
-from tsis.model.errors import InputError, MechanicsError
+from tsis.model.errors import MechanicsError
 from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
@@ -24,10 +26,9 @@ if TYPE_CHECKING:
 
     from tsis.mechanics.face import Face
     from tsis.mechanics.face_contact import Touch
+    from tsis.mechanics.mesh import Spheroid
     from tsis.model import Inclusion, Phantom, Probe
 
-FACE_POINTS = 241
-STRAIN_LIMIT = 0.3  # nominal; beyond it the linear model is only a guess
 ENDLESS = 1e5  # thickness, in radii of the face, of the slab that stands for a half-space
 
 
@@ -201,25 +202,6 @@ def half_space_compliance(face: Face, poisson: float, resolution: Resolution) ->
     return compliance
 
 
-def sphere(diameter_mm: float, depth_mm: float) -> Spheroid:
-    """The sphere whose top lies ``depth_mm`` under the skin."""
-    radius = diameter_mm / 2
-    return Spheroid(centre_depth=depth_mm + radius, half_width=radius, half_height=radius)
-
-
-def block_radius_mm(probe: Probe, thickness_mm: float, width_mm: float = 0.0) -> float:
-    """Radius of the block around the axis that is meshed anew for inclusions of up to ``width_mm``."""
-    return max(min(0.8 * probe.radius_mm, thickness_mm), 0.65 * width_mm)
-
-
-def central_cell_mm(width_mm: float, depth_mm: float, centre_mm: float) -> float:
-    """Largest cell of the face that still follows what an inclusion under it does.
-
-    That is about as wide as the inclusion's centre lies deep, or as the gap over a large one that nearly touches it.
-    """
-    return 0.6 * min(centre_mm, depth_mm + float(np.sqrt(width_mm * depth_mm)))
-
-
 def small_strain_press(probe: Probe, phantom: Phantom, force_n: float, resolution: Resolution | None) -> PressField:
     """The press of `tsis.mechanics.press` at small strain; arguments are checked there."""
     with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
@@ -228,7 +210,9 @@ def small_strain_press(probe: Probe, phantom: Phantom, force_n: float, resolutio
         if problem is not None:
             valid = _valid_force(probe, phantom, force_n, resolution or Resolution())
             raise MechanicsError(
-                f"{problem}: choose a force of at most {valid:.2g} N, stiffer tissue, or strain='finite'"
+                f"{problem}: choose a force of at most {valid:.2g} N, stiffer tissue, or strain='finite'",
+                problem=problem,
+                largest_n=valid,
             )
     return PressField(
         radius_mm=np.linspace(0.0, probe.radius_mm, FACE_POINTS),
@@ -250,21 +234,6 @@ def _face_press(probe: Probe, phantom: Phantom, force_mn: float, resolution: Res
         return found
     # Another mesh of the face: only what the inclusion changes is taken from it, or it would add its own error.
     return plain.press(tissue, force_mn) + (found - kernel.press(tissue, force_mn))
-
-
-def nominal_strain(approach_mm: float, probe: Probe, thickness_mm: float) -> float:
-    """Travel over what it squeezes: probe and slab, the slab no deeper than the face is wide."""
-    return approach_mm / (probe.thickness_mm + min(thickness_mm, 2 * probe.radius_mm))
-
-
-def strain_problem(approach_mm: float, probe: Probe, thickness_mm: float) -> str | None:
-    """Why small strain does not describe a travel of the glass, or None."""
-    strain = nominal_strain(approach_mm, probe, thickness_mm)
-    if strain <= STRAIN_LIMIT:
-        return None
-    return (
-        f"the glass would travel {approach_mm:.1f} mm, a strain of {strain:.2f}; small strain holds to {STRAIN_LIMIT:g}"
-    )
 
 
 def _valid_force(probe: Probe, phantom: Phantom, force_n: float, resolution: Resolution) -> float:
@@ -304,24 +273,6 @@ def _kernel_and_change(
     kernel = _kernel(probe, phantom, block_radius_mm(probe, phantom.thickness_mm, width), central, resolution)
     slab = kernel.slab_around(shape, poisson=inclusion.poisson)
     return kernel, slab.change(inclusion.young_kpa / phantom.young_kpa)
-
-
-def shape_on_axis(phantom: Phantom) -> Spheroid:
-    """The phantom's only inclusion as a body of revolution.
-
-    Raises
-    ------
-    InputError
-        When it is none around the probe's axis, or there are several.
-    """
-    inclusion: Inclusion | None = phantom.inclusion
-    if inclusion is None or not phantom.is_axisymmetric:
-        raise InputError(
-            "inclusion must be one sphere or spheroid on the probe's axis (offset_mm (0, 0), semi_axes_mm x = y, "
-            f"no more_inclusions) for this model; got {phantom.inclusions!r:.200}; press_solid takes any"
-        )
-    half_width, _, half_height = inclusion.half_axes_mm
-    return Spheroid(centre_depth=inclusion.centre_depth_mm, half_width=half_width, half_height=half_height)
 
 
 def _kernel(probe: Probe, phantom: Phantom, block_mm: float, central_mm: float, resolution: Resolution) -> PressKernel:

@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.mechanics.small_strain import small_strain_press, strain_problem
+from tsis.mechanics.face import EDGE_SHARE
+from tsis.mechanics.small_strain import small_strain_press
 from tsis.mechanics.solid_mesh import FEATURE, SolidResolution, outer_radius_mm
 from tsis.mechanics.solid_symmetry import symmetry_of
 from tsis.mechanics.solid_tie import TiedSolid
+from tsis.mechanics.strain_limit import strain_problem
 from tsis.model import Phantom, PressField, PressMap, Probe, check
 from tsis.model.errors import InputError, MechanicsError
 from tsis.model.extra import library
@@ -28,7 +30,6 @@ OFF_RIM = 1e-4  # of the face's radius
 THINNEST_GAP = 0.02  # between an inclusion and skin or wall, of its smallest diameter; thinner is not meshed well
 FARTHEST = 0.6  # of the slab's radius: what lies beyond feels where the slab is cut off
 PULLING = 0.05  # of the mean pressure: more tension than rounding and mesh can make
-EDGE_SHARE = 0.95  # of the face's radius; outside it the pressure is singular and its sign says nothing
 MOST_KEPT = 8  # answers
 _KEPT: dict[tuple[Probe, Phantom, tuple[bytes, bytes], SolidResolution], FaceChange] = {}
 

@@ -11,7 +11,9 @@ from tsis.mechanics.bodies import Resolution
 from tsis.mechanics.face import hat_areas, hats
 from tsis.mechanics.finite_strain.bodies import FiniteResolution
 from tsis.mechanics.finite_strain.pressing import press_finite, press_pairs
-from tsis.mechanics.small_strain import PressKernel, block_radius_mm, central_cell_mm, strain_problem
+from tsis.mechanics.on_axis import block_radius_mm, central_cell_mm
+from tsis.mechanics.small_strain import PressKernel
+from tsis.mechanics.strain_limit import strain_problem
 from tsis.mechanics.surrogate import contrast_of, scale
 from tsis.model import Inclusion, Phantom
 from tsis.model.errors import InputError, MechanicsError

@@ -16,7 +16,8 @@ from scipy.optimize import brentq
 from threadpoolctl import threadpool_limits
 
 from tsis.mechanics.bodies import Resolution
-from tsis.mechanics.small_strain import compliances, strain_problem
+from tsis.mechanics.small_strain import compliances
+from tsis.mechanics.strain_limit import strain_problem
 from tsis.model import Phantom, Probe, Relaxation, check
 from tsis.model.errors import InputError, MechanicsError
 from tsis.model.press import MN_PER_N

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+LARGEST_SEED = 2**63 - 1  # of all that is drawn by chance: whole numbers of other programs end there
+
 
 def number(name: str, value: object, low: float, high: float, *, hint: str = "") -> float:
     """Return ``value`` as a float when it is finite and lies in ``[low, high]``, else say why not."""

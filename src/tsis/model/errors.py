@@ -14,6 +14,7 @@
     ├── CalibrationError    a calibration that cannot be made, or that may not be used
     ├── RecordsError        a store of records that cannot be opened, written or believed
     │   └── StaleRecordError    an edit of a record that somebody else has changed meanwhile
+    ├── ControlError        an act of who does not hold the camera, or at a moment when it cannot be done
     ├── CameraError         a camera that cannot be opened or was lost
     └── GaugeError          a force gauge that cannot be opened, is silent, or says what is no force
 
@@ -46,7 +47,21 @@ class NotCalibratedError(TsisError):
 
 
 class MechanicsError(TsisError):
-    """A press that the chosen mechanical model cannot describe."""
+    """A press that the chosen mechanical model cannot describe.
+
+    Parameters
+    ----------
+    message
+        The sentence, with a cure for who chooses the model.
+    problem
+        What is wrong alone, for who tells another cure; empty where it stands in the message only.
+    largest_n
+        Largest force that the model describes there, newtons; None where nobody has looked for it.
+    """
+
+    def __init__(self, message: str = "", *, problem: str = "", largest_n: float | None = None) -> None:
+        super().__init__(message)
+        self.problem, self.largest_n = problem, largest_n
 
 
 class SweepError(TsisError):
@@ -67,6 +82,10 @@ class RecordsError(TsisError):
 
 class StaleRecordError(RecordsError):
     """An edit of a record that somebody else has changed since it was read."""
+
+
+class ControlError(TsisError):
+    """An act in the console of who does not hold the camera, or at a moment when it cannot be done."""
 
 
 class CameraError(TsisError):

@@ -16,6 +16,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 INTERVAL = 0.9  # probability of the intervals that are told where nobody asks for another
+UNLIKELY = 1e-4  # chance, if the model were true, of what disagrees with it this much: below it the reader is told
+NOT_IDENTIFIED = 0.85  # posterior over prior standard deviation from which the data told next to nothing
+LARGEST_EVIDENCE = 1e12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -33,6 +36,9 @@ class Estimate:
         the data tell nothing, empty where nobody computed it.
     presence
         Probability that what was estimated is there at all; None where nobody asked.
+    log_bayes_factor
+        Natural logarithm of how much better the data are explained with it than without, before any rounding: what
+        ranks targets of which each is nearly certain.
     identifiability
         One sentence that says what the data tell and what not.
     prior
@@ -59,6 +65,7 @@ class Estimate:
     prior_sd: Mapping[str, float]
     cramer_rao_sd: Mapping[str, float] = field(default_factory=dict)
     presence: float | None = None
+    log_bayes_factor: float | None = None
     identifiability: str = ""
     prior: str = ""
     trusted: bool = True
@@ -87,6 +94,8 @@ class Estimate:
                 raise InputError(f"cramer_rao_sd[{name!r}] must be positive; got {sd!r}")
         if self.presence is not None:
             check.number("presence", self.presence, 0.0, 1.0, hint="a probability")
+        if self.log_bayes_factor is not None:
+            check.number("log_bayes_factor", self.log_bayes_factor, -LARGEST_EVIDENCE, LARGEST_EVIDENCE)
         object.__setattr__(self, "cramer_rao_sd", MappingProxyType(dict(self.cramer_rao_sd)))
         object.__setattr__(self, "samples", MappingProxyType(samples))
         object.__setattr__(self, "prior_sd", MappingProxyType(dict(self.prior_sd)))
@@ -112,7 +121,10 @@ class Estimate:
         return f"{name}_not_identified" not in self.flags
 
     def interval(self, level: float = INTERVAL) -> dict[str, tuple[float, float]]:
-        """Equal-tailed credible interval of each parameter; ``level`` in (0, 1)."""
+        """Equal-tailed credible interval of each parameter, in the unit that its name carries.
+
+        ``level`` is the probability of each, in (0, 1); else `InputError` is raised.
+        """
         check.number("level", level, 1e-6, 1.0 - 1e-6)
         tails = (0.5 - level / 2, 0.5 + level / 2)
         bounds = {name: np.quantile(values, tails) for name, values in self.samples.items()}

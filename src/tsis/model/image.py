@@ -106,7 +106,7 @@ class TactileImage:
         return self.axis_px
 
     def scale(self) -> tuple[float, float]:
-        """The pixel size (x, y) in mm, or a clear error when it is unknown."""
+        """The pixel size (x, y) in mm; `InputError` when it is unknown."""
         if self.mm_per_pixel is None:
             raise InputError("mm_per_pixel is not known for this image; give the size of a pixel in millimetres")
         return self.mm_per_pixel

@@ -10,6 +10,8 @@ import numpy as np
 from tsis.model import check
 from tsis.model.errors import InputError
 
+INCLUSION_RANGES = {"diameter_mm": (0.1, 100.0), "depth_mm": (0.2, 200.0), "young_kpa": (0.1, 1e6)}
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Inclusion:
@@ -44,9 +46,11 @@ class Inclusion:
     semi_axes_mm: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
-        check.number("diameter_mm", self.diameter_mm, 0.1, 100.0, hint="millimetres")
-        check.number("depth_mm", self.depth_mm, 0.2, 200.0, hint="millimetres from the skin to the inclusion's top")
-        check.number("young_kpa", self.young_kpa, 0.1, 1e6, hint="kilopascals")
+        within = INCLUSION_RANGES
+        check.number("diameter_mm", self.diameter_mm, *within["diameter_mm"], hint="millimetres")
+        from_skin = "millimetres from the skin to the inclusion's top"
+        check.number("depth_mm", self.depth_mm, *within["depth_mm"], hint=from_skin)
+        check.number("young_kpa", self.young_kpa, *within["young_kpa"], hint="kilopascals")
         check.number("poisson", self.poisson, 0.0, 0.495)
         object.__setattr__(self, "offset_mm", check.pair("offset_mm", self.offset_mm))
         if self.semi_axes_mm is not None:

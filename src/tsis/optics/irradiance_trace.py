@@ -17,7 +17,7 @@ from tsis.optics.irradiance_field import Irradiance
 from tsis.optics.irradiance_fit import slope_terms, smooth, symmetries, symmetrised, watched_slopes
 from tsis.optics.irradiance_leaving import leaving
 from tsis.optics.rays_face import hertz_dent, raised_face, touched_face
-from tsis.optics.rays_scene import MOST_SEED, scene
+from tsis.optics.rays_scene import scene
 from tsis.optics.rays_trace import trace_batches
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def irradiance(
     """
     check.kind("probe", probe, Probe)
     rays = check.whole("rays", rays, FEWEST_RAYS, MOST_RAYS)
-    seed = check.whole("seed", seed, 0, MOST_SEED)
+    seed = check.whole("seed", seed, 0, check.LARGEST_SEED)
     medium = {
         "index_outside": inputs.refractive_index("index_outside", index_outside),
         "absorption_per_mm": check.number("absorption_per_mm", absorption_per_mm, 0.0, 10.0),

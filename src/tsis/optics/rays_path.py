@@ -9,7 +9,7 @@ import numpy as np
 from tsis.model import check
 from tsis.optics import rays_kernel
 from tsis.optics.rays_emission import emitted, lamps
-from tsis.optics.rays_scene import MOST_SEED, scene
+from tsis.optics.rays_scene import scene
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -58,7 +58,7 @@ def trace_paths(
     count = check.whole("rays", rays, 1, MOST_RAYS)
     shining = lamps(probe)
     chosen = check.whole("lamp", lamp, 0, len(shining.share) - 1)
-    rng = np.random.default_rng(check.whole("seed", seed, 0, MOST_SEED))
+    rng = np.random.default_rng(check.whole("seed", seed, 0, check.LARGEST_SEED))
 
     def path() -> NDArray[np.float64]:
         position, direction = emitted(shining, chosen, *rng.random(4).tolist())

@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 THINNEST = 0.05  # share of the layers' thickness that a dent must leave
 WEAK = 0.1  # share of its first power below which chance decides whether a ray goes on, with this share
 MOST_MEETINGS = 1000
-MOST_SEED = 2**63 - 1
 APERTURE = 0.1  # numerical, of the camera's lens
 
 

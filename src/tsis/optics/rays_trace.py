@@ -12,7 +12,7 @@ import numpy as np
 from tsis.model import check
 from tsis.optics import inputs, rays_kernel
 from tsis.optics.rays_emission import lamps
-from tsis.optics.rays_scene import APERTURE, MOST_SEED, scene
+from tsis.optics.rays_scene import APERTURE, scene
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -208,7 +208,7 @@ def trace_batches(
     progress: Callable[[int, int], None] | None = None,
 ) -> Batches:
     """Trace batches of rays beside each other; ``slopes`` (k, 2) are those of faces whose light is recorded too."""
-    start = check.whole("seed", seed, 0, MOST_SEED)
+    start = check.whole("seed", seed, 0, check.LARGEST_SEED)
     workers = check.whole("threads", os.cpu_count() or 1 if threads is None else threads, 1, 256)
     tilts = np.asarray(slopes, dtype=float).reshape(-1, 2)
     shining = lamps(probe)

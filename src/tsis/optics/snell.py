@@ -73,6 +73,20 @@ def refraction_deg(angle_deg: ArrayLike, *, index_from: float, index_to: float) 
 def critical_angle_deg(*, index_from: float, index_to: float) -> float:
     """Angle of incidence above which all light is reflected; 90 where the other side is not thinner, so none ever is.
 
+    Parameters
+    ----------
+    index_from, index_to
+        Real refractive indices before and behind the interface, in [1, 5].
+
+    Returns
+    -------
+    From the interface's normal, degrees.
+
+    Raises
+    ------
+    InputError
+        When an index lies outside its range.
+
     Examples
     --------
     >>> round(critical_angle_deg(index_from=1.41, index_to=1.0), 2)

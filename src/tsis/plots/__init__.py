@@ -4,6 +4,7 @@ from tsis.plots.design import design_errors
 from tsis.plots.force_curve import grey_sums
 from tsis.plots.modes import mode_profiles
 from tsis.plots.posterior import marginal, trade_off
+from tsis.plots.probe_section import probe_section
 from tsis.plots.profile import ring_profile
 from tsis.plots.propagation import guide_index, guide_light, light_out_of_the_top
 from tsis.plots.rays import light_on_face, ray_picture
@@ -21,6 +22,7 @@ __all__ = [
     "light_out_of_the_top",
     "marginal",
     "mode_profiles",
+    "probe_section",
     "ray_picture",
     "relief",
     "repeated_readings",

@@ -21,6 +21,8 @@ def tactile_image(
     low: float | None = None,
     high: float | None = None,
     label: str = "grey level",
+    colours: str = "viridis",
+    ink: str = "white",
 ) -> Axes:
     """Draw an image with a colour bar, a scale bar when its scale is known, and the contact's outline and centroid.
 
@@ -36,33 +38,35 @@ def tactile_image(
         Grey levels of the colour map's ends; the image's range when None.
     label
         What the colour bar shows.
+    colours, ink
+        Colour map, and what stands out on it: of the scale bar, the outline and the centroid.
     """
     rows, columns = image.grey.shape
     sx, sy = image.mm_per_pixel or (1.0, 1.0)
     extent = (-sx / 2, (columns - 0.5) * sx, (rows - 0.5) * sy, -sy / 2)
-    shown = ax.imshow(image.grey, cmap="viridis", extent=extent, vmin=low, vmax=high, interpolation="antialiased")
+    shown = ax.imshow(image.grey, cmap=colours, extent=extent, vmin=low, vmax=high, interpolation="antialiased")
     figure = ax.get_figure()
     if figure is not None:
         figure.colorbar(shown, ax=ax, label=label, fraction=0.035, pad=0.02)
     if image.mm_per_pixel is None:
         ax.set(xlabel="x / px", ylabel="y / px")
     else:
-        _scale_bar(ax, width_mm=columns * sx, height_mm=rows * sy)
+        _scale_bar(ax, ink, width_mm=columns * sx, height_mm=rows * sy)
     if found is not None and found.contact:
         outline = found.patch.contour_px
-        ax.plot(outline[:, 0] * sx, outline[:, 1] * sy, color="white", linewidth=1.0)
+        ax.plot(outline[:, 0] * sx, outline[:, 1] * sy, color=ink, linewidth=1.0)
         if found.centroid_px is not None:
-            ax.plot(found.centroid_px[0] * sx, found.centroid_px[1] * sy, "+", color="white", markersize=12)
+            ax.plot(found.centroid_px[0] * sx, found.centroid_px[1] * sy, "+", color=ink, markersize=12)
     return ax
 
 
-def _scale_bar(ax: Axes, *, width_mm: float, height_mm: float) -> None:
+def _scale_bar(ax: Axes, ink: str, *, width_mm: float, height_mm: float) -> None:
     """A bar of a round length, about a fifth of the picture, instead of axes."""
     ax.set_axis_off()
     length = max((bar for bar in BAR_LENGTHS_MM if bar <= width_mm / 4), default=BAR_LENGTHS_MM[0])
     left, level = 0.05 * width_mm, 0.93 * height_mm
-    ax.plot([left, left + length], [level, level], color="white", linewidth=3, solid_capstyle="butt")
-    ax.text(left + length / 2, level - 0.02 * height_mm, f"{length:g} mm", color="white", ha="center", va="bottom")
+    ax.plot([left, left + length], [level, level], color=ink, linewidth=3, solid_capstyle="butt")
+    ax.text(left + length / 2, level - 0.02 * height_mm, f"{length:g} mm", color=ink, ha="center", va="bottom")
     ax.set_xlim(0, width_mm)
     ax.set_ylim(height_mm, 0)
     ax.set_aspect("equal")

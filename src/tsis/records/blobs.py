@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 import hashlib
-import re
 from typing import TYPE_CHECKING
 
 from tsis.instrument import read_bytes, shown
 from tsis.model.durable import DISK, Disk, write_durably
 from tsis.model.errors import FileInputError, RecordsError
+from tsis.records.canonical import SHA256
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
     from pathlib import Path
 
 ENDINGS = ("png", "json", "samples")
-_NAME = re.compile(r"[0-9a-f]{64}")
 
 
 class Blobs:
@@ -24,14 +23,16 @@ class Blobs:
     Parameters
     ----------
     folder
-        Where they lie; made when first needed.
+        Where they lie; it is there. Were it made anew, what belongs into a folder that was moved would be lost.
     disk
         By which steps they get there.
+    allowed
+        Asked before each is written; raises where nothing may be.
     """
 
-    def __init__(self, folder: Path, *, disk: Disk = DISK) -> None:
+    def __init__(self, folder: Path, *, disk: Disk = DISK, allowed: Callable[[], None] = lambda: None) -> None:
         self.folder = folder
-        self._disk = disk
+        self._disk, self._allowed = disk, allowed
         self._lasting: set[str] = set()  # folders whose names this program has synced
 
     def put(self, content: bytes, ending: str) -> str:
@@ -47,6 +48,7 @@ class Blobs:
         """
         name = hashlib.sha256(content).hexdigest()
         path = self.path(name, ending)
+        self._allowed()
         try:
             self._make_folder(path)
             if not self._holds(path, content):
@@ -97,7 +99,8 @@ class Blobs:
         try:
             content = read_bytes(path)
         except FileInputError as error:
-            raise RecordsError(f"a stored file must be there and readable; {error}") from error
+            state = "be readable" if path.exists() else "be there, and is missing"
+            raise RecordsError(f"a stored file must {state}; {error}") from error
         if hashlib.sha256(content).hexdigest() != name:
             raise RecordsError(
                 f"{shown(path)} must be as it was stored; its content does not match its name, so it was changed or "
@@ -107,7 +110,7 @@ class Blobs:
 
     def path(self, name: str, ending: str) -> Path:
         """Where a file lies; names are hashes, so that none leads out of the folder."""
-        if not _NAME.fullmatch(name) or ending not in ENDINGS:
+        if not SHA256.fullmatch(name) or ending not in ENDINGS:
             raise RecordsError(f"a stored file must be named by a SHA-256 and end in {ENDINGS}; got {name!r:.80}")
         return self.folder / name[:2] / f"{name}.{ending}"
 
@@ -115,5 +118,5 @@ class Blobs:
         """Name and ending of every file that is there."""
         for path in sorted(self.folder.glob("[0-9a-f][0-9a-f]/*")):
             name, _, ending = path.name.partition(".")
-            if _NAME.fullmatch(name) and ending in ENDINGS:
+            if SHA256.fullmatch(name) and ending in ENDINGS:
                 yield name, ending

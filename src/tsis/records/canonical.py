@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import hashlib
 import json
+import re
 from typing import TYPE_CHECKING, Any
 
 from tsis.model.errors import RecordsError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+SHA256 = re.compile(r"[0-9a-f]{64}")  # as it is spelt
 
 
 def canonical(value: Any) -> str:

@@ -48,6 +48,11 @@ class Contents:
     def __init__(self, folder: Path, database: Database, blobs: Blobs, *, identity: str, kind: str) -> None:
         self.folder, self.database, self.blobs, self.identity, self.kind = folder, database, blobs, identity, kind
 
+    def entries(self) -> int:
+        """How many entries the audit has: it grows with every change, so that who shows a store knows when to look."""
+        with self.database.reading() as connection:
+            return int(connection.execute(select(tables.audit_head.c.number)).scalar() or 0)
+
     def targets(self) -> tuple[TargetSummary, ...]:
         """Every target with the number of its presses and estimates, by number."""
         with self.database.reading() as connection:
@@ -75,6 +80,15 @@ class Contents:
         query = select(func.count()).select_from(tables.presses).where(tables.presses.c.target == target.id)
         with self.database.reading() as connection:
             return int(connection.execute(query).scalar_one())
+
+    def press(self, target: Target, identity: str) -> Press:
+        """The press of that identity; `InputError` when the target has none."""
+        query = press_query().where(tables.presses.c.id == identity, tables.presses.c.target == target.id)
+        with self.database.reading() as connection:
+            row = connection.execute(query).first()
+        if row is None:
+            raise InputError(f"press must be one of target {target.number}; got {identity!r:.40}")
+        return rows.press_of_row(row._asdict())
 
     def presses_of_frames(self, frames: Sequence[str]) -> tuple[Press, ...]:
         """Presses of any target whose frame is one of these: by it one tells what is stored already."""

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from alembic.util.exc import CommandError
-from sqlalchemy import inspect, text
+from sqlalchemy import event, inspect, text
 from sqlalchemy.exc import DatabaseError, DBAPIError, SQLAlchemyError
 
 from tsis.instrument.file_bytes import one_line
@@ -19,6 +19,7 @@ from tsis.records.engines import (
     reading_engine,
     sqlite_engine,
 )
+from tsis.records.same_file import SameFile
 from tsis.records.upgrade import copied, revision, upgraded, wanted_revision
 
 if TYPE_CHECKING:
@@ -56,6 +57,7 @@ class Database:
         self.file = folder / FILE if url is None else None
         self.read_only = read_only
         self._closed = False
+        self._opened: SameFile | None = None
         if url is None:
             engine = reading_engine if read_only else sqlite_engine
             self.name, self._engine = str(self.file), engine(folder / FILE)
@@ -68,6 +70,7 @@ class Database:
                     inspect(connection).get_table_names()  # what is logged and cannot be taken in shows here
                 else:
                     _require_lasting(connection, self.name)
+            self._hold_on_to_the_file()
         except BaseException as error:
             self.close()
             if read_only and isinstance(error, RecordsError):
@@ -88,10 +91,12 @@ class Database:
         self._require_open()
         if self.read_only:
             raise RecordsError(f"{self.name} must lie where it can be written, to be added to; it does not: {CURE}")
+        self.require_there()
         # A server may be set to a stricter isolation, in which who waits for another's row is refused it in the end.
         options: dict[str, Any] = {IMMEDIATE: True} if self.file else {"isolation_level": "READ COMMITTED"}
         with told(self.name), self._engine.connect() as connection, connection.execution_options(**options).begin():
             yield connection
+            self.require_there()  # what is committed to a file that is gone is lost, whatever SQLite says
 
     @contextmanager
     def beginning(self) -> Iterator[Connection]:
@@ -124,10 +129,28 @@ class Database:
         with self.reading() as connection:
             return revision(connection, self.name) is None
 
+    def moved(self) -> bool:
+        """Whether SQLite's file is gone from where it was opened, or another one lies there; one look at the disk."""
+        return self._opened is not None and self._opened.moved()
+
+    def require_there(self) -> None:
+        """Refuse, with `RecordsError`, to write to a store whose folder was moved, deleted or replaced."""
+        if self._opened is not None:
+            self._opened.require()
+
     def close(self) -> None:
         """Let go of every connection."""
         self._closed = True
         self._engine.dispose()
+
+    def _hold_on_to_the_file(self) -> None:
+        """From now on no connection is made to another file: kept for later, it would swallow what is stored then."""
+        if self.file is None:
+            return
+        self._opened = SameFile(self.file)
+        if not self.read_only:
+            for moment in ("do_connect", "connect"):  # before, so that no empty file is made, and after
+                event.listen(self._engine, moment, lambda *_: self.require_there())
 
     def _require_open(self) -> None:
         if self._closed:

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 
 from tsis.calibration.guard import FLAGS as PRESS_FLAGS
 from tsis.model import list_probes
-from tsis.records.deidentified_estimate import CALIBRATION, FRAMES, deidentified_estimate, distinct
+from tsis.records.canonical import SHA256
+from tsis.records.deidentified_estimate import CALIBRATION, deidentified_estimate, distinct
 from tsis.records.pseudonym import hidden, pseudonym
 
 if TYPE_CHECKING:
@@ -102,7 +103,7 @@ def _stored(
         deidentified_estimate(stored, {name: f"press {number}" for name, number in numbers.items()}),
         probe=probes[stored.probe],
         presses=tuple(_hidden(dossier, "press", each) for each in stored.presses),
-        calibration=stored.calibration if FRAMES.fullmatch(stored.calibration) else "",
+        calibration=stored.calibration if SHA256.fullmatch(stored.calibration) else "",
         supersedes=None if supersedes is None else _hidden(dossier, "estimate", supersedes),
         id=_hidden(dossier, "estimate", stored.id),
         target=target,

@@ -11,6 +11,7 @@ from tsis.hardness.flag_meanings import FLAGS as HARDNESS_FLAGS
 from tsis.inclusion.flag_meanings import FLAGS as INCLUSION_FLAGS
 from tsis.model.estimate import INTERVAL
 from tsis.model.quantities import UNITS
+from tsis.records.canonical import SHA256
 from tsis.records.environment import LIBRARIES
 from tsis.records.estimation import OPTIONS, PRIORS
 
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
 
 OTHER_FLAG = "other flag"
 CALIBRATION = "calibration"
-FRAMES = re.compile(r"[0-9a-f]{64}")  # a SHA-256
 VERSION = re.compile(r"\d{1,4}(\.\d{1,6}){0,3}((a|b|rc|\.dev|\.post)\d{1,6})?")
 FLAGS = {"inclusion": INCLUSION_FLAGS, "hardness": HARDNESS_FLAGS}
 PARAMETERS = {"diameter_mm": ("diameter", "mm"), "depth_mm": ("depth", "mm"), "young_kpa": ("modulus", "kPa")}
@@ -111,7 +111,7 @@ def _frame(given: Mapping[str, Any], frames: Mapping[str, str]) -> dict[str, Any
     """A frame by the number of its press and its hash, and what was measured in it."""
     found: dict[str, Any] = {"name": frames.get(str(given.get("name")), "a press")}
     sha256, seen = given.get("sha256"), given.get("seen")
-    if isinstance(sha256, str) and FRAMES.fullmatch(sha256):
+    if isinstance(sha256, str) and SHA256.fullmatch(sha256):
         found["sha256"] = sha256
     if isinstance(seen, Mapping):
         held = {name: seen[name] for name in SEEN if _is_number(seen.get(name))}
@@ -136,7 +136,7 @@ def _prior(given: Any, kind: str) -> dict[str, Any]:
 
 def _environment(given: Mapping[str, Any]) -> dict[str, Any]:
     found = {name: given[name] for name in ("tsis", "python") if _is_version(given.get(name))}
-    if isinstance(code := given.get("code_sha256"), str) and FRAMES.fullmatch(code):
+    if isinstance(code := given.get("code_sha256"), str) and SHA256.fullmatch(code):
         found["code_sha256"] = code
     if isinstance(libraries := given.get("libraries"), Mapping):
         found["libraries"] = {name: libraries[name] for name in LIBRARIES if _is_version(libraries.get(name))}

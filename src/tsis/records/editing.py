@@ -10,6 +10,7 @@ from tsis.model.errors import InputError
 from tsis.records import rows, tables
 from tsis.records.contents import press_query
 from tsis.records.row_changes import updated
+from tsis.records.values import entered
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -24,7 +25,7 @@ EDITABLE = {"target": ("name", "note", "truth"), "press": ("role", "force_n", "f
 
 def target_edit(target: Target, changes: Mapping[str, Any]) -> Callable[[Connection], tuple[Target, list[Change]]]:
     """What enters changes of a target; `InputError` when a value is not accepted, or may not be changed."""
-    changed = _columns(rows.target_row(_edited(target, "target", changes)), changes)
+    changed = _columns(rows.target_row(entered(_edited(target, "target", changes), changes)), changes)
 
     def enter(connection: Connection) -> tuple[Target, list[Change]]:
         change = updated(connection, tables.targets, target, changed)

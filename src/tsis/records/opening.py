@@ -29,7 +29,13 @@ ABANDONED_S = 86_400.0  # no file takes a day to be written: a draft of that age
 
 
 def default_folder(kind: str) -> Path:
-    """Folder of this user's store of a kind: below ``$TSIS_RECORDS_DIR``, else the platform's folder for data."""
+    """Folder of this user's store of a kind: below ``$TSIS_RECORDS_DIR``, else the platform's folder for data.
+
+    Raises
+    ------
+    UnknownNameError
+        When the kind is neither ``"phantom"`` nor ``"subject"``.
+    """
     check.known("kind of store", kind, KINDS)
     return Path(os.environ.get("TSIS_RECORDS_DIR") or Path(platformdirs.user_data_dir("tsis")) / "records") / f"{kind}s"
 

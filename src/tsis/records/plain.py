@@ -171,7 +171,9 @@ def estimate_to_plain(stored: StoredEstimate) -> dict[str, Any]:
             "flags": list(found.flags),
             "notes": list(found.notes),
             "provenance": free_to_plain(found.provenance, "provenance"),
-        },
+        }
+        # Estimates of before there was one must read and hash as they did.
+        | ({} if found.log_bayes_factor is None else {"log_bayes_factor": float(found.log_bayes_factor)}),
     }
 
 
@@ -202,12 +204,15 @@ def estimate_of_plain(
 
 
 def _estimate(plain: Any, samples: Mapping[str, NDArray[np.float64]], where: str) -> Estimate:
-    found = require_fields(Estimate, plain, where, without=("samples",))
+    evidence = plain.get("log_bayes_factor") if isinstance(plain, dict) else None
+    without = ("samples",) if evidence is not None else ("samples", "log_bayes_factor")
+    found = require_fields(Estimate, plain, where, without=without)
     return Estimate(
         samples=samples,
         prior_sd=numbers(found, "prior_sd", where),
         cramer_rao_sd=mapping(found, "cramer_rao_sd", where, spread),
         presence=absent(number, found, "presence", where),
+        log_bayes_factor=None if evidence is None else number(found, "log_bayes_factor", where),
         identifiability=text(found, "identifiability", where),
         prior=text(found, "prior", where),
         trusted=truth_value(found, "trusted", where),

@@ -31,7 +31,7 @@ from tsis.records.samples import samples_bytes
 from tsis.records.secret import derived, entered_secret, read_secret
 from tsis.records.taking_in import Arrival, TakenIn, held_frames, require_kind
 from tsis.records.target_numbers import is_taken, next_number
-from tsis.records.values import Press, StoredEstimate, Target, require_label, require_moment
+from tsis.records.values import Press, StoredEstimate, Target, entered, require_label, require_moment
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -65,7 +65,8 @@ class Store(Contents):
     def __init__(
         self, folder: Path, database: Database, *, identity: str, kind: str, actor: str, disk: Disk = DISK
     ) -> None:
-        super().__init__(folder, database, Blobs(folder / FILES, disk=disk), identity=identity, kind=kind)
+        blobs = Blobs(folder / FILES, disk=disk, allowed=database.require_there)
+        super().__init__(folder, database, blobs, identity=identity, kind=kind)
         require_label("actor", actor)
         self.actor = actor
         self._disk = disk
@@ -99,7 +100,7 @@ class Store(Contents):
         Raises
         ------
         InputError
-            When the number is taken, there is no next one, or a value lies outside what `Target` accepts.
+            When the number is taken, there is no next one, or a value is not accepted, as of `Target` and `entered`.
         RecordsError
             When it cannot be stored.
         """
@@ -117,7 +118,7 @@ class Store(Contents):
             if number is not None and is_taken(connection, number):
                 raise InputError(f"number must be that of no target of this store; {number} is taken")
             target = replace(wanted, number=next_number(connection)) if number is None else wanted
-            return target, [inserted(connection, tables.targets, rows.target_row(target))]
+            return target, [inserted(connection, tables.targets, rows.target_row(entered(target)))]
 
         return self._write(enter)
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from types import MappingProxyType
@@ -13,6 +13,8 @@ from tsis.instrument.naming import LARGEST_TARGET
 from tsis.model import check
 from tsis.model.errors import InputError
 from tsis.model.image import require_numbers
+from tsis.model.phantom import INCLUSION_RANGES
+from tsis.records.canonical import SHA256
 
 if TYPE_CHECKING:
     from tsis.model import Estimate
@@ -28,8 +30,8 @@ ROLES = tuple(ROLE_WORDS)  # of presses; a ball is for hardness
 ESTIMATES = ("inclusion", "hardness")
 LONGEST_NAME, LONGEST_NOTE = 200, 4000
 LARGEST_SIDE_PX = 65_535
+TRUTH_RANGE = (-1e9, 1e9)  # of any name
 _NOT_SHOWN_BUT_FINE = re.compile(r"[\n\u200c\u200d]")  # ends of lines; what joins letters of Persian, and emoji
-_SHA256 = re.compile(r"[0-9a-f]{64}")
 
 
 def require_text(name: str, value: object, longest: int) -> None:
@@ -102,8 +104,26 @@ class Target:
             raise InputError(f"truth must be empty for a subject, of whom nothing is known; got {dict(self.truth)}")
         for name in self.truth:
             require_label("a name in truth", name)
-        truth = {name: check.number(f"truth[{name!r}]", value, -1e9, 1e9) for name, value in self.truth.items()}
+        truth = {name: check.number(f"truth[{name!r}]", value, *TRUTH_RANGE) for name, value in self.truth.items()}
         object.__setattr__(self, "truth", MappingProxyType(truth))
+
+
+def entered(target: Target, names: Collection[str] = ("name", "truth")) -> Target:
+    """The target, with what is entered in the fields of these ``names`` fit to be shown and to be compared with.
+
+    Stores of earlier releases hold other things, and stay readable.
+
+    Raises
+    ------
+    InputError
+        When a name has several lines, or a truth is that of no inclusion.
+    """
+    if "name" in names and "\n" in target.name:
+        raise InputError(f"name must be one line; got {target.name!r:.80} (a note may have several)")
+    if "truth" in names:
+        for name, value in target.truth.items():
+            check.number(f"truth[{name!r}]", value, *INCLUSION_RANGES.get(name, TRUTH_RANGE))
+    return target
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -168,7 +188,7 @@ class Press:
     def __post_init__(self) -> None:
         check.known("role", self.role, ROLES)
         require_moment("taken", self.taken)
-        if not isinstance(self.frame, str) or not _SHA256.fullmatch(self.frame):
+        if not isinstance(self.frame, str) or not SHA256.fullmatch(self.frame):
             raise InputError(f"frame must be the SHA-256 of a stored file; got {self.frame!r:.80}")
         for name in ("rows", "columns"):
             check.whole(name, getattr(self, name), 1, LARGEST_SIDE_PX, hint="pixels")

@@ -130,6 +130,11 @@ def calibration_notes(known: ProbeCalibration, findings: SessionFindings) -> tup
 
 def calibration_report(known: ProbeCalibration, findings: SessionFindings, *, provenance: Mapping[str, Any]) -> bytes:
     """One HTML page of a calibration."""
+    return html(calibration_page(known, findings, provenance=provenance))
+
+
+def calibration_page(known: ProbeCalibration, findings: SessionFindings, *, provenance: Mapping[str, Any]) -> Page:
+    """What that page holds: numbers, notes, figures of what the fits left, tables."""
     line, scale = known.force_line, known.scale
     assert line is not None  # a session measures both
     assert scale is not None
@@ -173,27 +178,25 @@ def calibration_report(known: ProbeCalibration, findings: SessionFindings, *, pr
             alt="Frame of the board with the dots found, their lattice, and what the fit leaves, magnified",
         ),
     )
-    return html(
-        Page(
-            title=f"Calibration {known.name}",
-            subtitle=f"probe {known.probe}, camera {known.camera}",
-            cards=cards,
-            notes=(*calibration_notes(known, findings), *specification_notes(known)),
-            pictures=pictures,
-            tables=(
-                Table(
-                    title="Measured",
-                    headings=("quantity", "value", "95 % interval"),
-                    rows=calibration_rows(known, findings),
-                ),
-                Table(
-                    title="Specification sheet (table 4.1)",
-                    headings=("quantity", "measured", "fingertip", "printed in the source"),
-                    rows=specification_rows(known),
-                ),
+    return Page(
+        title=f"Calibration {known.name}",
+        subtitle=f"probe {known.probe}, camera {known.camera}",
+        cards=cards,
+        notes=(*calibration_notes(known, findings), *specification_notes(known)),
+        pictures=pictures,
+        tables=(
+            Table(
+                title="Measured",
+                headings=("quantity", "value", "95 % interval"),
+                rows=calibration_rows(known, findings),
             ),
-            provenance={**provenance, "line": to_plain(findings.line)},
-        )
+            Table(
+                title="Specification sheet (table 4.1)",
+                headings=("quantity", "measured", "fingertip", "printed in the source"),
+                rows=specification_rows(known),
+            ),
+        ),
+        provenance={**provenance, "line": to_plain(findings.line)},
     )
 
 

@@ -45,6 +45,7 @@ def estimate_document(estimate: Estimate, truth: Mapping[str, float] | None = No
     return {
         "parameters": parameters,
         "presence": estimate.presence,
+        "log_bayes_factor": estimate.log_bayes_factor,
         "identifiability": estimate.identifiability,
         "prior": estimate.prior,
         "trusted": estimate.trusted,

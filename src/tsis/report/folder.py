@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import itertools
+import os
+import tempfile
 from typing import TYPE_CHECKING
 
 from tsis.model.errors import FileInputError
@@ -11,6 +13,8 @@ from tsis.model.whole import new_folder
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
+
+ROOM = 2**22  # bytes: more than a report takes
 
 
 def free_folder(wanted: Path) -> Path:
@@ -47,6 +51,24 @@ def write_folder(folder: Path, files: Mapping[str, bytes]) -> Path:
     except OSError as error:
         raise _refused(folder, error) from error
     return folder.resolve()
+
+
+def require_room(folder: Path, *, room: int = ROOM) -> None:
+    """Refuse a new ``folder`` beside which ``room`` bytes cannot be written: before what cannot be taken back.
+
+    Raises
+    ------
+    FileInputError
+        When they cannot.
+    """
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder.parent) as trial:
+            trial.write(bytes(room))
+            trial.flush()
+            os.fsync(trial.fileno())
+    except OSError as error:
+        raise _refused(folder, error) from error
 
 
 def _refused(folder: Path, error: OSError) -> FileInputError:

@@ -48,6 +48,20 @@ def hardness_report(
     truth_kpa
         The true modulus where it is known.
     """
+    page = hardness_page(estimate, title=title, images=images, table=table, provenance=provenance, truth_kpa=truth_kpa)
+    return html(page)
+
+
+def hardness_page(
+    estimate: Estimate,
+    *,
+    title: str,
+    images: Sequence[TactileImage],
+    table: ContactTable,
+    provenance: Mapping[str, Any],
+    truth_kpa: float | None = None,
+) -> Page:
+    """What that page holds; parameters as `hardness_report`."""
 
     def growth(figure: Figure) -> None:
         contact_growth(estimate, figure.subplots(), table=table)
@@ -57,16 +71,14 @@ def hardness_report(
         _picture("Growth of the contact", growth, "Contact radius over force, of the frames and of the estimate"),
     ]
     pictures += [_frame(image) for image in images]
-    return html(
-        Page(
-            title=title,
-            subtitle=", ".join(image.name for image in images),
-            cards=(hardness_card(estimate, truth_kpa),),
-            notes=hardness_notes(estimate),
-            pictures=tuple(pictures),
-            tables=(Table(title="Result", headings=("quantity", "value"), rows=hardness_rows(estimate)),),
-            provenance=provenance,
-        )
+    return Page(
+        title=title,
+        subtitle=", ".join(image.name for image in images),
+        cards=(hardness_card(estimate, truth_kpa),),
+        notes=hardness_notes(estimate),
+        pictures=tuple(pictures),
+        tables=(Table(title="Result", headings=("quantity", "value"), rows=hardness_rows(estimate)),),
+        provenance=provenance,
     )
 
 

@@ -118,7 +118,7 @@ def _presence_card(estimate: Estimate) -> tuple[Card, ...]:
         Card(
             title="Is there an inclusion?",
             value=shown_probability(estimate.presence),
-            detail="probability of an inclusion over plain tissue",
+            detail="probability of an inclusion over plain, even tissue",
             doubtful=estimate.presence < LIKELY,
         ),
     )

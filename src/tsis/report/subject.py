@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from tsis.records.deidentified import deidentified
-
 if TYPE_CHECKING:
     from tsis.records import Dossier, StoredEstimate
 
@@ -20,6 +18,8 @@ def shown(dossier: Dossier) -> Dossier:
     """A phantom's as it is; a subject's with the label alone, which is a pseudonym, and identities of this page."""
     if dossier.target.kind != "subject":
         return dossier
+    from tsis.records.deidentified import deidentified  # loads the libraries of records, as the dossier has
+
     found = deidentified(dossier)
     presses = {press.id: f"press {number}" for number, press in enumerate(found.presses, 1)}
     estimates = {stored.id: f"estimate {number}" for number, stored in enumerate(found.estimates, 1)}

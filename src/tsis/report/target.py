@@ -6,9 +6,8 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import __version__
-from tsis.report.hardness import hardness_card
-from tsis.report.inclusion import inclusion_cards
 from tsis.report.page import Card, Page
+from tsis.report.stored import estimate_cards
 from tsis.report.subject import shown
 from tsis.report.target_pictures import target_gallery
 from tsis.report.target_tables import target_tables
@@ -39,7 +38,7 @@ def target_page(dossier: Dossier) -> Page:
     return Page(
         title=f"{'Subject, target' if target.kind == 'subject' else 'Target'} {target.number}{name}",
         subtitle=_subtitle(dossier),
-        cards=_cards(dossier),
+        cards=target_cards(dossier),
         notes=(*target_notes(dossier), *gallery.notes),
         pictures=gallery.pictures,
         tables=target_tables(dossier),
@@ -57,7 +56,8 @@ def _subtitle(dossier: Dossier) -> str:
     return f"{dossier.target.kind}, probe {probes}, recorded {taken} UTC"
 
 
-def _cards(dossier: Dossier) -> tuple[Card, ...]:
+def target_cards(dossier: Dossier) -> tuple[Card, ...]:
+    """The numbers of the estimates in force, the newest first; what there is to estimate from where there is none."""
     found = newest_first(dossier)
     if not found:
         return (
@@ -66,11 +66,7 @@ def _cards(dossier: Dossier) -> tuple[Card, ...]:
         )
     cards = []
     for stored in found:
-        own = (
-            (hardness_card(stored.estimate, dossier.target.truth.get("young_kpa")),)
-            if stored.kind == "hardness"
-            else inclusion_cards(stored.estimate, dossier.target.truth)
-        )
+        own = estimate_cards(stored, dossier.target.truth)
         cards += [replace(card, title=heading(dossier, stored, card.title)) for card in own]
     return tuple(cards)
 

@@ -35,7 +35,7 @@ def target_tables(dossier: Dossier) -> tuple[Table, ...]:
             )
             for identity, known in sorted(dossier.calibrations.items())
         ),
-        *_history(dossier),
+        *history_tables(dossier),
     )
 
 
@@ -123,7 +123,8 @@ def _said(press: Press) -> str:
     return ": ".join(part for part in (press.name, press.note) if part)
 
 
-def _history(dossier: Dossier) -> tuple[Table, ...]:
+def history_tables(dossier: Dossier) -> tuple[Table, ...]:
+    """Every estimate that was made; no table where there is none."""
     if not dossier.estimates:
         return ()
     headings = ("made (UTC)", "estimate", "kind", "tsis", "mean and 90 % interval", "presses", "takes the place of")

@@ -7,8 +7,7 @@ from datetime import UTC
 from typing import TYPE_CHECKING
 
 from tsis.calibration.guard import FLAGS
-from tsis.report.document import sentences
-from tsis.report.hardness import hardness_notes
+from tsis.report.stored import estimate_sentences
 from tsis.report.subject import SAID
 
 if TYPE_CHECKING:
@@ -68,13 +67,13 @@ def _estimate_notes(dossier: Dossier) -> tuple[str, ...]:
         return ("Nothing was estimated from these presses yet.",) if dossier.presses else ("Nothing was recorded yet.",)
     said = []
     for stored in found:
-        own = hardness_notes(stored.estimate) if stored.kind == "hardness" else sentences(stored.estimate)
-        told = (*own, _origin(stored), *_coverage(dossier, stored))
+        told = (*estimate_sentences(stored), origin(stored), *_coverage(dossier, stored))
         said += [f"Of the {stored.kind}: {sentence}" if len(found) > 1 else sentence for sentence in told]
     return tuple(said)
 
 
-def _origin(stored: StoredEstimate) -> str:
+def origin(stored: StoredEstimate) -> str:
+    """What an estimate was made from, when and by which code."""
     version = f"tsis {stored.environment['tsis']}" if "tsis" in stored.environment else "an unknown version of tsis"
     again = f" It takes the place of {stored.supersedes[:SHORT]}." if stored.supersedes else ""
     return (

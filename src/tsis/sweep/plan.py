@@ -35,7 +35,6 @@ LARGEST_BATCH = 10_000
 LARGEST_SHARDS = 100_000  # in one folder
 LARGEST_RADII = 250
 LARGEST_FORCES = 100
-LARGEST_SEED = 2**63 - 1
 DEFAULT_RADII = 25
 
 
@@ -170,7 +169,7 @@ class Plan:
             )
         if self.count is None or self.seed is None:
             raise InputError(f"count and seed must be given when sample is {self.sample!r}")
-        _whole("seed", self.seed, 0, LARGEST_SEED)
+        _whole("seed", self.seed, 0, check.LARGEST_SEED)
         largest = LARGEST_LATIN if self.sample == "latin-hypercube" else LARGEST_PRESSES
         return _whole("count", self.count, 1, largest)
 

@@ -7,10 +7,9 @@ from dataclasses import asdict, fields
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tsis.instrument import read_bytes, shown
-from tsis.instrument.file_bytes import one_line
+from tsis.instrument.file_bytes import one_line, read_parsed
 from tsis.model import Layer, Probe, check, load_probe
-from tsis.model.errors import FileInputError, InputError
+from tsis.model.errors import InputError
 from tsis.sweep.plan import Plan
 from tsis.sweep.quantity import Quantity, Range
 
@@ -61,14 +60,7 @@ def load_plan(path: str | os.PathLike[str]) -> Plan:
     FileInputError
         When the file is missing, no TOML, or holds a value that a plan cannot take.
     """
-    file = Path(path)
-    data = read_bytes(file, most=LARGEST_PLAN_BYTES)
-    try:
-        return parse_plan(data.decode())
-    except InputError as error:
-        raise FileInputError(f"{shown(file)}: {error}") from error
-    except UnicodeDecodeError as error:
-        raise FileInputError(f"{shown(file)} must be text in UTF-8; it is not") from error
+    return read_parsed(Path(path), parse_plan, most=LARGEST_PLAN_BYTES)
 
 
 def parse_plan(text: str) -> Plan:

@@ -135,7 +135,13 @@ def run_sweep(
 
 
 def worker_count(workers: int | None) -> int:
-    """Number of processes: as given, or one a processor that this process may use."""
+    """Number of processes: as given, or one a processor that this process may use.
+
+    Raises
+    ------
+    InputError
+        When it is no number of processes that a machine may have.
+    """
     if workers is None:
         return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     return int(check.number("workers", workers, 1, MOST_WORKERS))

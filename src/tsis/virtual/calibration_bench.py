@@ -23,7 +23,25 @@ if TYPE_CHECKING:
     from tsis.model import Probe, TactileImage
 
 FRAMES_PER_S = 30.0
+NAMED = "virtual bench, seed "
 BOARD_TURN_DEG = 3.0
+
+
+def bench_name(seed: int) -> str:
+    """What a session calls the virtual bench: another seed is another one, whose frames do not mix.
+
+    Examples
+    --------
+    >>> bench_name(4), bench_seed("virtual bench, seed 4"), bench_seed("aravis:Fake_1")
+    ('virtual bench, seed 4', 4, None)
+    """
+    return f"{NAMED}{seed}"
+
+
+def bench_seed(name: str) -> int | None:
+    """Seed of the virtual bench of that name; None when it is a camera's."""
+    number = name.removeprefix(NAMED)
+    return int(number) if name.startswith(NAMED) and number.isascii() and number.isdecimal() else None
 
 
 class VirtualBench:

@@ -15,7 +15,7 @@ from tsis.imaging.render import render
 from tsis.imaging.sensor import Sensor, expose
 from tsis.mechanics import SphereResolution
 from tsis.model import Calibration, LightMap, Probe, SoftSphere, TactileImage, check
-from tsis.virtual.probe import VirtualProbe
+from tsis.virtual.probe import LARGEST_FORCE_N, VirtualProbe
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
 
 # Finer and of another order than the mesh of the estimates, so that an estimate is never checked by itself.
 FINE = SphereResolution(order=4, cells=6, rings=2, face_cells=6)
-LARGEST_FORCE_N = 20.0
 FILLED = 0.8  # share of the scale above the background that the brightest place of the nominal exposure takes
 SATURATION = 5.0  # times the greatest pressure: there the answer is a line to within one per cent
 LIT = 0.05  # of the brightest place: what is brighter belongs to the contact
@@ -136,14 +135,24 @@ class DirectContactRig:
 
     def press_path(self, sphere: SoftSphere, *, forces_n: Sequence[float]) -> tuple[TactileImage, ...]:
         """Frames at several commanded forces in newtons, in any order; one solution serves them all."""
+        fields = self._commanded(sphere, forces_n)
+        return tuple(self._frame(field, sphere, force) for field, force in zip(fields, forces_n, strict=True))
+
+    def light(self, sphere: SoftSphere, *, force_n: float) -> NDArray[np.float64]:
+        """Expected grey levels above the background of one press that misses ``force_n`` a little; 0 is no contact."""
+        if force_n == 0.0:
+            return np.zeros((self.sensor.rows, self.sensor.columns))
+        return self._lit(self._commanded(sphere, [force_n])[0])
+
+    def _commanded(self, sphere: SoftSphere, forces_n: Sequence[float]) -> list[PressField]:
+        """Presses that miss their commanded forces a little."""
         check.kind("sphere", sphere, SoftSphere)
         check_size(self.probe, sphere.radius_mm)
         commanded = check.array("forces_n", forces_n, ndim=1)
         for force in commanded:
             check.number("forces_n", force, 1e-3, LARGEST_FORCE_N, hint="newtons")
         missed = 1 + self.calibration.force_sd * self._rng.standard_normal(len(commanded))
-        fields = self._fields(sphere, commanded * np.maximum(missed, 0.1))
-        return tuple(self._frame(field, sphere, float(force)) for field, force in zip(fields, commanded, strict=True))
+        return self._fields(sphere, commanded * np.maximum(missed, 0.1))
 
     def _fields(self, sphere: SoftSphere, forces_n: NDArray[np.float64]) -> list[PressField]:
         # A probe stiffer by a factor presses as the nominal one does a sphere softer by it with less force.
@@ -156,23 +165,25 @@ class DirectContactRig:
             for i in place
         ]
 
-    def _frame(self, field: PressField, sphere: SoftSphere, force_n: float) -> TactileImage:
+    def _lit(self, field: PressField) -> NDArray[np.float64]:
         bench, known = self._bench, self.calibration
         seen = self._beside(render(field, self.sensor, known)) * self._light.at(*self.sensor.axes_mm())
         drift = 1 + self._drift_sd * self._rng.standard_normal()
         seen *= bench._gain * drift * bench._pattern * bench._ring_pattern(known.repeatability_sd)
         lit = float(seen[seen > LIT * seen.max()].mean())
-        seen += known.offset_sd * self._rng.standard_normal() * lit
+        return seen + known.offset_sd * self._rng.standard_normal() * lit
+
+    def _frame(self, field: PressField, sphere: SoftSphere, force_n: float) -> TactileImage:
         return TactileImage(
-            grey=expose(seen, self.sensor, self._rng),
+            grey=expose(self._lit(field), self.sensor, self._rng),
             mm_per_pixel=self.sensor.mm_per_pixel,
             full_scale=self.sensor.full_scale,
-            force_n=force_n,
+            force_n=float(force_n),
             name=f"{sphere.name or 'sphere'} at {force_n:g} N",
             settings={
                 "source": "virtual",
                 "probe": self.probe.name,
-                "radius_mm": self._written_radius_mm(sphere),
+                "radius_mm": self.written_radius_mm(sphere),
                 "radius_sd_mm": self._radius_sd_mm,
             },
         )
@@ -183,8 +194,8 @@ class DirectContactRig:
         moved = cv2.warpAffine(picture, np.array([[1.0, 0.0, shift[0]], [0.0, 1.0, shift[1]]]), picture.shape[::-1])
         return np.asarray(moved, dtype=float)
 
-    def _written_radius_mm(self, sphere: SoftSphere) -> float:
-        """What the laboratory measured, once for each sphere."""
+    def written_radius_mm(self, sphere: SoftSphere) -> float:
+        """What the laboratory measured, once for each sphere, mm."""
         if sphere not in self._written:
             error = self._radius_sd_mm * self._rng.standard_normal()
             self._written[sphere] = max(0.1 * sphere.radius_mm, sphere.radius_mm + error)
@@ -211,6 +222,11 @@ def direct_contact_calibration(
     peak_kpa
         Greatest pressure to be seen, in [0.1, 1e5] kPa; by default 0.6 of the skin's modulus, within [50, 220]: what a
         sphere of 3 mm and 500 kPa reaches at 1.2 N, with a reserve.
+
+    Raises
+    ------
+    InputError
+        When an argument is of the wrong kind or outside its range.
     """
     check.kind("sensor", sensor, Sensor)
     check.kind("probe", probe, Probe)

@@ -11,8 +11,9 @@ from tsis.mechanics.element import lame_constants
 from tsis.mechanics.finite_strain import load_path, neo_hookean
 from tsis.mechanics.finite_strain.elastic_body import FIXED, OWN, ElasticBody, number
 from tsis.mechanics.finite_strain.meshed_solid import Patch, Solid, beside, weld
+from tsis.mechanics.finite_strain.obstacle import Plate, SoftFace
 from tsis.mechanics.finite_strain.potential import Load, Potential
-from tsis.mechanics.finite_strain.sliding_contact import Plate, SlidingContact, SoftFace
+from tsis.mechanics.finite_strain.sliding_contact import SlidingContact
 from tsis.mechanics.finite_strain.smooth_face import SmoothFace
 from tsis.mechanics.mesh import LayeredMesh
 

@@ -82,6 +82,7 @@ def test_the_work_of_the_force_is_the_energy_that_is_stored() -> None:
     assert steps[-1].stored_mn_mm - steps[0].stored_mn_mm == pytest.approx(work, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_softer_spheres_spread_further() -> None:
     soft, stiff = (
         squeeze_sphere(PROBE, sphere_radius_mm=3.0, young_kpa=young, force_n=0.1, resolution=COARSE)

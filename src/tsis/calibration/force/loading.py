@@ -26,6 +26,18 @@ UNTOUCHED_N = 0.005  # what a gauge may read without load, before its zero is ta
 def loading_forces(largest_n: float = LARGEST_N, step_n: float = STEP_N) -> tuple[float, ...]:
     """Forces of section 5.1 in newtons in order of time: 0 to the largest in steps, and back to 0.
 
+    Parameters
+    ----------
+    largest_n
+        Largest force in newtons, in [0.001, 50].
+    step_n
+        From force to force in newtons, from 0.0001 to the largest.
+
+    Raises
+    ------
+    InputError
+        When either lies outside its range.
+
     Examples
     --------
     >>> loading_forces(0.3)

@@ -189,6 +189,11 @@ def drift_corrected(image: TactileImage, ratio: Measured | float, *, dark_grey: 
     TactileImage
         ``dark_grey + (image - dark_grey) / ratio``. Clipped pixels were clipped before: look for them in the original.
 
+    Raises
+    ------
+    InputError
+        When the ratio or the dark level lies outside its range.
+
     Examples
     --------
     >>> from tsis.model import TactileImage

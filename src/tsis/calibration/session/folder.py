@@ -126,6 +126,28 @@ class SessionFolder:
             shutil.rmtree(draft, ignore_errors=True)  # what is left of a step that was not finished
         return kept
 
+    def count(self, step: Step) -> int:
+        """How many frames of the step there are; 0 when it is not done."""
+        return len(list((self.path / step.name).glob("frame-*.png"))) if self.done(step) else 0
+
+    def forget(self, step: Step) -> None:
+        """Remove the frames of a step, so that it can be repeated; without any nothing happens.
+
+        Raises
+        ------
+        FileInputError
+            When they cannot be removed; the step is done as before then.
+        """
+        place = self.path / step.name
+        if not place.exists():
+            return
+        try:
+            # Renamed first: the step is done with all of its frames, or not at all.
+            place.rename(going := self.path / f".{step.name}-{secrets.token_hex(4)}")
+        except OSError as error:
+            raise self._refused(error) from error
+        shutil.rmtree(going, ignore_errors=True)  # what stays is removed when the step is done again
+
     def shots(self, step: Step) -> list[Shot]:
         """Read the frames of a step in the order in which they were taken.
 
@@ -136,6 +158,16 @@ class SessionFolder:
         FileInputError
             When a file is missing or damaged.
         """
+        index, rows = self._rows(step)
+        return [self._shot(index, row) for row in rows]
+
+    def middle_shot(self, step: Step) -> Shot:
+        """The frame in the middle of a step, in loadings near the largest force; errors as `shots`."""
+        index, rows = self._rows(step)
+        return self._shot(index, rows[len(rows) // 2])
+
+    def _rows(self, step: Step) -> tuple[Path, list[list[str]]]:
+        """The step's table of frames, and its lines."""
         if not self.done(step):
             raise CalibrationError(f"step {step.name!r} must be done first; {shown(self.path)} holds no frames of it")
         index = self.path / step.name / INDEX
@@ -148,13 +180,12 @@ class SessionFolder:
             raise FileInputError(f"{shown(index)} must be a table of frames; got: {one_line(error)}") from error
         if not rows or tuple(rows[0]) != COLUMNS:
             raise FileInputError(f"{shown(index)} must begin with the line {','.join(COLUMNS)}")
-        names = [row[0] for row in rows[1:] if row]
-        if len(set(names)) < len(names):  # one small file could else take any amount of memory
+        frames = [row for row in rows[1:] if row]
+        if len({row[0] for row in frames}) < len(frames):  # one small file could else take any amount of memory
             raise FileInputError(f"{shown(index)} must name each frame once; it names one twice")
-        shots = [self._shot(index, row) for row in rows[1:] if row]
-        if not shots:
+        if not frames:
             raise FileInputError(f"{shown(index)} must name at least one frame; got none (remove the step, repeat it)")
-        return shots
+        return index, frames
 
     def _write(self, draft: Path, shots: Iterable[Shot], progress: Callable[[int], None]) -> int:
         lines = [",".join(COLUMNS)]

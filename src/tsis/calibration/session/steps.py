@@ -59,6 +59,11 @@ def plan(tips_mm: Sequence[float] = TIPS_MM, *, repeats: int = 1) -> tuple[Step,
     repeats
         Loadings of each tip, in [1, 20].
 
+    Raises
+    ------
+    InputError
+        When a radius or the number of loadings lies outside its range.
+
     Examples
     --------
     >>> [step.name for step in plan((2.0, 10.0))]

@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping  # noqa: TC003 - the file format reads the type
 from dataclasses import dataclass, field
 from datetime import datetime  # noqa: TC003 - the file format reads the type
 from types import MappingProxyType
 
+from tsis.calibration.file.probe_calibration import SETTING_TOLERANCE
 from tsis.calibration.file.soundness import require_name, require_time
 from tsis.calibration.force.loading import TIPS_MM
 from tsis.calibration.session.steps import plan
 from tsis.model import check
 from tsis.model.errors import InputError
+
+STATED = ("name", "pitch_mm", "pitch_sd_mm", "gauge_share", "patch_px", "tips_mm", "repeats")  # by a person
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,3 +74,29 @@ class SessionTerms:
             if not (0 <= left < right and 0 <= top < bottom):
                 raise InputError(f"patch_px must be left < right and top < bottom, from 0; got {self.patch_px}")
         object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
+
+    def differing(self, other: SessionTerms) -> tuple[str, ...]:
+        """Names of the terms that a person states and that are others there; of probe and camera nothing is said.
+
+        Examples
+        --------
+        >>> terms = SessionTerms(name="bench", probe="tsis-direct", camera="cam")
+        >>> terms.differing(SessionTerms(name="bench", probe="tsis-direct", camera="cam", pitch_mm=2.0, repeats=3))
+        ('pitch_mm', 'repeats')
+        """
+        return tuple(name for name in STATED if getattr(self, name) != getattr(other, name))
+
+    def changed_setting(self, settings: Mapping[str, float]) -> tuple[str, float, float] | None:
+        """A setting of the session that is another one now: its name, its value then and now; else None.
+
+        Examples
+        --------
+        >>> terms = SessionTerms(name="bench", probe="tsis-direct", camera="cam", settings={"gain": 2.0})
+        >>> terms.changed_setting({"gain": 3.0, "exposure_ms": 5.0}), terms.changed_setting({"gain": 2.0})
+        (('gain', 2.0, 3.0), None)
+        """
+        for setting, value in self.settings.items():
+            now = settings.get(setting, value)
+            if not math.isclose(now, value, rel_tol=SETTING_TOLERANCE, abs_tol=1e-9):
+                return setting, value, now
+        return None

@@ -84,6 +84,11 @@ def specification_sheet(
         Width in mm in which an edge of contact rises from 10 to 90 %, by `edge_width`.
     frames_per_s
         Rate at which frames arrived, by `frame_rate`.
+
+    Raises
+    ------
+    InputError
+        When ``probe`` is no text.
     """
     check.kind("probe", probe, str)
     return Specification(

@@ -7,20 +7,20 @@ from typing import Annotated
 
 import typer
 
+from tsis.calibration.cited import cited
 from tsis.cli.acquire.chosen_camera import VIRTUAL, VirtualPress, connector, is_stored, wanted_settings
 from tsis.cli.acquire.kept_snapshot import ROLES, SnapshotDestination
 from tsis.cli.acquire.listing import list_cameras, show_camera
 from tsis.cli.acquire.sequence import take_sequence
 from tsis.cli.acquire.snapshots import take_snapshot
 from tsis.cli.acquire.watching import watch_presses
-from tsis.cli.cited_calibration import cited
 from tsis.cli.console_output import waiting
-from tsis.cli.demo import LARGEST_SEED
-from tsis.cli.force_gauge import BAUD, GaugeBaud, GaugeLatency, GaugePort, GaugeSends, GaugeUnit, gauge_log
+from tsis.cli.force_gauge import GaugeBaud, GaugeLatency, GaugePort, GaugeSends, GaugeUnit, gauge_log
 from tsis.cli.keeping import KeepFolder, KeepKind, chosen_destination
 from tsis.cli.targets import AsJson, ForceN, PhantomName, ProbeName
 from tsis.imaging.colour import COLOUR_MAPS
 from tsis.instrument.acquisition import Acquisition
+from tsis.instrument.gauge.connecting import BAUD
 from tsis.instrument.naming import LARGEST_TARGET
 from tsis.instrument.presets import PRESETS
 from tsis.instrument.snapshot import FORMATS
@@ -63,7 +63,7 @@ def acquire(
     probe: ProbeName = "tsis-2011",
     phantom: PhantomName = "hardness-100",
     force_n: ForceN = 1.0,
-    seed: Annotated[int, typer.Option(help="Seed of the virtual probe's errors.", min=0, max=LARGEST_SEED)] = 4,
+    seed: Annotated[int, typer.Option(help="Seed of the virtual probe's errors.", min=0, max=check.LARGEST_SEED)] = 4,
     keep: Annotated[
         bool, typer.Option("--keep", help="Keep the snapshot in the store of records too: tsis records list.")
     ] = False,

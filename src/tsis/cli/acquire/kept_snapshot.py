@@ -1,4 +1,4 @@
-"""A snapshot in the store of records, beside its files: taken in by the same way as an import takes it."""
+"""Where ``tsis acquire --keep`` keeps a snapshot, beside its files."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.cli.cited_calibration import CitedCalibration
+    from tsis.calibration.cited import CitedCalibration
     from tsis.cli.keeping import Destination
 
 ROLES = ("target", "plain", "untouched", "ball")  # those of tsis.records, whose libraries load when one is kept
@@ -32,27 +32,9 @@ class SnapshotDestination:
     role: str
     probe: str = ""
 
+    def keep(self, sidecar: Path, calibration: CitedCalibration | None) -> dict[str, Any]:
+        """Store the snapshot of a sidecar; what a result says of it; `TsisError` when it could not be stored."""
+        from tsis.records.importing.one_snapshot import keep_snapshot  # loads the libraries of records
 
-def keep_snapshot(where: SnapshotDestination, sidecar: Path, calibration: CitedCalibration | None) -> dict[str, Any]:
-    """Store the snapshot of a sidecar; what a result says of it.
-
-    Raises
-    ------
-    TsisError
-        When it could not be stored.
-    """
-    from tsis.records.importing import Given, enter
-    from tsis.records.importing.snapshots import snapshots
-
-    known = None if calibration is None else calibration.known
-    probe = where.probe if known is None or not known.probe else known.probe
-    found = snapshots([sidecar], Given(role=where.role, probe=probe, calibration=known), lambda: None)
-    with where.destination.opened() as store:
-        (entered,) = enter(store, found)
-        (press,) = entered.presses
-        return {
-            "store": str(store.folder.resolve()),
-            "target": entered.target.number,
-            "press": press.id,
-            "notes": list(entered.batch.notes),
-        }
+        with self.destination.opened() as store:
+            return keep_snapshot(store, sidecar, role=self.role, probe=self.probe, calibration=calibration)

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from tsis.cli.cited_calibration import CitedCalibration
+    from tsis.calibration.cited import CitedCalibration
     from tsis.instrument.acquisition import Acquisition, Arrival
     from tsis.instrument.gauge import ForceLog
 

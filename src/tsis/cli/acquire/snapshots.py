@@ -6,12 +6,11 @@ from dataclasses import asdict
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
+from tsis.calibration.guard.of_stream import guard_reference, scaled
 from tsis.calibration.guard.press_check import check_press
-from tsis.cli.acquire.kept_snapshot import SnapshotDestination, keep_snapshot
-from tsis.cli.acquire.press_guard import guard_reference
 from tsis.cli.console_output import people, print_json, print_notice
 from tsis.cli.force_gauge import force_then
-from tsis.cli.keeping import kept_notes, stop_not_kept
+from tsis.cli.keeping import stop_not_kept
 from tsis.imaging import colour_map
 from tsis.instrument.snapshot import save_snapshot
 from tsis.model.errors import CameraError, TsisError
@@ -24,13 +23,13 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
+    from tsis.calibration.cited import CitedCalibration
     from tsis.calibration.guard.flags import GuardFlag
-    from tsis.cli.cited_calibration import CitedCalibration
+    from tsis.cli.acquire.kept_snapshot import SnapshotDestination
     from tsis.instrument import Frame
     from tsis.instrument.acquisition import Acquisition, Arrival
     from tsis.instrument.gauge import ForceLog
     from tsis.instrument.snapshot import Snapshot
-    from tsis.model import TactileImage
 
 FRAME_S = 10.0  # for which a frame is waited
 
@@ -51,7 +50,7 @@ def take_snapshot(
     arrival = _next(acquisition)
     force = None if log is None else force_then(log, arrival.arrived_s)
     image = arrival.frame.tactile_image(force_n=None if force is None else max(0.0, force.force_n))
-    flags = check_press(_scaled(image, calibration), reference=guard_reference(calibration))
+    flags = check_press(scaled(image, calibration), reference=guard_reference(calibration))
     about: dict[str, Any] = {
         "camera": acquisition.name,
         "calibration": None if calibration is None else calibration.citation(),
@@ -76,7 +75,7 @@ def take_snapshot(
     failure = None
     if where is not None:
         try:
-            about["kept"] = keep_snapshot(where, saved.sidecar, calibration)
+            about["kept"] = where.keep(saved.sidecar, calibration)
         except TsisError as error:  # the files are there and stay
             failure = error
     _print(saved, arrival, flags, about, as_json=as_json)
@@ -98,14 +97,12 @@ def _print(
         console.print(f"force: {about['force']['force_n']:.3f} N within {about['force']['error_n']:.3f} N")
     for flag in flags:
         console.print(f"- {flag.name}: {flag.advice}", markup=False, soft_wrap=True)
-    for note in kept_notes(about["kept"]) if "kept" in about else ():
-        console.print(note, markup=False, soft_wrap=True)
+    if "kept" in about:
+        from tsis.records.keeping import kept_notes  # loads the libraries of records, as keeping did
+
+        for note in kept_notes(about["kept"]):
+            console.print(note, markup=False, soft_wrap=True)
     print_notice(console)
-
-
-def _scaled(image: TactileImage, calibration: CitedCalibration | None) -> TactileImage:
-    scale = None if calibration is None else calibration.known.scale
-    return image if scale is None else scale.on(image)
 
 
 def _next(acquisition: Acquisition) -> Arrival:

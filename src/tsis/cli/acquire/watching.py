@@ -12,8 +12,8 @@ from rich.console import Console
 from rich.live import Live
 from rich.markup import escape
 
+from tsis.calibration.guard.of_stream import press_watch
 from tsis.calibration.guard.watch import WatchState
-from tsis.cli.acquire.press_guard import press_watch
 from tsis.cli.console_output import print_json, print_notice
 from tsis.cli.interrupt import ended_by
 from tsis.report.document import envelope
@@ -21,10 +21,10 @@ from tsis.report.document import envelope
 if TYPE_CHECKING:
     from collections.abc import Callable
 
+    from tsis.calibration.cited import CitedCalibration
     from tsis.calibration.guard.flags import GuardFlag
     from tsis.calibration.guard.watch import PressWatch
     from tsis.calibration.settling.verdict import Settling
-    from tsis.cli.cited_calibration import CitedCalibration
     from tsis.instrument.acquisition import Acquisition, Arrival
     from tsis.instrument.gauge import ForceLog
 

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING
 
-from tsis.calibration.file.probe_calibration import SETTING_TOLERANCE
 from tsis.instrument import shown
 from tsis.model.errors import CalibrationError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from rich.console import Console
 
     from tsis.calibration.session import SessionFolder, SessionTerms
@@ -42,22 +42,21 @@ def begin(folder: SessionFolder, terms: SessionTerms, console: Console) -> None:
             f"the session in {shown(folder.path)} must be of probe {terms.probe!r} and camera {terms.camera!r}; it is "
             f"of {held.probe!r} and {held.camera!r} (choose another --session)"
         )
-    if other := [term for term in OPTIONS if getattr(held, term) != getattr(terms, term)]:
+    if other := held.differing(terms):
         raise CalibrationError(
             f"the session in {shown(folder.path)} was begun with {_told(held, other)}; this command says "
             f"{_told(terms, other)} (give the options that it was begun with, or choose another --session)"
         )
-    for setting, value in held.settings.items():
-        now = terms.settings.get(setting, value)
-        if not math.isclose(now, value, rel_tol=SETTING_TOLERANCE, abs_tol=1e-9):
-            raise CalibrationError(
-                f"the session in {shown(folder.path)} was begun at {setting} = {value:g}; the camera is at {now:g} "
-                f"(--set {setting}={value:g}, or choose another --session)"
-            )
+    if changed := held.changed_setting(terms.settings):
+        setting, value, now = changed
+        raise CalibrationError(
+            f"the session in {shown(folder.path)} was begun at {setting} = {value:g}; the camera is at {now:g} "
+            f"(--set {setting}={value:g}, or choose another --session)"
+        )
     console.print(f"Going on with the session in {folder.path}; its terms hold.", markup=False, soft_wrap=True)
 
 
-def _told(terms: SessionTerms, names: list[str]) -> str:
+def _told(terms: SessionTerms, names: Iterable[str]) -> str:
     """Terms as one types them."""
     return " ".join(_typed(OPTIONS[name], getattr(terms, name)) for name in names)
 

@@ -20,13 +20,13 @@ from tsis.cli.calibrate.make import OUT, Days, Out
 from tsis.cli.calibrate.operator import Operator
 from tsis.cli.calibrate.outcome import made
 from tsis.cli.console_output import publish
-from tsis.cli.demo import LARGEST_SEED
-from tsis.cli.force_gauge import BAUD, GaugeBaud, GaugeLatency, GaugePort, GaugeSends, GaugeUnit, gauge_log
+from tsis.cli.force_gauge import GaugeBaud, GaugeLatency, GaugePort, GaugeSends, GaugeUnit, gauge_log
 from tsis.cli.targets import AsJson
 from tsis.instrument.acquisition import Acquisition
+from tsis.instrument.gauge.connecting import BAUD
 from tsis.model import check, load_probe
 from tsis.model.errors import InputError
-from tsis.virtual.calibration_bench import VirtualBench
+from tsis.virtual.calibration_bench import VirtualBench, bench_name
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -66,7 +66,7 @@ def guide(
     session: Annotated[
         Path, typer.Option(help="Folder for the frames; with the same options a session in it goes on.")
     ] = Path("tsis-calibration-frames"),
-    seed: Annotated[int, typer.Option(help="Seed of the virtual bench.", min=0, max=LARGEST_SEED)] = 4,
+    seed: Annotated[int, typer.Option(help="Seed of the virtual bench.", min=0, max=check.LARGEST_SEED)] = 4,
     days: Days = DAYS,
     out: Out = OUT,
     as_json: AsJson = False,
@@ -93,8 +93,7 @@ def guide(
         if gauge or gauge_unit or gauge_sends or mode or setting or patch_px:
             raise InputError("--gauge, --mode, --set and --patch-px need --camera; the virtual bench has its own")
         bench = VirtualBench(load_probe(probe), rng=np.random.default_rng(seed), pitch_mm=pitch_mm)
-        bench_name = f"virtual bench, seed {seed}"  # another seed is another bench, whose frames do not mix
-        begin(folder, replace(terms, camera=bench_name, patch_px=bench.patch_px), console)
+        begin(folder, replace(terms, camera=bench_name(seed), patch_px=bench.patch_px), console)
         console.print("The virtual bench does every step by itself; a person would be told:")
         _take_steps(folder, bench.shots, console)
     else:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from tsis.cli import INTERRUPTED
 from tsis.cli.console_output import people, print_json, print_notice, progress_bar
 from tsis.cli.match.bench_output import HOTEL, bench_figures, pooled_tables, write_results
 from tsis.cli.targets import AsJson
@@ -27,7 +28,6 @@ if TYPE_CHECKING:
     from tsis.matching.distort import Family, Trial
     from tsis.matching.trial_rows import Row
 
-INTERRUPTED = 130
 ROWS = "rows.csv"
 HOTEL_FAILURE_PX = 5.0
 MEANING = (

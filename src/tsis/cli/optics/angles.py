@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.table import Table
 
-from tsis.cli.optics.output import Answer, Out, show
-from tsis.cli.targets import AimDeg, AsJson, HalfAngleDeg, LampHeightMm, ProbeName, chosen_probe
+from tsis.cli.answer import Answer, Out, show
+from tsis.cli.probe_file import given_lit_probe
+from tsis.cli.targets import AimDeg, AsJson, HalfAngleDeg, LampHeightMm, ProbeGiven
 from tsis.optics import accepted
 from tsis.optics.end_face import faced_layer
 from tsis.report.document import envelope
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
 
 def angles(
     *,
-    probe: ProbeName = "tsis-2011",
+    probe: ProbeGiven = "tsis-2011",
     half_angle_deg: HalfAngleDeg = None,
     height_mm: LampHeightMm = None,
     aim_deg: AimDeg = None,
@@ -30,7 +31,7 @@ def angles(
     as_json: AsJson = False,
 ) -> None:
     """Critical and acceptance angles of the probe's layers, beside the angles of its lamps."""
-    chosen = chosen_probe(probe, half_angle_deg, height_mm, aim_deg)
+    chosen = given_lit_probe(probe, half_angle_deg, height_mm, aim_deg)
     found = accepted([layer.refractive_index for layer in chosen.layers] + [chosen.glass.refractive_index])
     faced = [(led, faced_layer(chosen, led)) for led in chosen.leds if led.power > 0]
     lamps = [

@@ -10,9 +10,9 @@ import typer
 from matplotlib.figure import Figure
 from rich.table import Table
 
+from tsis.cli.answer import Answer, Out, show
 from tsis.cli.console_output import progress_bar
 from tsis.cli.optics.number_list import numbers
-from tsis.cli.optics.output import Answer, Out, show
 from tsis.cli.targets import AsJson
 from tsis.optics import Dent, propagate, thin_guide
 from tsis.optics.propagation import interfaces_um

@@ -12,9 +12,10 @@ from matplotlib.figure import Figure
 from rich.table import Table
 from scipy.optimize import brentq
 
+from tsis.cli.answer import Answer, Out, show
 from tsis.cli.console_output import progress_bar, waiting
-from tsis.cli.optics.output import Answer, Out, show
-from tsis.cli.targets import AimDeg, AsJson, HalfAngleDeg, LampHeightMm, ProbeName, chosen_probe
+from tsis.cli.probe_file import given_lit_probe
+from tsis.cli.targets import AimDeg, AsJson, HalfAngleDeg, LampHeightMm, ProbeGiven
 from tsis.mechanics import indent
 from tsis.model import check
 from tsis.model.errors import InputError, MechanicsError
@@ -47,7 +48,7 @@ WAYS = {
 
 def trace(
     *,
-    probe: ProbeName = "tsis-2011",
+    probe: ProbeGiven = "tsis-2011",
     rays: Annotated[float, typer.Option(help="Rays to trace.")] = 1e6,
     seed: Annotated[int, typer.Option(help="Seed of their starts.")] = 1,
     tip_radius_mm: Annotated[
@@ -62,7 +63,7 @@ def trace(
     out: Out = None,
 ) -> None:
     """Trace the lamps' light through layers and glass: where it goes, and maps of it on the face."""
-    lit = chosen_probe(probe, half_angle_deg, height_mm, aim_deg)
+    lit = given_lit_probe(probe, half_angle_deg, height_mm, aim_deg)
     pressed = _pressed(lit, tip_radius_mm, force_n, depth_mm)
     with progress_bar("tracing rays") as progress:
         found = trace_rays(lit, pressed, rays=rays, seed=seed, progress=progress)

@@ -10,7 +10,6 @@ import typer
 from tsis.cli.console_output import people, print_json, print_notice
 from tsis.cli.records.chosen_store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, TargetNumber, opened
 from tsis.cli.targets import AsJson
-from tsis.model import check
 from tsis.model.errors import InputError
 from tsis.report.document import envelope
 
@@ -93,15 +92,10 @@ def _of_a_press(force_n: str | None, role: str | None, flags: Sequence[str] | No
     if flags:
         changes["flags"] = () if _is_none("--flag", flags) else tuple(flags)
     if force_n is not None:
-        changes["force_n"] = None if force_n == NONE else check.number("--force-n", _number(force_n), 0.0, 100.0)
+        from tsis.records.written import written_force
+
+        changes["force_n"] = written_force(force_n, called="--force-n", nothing=NONE)
     return changes
-
-
-def _number(text: str) -> float:
-    try:
-        return float(text)
-    except ValueError as error:
-        raise InputError(f"--force-n must be a number of newtons, or none; got {text!r:.40}") from error
 
 
 def _is_none(option: str, given: Sequence[str]) -> bool:
@@ -111,16 +105,9 @@ def _is_none(option: str, given: Sequence[str]) -> bool:
 
 
 def _truth(given: Sequence[str]) -> dict[str, float]:
-    found: dict[str, float] = {}
-    if _is_none("--truth", given):
-        return found
-    for each in given:
-        name, _, value = each.partition("=")
-        try:
-            found[name] = float(value)
-        except ValueError as error:
-            raise InputError(f"--truth must be a name and a number as diameter_mm=10; got {each!r:.60}") from error
-    return found
+    from tsis.records.written import written_truth
+
+    return {} if _is_none("--truth", given) else written_truth(given, called="--truth")
 
 
 def _seen(record: Any, version: int | None) -> Any:

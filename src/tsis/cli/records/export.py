@@ -10,11 +10,11 @@ import typer
 
 from tsis.cli.console_output import people, print_json, print_notice, waiting
 from tsis.cli.records.chosen_store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, TargetNumber, opened
-from tsis.cli.records.forms import ENDINGS, MASKED, PAGES, require_free, write_form
 from tsis.cli.targets import AsJson
 from tsis.model import check
 from tsis.model.errors import InputError
 from tsis.report.document import envelope
+from tsis.report.forms import ENDINGS, MASKED, PAGES, require_free, write_form
 
 Identified = Annotated[
     bool, typer.Option("--identified", help="Tell label, names and true times in fhir and dicom; masked otherwise.")

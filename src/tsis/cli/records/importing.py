@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import typer
 
-from tsis.cli.cited_calibration import scale_of
 from tsis.cli.console_output import people, print_json, print_notice, progress_bar, waiting
+from tsis.cli.given_scale import scale_of
 from tsis.cli.records.chosen_store import (
     PHANTOM,
     StoreDatabase,
@@ -23,6 +23,7 @@ from tsis.cli.records.chosen_store import (
 )
 from tsis.cli.targets import AsJson
 from tsis.report.document import envelope
+from tsis.report.imported import entered_words
 
 if TYPE_CHECKING:
     from tsis.calibration import ProbeCalibration
@@ -124,16 +125,8 @@ class _Calibrations:
 
 
 def _line(each: Entered) -> str:
-    number = each.target.number
-    where = f"target {number} (new)" if each.new else f"target {number}"
-    parts = [f"{_count(each.added, 'press')} added", f"{each.present} there already" if each.present else ""]
-    parts.append(f"{_count(each.estimates, 'estimate')} added" if each.estimates else "")
-    return f"{each.batch.kind} in {each.batch.source}: {where}; {', '.join(part for part in parts if part)}"
-
-
-def _count(number: int, what: str) -> str:
-    several = "es" if what.endswith("s") else "s"
-    return f"{number} {what}" + ("" if number == 1 else several)
+    words = entered_words(each.target, new=each.new, added=each.added, present=each.present, estimates=each.estimates)
+    return f"{each.batch.kind} in {each.batch.source}: {words}"
 
 
 def _document(each: Entered) -> dict[str, Any]:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
@@ -14,6 +13,7 @@ from tsis.cli.records.chosen_store import PHANTOM, StoreDatabase, StoreFolder, S
 from tsis.cli.targets import AsJson
 from tsis.model.errors import InputError, TsisError
 from tsis.report.document import envelope
+from tsis.report.recomputation import recomputation_document, recomputation_notes, shift_table, stored_sentence
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -45,13 +45,13 @@ def recompute(
         wanted = _wanted(records) if number is None else [records.target(number)]
         found, failed = _recomputed(records, wanted, dry_run=dry_run, alone=not every)
     if as_json:
-        documents = [_document(target, each) for target, each in found]
+        documents = [recomputation_document(target, each) for target, each in found]
         failures = [{"target": number, "reason": reason} for number, reason in failed]
         print_json(envelope("records recompute", dry_run=dry_run, estimates=documents, failed=failures))
     else:
         console = people()
         for target, each in found:
-            _show(console, target, each, dry_run=dry_run)
+            _show(console, target, each)
         for number, reason in failed:
             console.print(f"Target {number} could not be estimated again: {reason}", markup=False, soft_wrap=True)
         if not found and not failed:
@@ -89,41 +89,15 @@ def _recomputed(
     return found, failed
 
 
-def _show(console: Console, target: Target, each: Recomputation, *, dry_run: bool) -> None:
+def _show(console: Console, target: Target, each: Recomputation) -> None:
     console.print(f"Target {target.number}, {each.before.kind}: {each.sentence}", markup=False, soft_wrap=True)
-    for note in each.notes:
-        console.print(f"- Note: {note}.", markup=False, soft_wrap=True)
+    for note in recomputation_notes(each):
+        console.print(f"- {note}", markup=False, soft_wrap=True)
     if each.same:
         return
-    table = Table("", "before", "after", "moved\n(old sd)", "90 % interval before", "after")
-    for shift in each.shifts:
-        low, high = shift.interval_before
-        now_low, now_high = shift.interval_after
-        cells = (f"{shift.before:.3g}", f"{shift.after:.3g}", f"{shift.moved:+.2g}")
-        table.add_row(escape(shift.name), *cells, f"{low:.3g} to {high:.3g}", f"{now_low:.3g} to {now_high:.3g}")
+    shifts = shift_table(each)
+    table = Table(*shifts.headings)
+    for row in shifts.rows:
+        table.add_row(*(escape(cell) for cell in row))
     console.print(table)
-    for what, flags in (("gained", each.flags_gained), ("lost", each.flags_lost)):
-        if flags:
-            console.print(f"- Flags {what}: {', '.join(flags)}", markup=False)
-    if each.before.estimate.trusted != each.after.estimate.trusted:
-        console.print(f"- It is {'now' if each.after.estimate.trusted else 'no longer'} to be trusted.")
-    console.print("Nothing was stored (--dry-run)." if dry_run else f"Stored as {each.after.id[:8]}.")
-
-
-def _document(target: Target, each: Recomputation) -> dict[str, Any]:
-    from tsis.records.plain_free import free_to_plain
-
-    return {
-        "target": target.number,
-        "kind": each.before.kind,
-        "same": each.same,
-        "sentence": each.sentence,
-        "causes": list(each.causes),
-        "notes": list(each.notes),
-        "shifts": [free_to_plain(asdict(shift), "shift") for shift in each.shifts],  # moved by so many old sd
-        "flags_gained": list(each.flags_gained),
-        "flags_lost": list(each.flags_lost),
-        "trusted": {"before": each.before.estimate.trusted, "after": each.after.estimate.trusted},
-        "before": each.before.id,
-        "stored_as": each.after.id if each.stored else None,
-    }
+    console.print(stored_sentence(each), markup=False)

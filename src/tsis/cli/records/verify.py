@@ -8,6 +8,7 @@ from tsis.cli.console_output import people, print_json, print_notice, progress_b
 from tsis.cli.records.chosen_store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, opened
 from tsis.cli.targets import AsJson
 from tsis.report.document import envelope
+from tsis.report.verification import verdict, verification_document, verification_notes
 
 UNSOUND = 1  # exit code of a store that is not as it was stored
 
@@ -24,38 +25,15 @@ def verify(
 
     with opened(store, kind, database) as records, progress_bar("reading every file") as advance:
         found = verification(records, progress=advance)
-    head = {"number": found.head.number, "hash": found.head.hash}
     if as_json:
-        print_json(
-            envelope(
-                "records verify",
-                sound=found.sound,
-                faults=list(found.faults),
-                notes=list(found.notes),
-                audit=head,
-                rows=found.rows,
-                files=found.files,
-                unnamed=found.unnamed,
-                unanchored=found.unanchored,
-            )
-        )
+        print_json(envelope("records verify", **verification_document(found)))
     else:
         console = people()
         for fault in found.faults:
             console.print(f"- {fault}", markup=False, soft_wrap=True)
-        for note in found.notes:
-            console.print(f"Note: {note}.", markup=False, soft_wrap=True)
-        state = "as it was stored" if found.sound else f"NOT as it was stored: {len(found.faults)} faults"
-        console.print(f"The store is {state}: {found.rows} rows and {found.files} files were read.")
-        if found.unnamed:
-            console.print(f"{found.unnamed} files belong to saves that were cut short; nobody was told they were kept.")
-        if found.unanchored:
-            console.print(
-                f"The anchor does not vouch for the last {found.unanchored} entries of the audit; the next record "
-                "brings it up to date.",
-                soft_wrap=True,
-            )
-        console.print(f"Audit: entry {found.head.number}, {found.head.hash}", soft_wrap=True)
+        console.print(verdict(found))
+        for note in verification_notes(found):
+            console.print(note, markup=False, soft_wrap=True)
         print_notice(console)
     if not found.sound:
         raise typer.Exit(UNSOUND)

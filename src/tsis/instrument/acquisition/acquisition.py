@@ -87,6 +87,7 @@ class Acquisition:
         self._intake = Intake(self.ring, clock=clock)
         self._camera: Camera | None = None
         self._name = ""
+        self._modes: tuple[Mode, ...] = ()
         self._running_mode: Mode | None = None
         self._stopping, self._ended, self._news = threading.Event(), threading.Event(), threading.Event()
         self._readers: list[threading.Thread] = []
@@ -113,9 +114,19 @@ class Acquisition:
         return self._running_mode
 
     @property
+    def modes(self) -> tuple[Mode, ...]:
+        """The modes that the camera has; none before it was started."""
+        return self._modes
+
+    @property
     def lost(self) -> bool:
         """True while the camera is away: frames stay away, or no connection has been made again."""
         return not self._intake.streaming and not self._ended.is_set() and not self._stopping.is_set()
+
+    @property
+    def connection(self) -> int | None:
+        """Which connection brings frames now, as `Arrival.connection`; None while the camera is away."""
+        return self._intake.connection
 
     @property
     def ended(self) -> bool:
@@ -229,8 +240,8 @@ class Acquisition:
     def _prepare(self, camera: Camera) -> None:
         for name, value in self._wanted.items():
             camera.adjust(name, value)
-        modes = camera.modes()
-        self._running_mode = modes[0] if self._mode is None else named_mode(modes, self._mode)
+        self._modes = camera.modes()
+        self._running_mode = self._modes[0] if self._mode is None else named_mode(self._modes, self._mode)
         camera.start(None if self._mode is None else self._running_mode)
 
     def _end(self) -> None:

@@ -80,6 +80,11 @@ class ForceLog:
         self._thread: threading.Thread | None = None
         self._running, self._received, self._error = False, 0, ""
 
+    @property
+    def name(self) -> str:
+        """What a person calls the gauge."""
+        return self._gauge.name
+
     def start(self) -> None:
         """Open the gauge and gather its readings; those of an earlier start are dropped.
 

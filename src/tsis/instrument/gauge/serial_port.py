@@ -39,6 +39,11 @@ class SerialPort:
 def find_ports() -> tuple[SerialPort, ...]:
     """The serial ports of this machine, by name.
 
+    Raises
+    ------
+    GaugeError
+        When the system does not list them.
+
     Examples
     --------
     >>> all(port.device for port in find_ports())

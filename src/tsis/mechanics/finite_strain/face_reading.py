@@ -13,8 +13,9 @@ from tsis.mechanics.face import hat_areas
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from tsis.mechanics.finite_strain.obstacle import SoftFace
     from tsis.mechanics.finite_strain.rounded_probe import RoundedProbe
-    from tsis.mechanics.finite_strain.sliding_contact import SlidingContact, SoftFace
+    from tsis.mechanics.finite_strain.sliding_contact import SlidingContact
 
 PARTS = 24  # of every closed part of an element edge, between which the force is summed up
 PRESSURE_DEGREES_LESS = 2  # than the displacement has: what of the pressure on an edge is not ripple

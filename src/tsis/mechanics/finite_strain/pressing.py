@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 
 from tsis.mechanics.finite_strain.bodies import FiniteResolution
 from tsis.mechanics.finite_strain.probe_on_slab import FinitePress, ProbeOnSlab
-from tsis.mechanics.small_strain import shape_on_axis
+from tsis.mechanics.on_axis import shape_on_axis
 from tsis.model import Phantom, PressField, Probe, check
 from tsis.model.errors import InputError, MechanicsError
 from tsis.model.press import MN_PER_N
@@ -65,7 +65,7 @@ def press_finite(
 def press_path(
     probe: Probe, phantom: Phantom, *, forces_n: Sequence[float], resolution: FiniteResolution | None = None
 ) -> tuple[PressField, ...]:
-    """Fields of `press_finite` at several ascending forces in newtons, on one path."""
+    """Fields of `press_finite` at several ascending forces in newtons, on one path; arguments and errors as there."""
     plain = _steps(probe, phantom.without_inclusion(), tuple(forces_n), resolution)
     if phantom.inclusion is None:
         return tuple(step.field for step in plain)

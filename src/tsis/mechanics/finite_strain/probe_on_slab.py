@@ -7,13 +7,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tsis.mechanics.face import FACE_POINTS
 from tsis.mechanics.finite_strain import face_reading, load_path, neo_hookean
 from tsis.mechanics.finite_strain.bodies import FiniteResolution, mesh_probe, mesh_slab
 from tsis.mechanics.finite_strain.elastic_body import FIXED, OWN, ElasticBody, number
 from tsis.mechanics.finite_strain.meshed_solid import beside
+from tsis.mechanics.finite_strain.obstacle import SoftFace
 from tsis.mechanics.finite_strain.potential import Potential
 from tsis.mechanics.finite_strain.rounded_probe import RoundedProbe, rounded
-from tsis.mechanics.finite_strain.sliding_contact import SlidingContact, SoftFace
+from tsis.mechanics.finite_strain.sliding_contact import SlidingContact
 from tsis.mechanics.finite_strain.smooth_face import SmoothFace
 from tsis.mechanics.mesh import face_lines
 from tsis.model import PressField
@@ -28,9 +30,8 @@ if TYPE_CHECKING:
     from tsis.mechanics.finite_strain.load_path import State
     from tsis.model import Phantom, Probe
 
-FACE_POINTS = 241
 SPRING = 1e7  # mN/mm, pulls the bodies together for the first touch
-STIFFNESS = 400.0  # of the contact's springs, kPa/mm for each kPa of the softer one of tissue and skin of the probe
+STIFFNESS = 400.0  # of the contact's springs, kPa/mm for each kPa of the softer one of what meets
 STEERING = 20.0  # the same for what steers Newton's method
 TOUCH = 0.02  # travel of the first touch as a share of the slab's or the probe's thickness, the smaller
 LARGEST_STRETCH = 3.0

@@ -9,16 +9,18 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from tsis.mechanics import mesh
+from tsis.mechanics.face import FACE_POINTS
 from tsis.mechanics.finite_strain import face_reading, load_path
 from tsis.mechanics.finite_strain.ball_mesh import mesh_ball
 from tsis.mechanics.finite_strain.bodies import FiniteResolution, mesh_probe
 from tsis.mechanics.finite_strain.elastic_body import FIXED, OWN, ElasticBody, number
 from tsis.mechanics.finite_strain.meshed_solid import beside
+from tsis.mechanics.finite_strain.obstacle import Plate, SoftFace
 from tsis.mechanics.finite_strain.potential import Potential
 from tsis.mechanics.finite_strain.pressing import check_forces, refuse_light
-from tsis.mechanics.finite_strain.probe_on_slab import largest_stretch, refuse_beyond
+from tsis.mechanics.finite_strain.probe_on_slab import SPRING, STEERING, STIFFNESS, largest_stretch, refuse_beyond
 from tsis.mechanics.finite_strain.rounded_probe import rounded
-from tsis.mechanics.finite_strain.sliding_contact import Plate, SlidingContact, SoftFace
+from tsis.mechanics.finite_strain.sliding_contact import SlidingContact
 from tsis.mechanics.finite_strain.smooth_face import SmoothFace
 from tsis.model import PressField, Probe, check
 from tsis.model.press import MN_PER_N
@@ -31,10 +33,6 @@ if TYPE_CHECKING:
     from tsis.mechanics.finite_strain.load_path import State
 
 LIGHTEST = 3e-4  # force over modulus times radius squared, below which the contact is smaller than its mesh
-FACE_POINTS = 241
-SPRING = 1e7  # mN/mm, pulls the bodies together for the first touch
-STIFFNESS = 400.0  # of the contact's springs, kPa/mm for each kPa of the softer one of sphere and skin of the probe
-STEERING = 20.0  # the same for what steers Newton's method
 TOUCH = 0.02  # travel of the first touch as a share of the sphere's radius
 WIDEST = 0.6  # radius of the sphere as a share of the face's: what spreads stays on the face
 LARGEST_STRETCH = 4.0
@@ -142,7 +140,7 @@ def squeeze_path(
     forces_n: Sequence[float],
     resolution: SphereResolution | None = None,
 ) -> tuple[SpherePress, ...]:
-    """Results of `squeeze_sphere` at several ascending forces in newtons, on one path."""
+    """Results of `squeeze_sphere` at several ascending forces in newtons, on one path; arguments, errors as there."""
     check.kind("probe", probe, Probe)
     check.number("sphere_radius_mm", sphere_radius_mm, 0.1, WIDEST * probe.radius_mm, hint="0.6 of the face's radius")
     check.number("young_kpa", young_kpa, 0.1, 1e6, hint="kilopascals")

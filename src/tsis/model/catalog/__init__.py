@@ -5,13 +5,16 @@ from __future__ import annotations
 import tomllib
 from functools import cache
 from importlib.resources import files
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from tsis.model import check
 from tsis.model.light import FOUR_LEDS, Glass, Led
 from tsis.model.phantom import Inclusion, Phantom
 from tsis.model.probe import Layer, Probe
 from tsis.model.sphere import SoftSphere
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 
 @cache
@@ -47,12 +50,17 @@ def load_probe(name: str = "tsis-2011") -> Probe:
     >>> load_probe("tsis-2011").thickness_mm
     10.0
     """
-    entry = _table("probes")[check.known("probe", name, list_probes())]
+    return probe_of_entry(name, _table("probes")[check.known("probe", name, list_probes())])
+
+
+def probe_of_entry(name: str, entry: Mapping[str, Any]) -> Probe:
+    """The probe that a table of a catalog holds under its name; errors as `Probe`."""
     return Probe(
         name=name,
         radius_mm=entry["radius_mm"],
         layers=tuple(Layer(**layer) for layer in entry["layers"]),
         face_curvature_mm=entry.get("face_curvature_mm"),
+        sides=entry.get("sides", "free"),
         glass=Glass(**entry.get("glass", {})),
         leds=tuple(Led(**led) for led in entry["leds"]) if "leds" in entry else FOUR_LEDS,
         assumed=tuple(entry.get("assumed", ())),

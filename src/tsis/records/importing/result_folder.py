@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import hashlib
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any
-
-import numpy as np
 
 from tsis.calibration.file import read_calibration
 from tsis.instrument import shown
 from tsis.instrument.file_bytes import read_object
 from tsis.model import load_probe
 from tsis.model.errors import FileInputError, InputError
+from tsis.model.image_series import grey_sha256
 from tsis.records.importing.found import Batch, Incoming, Wanted, looked_through, own_file, read_frame, written
 from tsis.records.plain_fields import absent, number, pair, text
 
@@ -96,7 +94,7 @@ def _presses(
     for at, (role, entry) in enumerate(entries):
         path, scale = own_file(folder, text(entry, "name", role)), absent(pair, entry, "mm_per_pixel", role)
         grey = read_frame(path).grey
-        if hashlib.sha256(grey.astype(np.float32).data).hexdigest() != entry["sha256"]:
+        if grey_sha256(grey) != entry["sha256"]:
             raise FileInputError(f"{shown(path)} must be the frame that was estimated; its grey levels are others")
         yield Incoming(
             **looked_through(path),

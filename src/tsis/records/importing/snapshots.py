@@ -1,4 +1,4 @@
-"""Snapshots of ``tsis acquire``: the raw frame of each, after its sidecar."""
+"""Snapshots of ``tsis acquire`` and the console: the raw frame of each, after its sidecar."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from tsis.model.errors import FileInputError, InputError
 from tsis.records.importing.cited import cited_calibration
 from tsis.records.importing.found import MOST_FRAMES, Batch, Given, Incoming, looked_through, own_file
 from tsis.records.plain_fields import moment, number, text
+from tsis.records.values import ROLES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator
@@ -118,17 +119,22 @@ def _snapshot(sidecar: Path, document: dict[str, Any], given: Given) -> tuple[in
     }
     press = Incoming(
         **read,
-        role=given.role,
+        role=given.role if document.get("role") is None else check.known("role", document["role"], ROLES),
         taken=moment(document, "taken", "snapshot"),
         name=printable_name(raw),
         force_n=_force_n(document.get("force")),
         mm_per_pixel=scale,
-        probe=given.probe or ("" if known is None else known.probe),
+        probe=given.probe or ("" if known is None else known.probe) or _probe(document),
         calibration=known,
         flags=tuple(_flags(document.get("flags") or ())),
         settings=dict(document["settings"]) | settings,
     )
     return target, press, notes
+
+
+def _probe(document: dict[str, Any]) -> str:
+    """The probe that the console was told of, where it did."""
+    return "" if document.get("probe") is None else text(document, "probe", "snapshot")
 
 
 def _force_n(force: Any) -> float | None:

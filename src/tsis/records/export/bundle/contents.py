@@ -15,7 +15,6 @@ MANIFEST, TARGET, PRESSES, ESTIMATES = "manifest.json", "target.json", "presses.
 DOCUMENTS = (TARGET, PRESSES, ESTIMATES)
 FRAMES, CALIBRATIONS, SAMPLES = "frames", "calibrations", "samples"
 FOLDERS = (FRAMES, CALIBRATIONS, SAMPLES)
-SHA256 = re.compile(r"[0-9a-f]{64}")
 
 MIB = 2**20
 MOST_FILES = 20_000

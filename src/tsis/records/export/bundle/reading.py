@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.calibration.file import identity, parse_calibration
 from tsis.model.errors import CalibrationError, FileInputError, InputError
+from tsis.records.canonical import SHA256
 from tsis.records.dossier import Dossier
 from tsis.records.export.bundle.contents import (
     CALIBRATIONS,
@@ -18,7 +19,6 @@ from tsis.records.export.bundle.contents import (
     MANIFEST,
     PRESSES,
     SAMPLES,
-    SHA256,
     TARGET,
     VERSION,
     calibration_name,

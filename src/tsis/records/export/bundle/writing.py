@@ -10,13 +10,13 @@ from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.calibration.file import calibration_bytes
 from tsis.instrument.file_bytes import as_path, shown
 from tsis.model.errors import InputError, RecordsError
+from tsis.records.canonical import SHA256
 from tsis.records.export.bundle.contents import (
     ESTIMATES,
     FOLDERS,
     FORMAT,
     MANIFEST,
     PRESSES,
-    SHA256,
     TARGET,
     VERSION,
     calibration_name,

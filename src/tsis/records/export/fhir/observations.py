@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import re
 from typing import TYPE_CHECKING
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.model.estimate import INTERVAL
+from tsis.records.canonical import SHA256
 from tsis.records.export.fhir.terms import (
     ABSENT_EXTENSION,
     Resource,
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from tsis.records.dossier import Dossier
     from tsis.records.values import Press, StoredEstimate
 
-SHA256 = re.compile(r"[0-9a-f]{64}")
 METHODS = {
     "inclusion": "Optical tactile imaging: posterior of a press model, given frames of the probe pressed on tissue",
     "hardness": "Optical tactile imaging: posterior of a contact model, given frames of the probe on the object itself",

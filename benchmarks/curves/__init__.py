@@ -1,0 +1,1 @@
+"""How times grow: each module measures one curve of the page on scaling."""

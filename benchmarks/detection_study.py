@@ -1,0 +1,209 @@
+"""How well are inclusions found? A large virtual study, half of its targets blank, every nuisance drawn.
+
+    python -m benchmarks.detection_study --targets 2000 --solid 60 --seed 1 --workers 2 --out /tmp/study
+
+`benchmarks.searched_presses` says how targets are drawn and pressed: sizes of 2 to 15 mm, depths of 4 to 12 mm, moduli
+of 40 to 120 kPa, up to 5 mm beside the axis, in tissue whose lumps differ by up to 10 per cent (`--uneven`). The first
+``--solid`` targets are pressed a second time, by a flat probe, in both ways that there are: in three dimensions, and by
+changes that are moved; that needs NGSolve and some 20 s a target. Every finished target is kept, so a run that was cut
+off goes on where it stopped; targets of other settings or another code are never mixed in. Ends with 1 when the area
+under the curve is below 0.95 for inclusions of at least 5 mm at most 8 mm deep.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import sys
+import time
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from benchmarks.detection_figure import write_results
+from benchmarks.detection_report import report
+from benchmarks.searched_presses import COVERING_N, PRIOR, UNEVEN_SD, draw, examine
+from benchmarks.simulated_presses import PROTOCOLS
+from benchmarks.uneven_tissue import lump_changes
+
+import tsis
+from tsis.cli.console_output import progress_bar
+from tsis.detection import measured
+from tsis.inclusion import estimate
+from tsis.model import disk_cache
+from tsis.model.errors import TsisError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+DRAWS = 24  # samples of a posterior that are kept, for classes
+DECIDING = ("model", "optics", "mechanics", "imaging", "inclusion", "virtual")  # rooms whose code decides a target
+SOLID_PROTOCOL = "flat"
+SITE_SD = 0.03  # as calibrations state
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Task:
+    """One target by one way of pressing."""
+
+    protocol: str
+    seed: int
+    index: int
+    uneven_most: float
+    way: str  # "moved" or "solid"
+
+    @property
+    def name(self) -> str:
+        """By which its line is known."""
+        return f"{self.protocol} {self.way} {self.index}"
+
+
+def judge(task: Task) -> dict[str, Any]:
+    """Draw, press, estimate; a line with the truth beside what was said."""
+    protocol = PROTOCOLS[task.protocol]
+    target = draw(task.seed, task.index, site_sd=SITE_SD, uneven_most=task.uneven_most)
+    phantom, drawn = target.site.phantom, target.drawn
+    line: dict[str, Any] = {
+        "name": task.name,
+        "protocol": task.protocol,
+        "way": task.way,
+        "index": task.index,
+        "present": target.inclusion is not None,
+        "truth": [drawn.diameter_mm, drawn.depth_mm, drawn.young_kpa],
+        "offset_mm": float(np.hypot(*drawn.offset_mm)),
+        "uneven_sd": target.uneven_sd,
+        "lumps": len(target.site.lumps),
+        "tissue_kpa": phantom.young_kpa,
+        "thickness_mm": phantom.thickness_mm,
+        "poisson": phantom.poisson,
+    }
+    began = time.perf_counter()
+    try:
+        case, probe = examine(target, protocol, seed=task.seed, solid=task.way == "solid")
+        pressed = time.perf_counter()
+        found = estimate(
+            case.frames, probe=protocol.probe, calibration=case.calibration, reference=case.references, prior=PRIOR
+        )
+    except TsisError as error:
+        return line | {"refused": str(error)}
+    told = measured(found, draws=DRAWS)
+    seconds = {"press_s": round(pressed - began, 2), "estimate_s": round(time.perf_counter() - pressed, 2)}
+    return line | probe | seconds | {
+        "presence": found.presence,
+        "evidence": found.log_bayes_factor,
+        "mean": [found.mean[name] for name in tsis.inclusion.PARAMETERS],
+        "sd": [found.sd[name] for name in tsis.inclusion.PARAMETERS],
+        "samples": np.round(told.samples, 3).tolist(),
+        "trusted": found.trusted,
+        "flags": list(found.flags),
+    }  # fmt: skip
+
+
+def run(
+    tasks: list[Task],
+    *,
+    out: Path | None,
+    workers: int,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[dict[str, Any]]:
+    """Lines of all tasks, those that ``out`` holds already and the rest."""
+    found = {} if out is None else _read(out)
+    missing = [task for task in tasks if task.name not in found]
+    for protocol in sorted({task.protocol for task in missing}):  # before workers share what is kept of them
+        lump_changes(PROTOCOLS[protocol].probe, COVERING_N)
+    if missing:
+        found[missing[0].name] = _kept(out, judge(missing[0]))
+    with ProcessPoolExecutor(max_workers=workers) as pool:
+        for future in as_completed([pool.submit(judge, task) for task in missing[1:]]):
+            line = _kept(out, future.result())
+            found[line["name"]] = line
+            if progress is not None:
+                progress(len(found), len(tasks))
+    return [found[task.name] for task in tasks]
+
+
+def _read(path: Path) -> dict[str, dict[str, Any]]:
+    """Whole lines of an earlier run; the one that it was writing when it was cut off is left out."""
+    found = {}
+    for text in path.read_text().splitlines() if path.exists() else ():
+        try:
+            line = json.loads(text)
+        except json.JSONDecodeError:
+            continue
+        found[line["name"]] = line
+    return found
+
+
+def _kept(path: Path | None, line: dict[str, Any]) -> dict[str, Any]:
+    if path is not None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("a") as file:
+            file.write(f"\n{json.dumps(line)}")  # the break comes first: half a line stays a line of its own
+    return line
+
+
+def code() -> str:
+    """Hash of the sources that decide what a target's line says."""
+    root, here = Path(tsis.__file__).parent, Path(__file__).parent
+    sources = [path for room in DECIDING for path in sorted((root / room).rglob("*.py"))]
+    sources += [here / name for name in ("searched_presses.py", "uneven_tissue.py", "simulated_presses.py")]
+    digest = hashlib.sha256()
+    for path in sources:
+        digest.update(path.name.encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()
+
+
+def tasks_of(options: argparse.Namespace) -> list[Task]:
+    """The study, and the targets that are pressed in both ways."""
+    shared = {"seed": options.seed, "uneven_most": options.uneven}
+    study = [Task(protocol=options.protocol, way="moved", index=index, **shared) for index in range(options.targets)]
+    both = [
+        Task(protocol=SOLID_PROTOCOL, way=way, index=index, **shared)
+        for index in range(options.solid)
+        for way in ("moved", "solid")
+    ]
+    return both + study
+
+
+def parsed() -> argparse.Namespace:
+    """Options of the command."""
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--protocol", choices=("domed", "flat", "flat-alone"), default="domed")
+    parser.add_argument("--targets", type=int, default=2000, help="half of them hold an inclusion")
+    parser.add_argument("--solid", type=int, default=0, help="how many are pressed in three dimensions too")
+    parser.add_argument("--uneven", type=float, default=UNEVEN_SD, help="largest sd of the lumps' log moduli")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes; all cores by default")
+    parser.add_argument(
+        "--bank", type=Path, default=disk_cache.folder() / "detection", help="folder of finished targets"
+    )
+    parser.add_argument("--out", type=Path, help="folder for the figure, the tables and the reaches")
+    parser.add_argument("--json", action="store_true")
+    parser.add_argument("--markdown", action="store_true", help="print tables as Markdown")
+    return parser.parse_args()
+
+
+def main() -> int:
+    """Run what is missing, print the tables; 1 when the wanted area is missed."""
+    options = parsed()
+    decided_by = {"seed": options.seed, "uneven": options.uneven, "tsis": tsis.__version__, "code": code()}
+    kept_in = options.bank / f"{disk_cache.content_key(decided_by)}.jsonl"
+    began = time.perf_counter()
+    with progress_bar("searching") as progress:
+        lines = run(tasks_of(options), out=kept_in, workers=options.workers, progress=progress)
+    took = time.perf_counter() - began
+    answer = report(lines, study=options.protocol, markdown=options.markdown, quiet=options.json)
+    document = answer.document | {"seed": options.seed, "uneven": options.uneven, "took_s": round(took, 1)}
+    if options.out is not None:
+        write_results(options.out, answer, document)
+    print(json.dumps(document, indent=2) if options.json else f"took {took:.0f} s; targets kept in {kept_in}")
+    return answer.code
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,151 @@
+"""Answers: points matched, an inclusion estimated, a press stored, an area judged."""
+
+from __future__ import annotations
+
+import itertools
+import sqlite3
+from contextlib import closing
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+import numpy as np
+from benchmarks.hot.place import version
+from benchmarks.matching import speed_trial
+from benchmarks.peers.placement_matrix import area_and_variance
+from benchmarks.posterior_speed import DENSE, PROTOCOLS, Bench, grid_within_reach
+from benchmarks.store_speed import BEGUN, frame, kept_plainly, plain_database
+from benchmarks.turns import Contest, Side, timed
+from sklearn.metrics import roc_auc_score
+
+from tsis.detection import auc_covariance
+from tsis.inclusion.exploration import explore
+from tsis.matching.contenders import Contender
+from tsis.matching.trials import matching_error
+from tsis.records import open_store
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from benchmarks.hot.place import Place
+
+    from tsis.matching.distort import Trial
+    from tsis.model import TactileImage
+
+POINTS = (105, 1000)
+PROTOCOL = "domed, 2 + 2"
+TARGETS = 2000
+
+
+def matching(_place: Place) -> Iterator[Contest]:
+    """Strokes that were bent and turned by 30 degrees."""
+    for size in POINTS:
+        trial = speed_trial(size, 0)
+        sides, absent = [], []
+        for name in ("tprl", "pycpd", "probreg"):
+            method = Contender(name=name)
+            if reason := method.absent():
+                absent.append((name, reason))
+                continue
+            moved = method(trial.source, trial.target, rng=np.random.default_rng(0)).moved
+            program = f"{name} {version(name)}" if version(name) else "tsis"
+            error = f"RMS {'ours' if name == 'tprl' else 'the other'} {matching_error(trial, moved):.4f}"
+            sides.append(Side(program=program, seconds=timed(_matched(method, trial), once=size > 500), note=error))
+        own, *peers = sides
+        yield Contest(task=f"{size:,} points matched with {size:,}", own=own, peers=tuple(peers), absent=tuple(absent))
+
+
+def _matched(method: Contender, trial: Trial) -> Callable[[], object]:
+    return lambda: method(trial.source, trial.target, rng=np.random.default_rng(0))
+
+
+def estimate(_place: Place) -> Iterator[Contest]:
+    """Frames to posterior, beside the same frames and a dense grid over the reach of the samples."""
+    probe, forces, referred = PROTOCOLS[PROTOCOL]
+    bench = Bench.of(probe, forces, with_reference=referred)
+    likelihood = bench.likelihood()
+    grid = grid_within_reach(likelihood, explore(likelihood, bench.prior))
+
+    def dense() -> None:
+        bench.likelihood()
+        grid()
+
+    yield Contest(
+        task=f"an estimate, {PROTOCOL} frames",
+        own=Side(program="tsis", seconds=timed(bench.estimate)),
+        peers=(
+            Side(
+                program=f"dense grid of {' x '.join(map(str, DENSE))}, NumPy {np.__version__}",
+                seconds=timed(dense, once=True),
+                note="the grid is told where to look",
+            ),
+        ),
+    )
+
+
+def storing(place: Place) -> Iterator[Contest]:
+    """A frame and its record on the disk, safe from a loss of power."""
+    rng = np.random.default_rng(1)
+    with (
+        open_store(place.folder / "store") as store,
+        closing(plain_database(place.folder / "plain.sqlite3")) as plain,
+    ):
+        target, number = store.add_target(), itertools.count()
+        yield Contest(
+            task="a press stored: frame, row, audit, anchor",
+            own=Side(program="tsis", seconds=_each_new(rng, lambda image: store.add_press(target, image, taken=BEGUN))),
+            peers=(
+                Side(
+                    program=f"write, fsync, SQLite {sqlite3.sqlite_version}",
+                    seconds=_each_new(
+                        rng, lambda image: kept_plainly(plain, place.folder / f"{next(number)}.png", image)
+                    ),
+                    note="the other keeps no audit and no anchor",
+                ),
+            ),
+        )
+
+
+def _each_new(rng: np.random.Generator, keep: Callable[[TactileImage], object], times: int = 8) -> Callable[[], float]:
+    """Median seconds to keep a frame that was never kept before; making it is not counted."""
+
+    def seconds() -> float:
+        taken = []
+        for _ in range(times):
+            image = frame(rng)
+            began = perf_counter()
+            keep(image)
+            taken.append(perf_counter() - began)
+        return float(np.median(taken))
+
+    return seconds
+
+
+def area(_place: Place) -> Iterator[Contest]:
+    """The area under a curve with DeLong's variance."""
+    rng = np.random.default_rng(1)
+    present = rng.random(TARGETS) < 0.5
+    scores = rng.normal(present * 1.5, 1.0).round(2)  # with ties
+    found, plain = auc_covariance([scores], present), area_and_variance(scores, present)
+    off = max(abs(float(found.auc[0]) - plain[0]), abs(float(found.covariance[0, 0]) - plain[1]))
+    scikit = f"scikit-learn {version('scikit-learn')}"
+
+    def scikit_and_pairs() -> None:
+        roc_auc_score(present, scores)
+        area_and_variance(scores, present)
+
+    yield Contest(
+        task=f"area and its variance, {TARGETS:,} targets",
+        own=Side(program="tsis", seconds=timed(lambda: auc_covariance([scores], present))),
+        peers=(
+            Side(
+                program=f"{scikit}, variance from all pairs",
+                seconds=timed(scikit_and_pairs),
+                note=f"at most {off:.0e} apart" if off else "the same to the last digit",
+            ),
+            Side(
+                program=f"{scikit}, area alone",
+                seconds=timed(lambda: roc_auc_score(present, scores)),
+                note="the other tells no variance",
+            ),
+        ),
+    )

@@ -1,0 +1,33 @@
+"""``tsis study``: blinded studies from the list of targets to the report.
+
+The room of studies is imported when a command runs, so that the program starts as quickly as without it.
+"""
+
+from __future__ import annotations
+
+import typer
+
+from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.cli.study.analyse import analyse
+from tsis.cli.study.new import new
+from tsis.cli.study.plan import plan
+from tsis.cli.study.run import run
+from tsis.cli.study.show import show
+from tsis.cli.study.table import export, import_
+from tsis.cli.study.verify import verify
+
+app = typer.Typer(
+    name="study",
+    help="Blinded studies: targets under codes, readings, then the truth and what it says; plans of a search. "
+    f"{RESEARCH_USE_ONLY}",
+    epilog="Start with: tsis study new trial, tsis study run trial, tsis study analyse trial --by NAME",
+    no_args_is_help=True,
+)
+app.command(epilog="Example: tsis study new trial --present 8 --blank 8 --seed 1 --like printed")(new)
+app.command(epilog="Example: tsis study show trial")(show)
+app.command(epilog="Example: tsis study run trial --operator Ada")(run)
+app.command("import", epilog="Example: tsis study import trial readings.csv --device palpation")(import_)
+app.command(epilog="Example: tsis study export trial readings.csv")(export)
+app.command(epilog="Example: tsis study analyse trial --by Ada")(analyse)
+app.command(epilog="Example: tsis study verify trial --head 5f1c09ab77e2")(verify)
+app.command(epilog="Example: tsis study plan --width-mm 90 --height-mm 60 --overlap 0.5 --out plan")(plan)

@@ -1,0 +1,1 @@
+"""What calls take and answer, as JSON describes it."""

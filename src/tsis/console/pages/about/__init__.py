@@ -1,0 +1,5 @@
+"""About: what this console is, what it uses, and what may be done with it."""
+
+from tsis.console.pages.about.layout import page
+
+__all__ = ["page"]

@@ -1,0 +1,55 @@
+// Keys of the page: space keeps a snapshot, the arrows change the target, F shows the live image alone.
+
+const FIELDS = "input, textarea, select, [contenteditable], [role=slider], [role=listbox], [role=menu], [role=tab], dialog, .q-dialog, .surface";
+
+export default {
+  template: "<span hidden></span>",
+  props: {
+    alone: String, // id of the element that can be shown alone
+  },
+  emits: ["snapshot", "step"],
+  mounted() {
+    this.down = (event) => this.pressed(event);
+    this.clicked = (event) => {
+      // A button that was clicked would take the next space for a click of its own.
+      const button = event.detail > 0 && event.target.closest?.("button, [role=switch], [role=tab]");
+      if (button && button.contains(document.activeElement)) document.activeElement.blur();
+    };
+    this.toggle = () => this.show(!this.shown);
+    this.changed = () => document.fullscreenElement || this.show(false);
+    window.addEventListener("keydown", this.down);
+    window.addEventListener("click", this.clicked);
+    document.addEventListener("tsis-alone", this.toggle);
+    document.addEventListener("fullscreenchange", this.changed);
+  },
+  unmounted() {
+    this.show(false);
+    window.removeEventListener("keydown", this.down);
+    window.removeEventListener("click", this.clicked);
+    document.removeEventListener("tsis-alone", this.toggle);
+    document.removeEventListener("fullscreenchange", this.changed);
+  },
+  methods: {
+    pressed(event) {
+      if (event.ctrlKey || event.altKey || event.metaKey || event.repeat) return;
+      if (event.key === "Escape" && this.shown) this.show(false);
+      const at = event.target;
+      if (at.closest?.(FIELDS)) return;
+      if (event.key === " " && at.closest?.("button, a, [role=switch]")) return;
+      if (event.key === " ") this.$emit("snapshot");
+      else if (event.key === "ArrowLeft") this.$emit("step", -1);
+      else if (event.key === "ArrowRight") this.$emit("step", 1);
+      else if (event.key === "f" || event.key === "F") this.toggle();
+      else return;
+      event.preventDefault();
+    },
+    show(alone) {
+      this.shown = alone;
+      document.getElementById(this.alone)?.classList.toggle("alone", alone);
+      document.body.classList.toggle("showing-alone", alone);
+      // Not every browser can, or lets a page: the live image fills the window nevertheless.
+      if (alone) document.documentElement.requestFullscreen?.().catch(() => {});
+      else if (document.fullscreenElement) document.exitFullscreen().catch(() => {});
+    },
+  },
+};

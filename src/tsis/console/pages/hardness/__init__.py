@@ -1,0 +1,5 @@
+"""Hardness: two presses on an object itself, and how stiff it is."""
+
+from tsis.console.pages.hardness.layout import page
+
+__all__ = ["page"]

@@ -1,0 +1,131 @@
+"""The object: a virtual sphere laid under the probe, or a real one with its radius, and the target that it becomes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+from tsis.console.bench import CameraChoice
+from tsis.console.pages.field_words import field_words
+from tsis.console.pages.hardness.flow import next_free
+from tsis.console.pages.headings import panel_title
+from tsis.console.pages.loading import loading
+from tsis.console.pages.number_field import shown_number, typed_number, unit_field
+from tsis.hardness import check_radius
+from tsis.hardness.frames import RADIUS_SD_MM
+from tsis.model import check, list_spheres, load_probe
+from tsis.model.errors import InputError
+
+if TYPE_CHECKING:
+    from tsis.console.bench import Bench, BenchState
+    from tsis.console.pages.hardness.flow import Kept
+    from tsis.console.pages.operated import Operated
+    from tsis.console.pages.viewer import Viewer
+
+BARE = "tsis-direct"  # the probe of the catalog that touches objects without tissue between
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TypedRadius:
+    """Radius of the object and its standard deviation, mm; None where nobody measured them."""
+
+    radius_mm: float | None = None
+    sd_mm: float | None = None
+
+
+class ObjectPart:
+    """Says what is measured.
+
+    Parameters
+    ----------
+    bench, viewer, operated
+        As of the page's other parts.
+    """
+
+    def __init__(self, bench: Bench, viewer: Viewer, operated: Operated) -> None:
+        self._bench, self._viewer = bench, viewer
+        self._filled: object = None
+        with ui.element("div").classes("panel stack tight"):
+            with ui.element("div").classes("row"):
+                panel_title("1  Object")
+                ui.element("div").classes("spring")
+                self._target = ui.label().classes("chip")
+            with ui.element("div").classes("row") as self._virtual:
+                spheres = list(list_spheres())
+                self._sphere = ui.select(spheres, value=spheres[0], label="Virtual sphere").props("dense outlined")
+                self._sphere.classes("hardness-sphere")
+                self._lay = ui.button("Lay it under the probe", icon="vertical_align_bottom", on_click=self._laid)
+                operated.add(self._lay.props("no-caps unelevated"))
+            with ui.element("div").classes("row") as self._real:
+                self._name = ui.label().classes("muted")
+                again = ui.button("Another object", icon="add", on_click=self._another).props("no-caps outline")
+                operated.add(again)
+            with ui.element("div").classes("row") as self._size:
+                self._radius = unit_field("Radius of the object", unit="mm").classes("hardness-number")
+                self._sd = unit_field("Known to within (sd)", unit="mm").classes("hardness-number")
+            self._said = ui.label().classes("muted")
+
+    def show(self, state: BenchState, found: Kept) -> None:
+        """Show the bench's object; what was measured of a virtual one is filled in once."""
+        choice = state.camera.choice
+        self._virtual.set_visibility(choice.is_virtual)
+        self._real.set_visibility(not choice.is_virtual)
+        self._name.text = state.camera.name or "The camera is stopped."
+        self._target.text = f"target {state.target}"
+        stage = self._bench.desk.stage
+        written = None if stage is None else stage.written_radius_mm
+        self._size.set_visibility(written is not None or not choice.is_virtual)
+        if written is not None:
+            self._fill((choice, written), written, RADIUS_SD_MM)
+            self._said.text = f"{choice.phantom} lies under {choice.probe}; its radius is as a calliper measured it."
+        elif not choice.is_virtual:
+            self._said.text = "Leave both empty where nobody knows them; the estimate then says little."
+            options = {} if found.estimate is None else found.estimate.options
+            if "radius_mm" in options:  # as it was typed for the last estimate
+                self._fill((choice, found.number), options["radius_mm"], options.get("radius_sd_mm"))
+        else:
+            self._said.text = ""
+
+    def radius(self) -> TypedRadius:
+        """What was typed; `InputError` when it cannot be that of an object under this probe."""
+        radius_text, sd_text = str(self._radius.value or "").strip(), str(self._sd.value or "").strip()
+        if not radius_text:
+            if sd_text:
+                raise InputError("radius of the object must be given with its standard deviation; got none")
+            return TypedRadius()
+        radius = typed_number("radius of the object", radius_text)
+        known = self._bench.calibration
+        name = self._bench.desk.choice.probe if known is None or not known.known.probe else known.known.probe
+        with field_words({"radius_mm": "radius of the object"}):
+            check_radius("radius of the object", load_probe(name), radius)
+        if not sd_text:
+            return TypedRadius(radius_mm=radius)
+        sd = typed_number("its standard deviation", sd_text)
+        check.number("its standard deviation", sd, 0.0, radius / 10, hint="millimetres, up to a tenth of the radius")
+        return TypedRadius(radius_mm=radius, sd_mm=sd)
+
+    def _fill(self, which: object, radius_mm: float, sd_mm: float | None) -> None:
+        if which != self._filled:
+            self._filled = which
+            self._radius.set_value(f"{radius_mm:.3f}")
+            self._sd.set_value(shown_number(sd_mm))
+
+    async def _laid(self) -> None:
+        with loading(self._lay):
+            await self._viewer.attempt(self._lay_under, str(self._sphere.value))
+
+    def _lay_under(self, sphere: str) -> None:
+        by = self._viewer.identity
+        seed = self._bench.desk.choice.seed
+        self._bench.choose(CameraChoice(probe=BARE, phantom=sphere, seed=seed), by=by)
+        self._bench.set_target(next_free(self._bench.store, self._bench.state().target), by=by)
+        self._bench.start(by=by)
+
+    async def _another(self) -> None:
+        await self._viewer.attempt(self._other)
+
+    def _other(self) -> None:
+        number = next_free(self._bench.store, self._bench.state().target)
+        self._bench.set_target(number, by=self._viewer.identity)

@@ -1,0 +1,57 @@
+"""A field for files that lets go of its page when the page is closed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from nicegui.elements.upload import Upload
+
+from tsis.console.pages.upload_words import name_parts
+
+if TYPE_CHECKING:
+    from tsis.console.pages.viewer import Viewer
+
+LARGEST_MIB = 31  # what the gate lets pass, less what is around a file
+
+
+class FileField(Upload):
+    """As `nicegui.ui.upload`.
+
+    FastAPI remembers the last few thousand functions that ever answered an address, those of deleted fields with them,
+    and through what a field calls each would keep the whole page of its browser's tab.
+    """
+
+    def _handle_delete(self) -> None:
+        super()._handle_delete()
+        for handlers in (self._begin_upload_handlers, self._upload_handlers, self._multi_upload_handlers):
+            handlers.clear()
+
+
+def one_file(
+    viewer: Viewer, label: str, *, accept: str, refused: str, most_bytes: int = LARGEST_MIB * 2**20
+) -> FileField:
+    """A field that takes one file at a time, as soon as it is chosen.
+
+    Parameters
+    ----------
+    viewer
+        Who chooses.
+    label
+        What kind of file it is.
+    accept
+        Ends of names that the browser offers, as ``".csv,text/csv"``.
+    refused
+        Said of a file of another kind or size.
+    most_bytes
+        Its largest size.
+    """
+    field = FileField(
+        label=label,
+        auto_upload=True,
+        max_files=1,
+        max_file_size=most_bytes,
+        on_rejected=lambda: viewer.complain(refused),
+    ).props("flat bordered")
+    field.props["accept"] = accept
+    name_parts(field, f"Choose: {label}")
+    return field

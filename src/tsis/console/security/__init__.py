@@ -1,0 +1,1 @@
+"""Who may talk to the console: a token or a login, known hosts, own pages."""

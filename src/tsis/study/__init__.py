@@ -1,0 +1,40 @@
+"""Blinded studies: targets under codes, readings in a log that shows every change, then the truth and what it says.
+
+`new_study` writes a folder with the plan, the sealed truth and the log. Readings come from the virtual probe
+(`press_study`) or from other devices (`import_readings`). `unblind` is entered once; after it no reading is taken.
+`analyse` sets the readings beside the truth, and `verify` says whether all of it is as it was written.
+"""
+
+from tsis.study.analysis import StudyAnalysis, analyse
+from tsis.study.folder import Study, enter_readings, open_study
+from tsis.study.making import new_study
+from tsis.study.pressing import Pressed, press_study
+from tsis.study.reading import Reading
+from tsis.study.table import export_readings, import_readings
+from tsis.study.targets import printed_targets, random_targets
+from tsis.study.truth import TargetTruth
+from tsis.study.truth_table import read_truth_table
+from tsis.study.unblinding import enter_analysis, unblind
+from tsis.study.verification import Verification, verify
+
+__all__ = [
+    "Pressed",
+    "Reading",
+    "Study",
+    "StudyAnalysis",
+    "TargetTruth",
+    "Verification",
+    "analyse",
+    "enter_analysis",
+    "enter_readings",
+    "export_readings",
+    "import_readings",
+    "new_study",
+    "open_study",
+    "press_study",
+    "printed_targets",
+    "random_targets",
+    "read_truth_table",
+    "unblind",
+    "verify",
+]

@@ -1,0 +1,151 @@
+"""Targets with what is true of them and what a device said first."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.detection import Counts
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.study.reading import Reading
+    from tsis.study.truth import TargetTruth
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JudgedTarget:
+    """A target and the first reading of it by one device.
+
+    Attributes
+    ----------
+    code
+        Of the target.
+    truth
+        What it is.
+    reading
+        The first that the device made of it; None where it made none.
+    """
+
+    code: str
+    truth: TargetTruth
+    reading: Reading | None
+
+    @property
+    def score(self) -> float | None:
+        """What was said; None where the target was not read or the reading is undecided."""
+        return None if self.reading is None else self.reading.score
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Judged:
+    """All targets of a study before one device.
+
+    Attributes
+    ----------
+    device
+        Its name.
+    threshold
+        From which score on a target is called one with an inclusion.
+    targets
+        In the order of the study.
+    """
+
+    device: str
+    threshold: float
+    targets: tuple[JudgedTarget, ...]
+
+    @property
+    def decided(self) -> tuple[JudgedTarget, ...]:
+        """Targets with a score."""
+        return tuple(target for target in self.targets if target.score is not None)
+
+    @property
+    def undecided(self) -> tuple[JudgedTarget, ...]:
+        """Targets that were read without an answer."""
+        return tuple(each for each in self.targets if each.reading is not None and each.score is None)
+
+    @property
+    def unread(self) -> tuple[JudgedTarget, ...]:
+        """Targets that it did not read."""
+        return tuple(target for target in self.targets if target.reading is None)
+
+    @property
+    def found(self) -> tuple[JudgedTarget, ...]:
+        """Targets with an inclusion that was found."""
+        return tuple(each for each in self.decided if each.truth.has_inclusion and self.calls(each))
+
+    def calls(self, target: JudgedTarget) -> bool:
+        """Whether a decided target was said to hold an inclusion."""
+        return target.score is not None and target.score >= self.threshold
+
+    @property
+    def are_probabilities(self) -> bool:
+        """Whether its scores can be taken for probabilities: there are some, and all lie in [0, 1]."""
+        scores, _ = self.scores()
+        return len(scores) > 0 and bool((scores >= 0).all() and (scores <= 1).all())
+
+    def scores(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Scores and truth of the decided targets."""
+        return (
+            np.array([target.score for target in self.decided], dtype=float),
+            np.array([target.truth.has_inclusion for target in self.decided], dtype=bool),
+        )
+
+    @property
+    def is_ranked(self) -> bool:
+        """Whether every decided target has a rank, which tells rounded scores apart."""
+        return bool(self.decided) and all(each.reading and each.reading.rank is not None for each in self.decided)
+
+    def ranks(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """What orders the decided targets, their scores where there are no ranks, and truth."""
+        scores, present = self.scores()
+        if not self.is_ranked:
+            return scores, present
+        return np.array([each.reading.rank for each in self.decided if each.reading], dtype=float), present
+
+    def ranks_if_wrong(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """The same with undecided targets as the wrong answer: below, or above, every other."""
+        ranks, present = self.ranks()
+        lowest, highest = (ranks.min() - 1, ranks.max() + 1) if len(ranks) else (0.0, 1.0)
+        missed = np.array([target.truth.has_inclusion for target in self.undecided], dtype=bool)
+        return np.concatenate([ranks, np.where(missed, lowest, highest)]), np.concatenate([present, missed])
+
+    def counts(self, *, undecided_wrong: bool = False) -> Counts | None:
+        """Decisions at the fixed threshold, counted; None where there is none."""
+        said = [(self.calls(target), target.truth.has_inclusion) for target in self.decided]
+        if undecided_wrong:
+            said += [(not target.truth.has_inclusion, target.truth.has_inclusion) for target in self.undecided]
+        return Counts.of([one for one, _ in said], [other for _, other in said]) if said else None
+
+
+def judged(
+    device: str, threshold: float, readings: Sequence[Reading], truths: Mapping[str, TargetTruth], codes: Sequence[str]
+) -> Judged:
+    """Set the first reading of every target by a device beside the truth.
+
+    Parameters
+    ----------
+    device, threshold
+        As of `Judged`.
+    readings
+        Of all devices, in the order in which they were entered.
+    truths
+        By code.
+    codes
+        In the order of the study.
+    """
+    first: dict[str, Reading] = {}
+    for reading in readings:
+        if reading.device == device:
+            first.setdefault(reading.code, reading)
+    targets = tuple(JudgedTarget(code=code, truth=truths[code], reading=first.get(code)) for code in codes)
+    return Judged(device=device, threshold=threshold, targets=targets)
+
+
+__all__ = ["Judged", "JudgedTarget", "judged"]

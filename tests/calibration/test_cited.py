@@ -1,0 +1,67 @@
+"""A calibration file as results rest on it: which it was, and when and with what it may be used."""
+
+from __future__ import annotations
+
+import re
+from datetime import UTC, datetime, timedelta
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from tests.calibration.file.bench import bench
+
+from tsis.calibration.cited import cited
+from tsis.calibration.file import calibration_bytes, identity, write_calibration
+from tsis.model.errors import CalibrationError, FileInputError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tsis.calibration import ProbeCalibration
+
+NOW = datetime.now(UTC)
+YESTERDAY, TOMORROW = NOW - timedelta(days=1), NOW + timedelta(days=1)
+
+
+def written(path: Path, known: ProbeCalibration) -> Path:
+    write_calibration(known, path)
+    return path
+
+
+def test_its_citation_names_what_was_read(tmp_path: Path) -> None:
+    known = bench(made=YESTERDAY, expires=TOMORROW)
+    found = cited(written(tmp_path / "calibration.json", known))
+    assert found.identity == identity(known)
+    said = found.citation()
+    assert (said["name"], said["sha256"]) == ("bench", found.identity)
+    assert re.fullmatch("[0-9a-f]{64}", found.identity)
+    assert datetime.fromisoformat(said["made"]) == known.made
+    assert datetime.fromisoformat(said["expires"]) == known.expires
+    assert found.response.name == f"bench ({found.identity[:12]})"
+    timeless = cited(written(tmp_path / "timeless.json", bench(made=None, expires=None)))
+    assert (timeless.citation()["made"], timeless.citation()["expires"]) == (None, None)
+    assert timeless.identity != found.identity
+
+
+def test_one_that_is_past_or_damaged_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(CalibrationError, match="must not be expired"):
+        cited(written(tmp_path / "past.json", bench(made=NOW - timedelta(days=9), expires=YESTERDAY)))
+    (tmp_path / "torn.json").write_bytes(calibration_bytes(bench())[:-40])
+    with pytest.raises(FileInputError, match=r"torn\.json"):
+        cited(tmp_path / "torn.json")
+
+
+def camera(name: str, **settings: float) -> Any:
+    """What is asked of an acquisition: its name and its settings."""
+    present = tuple(SimpleNamespace(name=setting, value=value) for setting, value in settings.items())
+    return SimpleNamespace(name=name, settings=lambda: present)
+
+
+def test_another_camera_or_setting_is_refused_and_stored_frames_tell_no_camera(tmp_path: Path) -> None:
+    found = cited(written(tmp_path / "calibration.json", bench(made=YESTERDAY, expires=TOMORROW)))
+    found.require_camera(camera("Aravis-TSIS01", exposure_ms=20.0, gain=0.0), stored=False)
+    found.require_camera(camera("a folder of files"), stored=True)
+    with pytest.raises(CalibrationError, match="must be of the camera in use, 'another'"):
+        found.require_camera(camera("another"), stored=False)
+    with pytest.raises(CalibrationError, match="holds at exposure_ms = 20; the camera is at 10"):
+        found.require_camera(camera("Aravis-TSIS01", exposure_ms=10.0), stored=False)

@@ -1,0 +1,66 @@
+"""``tsis console``: what it prints and what it opens, around a server that the test stands in for."""
+
+from __future__ import annotations
+
+import gc
+import json
+import queue
+import webbrowser
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tsis.console import serving
+from tsis.console.security.private_files import FOLDER
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from tests.cli.conftest import RunTsis
+
+    from tsis.console import ConsoleTerms
+
+TOKEN = "t" * 43
+ADDRESS = f"http://127.0.0.1:8642/?token={TOKEN}"
+WAIT_S = 30.0  # after which it will never be
+
+
+@pytest.fixture
+def opened(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> queue.Queue[str]:
+    """What a browser was told to open while the console was served."""
+    told: queue.Queue[str] = queue.Queue()
+    found: queue.Queue[str] = queue.Queue()
+
+    def served(_: ConsoleTerms, *, ready: Callable[[str], None]) -> None:
+        ready(ADDRESS)
+        found.put(told.get(timeout=WAIT_S))
+
+    monkeypatch.setenv(FOLDER, str(tmp_path / "user"))
+    monkeypatch.setattr(webbrowser, "open", told.put)
+    monkeypatch.setattr(serving, "serve_console", served)
+    monkeypatch.setattr(gc, "freeze", lambda: None)  # this process goes on
+    return found
+
+
+def test_the_address_that_is_opened_does_not_hold_the_key(
+    run_tsis: RunTsis, opened: queue.Queue[str], tmp_path: Path
+) -> None:
+    ended = run_tsis("console")
+    assert ended.code == 0
+    assert f"Open {ADDRESS}" in ended.out
+    address = opened.get_nowait()
+    assert address == (tmp_path / "user" / "open-8642.html").as_uri()
+    assert not list((tmp_path / "user").iterdir())
+
+
+@pytest.mark.parametrize("options", [("--no-browser",), ("--json",)])
+def test_who_wants_no_browser_gets_none(
+    run_tsis: RunTsis, monkeypatch: pytest.MonkeyPatch, opened: queue.Queue[str], options: tuple[str, ...]
+) -> None:
+    monkeypatch.setattr(serving, "serve_console", lambda _, ready: ready(ADDRESS))
+    monkeypatch.setattr("tsis.console.opening.opened_in_browser", lambda _: pytest.fail("it opens a browser"))
+    ended = run_tsis("console", *options)
+    assert ended.code == 0
+    assert ADDRESS in (json.loads(ended.out)["address"] if "--json" in options else ended.out)
+    assert opened.empty()

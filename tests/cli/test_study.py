@@ -1,0 +1,174 @@
+"""A complete blinded study from the command line."""
+
+from __future__ import annotations
+
+import json
+import signal
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pytest
+from tests.study.made import HEADINGS, table
+
+from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.study import open_study
+
+if TYPE_CHECKING:
+    from tests.cli.conftest import RunTsis
+
+
+def made(run_tsis: RunTsis, *options: str) -> Path:
+    done = run_tsis("study", "new", "trial", "--probe", "tsis-2011", "--seed", "2", *options)
+    assert done.code == 0, done.err
+    return Path("trial")
+
+
+def fed(run_tsis: RunTsis, folder: Path, device: str = "feeler") -> None:
+    Path("in.csv").write_text(table(open_study(folder)), encoding="utf-8")
+    assert run_tsis("study", "import", folder, "in.csv", "--device", device).code == 0
+
+
+def test_a_whole_study(run_tsis: RunTsis) -> None:
+    folder = made(run_tsis, "--present", "2", "--blank", "2")
+    shown = json.loads(run_tsis("study", "show", folder, "--json").out)
+    assert (shown["left"], shown["unblinded"]) == (4, None)
+    assert shown["next_code"] == open_study(folder).plan.codes[0]
+    done = json.loads(run_tsis("study", "run", folder, "--operator", "Ada", "--keep", "records", "--json").out)
+    assert (done["entered"], done["undecided"], done["left"]) == (4, 0, 0)
+    fed(run_tsis, folder)
+    out = run_tsis("study", "export", folder, "out.csv", "--device", "feeler")
+    assert out.code == 0
+    assert Path("out.csv").read_text(encoding="utf-8").startswith(HEADINGS)
+    shown_now = run_tsis("study", "show", folder)
+    for word in ("detection", "blank", "inclusion"):
+        assert word not in shown_now.out
+    found = json.loads(run_tsis("study", "analyse", folder, "--by", "Ada", "--yes", "--json").out)
+    assert found["notice"] == RESEARCH_USE_ONLY
+    assert [one["device"] for one in found["devices"]] == ["virtual tsis-2011", "feeler"]
+    assert found["devices"][0]["counts"]["true_positives"] == 2
+    assert {path.name for path in Path(found["folder"]).iterdir()} == {
+        "analysis.json",
+        "readings.csv",
+        "report.html",
+        "report.pdf",
+    }
+    checked = run_tsis("study", "verify", folder, "--head", found["head"])
+    assert checked.code == 0
+    assert "as it was written" in checked.out
+    refused = run_tsis("study", "run", folder, "--operator", "Ben")
+    assert refused.code == 2
+    assert "unblinded" in refused.err
+    stored = json.loads(run_tsis("records", "list", "--store", "records", "--json").out)
+    assert len(stored["targets"]) == 4
+
+
+def test_nobody_is_asked_where_nobody_answers(run_tsis: RunTsis) -> None:
+    folder = made(run_tsis)
+    fed(run_tsis, folder)
+    done = run_tsis("study", "analyse", folder, "--by", "Ada")
+    assert (done.code, open_study(folder).unblinded) == (2, None)
+    assert "--yes must be given" in done.err
+
+
+@pytest.mark.parametrize(("answer", "unblinded"), [("n\n", False), ("y\n", True)])
+def test_unblinding_is_asked_for(
+    run_tsis: RunTsis, monkeypatch: pytest.MonkeyPatch, answer: str, unblinded: bool
+) -> None:
+    import io
+    import sys
+
+    folder = made(run_tsis)
+    fed(run_tsis, folder)
+    terminal = io.StringIO(answer)
+    monkeypatch.setattr(terminal, "isatty", lambda: True)
+    monkeypatch.setattr(sys, "stdin", terminal)
+    done = run_tsis("study", "analyse", folder, "--by", "Ada")
+    assert (open_study(folder).unblinded is not None) == unblinded
+    assert done.code == (0 if unblinded else 1)
+
+
+def test_a_study_that_is_not_read_whole_is_not_unblinded_unasked(run_tsis: RunTsis) -> None:
+    folder = made(run_tsis)
+    rows = table(open_study(folder)).splitlines(keepends=True)
+    Path("in.csv").write_text("".join(rows[:-2]), encoding="utf-8")
+    assert run_tsis("study", "import", folder, "in.csv", "--device", "feeler").code == 0
+    done = run_tsis("study", "analyse", folder, "--by", "Ada", "--yes")
+    assert done.code == 2
+    assert "'feeler' lacks 2 of 16" in done.err
+    assert open_study(folder).unblinded is None
+    assert run_tsis("study", "analyse", folder, "--by", "Ada", "--yes", "--incomplete").code == 0
+
+
+def test_a_change_ends_verify_with_1(run_tsis: RunTsis) -> None:
+    folder = made(run_tsis)
+    fed(run_tsis, folder)
+    (folder / "study.json").write_bytes((folder / "study.json").read_bytes() + b"\n")
+    done = run_tsis("study", "verify", folder)
+    assert done.code == 1
+    assert "study.json was changed" in done.out
+    told = run_tsis("study", "verify", folder, "--json")
+    assert told.code == 1
+    assert json.loads(told.out)["sound"] is False
+
+
+def test_ctrl_c_between_readings_keeps_what_was_read(run_tsis: RunTsis, monkeypatch: pytest.MonkeyPatch) -> None:
+    from tsis.study import folder as folder_of_studies
+    from tsis.study import pressing
+
+    folder = made(run_tsis, "--present", "2", "--blank", "1")
+    enter = folder_of_studies.enter_readings
+
+    def interrupted(*arguments: object, **named: object) -> object:
+        assert threading.current_thread() is threading.main_thread()
+        signal.raise_signal(signal.SIGINT)
+        return enter(*arguments, **named)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(pressing, "enter_readings", interrupted)
+    done = run_tsis("study", "run", folder, "--operator", "Ada")
+    assert done.code == 130
+    assert "Start the same command again" in done.err
+    assert len(open_study(folder).readings) == 1
+    monkeypatch.undo()
+
+
+def test_targets_of_ones_own_and_drawn_ones(run_tsis: RunTsis) -> None:
+    Path("truth.csv").write_text("label,diameter_mm,depth_mm,young_kpa\ngel,,,\nlump,6,5,90\n", encoding="utf-8")
+    done = json.loads(run_tsis("study", "new", "own", "--truth", "truth.csv", "--json").out)
+    assert done["targets"] == len(done["codes"]) == 2
+    drawn = [
+        "study",
+        "new",
+        "drawn",
+        "--like",
+        "random",
+        "--present",
+        "5",
+        "--blank",
+        "4",
+        "--forces",
+        "0.5,0.8",
+        "--json",
+    ]
+    assert json.loads(run_tsis(*drawn).out)["targets"] == 9
+    assert open_study("drawn").plan.forces_n == (0.5, 0.8)
+    assert open_study("drawn").plan.seed is None
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        (["--truth", "truth.csv", "--present", "3"], "leave out --present"),
+        (["--forces", "0.5;1"], "--forces must be numbers"),
+        (["--forces", "0"], "forces_n must lie in"),
+        (["--present", "0", "--blank", "0"], "a study needs a target"),
+        (["--probe", "tsis-2012"], "did you mean 'tsis-2011'"),
+        (["--truth", "absent.csv"], "does not exist"),
+    ],
+)
+def test_what_makes_no_study_is_one_sentence(run_tsis: RunTsis, options: list[str], words: str) -> None:
+    done = run_tsis("study", "new", "trial", *options)
+    assert done.code == 2
+    assert words in done.err
+    assert done.err.count("\n") == 1
+    assert not Path("trial").exists()

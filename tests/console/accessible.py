@@ -1,0 +1,87 @@
+"""What keeps people out of a page who do not see it, or use no mouse: looked for in a real browser's document."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Page
+
+FAULTS = r"""() => {
+  const faults = [];
+  const shown = (each) => each.checkVisibility({ visibilityProperty: true }) && !each.closest('[aria-hidden="true"]');
+  const all = (selector) => [...document.querySelectorAll(selector)].filter(shown);
+  const said = (each) => each.outerHTML.slice(0, 160).replace(/\s+/g, " ");
+  const words = (text) => (text || "").trim();
+
+  const named = (each) => {
+    if (words(each.getAttribute("aria-label")) || words(each.getAttribute("title"))) return true;
+    const by = each.getAttribute("aria-labelledby");
+    if (by) return by.split(/\s+/).some((id) => words(document.getElementById(id)?.textContent));
+    if (each.matches("img")) return each.hasAttribute("alt");
+    if ([...(each.labels || [])].some((label) => words(label.innerText))) return true;
+    if (each.matches("input, select, textarea")) return false;
+    const copy = each.cloneNode(true); // an icon's name is no word, though it stands in the text
+    copy.querySelectorAll('[aria-hidden="true"], .q-icon').forEach((icon) => icon.remove());
+    return Boolean(words(copy.textContent)) || Boolean(copy.querySelector("img[alt]:not([alt=''])"));
+  };
+
+  if (!words(document.documentElement.lang)) faults.push("the page has no language");
+  if (!words(document.title)) faults.push("the page has no title");
+
+  const controls = ["a[href]", "button", "select", "textarea", "input:not([type=hidden])", "summary",
+    ...["button", "switch", "checkbox", "radio", "tab", "combobox", "slider", "spinbutton", "progressbar", "menuitem",
+        "option", "img", "dialog", "alertdialog", "listbox", "radiogroup"].map((role) => `[role=${role}]`), "img"];
+  for (const each of all(controls.join(", "))) if (!named(each)) faults.push(`no name: ${said(each)}`);
+  for (const each of all("canvas, svg")) {
+    const part = each.closest("[role=img], button, a, [aria-label]");
+    if (!part && !each.closest(".q-icon, .q-spinner, .q-field")) faults.push(`a picture without words: ${said(each)}`);
+  }
+
+  const ids = [...document.querySelectorAll("[id]")].map((each) => each.id);
+  const twice = ids.filter((id, at) => id && ids.indexOf(id) !== at);
+  for (const id of new Set(twice)) faults.push(`two elements are #${id}`);
+
+  for (const each of all("button button, a button, button a, a a, [role=button] button"))
+    faults.push(`a control inside a control: ${said(each)}`);
+  for (const each of document.querySelectorAll('[aria-hidden="true"] :is(button, a[href], input, select, textarea)'))
+    if (each.checkVisibility({ visibilityProperty: true }) && each.tabIndex >= 0 && !each.disabled)
+      faults.push(`hidden from readers, yet it takes the focus: ${said(each)}`);
+  for (const each of document.querySelectorAll("[tabindex]"))
+    if (each.tabIndex > 0) faults.push(`it jumps the order of the focus: ${said(each)}`);
+  for (const each of all("table"))
+    if (!each.querySelector("th")) faults.push(`a table without headings: ${said(each)}`);
+
+  const levels = all("h1, h2, h3, h4, h5, h6, [role=heading]").map((each) => [
+    Number(each.getAttribute("aria-level") || each.tagName.slice(1)), words(each.textContent),
+  ]);
+  if (levels.filter(([level]) => level === 1).length !== 1) faults.push("there must be one heading of level 1");
+  let before = 0;
+  for (const [level, text] of levels) {
+    if (level > before + 1) faults.push(`heading "${text}" of level ${level} follows one of level ${before}`);
+    before = level;
+  }
+  for (const landmark of ["main", "nav"])
+    if (all(landmark).length !== 1) faults.push(`there must be one ${landmark}; got ${all(landmark).length}`);
+  return faults;
+}"""
+
+WIDER = """() => {
+  const [root, width] = [document.scrollingElement, document.documentElement.clientWidth];
+  if (root.scrollWidth <= width) return [];
+  const wide = [...document.querySelectorAll("body *")].filter(
+    (each) => each.getBoundingClientRect().right > width + 1);
+  return [`the page is ${root.scrollWidth} wide in a window of ${width}: ${wide[0]?.outerHTML.slice(0, 160)}`];
+}"""
+
+
+def faults(page: Page) -> list[str]:
+    """What is wrong with the page as it is shown now; empty when nothing was found."""
+    found: list[str] = page.evaluate(FAULTS)
+    return found
+
+
+def too_wide(page: Page) -> list[str]:
+    """What makes the page scroll sideways; empty when it does not."""
+    found: list[str] = page.evaluate(WIDER)
+    return found

@@ -1,0 +1,101 @@
+"""The description of the calls, and the documents beside it."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import httpx
+import pytest
+from benchmarks.api_fuzz import made_up
+
+if TYPE_CHECKING:
+    from tests.console.running import RunningConsole
+
+pytestmark = pytest.mark.system
+DOCUMENT = Path(__file__).parents[3] / "docs" / "reference" / "http.md"
+CASES = 200
+
+
+@pytest.fixture
+def description(console: RunningConsole) -> Any:
+    return httpx.get(f"{console.address}/api/openapi.json", headers=console.key, timeout=600).json()
+
+
+def test_every_call_is_in_the_document_and_the_other_way_round(description: Any) -> None:
+    described = {f"{method.upper()} {path}" for path, calls in description["paths"].items() for method in calls}
+    told = set(re.findall(r"^\| `([A-Z]+ /v1\S*)` \|", DOCUMENT.read_text(encoding="utf-8"), flags=re.MULTILINE))
+    assert told == described
+
+
+def test_every_status_is_in_the_document(description: Any) -> None:
+    told = DOCUMENT.read_text(encoding="utf-8").partition("## What may go wrong")[2]
+    for path in description["paths"].values():
+        for call in path.values():
+            for status in call["responses"]:
+                assert int(status) < 300 or re.search(rf"\b{status}\b", told), status
+
+
+def test_generated_clients_find_names_words_and_places(description: Any) -> None:
+    calls = [call for path in description["paths"].values() for call in path.values()]
+    names = [call["operationId"] for call in calls]
+    assert len(set(names)) == len(names) > 30
+    assert all(re.fullmatch(r"[a-z]+(_[a-z]+)+", name) for name in names)
+    assert all(call["description"] and call["tags"] for call in calls)
+    assert description["servers"][0]["url"] == "/api"
+    assert description["components"]["securitySchemes"]["HTTPBearer"]["scheme"] == "bearer"
+
+
+def test_acts_and_no_other_calls_demand_the_header(description: Any) -> None:
+    for path in description["paths"].values():
+        for call in path.values():
+            header = [each for each in call.get("parameters", []) if each["name"] == "TSIS-Control"]
+            assert [each["required"] for each in header] != [True] or "428" in call["responses"]
+            assert "428" not in call["responses"] or len(header) == 1
+
+
+def test_every_body_forbids_what_it_does_not_know(description: Any) -> None:
+    given = {name: each for name, each in description["components"]["schemas"].items() if name.endswith("Given")}
+    assert len(given) > 10
+    for name, schema in given.items():
+        assert schema["additionalProperties"] is False, name
+
+
+def test_calls_made_up_from_the_description_are_answered_as_it_says(console: RunningConsole) -> None:
+    tally = made_up(console.address, console.key, cases=CASES, each=2, seed=5)
+    assert dict(tally.faults) == {}
+    assert tally.cases >= CASES
+    found = {status for _, status in tally.statuses}
+    assert {200, 201, 202, 404, 409, 422, 428} <= found, "the cases go deep"
+
+
+def test_the_session_in_python_runs_as_it_is_written(
+    console: RunningConsole, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (text,) = re.findall(r"```python\n(.*?)```", DOCUMENT.read_text(encoding="utf-8"), flags=re.DOTALL)
+    text = text.replace('"name": "example"', '"name": "example", "over": True')  # other tests may hold the camera
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("ADDRESS", console.address)
+        patch.setenv("TOKEN", console.token)
+        told: dict[str, Any] = {}
+        exec(compile(text, str(DOCUMENT), "exec"), told)  # as it is written
+    assert told["report"].startswith(b"%PDF-")
+    assert told["estimate"]["parameters"]["diameter_mm"]["truth"] == 10.0
+    assert "diameter_mm" in capsys.readouterr().out
+    told["console"].close()
+
+
+@pytest.mark.skipif(shutil.which("curl") is None, reason="curl is not installed")
+def test_the_session_in_a_shell_runs_as_it_is_written(console: RunningConsole, tmp_path: Path) -> None:
+    (text,) = re.findall(r"```sh\n(.*?)```", DOCUMENT.read_text(encoding="utf-8"), flags=re.DOTALL)
+    text = text.replace('{"name": "shell"}', '{"name": "shell", "over": true}')
+    environment = {**os.environ, "ADDRESS": console.address, "TOKEN": console.token}
+    done = subprocess.run(
+        ["bash", "-euo", "pipefail", "-c", text], cwd=tmp_path, env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert (tmp_path / "frame.png").read_bytes().startswith(b"\x89PNG")

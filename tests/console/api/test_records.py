@@ -1,0 +1,163 @@
+"""Stored targets through calls, held against the store that other programs open."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.records import open_store
+
+if TYPE_CHECKING:
+    from tests.console.api.script import Script
+    from tests.console.running import RunningConsole
+
+pytestmark = pytest.mark.system
+NUMBER = 41
+
+
+@pytest.fixture
+def estimated(holder: Script) -> Any:
+    """A target with a press on it, one on plain tissue, and an estimate; made once."""
+    if holder.client.get(f"/targets/{NUMBER}").status_code == 404:
+        holder.call("POST", "/camera/preset", json={"name": "default"})
+        assert holder.call("GET", "/calibration")["calibration"] is not None
+        holder.call("PUT", "/target", json={"number": NUMBER})
+        for role in ("target", "plain"):
+            holder.call("PUT", "/press", json={"role": role, "force_n": 1.0})
+            holder.call("POST", "/snapshot", 201)
+        told = holder.done(holder.call("POST", f"/targets/{NUMBER}/estimate", 202, json={"kind": "inclusion"}))
+        assert told["job"]["status"] == "done", told["job"]["sentence"]
+        assert told["result"]["estimate"] == holder.call("GET", f"/targets/{NUMBER}/estimates")["estimates"][0]
+    return holder.call("GET", f"/targets/{NUMBER}/estimates")
+
+
+def test_an_estimate_tells_what_is_stored(estimated: Any, console: RunningConsole) -> None:
+    with open_store(console.store, kind="phantom") as store:
+        stored = store.estimates(store.target(NUMBER))[0].estimate
+    told = estimated["estimates"][0]
+    assert set(told["parameters"]) == {"diameter_mm", "depth_mm", "young_kpa"}
+    for name, parameter in told["parameters"].items():
+        assert parameter["mean"] == pytest.approx(stored.mean[name], rel=1e-12)
+        assert tuple(parameter["interval_90"]) == pytest.approx(stored.interval(0.9)[name], rel=1e-12)
+        assert parameter["truth"] is not None
+    assert told["identifiability"] == stored.identifiability
+    assert told["trusted"] == stored.trusted
+    assert estimated["in_force"] == [told["id"]]
+
+
+def test_presses_are_told_page_by_page(estimated: Any, holder: Script) -> None:
+    assert estimated["target"] == NUMBER
+    pages = [holder.call("GET", f"/targets/{NUMBER}/presses", params={"limit": 1, "offset": at}) for at in range(3)]
+    assert [page["total"] for page in pages] == [2, 2, 2]
+    assert [press["role"] for page in pages for press in page["presses"]] == ["target", "plain"]
+    for bad in ({"limit": 0}, {"limit": 1001}, {"offset": -1}, {"offset": "NaN"}, {"limits": 1}):
+        holder.refused("GET", f"/targets/{NUMBER}/presses", 422, params=bad)
+    listed = holder.call("GET", "/targets")
+    assert NUMBER in [each["target"]["number"] for each in listed["targets"]]
+    assert listed["total"] == len(listed["targets"])
+    assert holder.call("GET", "/targets", params={"offset": 10**12})["targets"] == []
+
+
+def test_an_edit_of_what_somebody_else_has_changed_is_refused(estimated: Any, holder: Script) -> None:
+    target = holder.call("GET", f"/targets/{NUMBER}")["target"]
+    address, version = f"/targets/{NUMBER}", target["version"]
+    edited = holder.call("PATCH", address, json={"version": version, "note": "left, at 3 o'clock"})["target"]
+    assert (edited["version"], edited["note"], edited["name"]) == (version + 1, "left, at 3 o'clock", target["name"])
+    kind, sentence = holder.refused("PATCH", address, 409, json={"version": version, "note": "mine"})
+    assert kind == "StaleRecordError"
+    assert "read it again" in sentence
+    assert holder.call("GET", address)["target"] == edited
+    now = {"version": version + 1}
+    refused: tuple[Any, ...] = (
+        {},
+        {"name": "a\x07"},
+        {"name": "a\nb"},
+        {"truth": {"diameter_mm": -1.0}},
+        {"name": "a", "version": 0},
+    )
+    for bad in refused:
+        holder.refused("PATCH", address, 422, json=now | bad)
+    assert estimated["damaged"] == []
+
+
+def test_an_estimate_is_made_again_the_same(estimated: Any, holder: Script) -> None:
+    told = holder.done(holder.call("POST", f"/targets/{NUMBER}/recompute", 202, json={"dry_run": True}))
+    made = told["result"]["recomputations"]
+    assert [each["before"] for each in made] == estimated["in_force"]
+    assert made[0]["same"]
+    assert made[0]["stored_as"] is None
+    assert all(shift["moved"] == 0.0 for shift in made[0]["shifts"])
+
+
+def test_the_prior_that_was_asked_for_is_the_one_that_is_kept(estimated: Any, holder: Script) -> None:
+    assert len(estimated["estimates"]) >= 1
+    asked = {"kind": "inclusion", "prior": {"presence": 0.9}}
+    told = holder.done(holder.call("POST", f"/targets/{NUMBER}/estimate", 202, json=asked))
+    prior = told["result"]["estimate"]["options"]["prior"]
+    assert prior["presence"] == 0.9
+    assert prior["thickness_mm"] == 30.0, "the rest is kept as it was by default"
+    for bad in (
+        {"kind": "tumour"},
+        {"kind": "hardness", "prior": {"presence": 0.5}},
+        {"kind": "inclusion", "prior": {"depth_mm": [9.0, 8.0]}},
+        {"kind": "inclusion", "presses": []},
+        {},
+    ):
+        holder.refused("POST", f"/targets/{NUMBER}/estimate", 422, json=bad)
+
+
+def test_presses_of_another_target_fail_the_job_with_a_sentence(estimated: Any, holder: Script) -> None:
+    assert estimated["target"] == NUMBER
+    asked = {"kind": "inclusion", "presses": ["0" * 32]}
+    job = holder.done(holder.call("POST", f"/targets/{NUMBER}/estimate", 202, json=asked))
+    assert job["job"]["status"] == "failed"
+    assert f"those of target {NUMBER}" in job["job"]["sentence"]
+    assert job["result"] is None
+
+
+def test_the_report_is_a_page_and_a_paper(estimated: Any, holder: Script) -> None:
+    assert estimated["target"] == NUMBER
+    page = holder.call("GET", f"/targets/{NUMBER}/report.html")
+    assert page.headers["content-type"].startswith("text/html")
+    assert f"Target {NUMBER}" in page.text
+    assert RESEARCH_USE_ONLY in page.text
+    paper = holder.call("GET", f"/targets/{NUMBER}/report.pdf")
+    assert paper.headers["content-type"] == "application/pdf"
+    assert paper.content.startswith(b"%PDF-")
+    if shutil.which("pdftotext"):
+        text = subprocess.run(["pdftotext", "-", "-"], input=paper.content, capture_output=True, check=True).stdout
+        assert f"Target {NUMBER}".encode() in text
+
+
+@pytest.mark.parametrize(
+    "address", ["", "/presses", "/estimates", "/report.html", "/report.pdf", f"/presses/{'0' * 32}/frame.png"]
+)
+def test_what_is_not_there_is_said(script: Script, address: str) -> None:
+    kind, sentence = script.refused("GET", f"/targets/98765{address}", 404)
+    assert kind == "UnknownNameError"
+    assert "98765" in sentence
+
+
+def test_a_damaged_frame_is_said_and_nothing_else_is_lost(holder: Script, console: RunningConsole) -> None:
+    holder.call("PUT", "/target", json={"number": 51})
+    kept = holder.call("POST", "/snapshot", 201)["press"]
+    (blob,) = console.store.rglob(f"*{kept['frame'][2:]}*")
+    content = bytearray(blob.read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    blob.chmod(0o644)
+    blob.write_bytes(content)
+    kind, _ = holder.refused("GET", f"/targets/51/presses/{kept['id']}/frame.png", 503)
+    assert kind == "RecordsError"
+    assert holder.call("GET", "/targets/51/presses")["presses"] == [kept]
+
+
+def test_every_answer_says_what_it_may_be_used_for(script: Script) -> None:
+    for address in ("/state", "/about", "/jobs", "/targets", "/cameras", "/calibration", "/sight", "/camera/settings"):
+        answer = script.client.get(address)
+        assert answer.json()["notice"] == RESEARCH_USE_ONLY
+        assert answer.headers["TSIS-Notice"] == RESEARCH_USE_ONLY
+        assert answer.headers["Cache-Control"] == "no-store"

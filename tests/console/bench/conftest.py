@@ -1,0 +1,25 @@
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from tests.console.bench.lit_camera import World
+from tests.console.bench.places import lit_bench
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from tsis.console.bench import Bench
+
+
+@pytest.fixture
+def world() -> World:
+    return World()
+
+
+@pytest.fixture
+def bench(tmp_path: Path, world: World) -> Iterator[Bench]:
+    """A bench before a camera of the test's world, held by Ann."""
+    with lit_bench(tmp_path, world) as made:
+        yield made

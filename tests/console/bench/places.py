@@ -1,0 +1,58 @@
+"""Benches of tests: before a camera of a test's own world, or with the virtual probe; a gauge, and work for them."""
+
+from __future__ import annotations
+
+import threading
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from tests.console.bench.lit_camera import World
+
+from tsis.console.bench import Bench, BenchTerms
+from tsis.instrument.gauge import ForceLog, SimulatedGauge
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tsis.console.bench import Job
+
+ANN, BOB = "tab ann", "tab bob"
+LIT = "aravis:lit"
+
+
+def lit_bench(folder: Path, world: World | None = None, **terms: Any) -> Bench:
+    """A bench before a camera of that world, which Ann holds."""
+    given: dict[str, Any] = {"camera": LIT, "workspace": folder / "workspace", "store": folder / "store"} | terms
+    bench = Bench(BenchTerms(**given), connect_to=(world or World()).connect)
+    bench.control.take(ANN, "Ann", held_s=600.0)
+    return bench
+
+
+def virtual_bench(folder: Path, **terms: Any) -> Bench:
+    """A bench with the virtual probe, which Ann holds."""
+    given: dict[str, Any] = {"workspace": folder / "workspace", "store": folder / "store", "probe": "tsis-2011"}
+    given |= terms
+    bench = Bench(BenchTerms(**given))
+    bench.control.take(ANN, "Ann", held_s=600.0)
+    return bench
+
+
+class Held:
+    """Work that goes on until it is let go, or asked to end."""
+
+    def __init__(self) -> None:
+        self.begun, self.over = threading.Event(), threading.Event()
+
+    def __call__(self, job: Job) -> str:
+        self.begun.set()
+        while not self.over.wait(0.01):
+            job.advance(1, 2)
+        return "ended in order"
+
+
+def gauge(force_n: float = 0.8, **options: Any) -> ForceLog:
+    """A started log of a gauge that reads that force."""
+    log = ForceLog(SimulatedGauge(lambda _: force_n, rng=np.random.default_rng(1), rate_per_s=200.0, **options))
+    log.start()
+    assert log.wait_for(8, timeout_s=10.0)
+    return log

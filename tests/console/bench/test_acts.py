@@ -1,0 +1,100 @@
+"""One act at a time."""
+
+from __future__ import annotations
+
+import threading
+
+import pytest
+
+from tsis.console.bench import Control
+from tsis.console.bench.acts import Acts
+from tsis.model.errors import ControlError, InputError
+
+
+@pytest.fixture
+def control() -> Control:
+    control = Control()
+    control.take("a", "Ann", held_s=600.0)
+    return control
+
+
+class Lasting:
+    """An act that lasts until it is let go."""
+
+    def __init__(self, acts: Acts) -> None:
+        self._acts, self._over, self._begun = acts, threading.Event(), threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+        assert self._begun.wait(10.0)
+
+    def _run(self) -> None:
+        with self._acts.act("a", "moving the probe"):
+            self._begun.set()
+            self._over.wait(10.0)
+
+    def end(self) -> None:
+        self._over.set()
+        self._thread.join(10.0)
+
+
+@pytest.fixture
+def hurried(control: Control) -> Acts:
+    return Acts(control, patience_s=0.01)
+
+
+def test_who_comes_meanwhile_is_told_what_is_being_done(hurried: Acts) -> None:
+    lasting = Lasting(hurried)
+    assert hurried.busy == "moving the probe"
+    with pytest.raises(ControlError, match="the bench is busy moving the probe; try again"), hurried.act("a", "x"):
+        pytest.fail("two acts at once")
+    lasting.end()
+    with hurried.act("a", "x"):
+        assert hurried.busy == "x"
+    assert hurried.busy == ""
+
+
+def test_of_an_act_that_lasts_is_told_for_how_long(control: Control) -> None:
+    now_s = [5.0]
+    acts = Acts(control, patience_s=0.01, clock=lambda: now_s[0])
+    lasting = Lasting(acts)
+    assert acts.busy == "moving the probe"
+    now_s[0] += 75.0
+    assert acts.busy == "moving the probe (75 s so far)"
+    with pytest.raises(ControlError, match=r"busy moving the probe \(75 s so far\); try again"), acts.act("a", "x"):
+        pytest.fail("two acts at once")
+    lasting.end()
+    assert acts.busy == ""
+
+
+def test_who_lost_the_camera_while_he_waited_does_not_act(control: Control) -> None:
+    acts, refused = Acts(control, patience_s=10.0), []
+    lasting = Lasting(acts)
+
+    def wait() -> None:
+        try:
+            with acts.act("a", "x"):
+                pytest.fail("an act of who no longer holds the camera")
+        except ControlError as error:
+            refused.append(str(error))
+
+    waiting = threading.Thread(target=wait)
+    waiting.start()
+    control.take("b", "Bob", over=True)
+    lasting.end()
+    waiting.join(10.0)
+    assert refused == ["Bob has taken the camera over; watch, or take it back"]
+
+
+def test_an_act_that_fails_lets_the_next_one_pass(hurried: Acts) -> None:
+    with pytest.raises(InputError), hurried.act("a", "x"):
+        raise InputError("wrong")
+    with hurried.act("a", "y"):
+        assert hurried.busy == "y"
+
+
+def test_a_closed_bench_lets_nothing_pass_but_what_is_under_way(hurried: Acts) -> None:
+    lasting = Lasting(hurried)
+    hurried.close()
+    lasting.end()
+    with pytest.raises(ControlError, match="the console is being ended"), hurried.act("a", "x"):
+        pytest.fail("an act after the end")

@@ -1,0 +1,54 @@
+"""Everybody is told when the store's folder is gone from under a console, and that it is back."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from tests.console.bench.places import ANN
+
+from tsis.console.bench import reading
+from tsis.console.bench.reading import STORE_LOOKED_AT_S, StoreInPlace
+from tsis.model.errors import RecordsError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tsis.console.bench import Bench
+
+
+def test_a_store_that_was_moved_is_trouble_until_it_is_back(
+    bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(reading, "STORE_LOOKED_AT_S", 0.0)
+    bench.start(by=ANN)
+    assert bench.state().trouble == ()
+    away = (tmp_path / "store").rename(tmp_path / "away")
+    (sentence,) = bench.state().trouble
+    assert sentence == (
+        f"The store in '{tmp_path / 'store'}' was moved or replaced since it was opened, and nothing can be kept: "
+        "put it back, or start anew."
+    )
+    with pytest.raises(RecordsError, match="was moved or replaced since it was opened; nothing was stored"):
+        bench.snapshot(by=ANN)
+    away.rename(tmp_path / "store")
+    assert bench.state().trouble == ()
+    bench.snapshot(by=ANN)
+    assert len(bench.store.presses(bench.store.target(1))) == 1
+
+
+def test_the_disk_is_looked_at_once_a_second(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    looks: list[float] = []
+    now = [0.0]
+
+    def moved() -> bool:
+        looks.append(now[0])
+        return now[0] > 2.0
+
+    monkeypatch.setattr(bench.store.database, "moved", moved)
+    place = StoreInPlace(bench.store, clock=lambda: now[0])
+    said = []
+    for now[0] in (0.1, STORE_LOOKED_AT_S, 1.5, 2.5, 2.6):
+        said.append(bool(place.trouble()))
+    assert looks == [1.0, 2.5]
+    assert said == [False, False, False, True, True]

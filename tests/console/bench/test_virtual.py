@@ -1,0 +1,196 @@
+"""The virtual probe on the bench: where it is held is what the frames, and what is kept, say."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+from tests.console.bench.places import ANN, virtual_bench
+from tests.instrument.scripted_camera import until
+
+from tsis.console.bench import CameraChoice
+from tsis.console.bench.stage import VirtualStage
+from tsis.model.errors import ControlError, InputError, MechanicsError
+from tsis.records.estimation import REFERENCES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from tsis.console.bench import Bench
+
+
+@pytest.fixture(scope="module")
+def probe(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+    with virtual_bench(tmp_path_factory.mktemp("virtual")) as bench:
+        bench.start(by=ANN)
+        yield bench
+
+
+def brightness(bench: Bench) -> float:
+    return float(bench.desk.fresh().frame.pixels.mean())
+
+
+def test_role_and_force_are_those_of_the_frames(probe: Bench) -> None:
+    seen = {}
+    for role, force_n in (("target", 1.0), ("target", 0.5), ("plain", 1.0), ("untouched", 1.0)):
+        probe.hold(role=role, force_n=force_n, by=ANN)
+        kept = probe.snapshot(by=ANN)
+        pressed_n = 0.0 if role == "untouched" else force_n
+        assert (kept.press.role, kept.press.force_n) == (role, pressed_n)
+        assert kept.press.settings["force_n"] == pressed_n
+        assert (probe.state().role, probe.state().force_n) == (role, force_n)
+        seen[role, force_n] = float(probe.store.levels(kept.press.frame).mean())
+    untouched, plain, soft, hard = (
+        seen[each] for each in (("untouched", 1.0), ("plain", 1.0), ("target", 0.5), ("target", 1.0))
+    )
+    assert untouched == pytest.approx(8.0, abs=0.1)  # the black level
+    assert soft < hard
+    assert abs(hard - plain) > 0.2  # the inclusion shows
+
+
+def test_what_is_kept_of_it(probe: Bench) -> None:
+    probe.hold(role="target", force_n=1.0, by=ANN)
+    kept = probe.snapshot(by=ANN)
+    stage = probe.desk.stage
+    assert stage is not None
+    assert (kept.target.name, dict(kept.target.truth)) == (
+        "hardness-100",
+        {"diameter_mm": 10.0, "depth_mm": 5.0, "young_kpa": 100.0},
+    )
+    assert (kept.press.probe, kept.press.calibration) == ("tsis-2011", stage.calibration.identity)
+    assert kept.press.mm_per_pixel == pytest.approx(stage.mm_per_pixel)
+    assert kept.notes == ()
+
+
+def test_the_press_stays_over_stop_and_start(probe: Bench) -> None:
+    probe.hold(role="plain", force_n=0.8, by=ANN)
+    held = brightness(probe)
+    probe.stop(by=ANN)
+    assert (probe.state().role, probe.state().force_n) == ("plain", 0.8)
+    probe.start(by=ANN)
+    assert brightness(probe) == pytest.approx(held, abs=0.05)  # the same press, and not another of the same force
+    probe.stop(by=ANN)
+    probe.hold(role="untouched", by=ANN)
+    probe.start(by=ANN)
+    assert brightness(probe) == pytest.approx(8.0, abs=0.1)
+    probe.hold(role="target", force_n=1.0, by=ANN)
+
+
+def test_its_own_calibration_holds_at_its_usual_settings_only(probe: Bench) -> None:
+    probe.hold(role="target", force_n=1.0, by=ANN)
+    probe.adjust("exposure_ms", 10.0, by=ANN)
+    assert "holds at exposure_ms = 20; the camera is at 10" in probe.state().trouble[0]
+    assert probe.snapshot(by=ANN).press.calibration is None
+    probe.preset("default", by=ANN)
+    assert probe.state().trouble == ()
+    with pytest.raises(InputError, match="no setting is called 'force_n'"):
+        probe.adjust("force_n", 2.0, by=ANN)
+
+
+def test_what_cannot_be_pressed_leaves_the_press_as_it_was(probe: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    probe.hold(role="target", force_n=1.0, by=ANN)
+    before = brightness(probe)
+    stage = probe.desk.stage
+    assert stage is not None
+
+    def too_hard(*_: object, **__: object) -> None:
+        raise MechanicsError("the tissue cannot be pressed so hard")
+
+    monkeypatch.setattr(stage, "_light_of", too_hard)
+    with pytest.raises(MechanicsError, match="so hard"):
+        probe.hold(role="plain", force_n=3.0, by=ANN)
+    monkeypatch.undo()
+    for wrong in (-1.0, 6.0, float("nan")):
+        with pytest.raises(InputError, match="force_n must lie in"):
+            probe.hold(force_n=wrong, by=ANN)
+    assert (probe.state().role, probe.state().force_n) == ("target", 1.0)
+    assert brightness(probe) == pytest.approx(before, abs=0.05)
+
+
+def test_too_hard_a_press_names_the_largest_force_which_can_be_pressed(probe: Bench) -> None:
+    with pytest.raises(
+        MechanicsError, match=r"a strain of [0-9.]+; .* holds to 0\.3: choose a force of at most"
+    ) as told:
+        probe.hold(role="plain", force_n=4.0, by=ANN)
+    sentence = str(told.value)
+    assert "finite" not in sentence
+    assert "stiffer" not in sentence
+    largest_n = float(sentence.rpartition("at most ")[2].removesuffix(" N"))
+    probe.hold(role="plain", force_n=largest_n, by=ANN)
+    with pytest.raises(MechanicsError, match=f"at most {largest_n:g} N$"):
+        probe.hold(role="plain", force_n=largest_n + 0.2, by=ANN)
+    assert (probe.state().role, probe.state().force_n) == ("plain", largest_n)
+    probe.hold(role="target", force_n=1.0, by=ANN)
+
+
+def test_the_guard_sees_what_is_held(probe: Bench) -> None:
+    probe.hold(role="untouched", by=ANN)
+    until(lambda: probe.sight is not None and any(flag.name == "no-contact" for flag in probe.sight.flags))
+    probe.hold(role="target", by=ANN)
+    until(lambda: probe.sight is not None and probe.sight.contact is not None)
+    sight = probe.sight
+    assert sight is not None
+    assert sight.contact is not None
+    assert np.hypot(sight.contact.centroid_px[0] - 383.5, sight.contact.centroid_px[1] - 245.5) < 40
+    assert sight.force is not None
+    assert (sight.force.value_n, sight.force.source) == (1.0, "virtual")
+
+
+def kept_files(bench: Bench) -> int:
+    return sum(path.is_file() for path in bench.terms.workspace.rglob("*"))
+
+
+def test_no_press_of_a_phantom_gets_into_a_store_of_subjects(tmp_path_factory: pytest.TempPathFactory) -> None:
+    with virtual_bench(tmp_path_factory.mktemp("subjects"), kind="subject") as bench:
+        bench.start(by=ANN)
+        with pytest.raises(
+            ControlError, match="which a store of subjects does not keep: start the console with --kind"
+        ):
+            bench.snapshot(by=ANN)
+        assert bench.store.targets() == ()
+        assert kept_files(bench) == 0
+
+
+def test_another_phantom_under_the_same_number_is_refused_and_under_another_kept(probe: Bench) -> None:
+    probe.set_target(9, by=ANN)
+    probe.hold(role="target", force_n=1.0, by=ANN)
+    kept = probe.snapshot(by=ANN)
+    files = kept_files(probe)
+    others = (
+        (CameraChoice(probe="tsis-2011", phantom="size-8"), r"on size-8 \("),
+        (CameraChoice(probe="tsis-2011", depth_mm=6.0), r"on hardness-100 \(changed\) \(depth_mm 6, "),
+        (CameraChoice(probe="tsis-2011", phantom="plain"), r"on plain \(no inclusion\) now: choose another target"),
+    )
+    for at, (choice, words) in enumerate(others):
+        probe.set_target(9, by=ANN)
+        probe.choose(choice, by=ANN)
+        probe.start(by=ANN)
+        with pytest.raises(ControlError, match=r"target 9 is of hardness-100 \(depth_mm 5, .*" + words):
+            probe.snapshot(by=ANN)
+        assert kept_files(probe) == files
+        assert [press.id for press in probe.store.presses(kept.target)] == [kept.press.id]
+        probe.set_target(20 + at, by=ANN)
+        assert probe.snapshot(by=ANN).notes == ()
+        files = kept_files(probe)
+    probe.choose(CameraChoice(probe="tsis-2011"), by=ANN)
+    probe.start(by=ANN)
+    probe.set_target(9, by=ANN)
+    assert probe.snapshot(by=ANN).notes == ()
+
+
+def test_roles_are_those_that_estimates_take() -> None:
+    assert set(REFERENCES.values()) <= {*CameraChoice().roles, *CameraChoice(phantom="cl2000x").roles}
+
+
+def test_the_same_seed_makes_the_same_stage() -> None:
+    def first(seed: int) -> np.ndarray:
+        stage = VirtualStage(CameraChoice(probe="tsis-2011", seed=seed))
+        stage.hold("target", 1.0)
+        camera = stage.connect()
+        camera.open()
+        camera.start()
+        return next(camera.frames()).pixels
+
+    np.testing.assert_array_equal(first(5), first(5))
+    assert (first(5) != first(6)).any()

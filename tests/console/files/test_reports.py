@@ -1,0 +1,51 @@
+"""Reports from a process of their own, held against those that are made here."""
+
+from __future__ import annotations
+
+import os
+from contextlib import closing
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import pytest
+from tests.records.sample import sample_dossier
+
+from tsis.console.files.exporting import written
+from tsis.console.files.reports import Reports
+from tsis.model.errors import InputError, RecordsError
+from tsis.records import open_store
+from tsis.report.forms import PAGES, page_bytes
+from tsis.report.of_store import StorePlace, stored_report
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+NUMBER = 3
+
+
+def test_a_report_is_made_elsewhere_and_is_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with open_store(tmp_path / "records") as store, closing(Reports(store)) as reports:
+        store.take_in(sample_dossier())
+        target = store.target(NUMBER)
+        here = {form: page_bytes(form, store.dossier(target)) for form in PAGES}
+        monkeypatch.setattr("tsis.report.target.target_page", lambda *_: pytest.fail("it is made in this process"))
+        for form, content in here.items():
+            file = written(store, target, form, reports=reports)
+            assert file.path.read_bytes() == content
+            file.remove()
+        assert reports._apart.ask(os.getpid) != os.getpid()
+        with pytest.raises(InputError, match="got 9"):
+            reports.content(replace(target, number=9), "html")
+        target = store.edit_target(target, name="what was just written")
+        assert b"what was just written" in reports.content(target, "html")
+
+
+def test_another_store_in_its_place_is_not_taken_for_it(tmp_path: Path) -> None:
+    with open_store(tmp_path) as store:
+        store.take_in(sample_dossier())
+        place = StorePlace(folder=tmp_path, kind=store.kind, database=None, identity=store.identity)
+    assert stored_report(place, NUMBER, "html").startswith(b"<!DOCTYPE html>")
+    with pytest.raises(RecordsError, match="the store must be 000"):
+        stored_report(replace(place, identity="0" * 32), NUMBER, "html")
+    with pytest.raises(RecordsError, match="there is none"):
+        stored_report(replace(place, folder=tmp_path / "elsewhere"), NUMBER, "html")

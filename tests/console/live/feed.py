@@ -1,0 +1,44 @@
+"""Frames that a test brings one by one, where an acquisition would stand."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import TYPE_CHECKING, Any
+
+from tsis.instrument import Frame
+from tsis.instrument.acquisition import Arrival, FrameRing
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+PATIENCE_S = 20.0
+
+
+class Feed:
+    """As much of an acquisition as the live view and the watcher use."""
+
+    def __init__(self) -> None:
+        self.ring = FrameRing(8)
+        self.lost = self.ended = False
+
+    def latest(self) -> Arrival | None:
+        return self.ring.latest()
+
+    def bring(self, pixels: NDArray[Any], *, full_scale: float = 255.0) -> Arrival:
+        """A new frame."""
+        now_s = time.monotonic()
+        frame = Frame(pixels=pixels, sequence=self.ring.end, time_s=now_s, full_scale=full_scale)
+        arrival = Arrival(frame=frame, arrived_s=now_s)
+        self.ring.put(arrival)
+        return arrival
+
+
+def until(happened: Callable[[], bool]) -> None:
+    """Wait for what another thread does."""
+    pause, ends = threading.Event(), time.monotonic() + PATIENCE_S
+    while not happened():
+        assert time.monotonic() < ends, "it did not happen in time"
+        pause.wait(0.005)

@@ -1,0 +1,306 @@
+"""The live view's WebSocket, served by a real server and read by another library's client."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+import socket
+import threading
+from contextlib import contextmanager
+from dataclasses import asdict, replace
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+import uvicorn
+from fastapi import FastAPI, WebSocket
+from PIL import Image
+from tests.console.live.feed import PATIENCE_S, Feed, until
+from websockets.exceptions import ConnectionClosed
+from websockets.sync.client import connect
+
+from tsis.console.bench.sight import Seen, Sight
+from tsis.console.live.hub import LiveHub
+from tsis.console.live.packet import packet, sight_text
+from tsis.console.live.socket import is_here, live_view
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+    from websockets.sync.client import ClientConnection
+
+SIGHT = Sight(
+    number=1,
+    flags=(),
+    force=None,
+    still="settled",
+    contact=Seen(centroid_px=(3.0, 4.0), outline_px=((1.0, 2.0), (3.0, 4.0))),
+    histogram=(5, 6),
+    clipped_share=0.25,
+    warnings=("too bright",),
+)
+RNG = np.random.default_rng(8)
+
+
+class Served:
+    """A server of the live view whose frames, camera and sight a test changes."""
+
+    def __init__(self, patience_s: float) -> None:
+        self.feed: Feed | None = Feed()
+        self.bench = SimpleNamespace(sight=None)
+        self.hub = LiveHub(lambda: self.feed)  # type: ignore[arg-type, return-value]
+        made = FastAPI()
+
+        @made.websocket("/live")
+        async def live(asked: WebSocket) -> None:
+            await live_view(asked, bench=self.bench, hub=self.hub, patience_s=patience_s)  # type: ignore[arg-type]
+
+        listener = socket.create_server(("127.0.0.1", 0))
+        self.port = listener.getsockname()[1]
+        self.server = uvicorn.Server(uvicorn.Config(made, log_level="error", ws_per_message_deflate=False))
+        self._thread = threading.Thread(target=self.server.run, kwargs={"sockets": [listener]}, daemon=True)
+        self._thread.start()
+
+    @property
+    def thread_name(self) -> str:
+        """Of the thread in which all viewers are served."""
+        return self._thread.name
+
+    def bring(self, shape: tuple[int, int] = (12, 16), full_scale: float = 255.0) -> NDArray[Any]:
+        """A new frame of noise, which has reached the hub."""
+        kind = np.uint8 if full_scale == 255.0 else np.uint16
+        pixels = RNG.integers(0, int(full_scale), shape).astype(kind)
+        assert self.feed is not None
+        arrival = self.feed.bring(pixels, full_scale=full_scale)
+        until(lambda: self.hub.latest is not None and self.hub.latest.arrival is arrival)
+        return pixels
+
+    def viewer(self, asks: str = "") -> ClientConnection:
+        """A client that has joined."""
+        before = self.hub.viewers
+        made = connect(f"ws://127.0.0.1:{self.port}/live{asks}", max_size=None)
+        until(lambda: self.hub.viewers > before)
+        return made
+
+    def end(self) -> None:
+        self.server.should_exit = True
+        self._thread.join(PATIENCE_S)
+        self.hub.close()
+
+
+@contextmanager
+def serving(patience_s: float = PATIENCE_S) -> Iterator[Served]:
+    served = Served(patience_s)
+    try:
+        yield served
+    finally:
+        served.end()
+
+
+@pytest.fixture
+def served() -> Iterator[Served]:
+    with serving() as running:
+        yield running
+
+
+def next_frame(viewer: ClientConnection) -> tuple[int, NDArray[np.uint8] | bytes]:
+    """Number and pixels of the next frame; words on the way are passed over."""
+    message = viewer.recv(PATIENCE_S)
+    while isinstance(message, str):
+        message = viewer.recv(PATIENCE_S)
+    rows, columns = int.from_bytes(message[12:14], "little"), int.from_bytes(message[14:16], "little")
+    number, body = int.from_bytes(message[8:12], "little"), message[32:]
+    return number, body if message[4] else np.frombuffer(body, np.uint8).reshape(rows, columns)
+
+
+def test_frames_come_one_by_one_as_they_are_acknowledged(served: Served) -> None:
+    with served.viewer() as viewer:
+        for number in range(1, 6):
+            pixels = served.bring()
+            got, shown = next_frame(viewer)
+            assert got == number
+            assert np.array_equal(shown, pixels)
+            viewer.send("ok")
+
+
+def test_a_slow_viewer_gets_the_newest_frame_and_none_in_between(served: Served) -> None:
+    with served.viewer() as slow, served.viewer() as quick:
+        served.bring()
+        assert next_frame(slow)[0] == next_frame(quick)[0] == 1
+        for number in range(2, 41):
+            quick.send("ok")
+            newest = served.bring()
+            assert next_frame(quick)[0] == number
+        with pytest.raises(TimeoutError):  # the quick one got 39 more, and nothing went to the slow one
+            slow.recv(timeout=0)
+        slow.send("ok")
+        number, shown = next_frame(slow)
+        assert number == 40
+        assert np.array_equal(shown, newest)
+
+
+def test_who_joins_late_gets_the_newest_frame_at_once(served: Served) -> None:
+    served.bring()
+    newest = served.bring()
+    with served.viewer() as viewer:
+        assert np.array_equal(next_frame(viewer)[1], newest)
+
+
+def test_deep_frames_are_shown_in_eight_bits(served: Served) -> None:
+    with served.viewer() as viewer:
+        pixels = served.bring(full_scale=4095.0)
+        shown = next_frame(viewer)[1]
+        assert np.abs(np.asarray(shown, float) - pixels * (255 / 4095)).max() <= 0.501
+
+
+def test_another_camera_shows_under_an_open_view(served: Served) -> None:
+    with served.viewer() as viewer:
+        served.bring()
+        next_frame(viewer)
+        served.feed = Feed()
+        until(lambda: served.hub.latest is None)
+        viewer.send("ok")
+        pixels = served.bring((7, 9), full_scale=1023.0)
+        number, shown = next_frame(viewer)
+        assert number == 1
+        assert np.asarray(shown).shape == pixels.shape
+
+
+def test_no_frame_of_a_stopped_camera_is_shown_to_who_comes_later(served: Served) -> None:
+    served.bring()
+    served.feed = None
+    until(lambda: served.hub.latest is None)
+    with served.viewer() as viewer, pytest.raises(TimeoutError):
+        viewer.recv(timeout=0.2)
+
+
+@pytest.mark.parametrize(("asks", "quality"), [("?jpeg=85", 85), ("?jpeg=100", 100), ("?jpeg=999", 100)])
+def test_pictures_of_the_quality_that_was_asked_for(served: Served, asks: str, quality: int) -> None:
+    with served.viewer(asks) as viewer:
+        pixels = served.bring((48, 64))
+        body = next_frame(viewer)[1]
+        assert isinstance(body, bytes)
+        expected = io.BytesIO()
+        Image.fromarray(pixels).save(expected, "jpeg", quality=quality)
+        ours, theirs = (np.asarray(Image.open(each), float) for each in (io.BytesIO(body), expected))
+        assert abs(np.abs(ours - pixels).mean() - np.abs(theirs - pixels).mean()) < 0.25
+
+
+@pytest.mark.parametrize("asks", ["", "?jpeg=0", "?jpeg=nonsense", "?jpeg=-3", "?jpeg=12345", "?jpeg=²"])
+def test_raw_pixels_on_this_machine_whatever_else_is_asked(served: Served, asks: str) -> None:
+    with served.viewer(asks.replace("²", "%C2%B2")) as viewer:
+        pixels = served.bring()
+        assert np.array_equal(next_frame(viewer)[1], pixels)
+
+
+def test_what_is_seen_comes_before_the_frame_once(served: Served) -> None:
+    with served.viewer() as viewer:
+        served.bench.sight = SIGHT
+        served.bring()
+        assert json.loads(viewer.recv(PATIENCE_S)) == json.loads(json.dumps(asdict(SIGHT)))
+        assert isinstance(viewer.recv(PATIENCE_S), bytes)
+        viewer.send("ok")
+        served.bring()
+        assert isinstance(viewer.recv(PATIENCE_S), bytes)
+        served.bench.sight = None
+        viewer.send("ok")
+        served.bring()
+        assert viewer.recv(PATIENCE_S) == "null"
+
+
+def test_a_viewer_that_never_acknowledges_is_let_go() -> None:
+    with serving(patience_s=0.2) as served, served.viewer() as viewer:
+        served.bring()
+        next_frame(viewer)
+        with pytest.raises(ConnectionClosed) as closed:
+            viewer.recv(PATIENCE_S)
+        assert closed.value.rcvd is not None
+        assert closed.value.rcvd.code == 1013
+        until(lambda: served.hub.viewers == 0)
+
+
+@pytest.mark.parametrize("frames", [0, 1])
+def test_who_goes_is_noticed_while_no_frames_come(served: Served, frames: int) -> None:
+    with served.viewer() as viewer:
+        for _ in range(frames):
+            served.bring()
+            next_frame(viewer)
+    until(lambda: served.hub.viewers == 0)
+
+
+def test_anything_that_is_sent_counts_as_an_acknowledgement(served: Served) -> None:
+    with served.viewer() as viewer:
+        words: tuple[str | bytes, ...] = ("", "no", b"\x00\xff", "x" * 1000)
+        for number, word in enumerate(words, start=1):
+            served.bring()
+            assert next_frame(viewer)[0] == number
+            viewer.send(word)
+
+
+def test_viewers_are_told_when_the_server_ends() -> None:
+    with serving() as served, served.viewer() as viewer:
+        served.bring()
+        next_frame(viewer)
+        served.end()
+        with pytest.raises(ConnectionClosed):
+            viewer.recv(PATIENCE_S)
+        assert served.hub.viewers == 0
+
+
+@pytest.mark.parametrize(
+    ("asks", "full_scale", "apart"), [("", 255.0, False), ("", 4095.0, True), ("?jpeg=85", 255.0, True)]
+)
+def test_a_frame_is_made_once_for_all_and_not_where_all_wait_for_it(
+    served: Served, monkeypatch: pytest.MonkeyPatch, asks: str, full_scale: float, apart: bool
+) -> None:
+    made: list[str] = []
+    second = threading.Event()
+
+    def packed(*given: Any, **named: Any) -> bytes:
+        made.append(threading.current_thread().name)
+        if apart:
+            second.wait(0.2 if len(made) == 1 else 0.0)  # in which another one could begin
+        return packet(*given, **named)
+
+    monkeypatch.setattr("tsis.console.live.hub.packet", packed)
+    with served.viewer(asks) as one, served.viewer(asks) as other:
+        served.bring(full_scale=full_scale)
+        assert next_frame(one)[0] == next_frame(other)[0] == 1
+    assert made == [made[0]]
+    assert (made[0] == served.thread_name) is not apart
+
+
+def test_words_of_a_frame_are_made_once_for_all(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[Sight | None] = []
+
+    def text(sight: Sight | None) -> str:
+        made.append(sight)
+        return sight_text(sight)
+
+    monkeypatch.setattr("tsis.console.live.hub.sight_text", text)
+    with served.viewer() as one, served.viewer() as other:
+        for sight in (SIGHT, replace(SIGHT, number=2)):
+            served.bench.sight = sight
+            served.bring()
+            for viewer in (one, other):
+                assert json.loads(viewer.recv(PATIENCE_S))["number"] == sight.number
+                next_frame(viewer)
+                viewer.send("ok")
+    assert [each and each.number for each in made] == [1, 2]
+
+
+def test_what_is_not_finite_is_told_as_unknown() -> None:
+    text = sight_text(replace(SIGHT, clipped_share=math.nan, contact=Seen(centroid_px=(math.inf, 1.0), outline_px=())))
+    told = json.loads(text, parse_constant=lambda word: pytest.fail(f"{word} is no JSON"))
+    assert (told["clipped_share"], told["contact"]["centroid_px"]) == (None, [None, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("host", "here"), [("127.0.0.1", True), ("::1", True), ("192.168.1.4", False), ("testclient", False)]
+)
+def test_who_is_on_this_machine(host: str, here: bool) -> None:
+    assert is_here(SimpleNamespace(client=SimpleNamespace(host=host))) is here  # type: ignore[arg-type]
+    assert not is_here(SimpleNamespace(client=None))  # type: ignore[arg-type]

@@ -1,0 +1,60 @@
+"""What is said of the frames to those who do not see them."""
+
+from __future__ import annotations
+
+import re
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tsis.console.bench.sight import Seen, Sight
+from tsis.console.live.element import levels_in_words, notice, seen_in_words
+
+SIGHT = Sight(number=1, flags=(), force=None, still="", contact=None, histogram=(4, 0), clipped_share=0.0, warnings=())
+
+
+def state(sight: Sight | None, *, running: bool = True, lost: bool = False) -> Any:
+    return SimpleNamespace(sight=sight, camera=SimpleNamespace(running=running, lost=lost))
+
+
+def sight_of(levels: np.ndarray, contact: Seen | None = None) -> Sight:
+    counts = np.histogram(levels, bins=64, range=(0.0, 256.0))[0]
+    return Sight(
+        number=1,
+        flags=(),
+        force=None,
+        still="",
+        contact=contact,
+        histogram=tuple(counts.tolist()),
+        clipped_share=float((levels == 255).mean()),
+        warnings=(),
+    )
+
+
+@pytest.mark.parametrize("centre", [3, 60, 128, 250])
+def test_half_of_the_pixels_lie_below_the_level_that_is_said(centre: int) -> None:
+    levels = np.random.default_rng(1).normal(centre, 20, 5001).round().clip(0, 255)
+    said = levels_in_words(state(sight_of(levels)))
+    found = re.fullmatch(r"half of the pixels below (\d+)% of full scale, ([\d.]+)% at it", said)
+    assert found is not None
+    assert float(found[1]) == pytest.approx(100 * np.median(levels) / 256, abs=100 / 64 + 0.5)
+    assert float(found[2]) == pytest.approx(100 * (levels == 255).mean(), abs=0.05)
+
+
+def test_a_contact_is_said_with_its_place() -> None:
+    contact = Seen(centroid_px=(384.4, 245.6), outline_px=())
+    assert seen_in_words(state(sight_of(np.zeros(4), contact))) == "contact around column 384, row 246"
+    assert seen_in_words(state(SIGHT)) == "nothing is pressed"
+
+
+@pytest.mark.parametrize("words", [seen_in_words, levels_in_words])
+def test_without_frames_that_is_said(words: Any) -> None:
+    assert words(state(None)) == words(state(SIGHT, running=False)) == "no frames"
+
+
+def test_a_picture_that_may_be_old_says_so() -> None:
+    assert notice(state(SIGHT)) == ""
+    assert notice(state(SIGHT, running=False)) == "the camera is stopped"
+    assert "last frame" in notice(state(SIGHT, lost=True))

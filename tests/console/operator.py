@@ -1,0 +1,111 @@
+"""Whoever sits before a page of the console: opens it, holds the camera, and gives it back."""
+
+from __future__ import annotations
+
+import re
+from contextlib import contextmanager, suppress
+from typing import TYPE_CHECKING, Any
+
+import httpx
+from playwright.sync_api import Error as BrowserError
+from playwright.sync_api import TimeoutError as Late
+from tests.console.browser import picture
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from playwright.sync_api import Browser, Page
+    from tests.console.running import RunningConsole
+
+BENCH, TABLET = (1280, 800), (1024, 768)
+API = "/api/v1"
+PATIENCE_MS = 120_000  # of a machine that has other things to do
+BY_ITSELF_MS = 8_000
+TAKE, RELEASE, OVER = "Take the camera", "Release the camera", "Take it over"
+
+
+@contextmanager
+def tab(
+    browser: Browser,
+    console: RunningConsole,
+    address: str = "/",
+    *,
+    size: tuple[int, int] = BENCH,
+    expected: str = "$^",
+    **how: Any,
+) -> Iterator[Page]:
+    """A page in a browser of its own; what it complained of fails the test, but for what is ``expected``."""
+    context = browser.new_context(viewport={"width": size[0], "height": size[1]}, **how)
+    page = context.new_page()
+    page.set_default_timeout(PATIENCE_MS)
+    faults: list[str] = []
+    page.on("pageerror", lambda error: faults.append(str(error)))
+    page.on("console", lambda message: faults.append(message.text) if message.type == "error" else None)
+    try:
+        page.goto(console.entrance)
+        if address != "/":
+            page.goto(console.address + address)
+        yield page
+        assert [each for each in faults if not re.search(expected, each)] == []
+    except BaseException as error:
+        with suppress(BrowserError):  # which may be what failed
+            picture(page, "as-a-test-failed")
+            error.add_note(f"the page said:\n{page.inner_text('body')}\nand complained of {faults}")
+        raise
+    finally:
+        context.close()
+
+
+@contextmanager
+def operating(browser: Browser, console: RunningConsole, address: str = "/", **how: Any) -> Iterator[Page]:
+    """A page that holds the camera, and gives it back at the end."""
+    with tab(browser, console, address, **how) as page:
+        hold(page)
+        yield page
+        page.get_by_role("button", name=RELEASE).click()
+        page.get_by_role("button", name=TAKE).wait_for()
+
+
+def hold(page: Page) -> None:
+    """Take the camera, whoever had it; a page takes by itself what nobody holds."""
+    take, release = page.get_by_role("button", name=TAKE), page.get_by_role("button", name=RELEASE)
+    with suppress(Late):
+        release.wait_for(timeout=BY_ITSELF_MS)
+        return
+    with suppress(Late):  # the page takes it by itself just now, and its button is gone
+        take.click(timeout=BY_ITSELF_MS)
+    over = page.get_by_role("button", name=OVER)
+    over.or_(release).first.wait_for()
+    if over.is_visible():
+        over.click()
+    release.wait_for()
+
+
+def run(page: Page) -> None:
+    """Start the camera, where it does not run, and wait for frames."""
+    button = page.get_by_role("button", name=re.compile("^(Start|Stop)"), disabled=False).first
+    button.wait_for()
+    if "Start" in button.inner_text():
+        button.click()
+    page.get_by_text("frames/s shown").wait_for()
+    page.get_by_text(re.compile(r"^\d+ frames/s, ")).wait_for()
+
+
+def choose_target(page: Page, number: str) -> None:
+    """Type a number into the field of the target."""
+    field = page.get_by_label("Target", exact=True)
+    field.fill(number)
+    field.press("Enter")
+
+
+def press_with(page: Page, force: str) -> None:
+    """Have the virtual probe press so hard, and wait until the frames show it."""
+    field = page.get_by_label("Force", exact=True)
+    field.fill(force)
+    field.press("Enter")
+    page.get_by_text(re.compile(rf"^{float(force):.2f} N$")).wait_for()
+
+
+def asked(console: RunningConsole, path: str) -> Any:
+    """What a script reads of the console: another way to the same bench."""
+    return httpx.get(console.address + API + path, headers=console.key).raise_for_status().json()

@@ -1,0 +1,105 @@
+"""What is said to be done next in a measurement of hardness, from what the store holds."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pytest
+
+from tsis.calibration.file import ProbeCalibration
+from tsis.console.bench import CameraChoice
+from tsis.console.pages.hardness.flow import Kept, kept, lacking, next_free, next_words
+from tsis.model import TactileImage
+from tsis.records import open_store
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from tsis.records import Store
+
+NOON = datetime(2026, 11, 22, 12, tzinfo=UTC)
+KNOWN = ProbeCalibration(name="of the test", probe="tsis-direct")
+
+
+@pytest.fixture
+def store(tmp_path: Path) -> Iterator[Store]:
+    with open_store(tmp_path / "records", kind="phantom") as made:
+        yield made
+
+
+def pressed(store: Store, number: int, forces: dict[str, tuple[float, ...]]) -> None:
+    """A target with presses of these forces by role, in this order."""
+    target = store.add_target(number=number, name="ball")
+    minute = 0
+    for role, each in forces.items():
+        for force in each:
+            minute += 1
+            store.add_press(
+                target,
+                TactileImage(grey=np.full((6, 8), float(minute)), mm_per_pixel=(0.1, 0.1), force_n=force),
+                role=role,
+                taken=NOON + timedelta(minutes=minute),
+                probe="tsis-direct",
+                calibration=KNOWN,
+                flags=(),
+            )
+
+
+def state(choice: CameraChoice, *, running: bool = True, lost: bool = False, calibration: str = "c") -> Any:
+    camera = SimpleNamespace(choice=choice, running=running, lost=lost)
+    return SimpleNamespace(camera=camera, calibration=calibration, calibration_identity=calibration)
+
+
+def test_of_each_force_the_newest_press_counts(store: Store) -> None:
+    pressed(store, 4, {"target": (0.7, 1.2, 0.7), "ball": (1.0,), "untouched": (0.0,)})
+    found = kept(store, 4)
+    assert [press.force_n for press in found.on_object] == [1.2, 0.7]
+    assert found.on_object[1].taken == NOON + timedelta(minutes=3)
+    assert [press.force_n for press in found.on_ball] == [1.0]
+    assert found.estimate is None
+    assert not found.is_current
+
+
+def test_the_next_step_follows_from_what_is_kept(store: Store) -> None:
+    pressed(store, 1, {"target": (0.7,)})
+    pressed(store, 2, {"target": (0.7, 1.2)})
+    pressed(store, 3, {"target": (0.7, 0.7)})
+    assert next_words(Kept(number=9), ("lay it there.",), estimating=False) == "Next: lay it there."
+    assert next_words(Kept(number=9), (), estimating=False).startswith("Next: press the object")
+    assert next_words(kept(store, 1), (), estimating=False).startswith("Next: press it again at another force")
+    assert next_words(kept(store, 3), (), estimating=False).startswith("Next: press it again at another force")
+    assert next_words(kept(store, 2), (), estimating=False).startswith("Next: estimate")
+    assert next_words(kept(store, 2), ("lay it there.",), estimating=False).startswith("Next: estimate")
+    assert next_words(kept(store, 2), (), estimating=True) == "The estimate is being made."
+
+
+def test_a_new_object_gets_a_number_of_its_own(store: Store) -> None:
+    assert next_free(store, 7) == 7
+    pressed(store, 7, {"target": (0.7,)})
+    pressed(store, 12, {"target": (0.7,)})
+    assert next_free(store, 8) == 8
+    assert next_free(store, 7) == 13
+
+
+def test_what_stands_in_the_way_is_named() -> None:
+    virtual, sphere = CameraChoice(), CameraChoice(probe="tsis-direct", phantom="cl2000x")
+    real = CameraChoice(spec="aravis:x")
+    lay = ("lay an object under the virtual probe.",)
+    assert lacking(state(virtual), scaled=False, responds=True) == lay
+    assert lacking(state(sphere, running=False), scaled=False, responds=True) == lay
+    assert lacking(state(sphere), scaled=False, responds=True) == ()
+    assert lacking(state(real), scaled=True, responds=True) == ()
+    (stopped,) = lacking(state(real, running=False), scaled=True, responds=True)
+    assert stopped == "start the camera, on the page Examine; it is stopped."
+    (away,) = lacking(state(real, lost=True), scaled=True, responds=True)
+    assert away == "wait until the camera is back; it is away."
+    (none,) = lacking(state(real, calibration=""), scaled=False, responds=False)
+    assert none == "put a calibration in force, on the page Camera; there is none (the page Calibrate makes one)."
+    (deaf,) = lacking(state(real), scaled=True, responds=False)
+    assert deaf == "choose another calibration; 'c' does not tell the answer to pressure."
+    (blind,) = lacking(state(real), scaled=False, responds=True)
+    assert blind == "choose another calibration; 'c' does not tell the size of a pixel."

@@ -1,0 +1,58 @@
+"""Hardness between two looks into the store: nothing is said of another target, and trouble stays to be read."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tests.console.bench.places import ANN, lit_bench
+from tests.console.pages.open_page import Told, on_a_page, texts
+
+from tsis.console.pages.hardness.layout import _Measurement
+from tsis.model.errors import RecordsError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import pytest
+
+START = "Next: start the camera, on the page Examine; it is stopped."
+
+
+def test_a_target_that_was_not_read_is_said_to_be_read(tmp_path: Path) -> None:
+    with lit_bench(tmp_path) as bench:
+
+        async def changed(viewer: Told) -> None:
+            page = _Measurement(bench, viewer)
+            page._show(bench.state())
+            assert "Target 1 is being read." in texts(viewer)
+            await page._look()
+            assert START in texts(viewer)
+            bench.set_target(7, by=ANN)
+            page._show(bench.state())
+            assert "Target 7 is being read." in texts(viewer)
+            assert START not in texts(viewer)
+            await page._look()
+            assert START in texts(viewer)
+
+        on_a_page(bench, changed)
+
+
+def test_why_the_store_was_not_read_stays_until_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken() -> int:
+        raise RecordsError("the store must be there; it is not")
+
+    with lit_bench(tmp_path) as bench:
+
+        async def troubled(viewer: Told) -> None:
+            page = _Measurement(bench, viewer)
+            page._show(bench.state())
+            with monkeypatch.context() as patched:
+                patched.setattr(bench.store, "entries", broken)
+                await page._look()
+                page._show(bench.state())  # which comes much more often
+                assert "the store must be there; it is not" in texts(viewer)
+            await page._look()
+            assert "the store must be there; it is not" not in texts(viewer)
+            assert START in texts(viewer)
+
+        on_a_page(bench, troubled)

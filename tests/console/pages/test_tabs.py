@@ -1,0 +1,25 @@
+"""What is remembered of a tab, and that it is not remembered for ever."""
+
+from __future__ import annotations
+
+from tsis.console.pages.design.desk import DrawingDesk
+from tsis.console.pages.tabs import KEPT, NAMED, Tabs
+
+
+def test_names_of_tabs_are_not_given_twice_and_not_kept_for_ever() -> None:
+    tabs = Tabs()
+    given = [tabs.name(f"tab {number}") for number in range(NAMED + 1)]
+    assert len(set(given)) == len(given)
+    assert tabs.name(f"tab {NAMED}") == given[-1]
+    assert tabs.name("tab 0") not in given
+
+
+def test_a_tab_finds_its_desk_again_until_many_others_came() -> None:
+    tabs = Tabs()
+    mine, other = tabs.kept("mine", DrawingDesk), tabs.kept("other", DrawingDesk)
+    assert other is not mine
+    for number in range(KEPT - 1):
+        tabs.kept(f"tab {number}", DrawingDesk)
+        assert tabs.kept("mine", DrawingDesk) is mine
+    assert tabs.kept("other", DrawingDesk) is not other
+    assert Tabs().kept("mine", DrawingDesk) is not mine

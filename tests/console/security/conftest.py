@@ -1,0 +1,60 @@
+from __future__ import annotations
+
+import shutil
+import subprocess
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import pytest
+from tests.console.running import RunningConsole, running_console
+
+from tsis.console.security.logins import Logins
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+PASSWORD = "correct horse battery"
+OPENSSL = shutil.which("openssl")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TlsConsole:
+    """A console with a certificate of its own and the login ``anna``."""
+
+    console: RunningConsole
+    certificate: Path
+    logins: Logins
+
+
+def made_certificate(folder: Path) -> tuple[Path, Path]:
+    """A certificate for this machine and its key, by the program openssl."""
+    if OPENSSL is None:
+        pytest.skip("openssl is not installed: apt-get install openssl")
+    certificate, key = folder / "certificate.pem", folder / "key.pem"
+    subprocess.run(
+        [OPENSSL, "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:P-256", "-nodes", "-days", "2",
+         "-subj", "/CN=localhost", "-addext", "subjectAltName=DNS:localhost,DNS:lab.example,IP:127.0.0.1",
+         "-keyout", str(key), "-out", str(certificate)],
+        check=True, capture_output=True,
+    )  # fmt: skip
+    return certificate, key
+
+
+@pytest.fixture(scope="session")
+def certificate(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+    """A certificate and its key."""
+    return made_certificate(tmp_path_factory.mktemp("certificate"))
+
+
+@pytest.fixture(scope="module")
+def tls(tmp_path_factory: pytest.TempPathFactory, certificate: tuple[Path, Path]) -> Iterator[TlsConsole]:
+    """One running console with TLS and a login for the tests of a file."""
+    folder = tmp_path_factory.mktemp("tls")
+    logins = Logins(folder / "user")
+    logins.add("anna", PASSWORD)
+    chain, key = certificate
+    with running_console(
+        folder, "--certificate", str(chain), "--key", str(key), "--allow-host", "lab.example"
+    ) as running:
+        yield TlsConsole(console=running, certificate=chain, logins=logins)

@@ -1,0 +1,74 @@
+"""Work in a process of its own: what comes back, and what becomes of it when that process ends."""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+import time
+from typing import TYPE_CHECKING
+
+import pytest
+
+from tsis.console.apart import Apart
+from tsis.model import check
+from tsis.model.errors import ControlError, InputError, UnknownNameError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+@pytest.fixture
+def apart() -> Iterator[Apart]:
+    made = Apart(most=6)
+    yield made
+    made.close()
+
+
+def test_work_is_done_elsewhere_and_its_errors_come_back(apart: Apart, caplog: pytest.LogCaptureFixture) -> None:
+    there = apart.ask(os.getpid)
+    assert there != os.getpid()
+    assert apart.ask(print, "what a library says") is None
+    with pytest.raises(UnknownNameError, match="did you mean 'pdf'"):
+        apart.ask(check.known, "form", "pfd", ("html", "pdf"))
+    with pytest.raises(RuntimeError, match="failed"):
+        apart.ask(int, "three")
+    assert "invalid literal" in caplog.text
+    assert apart.ask(pow, 2, exp=10) == 1024
+    assert apart.ask(os.getpid) == there  # the sixth and last
+    assert apart.ask(os.getpid) != there
+
+
+def test_a_process_that_was_killed_is_replaced(apart: Apart) -> None:
+    there = apart.ask(os.getpid)
+    with pytest.raises(RuntimeError, match="ended before its work was done"):
+        apart.ask(os.kill, there, signal.SIGTERM)
+    assert apart.ask(os.getpid) != there
+
+
+def test_nothing_is_waited_for_when_the_console_ends(apart: Apart) -> None:
+    assert apart.ask(check.whole, "port", 1, 0, 2) == 1
+    told: list[BaseException] = []
+
+    def wait() -> None:
+        try:
+            apart.ask(time.sleep, 3600)
+        except ControlError as error:
+            told.append(error)
+
+    waits = threading.Thread(target=wait)
+    waits.start()
+    while apart._done < 2:
+        threading.Event().wait(0.01)
+    apart.close()
+    waits.join(20)
+    assert len(told) == 1
+    with pytest.raises(ControlError, match="being ended"):
+        apart.ask(os.getpid)
+
+
+def test_what_cannot_be_sent_is_said_at_once(apart: Apart) -> None:
+    with pytest.raises((AttributeError, TypeError)):
+        apart.ask(lambda: 1)
+    with pytest.raises(InputError):
+        apart.ask(check.whole, "port", 3, 0, 2)

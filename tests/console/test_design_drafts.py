@@ -1,0 +1,72 @@
+"""What is typed at Design, without a browser: any text gives a probe or a sentence, and never anything else."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from tsis import load_probe
+from tsis.console.pages.design.asked import AskedDraft
+from tsis.console.pages.design.draft import LAMP, LAYER, draft_of, sentence
+from tsis.console.pages.design.telling import file_name
+from tsis.model import list_probes
+from tsis.model.errors import InputError
+
+typed = st.one_of(
+    st.text(max_size=12), st.floats().map(str), st.sampled_from(["", "1e999", "-0", "٣", "nan", "0x10", " 5 "])
+)
+
+
+@pytest.mark.parametrize("name", list_probes())
+def test_fields_that_nobody_touched_are_the_probe_of_the_catalog(name: str) -> None:
+    assert draft_of(name).probe() == load_probe(name)
+    assert draft_of(name).fault() == ""
+
+
+@given(text=typed, field=st.sampled_from([*LAYER, *LAMP, "lamps", "radius_mm", "curvature_mm"]))
+def test_any_text_gives_a_probe_or_a_sentence(text: str, field: str) -> None:
+    draft = draft_of("tsis-domed")
+    if field in LAYER:
+        draft.layers[1][field] = text
+        beside = draft.layer_fault(draft.layers[1], field)
+    elif field in LAMP:
+        draft.lamp[field] = text
+        beside = draft.lamp_fault(field)
+    elif field == "lamps":
+        draft.lamps = text
+        beside = draft.lamp_fault(field)
+    else:
+        setattr(draft, field, text)
+        beside = draft.face_fault(field)
+    said = draft.fault()
+    if beside:
+        assert said, "what is wrong with a field is wrong with the probe"
+    if not said:
+        probe = draft.probe()
+        assert probe == load_probe("tsis-domed") or probe.name == "tsis-domed (changed)"
+    assert "\n" not in said
+
+
+@given(forces=typed, frames=typed, evaluations=typed)
+def test_any_question_is_asked_or_refused_in_a_sentence(forces: str, frames: str, evaluations: str) -> None:
+    draft = AskedDraft(forces=forces, frames=frames, evaluations=evaluations, search=True)
+    said = sentence(lambda: draft.question(load_probe("tsis-2011")))
+    assert "\n" not in said
+    if not said:
+        question = draft.question(load_probe("tsis-2011"))
+        assert 1 <= question.frames_each <= 1000
+        assert question.evaluations is not None
+        assert 1 <= question.evaluations <= 25
+
+
+def test_forces_are_parted_by_commas_and_spaces() -> None:
+    assert AskedDraft(forces="0.5, 1;2  3").forces_n() == (0.5, 1.0, 2.0, 3.0)
+    assert AskedDraft(forces=" ").forces_n() == ()
+    with pytest.raises(InputError, match="at most 8; got 9"):
+        AskedDraft(forces="1 " * 9).forces_n()
+
+
+def test_names_of_files_hold_nothing_strange() -> None:
+    assert file_name("../a b\\c (changed)") == "a-b-c-changed"
+    assert file_name("…") == "probe"

@@ -1,0 +1,80 @@
+"""All pages: reached by the links, used without sight or mouse, read in both lights, on a bench and on a tablet."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+from tests.console.accessible import faults, too_wide
+from tests.console.browser import needs_browser, picture
+from tests.console.contrast import contrast, texts
+from tests.console.operator import TABLET, hold, run, tab
+
+from tsis.console.pages.directory import PAGES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from playwright.sync_api import Browser, Page
+    from tests.console.running import RunningConsole
+
+pytestmark = [pytest.mark.system, needs_browser]
+TITLES = [title for address, (title, _) in PAGES.items() if "{" not in address]
+
+
+@pytest.fixture(scope="module")
+def bench(console: RunningConsole, browser: Browser) -> Iterator[Page]:
+    """A light page on the bench's screen, with the camera running."""
+    with tab(browser, console, color_scheme="light") as page:
+        hold(page)
+        run(page)
+        yield page
+
+
+@pytest.fixture(scope="module")
+def tablet(console: RunningConsole, browser: Browser, bench: Page) -> Iterator[Page]:
+    """A dark page on a tablet, which watches."""
+    with tab(browser, console, size=TABLET, color_scheme="dark") as page:
+        page.get_by_text("holds the camera; you watch.").wait_for()
+        yield page
+
+
+@pytest.mark.parametrize("title", TITLES)
+@pytest.mark.parametrize("where", ["bench", "tablet"])
+def test_a_page_keeps_nobody_out(where: str, title: str, request: pytest.FixtureRequest) -> None:
+    page: Page = request.getfixturevalue(where)
+    page.get_by_role("navigation").get_by_role("link", name=title, exact=True).click()
+    page.get_by_role("heading", level=1, name=title, exact=True).wait_for()
+    page.locator("main .panel").first.wait_for()
+    picture(page, f"{title.lower()}-{where}-{'light' if where == 'bench' else 'dark'}")
+    assert faults(page) == []
+    assert too_wide(page) == []
+    pale = [each for each in texts(page) if each.contrast < each.least]
+    assert pale == []
+
+
+def test_contrast_is_that_of_the_standard() -> None:
+    """21 between black and white, and 4.5 just reached by #767676 on white."""
+    assert contrast((0, 0, 0), (255, 255, 255)) == pytest.approx(21)
+    assert contrast((0x76,) * 3, (255, 255, 255)) == pytest.approx(4.54, abs=0.005)
+
+
+def test_faults_are_found(browser: Browser) -> None:
+    page = browser.new_page()
+    page.set_content(
+        """<main><h2>first</h2><button></button><input><img src="data:,"><canvas></canvas><p id="a"></p><p id="a"></p>
+        <button><i class="q-icon">menu</i></button><table><tr><td>1</td></tr></table><div tabindex="3">x</div></main>"""
+    )
+    found = faults(page)
+    page.close()
+    assert sum(each.startswith("no name") for each in found) == 4
+    for words in ("language", "title", "picture without words", "#a", "table without", "jumps", "level 1", "one nav"):
+        assert any(words in each for each in found), words
+
+
+def test_pale_text_is_found(browser: Browser) -> None:
+    page = browser.new_page()
+    page.set_content('<div style="background:#333"><p style="color:#555">pale</p><p style="color:#fff">clear</p></div>')
+    found = {each.text: each.contrast for each in texts(page)}
+    page.close()
+    assert found["pale"] < 2 < 12 < found["clear"]

@@ -1,0 +1,242 @@
+"""The page Examine in a real browser: a press from the start of the camera to its estimate."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import pytest
+from playwright.sync_api import expect
+from tests.console.browser import needs_browser, picture
+from tests.console.operator import TABLET, asked, choose_target, operating, press_with, run
+
+from tsis.instrument.naming import target_folder
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+    from tests.console.running import RunningConsole
+
+SURE = 4.0  # standard deviations, which chance passes in one run of ten thousand
+pytestmark = [pytest.mark.system, needs_browser]
+
+
+def _kept(console: RunningConsole, number: int) -> list[str]:
+    return sorted(file.name for file in (console.workspace / target_folder(number)).glob("*.json"))
+
+
+def _target(page: Page, number: str) -> None:
+    expect(page.get_by_label("Target", exact=True)).to_have_value(number)
+
+
+def test_start_and_stop_are_one_button(console: RunningConsole, browser: Browser) -> None:
+    with operating(browser, console) as page:
+        run(page)
+        stop = page.get_by_role("button", name="Stop")
+        stop.click()
+        page.get_by_role("button", name="Start").wait_for()
+        page.get_by_text("the camera is stopped").first.wait_for()
+        assert asked(console, "/state")["camera"]["running"] is False
+        run(page)
+        assert asked(console, "/state")["camera"]["running"] is True
+
+
+def test_keys_keep_snapshots_and_change_the_target(console: RunningConsole, browser: Browser) -> None:
+    with operating(browser, console) as page:
+        run(page)
+        choose_target(page, "20")
+        page.get_by_label("Target", exact=True).blur()
+        page.keyboard.press("ArrowRight")
+        _target(page, "21")
+        page.keyboard.press("Space")
+        page.get_by_text("Kept for target 21").wait_for()
+        page.keyboard.press("ArrowLeft")
+        _target(page, "20")
+        page.keyboard.press("Space")
+        page.get_by_text("Kept for target 20").wait_for()
+    assert len(_kept(console, 20)) == len(_kept(console, 21)) == 1
+    assert {each["target"]["number"] for each in asked(console, "/targets")["targets"]} >= {20, 21}
+
+
+def test_keys_mean_nothing_in_a_field_or_on_a_button(console: RunningConsole, browser: Browser) -> None:
+    with operating(browser, console) as page:
+        run(page)
+        choose_target(page, "31")
+        _target(page, "31")
+        force = page.get_by_label("Force", exact=True)
+        force.focus()
+        for key in ("ArrowRight", "Space", "f"):
+            page.keyboard.press(key)
+        page.keyboard.press("Escape")
+        expect(force).to_have_value("1")
+        page.get_by_role("button", name="Target after").focus()
+        page.keyboard.press("Space")  # what it does on a button, and no snapshot
+        _target(page, "32")
+        page.get_by_role("button", name="Target before").click()
+        _target(page, "31")
+        page.keyboard.press("Space")  # the mouse has left no focus behind
+        page.get_by_text("Kept for target 31").wait_for()
+    assert _kept(console, 32) == []
+    assert len(_kept(console, 31)) == 1
+
+
+def test_the_live_image_alone_and_back(console: RunningConsole, browser: Browser) -> None:
+    with operating(browser, console) as page:
+        run(page)
+        page.keyboard.press("f")
+        shown = page.locator(".live-panel").bounding_box()
+        assert shown is not None
+        assert (shown["width"], shown["height"]) == (1280, 800)
+        assert not page.get_by_role("button", name="Snapshot").is_visible() or _covered(page, "Snapshot")
+        choose = asked(console, "/state")["target"]
+        page.keyboard.press("Space")
+        page.get_by_text(f"Kept for target {choose}").wait_for()  # what was done is told over it
+        picture(page, "examine-alone")
+        page.keyboard.press("f")
+        expect(page.locator("body")).not_to_have_class(re.compile("showing-alone"))
+        page.get_by_role("button", name="Full screen").click()
+        expect(page.locator("body")).to_have_class(re.compile("showing-alone"))
+        page.keyboard.press("Escape")
+        expect(page.locator("body")).not_to_have_class(re.compile("showing-alone"))
+
+
+def _covered(page: Page, name: str) -> bool:
+    """Whether something else lies over a button."""
+    return bool(
+        page.get_by_role("button", name=name).evaluate(
+            "(it) => { const at = it.getBoundingClientRect();"
+            " return !it.contains(document.elementFromPoint(at.x + at.width / 2, at.y + at.height / 2)); }"
+        )
+    )
+
+
+def test_the_keys_are_listed(console: RunningConsole, browser: Browser) -> None:
+    with operating(browser, console) as page:
+        page.get_by_role("button", name="Keys").click()
+        for word in ("keep a snapshot", "target before", "target after", "live image alone, and back"):
+            page.get_by_text(word).wait_for()
+
+
+@pytest.mark.parametrize(
+    ("typed", "sentence"),
+    [
+        ("abc", "target must be a number, as 2 or 0.5; got 'abc'"),
+        ("", "target must be a number, as 2 or 0.5; got ''"),
+        ("0", "target must lie in [1, 99999]; got 0"),
+        ("-1", "target must lie in [1, 99999]; got -1"),
+        ("100000", "target must lie in [1, 99999]; got 100000"),
+        ("1e99", "target must lie in [1, 99999]; got 1e+99"),
+        ("1e999", "target must be a whole number; got inf"),
+        ("nan", "target must be a number, as 2 or 0.5; got 'nan'"),
+        ("2.5", "target must be a whole number; got 2.5"),
+        ("<img src=x>", "target must be a number, as 2 or 0.5; got '<img src=x>'"),
+    ],
+)
+def test_a_target_that_is_none_is_said_and_the_number_stays(
+    console: RunningConsole, browser: Browser, typed: str, sentence: str
+) -> None:
+    with operating(browser, console) as page:
+        choose_target(page, "7")
+        _target(page, "7")
+        choose_target(page, typed)
+        page.get_by_text(sentence).wait_for()
+        _target(page, "7")
+        assert asked(console, "/state")["target"] == 7
+
+
+def test_no_target_before_the_first(console: RunningConsole, browser: Browser) -> None:
+    with operating(browser, console) as page:
+        choose_target(page, "1")
+        page.get_by_role("button", name="Target before").click()
+        page.get_by_text("target must lie in [1, 99999]; got 0").wait_for()
+        _target(page, "1")
+
+
+def test_a_snapshot_while_stopped_is_one_sentence(console: RunningConsole, browser: Browser) -> None:
+    with operating(browser, console) as page:
+        run(page)
+        page.get_by_role("button", name="Stop").click()
+        page.get_by_role("button", name="Start").wait_for()
+        choose_target(page, "77")
+        page.get_by_role("button", name="Snapshot").click()
+        page.get_by_text("the camera must run for this; it is stopped").wait_for()
+    assert _kept(console, 77) == []
+
+
+@pytest.mark.parametrize(("typed", "sentence"), [("6", "force must lie in [0, 5]; got 6"), ("x", "got 'x'")])
+def test_a_force_that_is_none_leaves_the_press(
+    console: RunningConsole, browser: Browser, typed: str, sentence: str
+) -> None:
+    with operating(browser, console) as page:
+        run(page)
+        press_with(page, "0.8")
+        field = page.get_by_label("Force", exact=True)
+        field.fill(typed)
+        field.press("Enter")
+        page.get_by_text(sentence).wait_for()
+        expect(field).to_have_value("0.8")
+        assert asked(console, "/state")["force_n"] == 0.8
+
+
+def test_what_is_pressed_and_flags_with_their_advice(console: RunningConsole, browser: Browser) -> None:
+    with operating(browser, console) as page:
+        run(page)
+        page.get_by_role("button", name="without touch").click()
+        flags = page.get_by_role("list", name="What speaks against this press")
+        flags.get_by_text("no-contact", exact=True).wait_for()
+        assert asked(console, "/state")["role"] == "untouched"
+        page.get_by_role("button", name="on the target").click()
+        flags.get_by_text("Nothing speaks against this press.").wait_for()
+        page.get_by_text("settled", exact=True).wait_for()
+
+
+def test_the_live_image_has_words_and_colours(console: RunningConsole, browser: Browser) -> None:
+    with operating(browser, console) as page:
+        run(page)
+        page.get_by_role("img", name=re.compile(r"contact around column \d+, row \d+")).first.wait_for()
+        page.get_by_role("combobox", name="Colours").click()
+        page.get_by_role("option", name="grey").click()
+        pixel = "() => [...document.querySelector('canvas').getContext('2d').getImageData(384, 246, 1, 1).data]"
+        page.wait_for_function(f"() => {{ const [r, g, b] = ({pixel})(); return r === g && g === b && r > 40; }}")
+        page.get_by_role("switch", name="3-D").click()
+        page.get_by_role("img", name=re.compile("relief of the live image")).wait_for()
+        page.get_by_role("img", name=re.compile("grey levels of the newest frame")).wait_for()
+        picture(page, "examine-relief")
+
+
+def test_press_estimate_and_what_it_tells(console: RunningConsole, browser: Browser) -> None:
+    with operating(browser, console) as page:
+        run(page)
+        choose_target(page, "50")
+        page.get_by_role("button", name="Estimate").click()
+        page.get_by_text("got 50").wait_for()  # nothing is kept of it: one sentence
+        for role in ("on the target", "on plain tissue"):
+            page.get_by_role("button", name=role).click()
+            for force in ("0.5", "1"):
+                press_with(page, force)
+                page.get_by_role("button", name="Snapshot").click()
+                page.get_by_text(f"Kept for target 50: {role}, {force} N").wait_for()
+        table = page.get_by_role("table")
+        expect(table.get_by_role("row")).to_have_count(5)
+        page.get_by_role("button", name="Estimate").click()
+        page.get_by_text("Diameter d").wait_for()
+        cards = page.locator(".cards").inner_text()
+        for title in ("Diameter d", "Depth h", "Modulus E", "90 % interval", "truth 10 mm"):
+            assert title in cards
+        page.get_by_text(re.compile("^Prior: ")).wait_for()
+        picture(page, "examine-estimate")
+        told = asked(console, "/targets/50/estimates")["estimates"][-1]
+        page.get_by_text(told["identifiability"]).wait_for()
+        diameter = told["parameters"]["diameter_mm"]
+        assert f"{diameter['mean']:.3g} mm" in cards
+        assert abs(diameter["mean"] - 10.0) < SURE * diameter["sd"]
+        page.get_by_role("link", name="Report", exact=True).click()
+        page.wait_for_url("**/records/50")
+
+
+def test_on_a_tablet_in_the_dark(console: RunningConsole, browser: Browser) -> None:
+    with operating(browser, console, size=TABLET, color_scheme="dark", has_touch=True) as page:
+        run(page)
+        page.get_by_role("button", name="Snapshot").tap()
+        page.get_by_text("Kept for target").first.wait_for()
+        assert page.evaluate("document.documentElement.scrollWidth <= document.documentElement.clientWidth")
+        picture(page, "examine-tablet-dark")

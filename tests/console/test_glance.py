@@ -1,0 +1,104 @@
+"""One look at the bench serves all pages."""
+
+from __future__ import annotations
+
+import asyncio
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import pytest
+
+from tsis.console.pages.glance import Glance
+from tsis.console.pages.shell.navigation import NOWHERE, address_of, title_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+class CountedBench:
+    """Counts how often it is looked at; fails when told to."""
+
+    def __init__(self) -> None:
+        self.looks = 0
+        self.fails = False
+
+    def state(self) -> Any:
+        if self.fails:
+            raise ValueError("nobody foresaw this")
+        self.looks += 1
+        return object()
+
+
+@pytest.fixture
+def clock(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
+    """Time that passes when told to."""
+    now = [100.0]
+    monkeypatch.setattr("tsis.console.pages.glance.time", SimpleNamespace(monotonic=lambda: now[0]))
+
+    async def here(act: Callable[[], Any]) -> Any:
+        await asyncio.sleep(0)
+        return act()
+
+    monkeypatch.setattr("tsis.console.pages.glance.run", SimpleNamespace(io_bound=here))
+    return lambda seconds: now.__setitem__(0, now[0] + seconds)
+
+
+def test_all_who_ask_at_once_get_one_look(clock: Callable[[float], None]) -> None:
+    async def asked() -> None:
+        bench = CountedBench()
+        glance = Glance(bench)  # type: ignore[arg-type]
+        first = await asyncio.gather(*(glance.state() for _ in range(20)))
+        assert bench.looks == 1
+        assert all(each is first[0] for each in first)
+        clock(0.1)
+        assert await glance.state() is first[0]
+        clock(0.2)
+        assert await glance.state() is not first[0]
+        assert bench.looks == 2
+
+    asyncio.run(asked())
+
+
+def test_a_look_that_fails_is_told_and_the_next_one_is_tried(clock: Callable[[float], None]) -> None:
+    async def asked() -> None:
+        bench = CountedBench()
+        glance = Glance(bench)  # type: ignore[arg-type]
+        bench.fails = True
+        with pytest.raises(ValueError, match="nobody foresaw"):
+            await glance.state()
+        bench.fails = False
+        assert await glance.state() is not None
+
+    asyncio.run(asked())
+
+
+def test_who_stops_asking_does_not_stop_the_look_of_others(clock: Callable[[float], None]) -> None:
+    async def asked() -> None:
+        bench = CountedBench()
+        glance = Glance(bench)  # type: ignore[arg-type]
+        leaving, staying = asyncio.create_task(glance.state()), asyncio.create_task(glance.state())
+        await asyncio.sleep(0)
+        leaving.cancel()
+        assert await staying is not None
+        assert bench.looks == 1
+
+    asyncio.run(asked())
+
+
+@pytest.mark.parametrize(
+    ("path", "address"),
+    [
+        ("/", "/"),
+        ("/records/7?x=1#there", "/records"),
+        ("/about/", "/about"),
+        ("", "/"),
+        ("/about?x=/records", "/about"),
+    ],
+)
+def test_a_path_belongs_to_a_page_of_the_navigation(path: str, address: str) -> None:
+    assert address_of(path) == address
+
+
+def test_a_path_without_a_page_is_called_so() -> None:
+    assert title_of("/nowhere/at/all") == NOWHERE
+    assert title_of("/about") == "About"

@@ -1,0 +1,98 @@
+"""Hardness in a real browser: an object under the virtual probe, two presses, the modulus with its doubt."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING
+
+import pytest
+from playwright.sync_api import expect
+from tests.console.browser import needs_browser, picture
+from tests.console.contrast import texts
+from tests.console.operator import TABLET, asked, operating
+
+from tsis.model import load_sphere
+from tsis.records import open_store
+
+if TYPE_CHECKING:
+    from playwright.sync_api import Browser, Page
+    from tests.console.running import RunningConsole
+
+pytestmark = [pytest.mark.system, needs_browser]
+SPHERE = "cl2000x"
+SOLVED_MS = 400_000  # of a press on a sphere, seconds of computing, on a machine that has other things to do
+
+
+def refused(page: Page, label: str, value: str, button: str, sentence: str) -> None:
+    """Type something wrong, and have it refused in one sentence; what was there comes back."""
+    field = page.get_by_label(label, exact=True)
+    before = field.input_value()
+    field.fill(value)
+    page.get_by_role("button", name=button, exact=True).click()
+    page.get_by_role("alert").filter(has_text=sentence).first.wait_for()
+    field.fill(before)
+
+
+def test_it_says_what_to_begin_with(console: RunningConsole, browser: Browser) -> None:
+    with operating(browser, console, "/hardness") as page:
+        page.get_by_text("Next: lay an object under the virtual probe.").wait_for()
+        expect(page.get_by_role("button", name="Estimate", exact=True)).to_be_disabled()
+        expect(page.get_by_role("button", name="Press and keep")).to_be_hidden()
+        picture(page, "hardness-first")
+        page.emulate_media(color_scheme="dark")
+        page.set_viewport_size({"width": TABLET[0], "height": TABLET[1]})
+        picture(page, "hardness-first-tablet-dark")
+        assert [each for each in texts(page) if each.contrast < each.least] == []
+
+
+@pytest.mark.slow
+def test_from_an_object_to_its_modulus(console: RunningConsole, browser: Browser) -> None:
+    with operating(browser, console, "/hardness") as page:
+        page.get_by_role("button", name="Lay it under the probe").click()
+        page.get_by_text("Next: press the object, and keep the press.").wait_for(timeout=SOLVED_MS)
+        refused(page, "Force", "half", "Press and keep", "force must be a number, as 2 or 0.5; got 'half'")
+        refused(page, "Force", "-1", "Press and keep", "force must lie in [0, 5]; got -1")
+        page.get_by_role("button", name="Press and keep").click()
+        page.get_by_text("Next: press it again at another force").wait_for()
+        expect(page.get_by_label("Force", exact=True)).to_have_value("1.2")
+        page.get_by_role("button", name="Press and keep").click()
+        page.get_by_text("Next: estimate").wait_for(timeout=SOLVED_MS)
+        for wrong, sentence in (
+            ("0", "radius of the object must lie in [1, 50]; got 0"),
+            ("-1", "radius of the object must lie in [1, 50]; got -1"),
+            ("1000", "radius of the object must lie in [1, 50]; got 1000"),
+            ("nan", "radius of the object must be a number"),
+            ("three", "radius of the object must be a number, as 2 or 0.5; got 'three'"),
+            ("20", "radius of the object must be at most 7.2, 0.6 of the face's radius; got 20"),
+        ):
+            refused(page, "Radius of the object", wrong, "Estimate", sentence)
+        refused(page, "Known to within (sd)", "2", "Estimate", "its standard deviation must lie in")
+        assert asked(console, "/state")["jobs"] == []
+        picture(page, "hardness-pressed")
+        page.get_by_role("button", name="Estimate", exact=True).click()
+        page.get_by_text("Done. Press again").wait_for()
+        page.get_by_role("link", name="Report and export of target 1").wait_for()
+        page.get_by_role("cell", name="Shore 00 (converted)").wait_for()
+        for words in ("Posterior density of the modulus", "Contact radius over force"):
+            page.get_by_role("img", name=words).wait_for()
+        picture(page, "hardness-done")
+        page.locator(".hardness-result").scroll_into_view_if_needed()
+        picture(page, "hardness-result")
+        page.emulate_media(color_scheme="dark")
+        page.set_viewport_size({"width": TABLET[0], "height": TABLET[1]})
+        picture(page, "hardness-result-tablet-dark")
+        with open_store(console.store, kind="phantom") as store:
+            dossier = store.dossier(store.target(1))
+        (stored,) = dossier.estimates
+        assert stored.kind == "hardness"
+        assert [press.force_n for press in dossier.presses] == [0.7, 1.2]
+        assert set(stored.presses) == {press.id for press in dossier.presses}
+        assert stored.options["radius_sd_mm"] == 0.03
+        low, high = stored.estimate.interval(0.9)["young_kpa"]
+        assert low < load_sphere(SPHERE).young_kpa < high
+        shown = page.locator(".hardness-result .number").inner_text()
+        assert float(re.sub(r"[^0-9.]", "", shown)) == pytest.approx(stored.estimate.mean["young_kpa"], rel=5e-3)
+        page.reload()
+        page.get_by_text("Done. Press again").wait_for()
+        page.get_by_role("link", name="Report and export of target 1").click()
+        page.wait_for_url("**/records/1")

@@ -1,0 +1,252 @@
+"""Files by their addresses: pictures of presses, reports and exports, and what is said where there are none."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+import shutil
+import tempfile
+import zipfile
+from typing import TYPE_CHECKING
+from urllib.parse import quote
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+from tests.console.asked_files import FilesOf
+from tests.records.sample import levels, sample_dossier
+from tests.report.pdf_readers import sheets
+
+from tsis.console.files import exporting
+from tsis.console.files.thumbnail import thumbnail_png
+from tsis.model.errors import MissingExtraError
+from tsis.records import open_store
+from tsis.records.export import read_bundle
+from tsis.report import target_page
+from tsis.report.forms import ENDINGS, PAGES
+from tsis.report.page import html
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    import httpx
+
+    from tsis.records import Store
+
+NUMBER = 3  # of the sample's target
+PRESS = "press-1"
+
+
+@pytest.fixture(scope="module")
+def store(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
+    with open_store(tmp_path_factory.mktemp("files") / "store") as opened:
+        opened.take_in(sample_dossier())
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def client(store: Store) -> FilesOf:
+    return FilesOf(store)
+
+
+@pytest.fixture
+def exports(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """Where folders of exports are made while a test runs."""
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+    return tmp_path
+
+
+def picture(answer: httpx.Response) -> np.ndarray:
+    assert answer.status_code == 200, answer.text
+    assert answer.headers["content-type"] == "image/png"
+    return np.asarray(Image.open(io.BytesIO(answer.content)))
+
+
+def test_a_small_picture_is_the_mean_of_the_pixels_under_it(client: FilesOf) -> None:
+    frame = levels(1, height=0.5).astype(float)
+    shown = picture(client.get(f"/files/press/{NUMBER}/{PRESS}.png?size=75&map=grey"))
+    means = frame.reshape(48, 2, 75, 2).mean(axis=(1, 3))
+    np.testing.assert_allclose(shown, means, atol=0.51)
+
+
+@pytest.mark.parametrize("name", ["viridis", "inferno", "cividis"])
+def test_colours_are_those_of_the_map_that_was_asked_for(client: FilesOf, name: str) -> None:
+    grey = picture(client.get(f"/files/press/{NUMBER}/{PRESS}.png?size=150&map=grey"))
+    shown = picture(client.get(f"/files/press/{NUMBER}/{PRESS}.png?size=150&map={name}"))
+    wanted = np.rint(255 * mpl.colormaps[name](grey)[..., :3])
+    assert np.abs(shown.astype(float) - wanted).max() <= 4  # tables of both libraries are rounded
+
+
+@given(
+    rows=st.integers(1, 40),
+    columns=st.integers(1, 40),
+    size=st.integers(16, 64),
+    full_scale=st.sampled_from([255.0, 1023.0, 65535.0]),
+)
+def test_a_picture_keeps_the_shape_of_its_frame(rows: int, columns: int, size: int, full_scale: float) -> None:
+    frame = np.full((rows, columns), int(full_scale) // 2, dtype=np.uint16)
+    shown = Image.open(io.BytesIO(thumbnail_png(frame, full_scale=full_scale, size=size, name="grey")))
+    assert max(shown.size) == min(size, max(rows, columns))
+    if max(rows, columns) <= size:
+        assert shown.size == (columns, rows)
+    assert set(np.unique(np.asarray(shown))) <= {127, 128}
+
+
+def test_a_browser_asks_each_time_and_gets_a_frame_once(client: FilesOf, store: Store) -> None:
+    address = f"/files/press/{NUMBER}/{PRESS}.png"
+    first = client.get(address)
+    assert first.headers["cache-control"] == "private, no-cache"  # after a logout it shows nothing that it kept
+    assert store.press(store.target(NUMBER), PRESS).frame in first.headers["etag"]
+    again = client.get(address, headers={"If-None-Match": first.headers["etag"]})
+    assert (again.status_code, again.content) == (304, b"")
+    other = client.get(f"{address}?size=32", headers={"If-None-Match": first.headers["etag"]})
+    assert other.status_code == 200
+
+
+def test_the_report_is_the_one_that_the_library_writes(client: FilesOf, store: Store, exports: Path) -> None:
+    answer = client.get(f"/files/report/{NUMBER}.html")
+    assert answer.headers["content-type"] == "text/html; charset=utf-8"
+    assert answer.headers["content-disposition"] == 'inline; filename="target-3.html"'
+    assert answer.content == html(target_page(store.dossier(store.target(NUMBER))))
+    assert not list(exports.iterdir())
+
+
+def test_the_report_on_paper_opens_in_another_program(client: FilesOf, tmp_path: Path) -> None:
+    answer = client.get(f"/files/report/{NUMBER}.pdf")
+    assert answer.headers["content-disposition"] == 'attachment; filename="target-3.pdf"'
+    assert "Target 3: size-10" in sheets(answer.content, tmp_path)[0]
+
+
+@pytest.mark.parametrize("form", [form for form in ENDINGS if form not in PAGES])
+def test_every_form_comes_as_one_file_and_nothing_stays_behind(client: FilesOf, exports: Path, form: str) -> None:
+    answer = client.get(f"/files/export/{NUMBER}/{form}")
+    assert answer.status_code == 200, answer.text
+    assert answer.headers["content-disposition"].startswith('attachment; filename="target-3')
+    assert answer.headers["cache-control"] == "private, no-store"
+    assert not list(exports.iterdir())
+
+
+def test_a_folder_comes_packed_with_all_that_is_in_it(client: FilesOf) -> None:
+    packed = zipfile.ZipFile(io.BytesIO(client.get(f"/files/export/{NUMBER}/csv").content))
+    names = [name for name in packed.namelist() if not name.endswith("/")]
+    assert "target-3-csv/presses.csv" in names
+    assert sum(name.endswith(".png") for name in names) == 4
+    assert all(name.startswith("target-3-csv/") for name in names)
+
+
+def test_a_bundle_can_be_read_again(client: FilesOf, tmp_path: Path) -> None:
+    path = tmp_path / "bundle.zip"
+    path.write_bytes(client.get(f"/files/export/{NUMBER}/bundle").content)
+    assert read_bundle(path).target == sample_dossier().target
+
+
+def test_names_are_told_only_where_they_were_asked_for(client: FilesOf) -> None:
+    masked = client.get(f"/files/export/{NUMBER}/fhir")
+    told = client.get(f"/files/export/{NUMBER}/fhir?identified=true")
+    assert "size-10" not in masked.text
+    assert "size-10" in told.text
+    assert json.loads(told.text)["resourceType"] == "Bundle"
+
+
+@pytest.mark.parametrize(
+    ("address", "status", "said"),
+    [
+        ("press/3/nobody.png", 404, "press must be one of target 3; got 'nobody'"),
+        ("press/7/press-1.png", 404, "got 7"),
+        ("press/3/press-1.png?map=jet", 422, "colour map"),
+        ("report/7.html", 404, "got 7"),
+        ("report/3.doc", 404, "form of report"),
+        ("report/3.csv", 404, "form of report"),
+        ("report/-3.html", 404, "got '-3'"),
+        ("report/3e0.html", 404, "got '3e0'"),
+        ("report/٣.html", 404, "must be a number"),
+        (f"report/{'9' * 5000}.pdf", 404, "must be a number"),
+        ("export/3/exe", 404, "form of export"),
+        ("export/3/csv?identified=true", 422, "masks nothing"),
+        ("export/0/csv", 404, "target must"),
+    ],
+)
+def test_what_cannot_be_had_is_told_in_one_sentence(client: FilesOf, address: str, status: int, said: str) -> None:
+    answer = client.get(f"/files/{address}")
+    assert answer.status_code == status
+    assert answer.headers["content-type"] == "text/plain; charset=utf-8"
+    assert said in answer.text
+    assert "\n" not in answer.text
+
+
+@pytest.mark.parametrize("size", ["15", "1025", "x", "nan", "1e2", ""])
+def test_a_size_that_is_none_is_refused(client: FilesOf, size: str) -> None:
+    assert client.get(f"/files/press/{NUMBER}/{PRESS}.png?size={size}").status_code == 422
+
+
+@given(st.text(max_size=40), st.text(max_size=40))
+def test_no_name_leads_to_a_file_or_to_a_fault(client: FilesOf, target: str, press: str) -> None:
+    for address in (f"press/{quote(target, safe='')}/{quote(press, safe='')}.png", f"report/{quote(target)}.html"):
+        answer = client.get(f"/files/{address}")
+        assert answer.status_code in (404, 307) or target.strip() == "3"
+
+
+@pytest.mark.parametrize(
+    "address",
+    [
+        "press/../../../../etc/passwd",
+        "press/3/..%2f..%2f..%2fetc%2fpasswd.png",
+        "report/..%2f3.html",
+        "export/3/..%2fcsv",
+    ],
+)
+def test_paths_lead_nowhere(client: FilesOf, address: str) -> None:
+    answer = client.get(f"/files/{address}")
+    assert answer.status_code == 404
+    assert "root:" not in answer.text
+
+
+def test_a_damaged_frame_has_no_picture_and_stops_no_other(tmp_path: Path) -> None:
+    with open_store(tmp_path / "store") as store:
+        store.take_in(sample_dossier())
+        press = store.press(store.target(NUMBER), PRESS)
+        file = store.blobs.path(press.frame, "png")
+        content = bytearray(file.read_bytes())
+        content[len(content) // 2] ^= 1
+        file.write_bytes(bytes(content))
+        client = FilesOf(store)
+        damaged = client.get(f"/files/press/{NUMBER}/{PRESS}.png")
+        assert (damaged.status_code, damaged.headers["content-type"]) == (503, "text/plain; charset=utf-8")
+        assert "must be as it was stored" in damaged.text
+        assert damaged.headers["cache-control"] == "private, no-store"
+        assert client.get(f"/files/press/{NUMBER}/press-0.png").status_code == 200
+        report = client.get(f"/files/report/{NUMBER}.html")
+        assert report.status_code == 200
+        assert "cannot be shown" in report.text
+        assert client.get(f"/files/export/{NUMBER}/csv").status_code == 503
+
+
+def test_a_missing_library_is_named(client: FilesOf, monkeypatch: pytest.MonkeyPatch) -> None:
+    def without(*_: object, **__: object) -> str:
+        raise MissingExtraError("writing HDF5 needs h5py; install tsis[hdf5]")
+
+    monkeypatch.setattr(exporting, "write_form", without)
+    answer = client.get(f"/files/export/{NUMBER}/hdf5")
+    assert (answer.status_code, answer.text) == (501, "writing HDF5 needs h5py; install tsis[hdf5]")
+
+
+def test_a_full_disk_is_told_and_leaves_nothing(
+    client: FilesOf, exports: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def full(*_: object, **__: object) -> str:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(shutil, "make_archive", full)
+    answer = client.get(f"/files/export/{NUMBER}/csv")
+    assert (answer.status_code, "No space left on device" in answer.text) == (507, True)
+    assert not list(exports.iterdir())
+
+
+def test_the_same_address_gives_the_same_picture(client: FilesOf) -> None:
+    sums = {hashlib.sha256(client.get(f"/files/press/{NUMBER}/{PRESS}.png").content).hexdigest() for _ in range(3)}
+    assert len(sums) == 1

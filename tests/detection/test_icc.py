@@ -1,0 +1,134 @@
+"""Intraclass correlations beside R's psych, Shrout and Fleiss' print, and drawn tables."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from statsmodels.formula.api import ols
+from statsmodels.stats.anova import anova_lm
+from tests.detection.references import REFERENCES
+
+from tsis.detection import intraclass_correlation
+from tsis.detection.icc import FORMS
+from tsis.detection.two_way import MeanSquares
+from tsis.model.errors import InputError
+
+TABLES = REFERENCES["icc"]
+OF_PSYCH = dict(zip(FORMS, ("ICC1", "ICC2", "ICC3", "ICC1k", "ICC2k", "ICC3k"), strict=True))
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("name", sorted(TABLES))
+def test_all_forms_are_those_of_psych(name: str, form: str) -> None:
+    told = TABLES[name]["forms"][OF_PSYCH[form]]
+    found = intraclass_correlation(TABLES[name]["table"], form)
+    assert found.value == pytest.approx(told["value"], abs=1e-10)
+    assert found.f == pytest.approx(told["f"], rel=1e-10)
+    assert found.degrees_of_freedom == (told["df1"], told["df2"])
+    assert found.p == pytest.approx(told["p"], rel=1e-8)
+    assert list(found.interval()) == pytest.approx(told["interval_95"], abs=1e-10)
+
+
+def test_the_printed_example_of_shrout_and_fleiss() -> None:
+    table = TABLES["shrout_fleiss"]["table"]
+    found = MeanSquares.of(table)
+    printed = (11.24, 6.26, 32.49, 1.02)  # between targets, within, between judges, residual: their table 3
+    assert (found.targets, found.within, found.raters, found.residual) == pytest.approx(printed, abs=0.005)
+    values = [intraclass_correlation(table, form).value for form in FORMS]
+    assert values == pytest.approx([0.17, 0.29, 0.71, 0.44, 0.62, 0.91], abs=0.005)
+
+
+def test_mean_squares_are_those_of_statsmodels() -> None:
+    rng = np.random.default_rng(1)
+    table = rng.normal(size=(9, 4)) + rng.normal(size=(9, 1)) + 100
+    frame = pd.DataFrame({"y": table.ravel(), "t": np.repeat(np.arange(9), 4), "r": np.tile(np.arange(4), 9)})
+    peer = anova_lm(ols("y ~ C(t) + C(r)", frame).fit())["mean_sq"]
+    found = MeanSquares.of(table)
+    assert (found.targets, found.raters, found.residual) == pytest.approx(tuple(peer), rel=1e-9)
+
+
+@settings(deadline=None)
+@given(st.integers(0, 2**32), st.integers(2, 12), st.integers(2, 6))
+def test_swapping_raters_moving_and_scaling_change_nothing(seed: int, n: int, k: int) -> None:
+    rng = np.random.default_rng(seed)
+    table = rng.normal(size=(n, k)) + 3 * rng.normal(size=(n, 1))
+    for form in FORMS:
+        try:
+            found = intraclass_correlation(table, form)
+        except InputError:
+            continue
+        assert found.value <= 1
+        for other in (rng.permutation(table, axis=1), rng.permutation(table, axis=0), 5 - 2 * table):
+            again = intraclass_correlation(other, form)
+            assert again.value == pytest.approx(found.value, rel=1e-6, abs=1e-9)
+            assert list(again.interval()) == pytest.approx(list(found.interval()), rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("form", "rater_sd", "truth"), [("ICC(1,1)", 0.0, 0.8), ("ICC(3,1)", 1.5, 0.8), ("ICC(2,1)", 1.0, 4 / 6)]
+)
+def test_intervals_hold_as_often_as_they_say(form: str, rater_sd: float, truth: float) -> None:
+    rng = np.random.default_rng(2)
+    held = 0
+    for _ in range(600):
+        table = 2 * rng.normal(size=(12, 1)) + rater_sd * rng.normal(size=(1, 5)) + rng.normal(size=(12, 5))
+        held += intraclass_correlation(table, form).interval(0.9).holds(truth)
+    assert held / 600 == pytest.approx(0.9, abs=0.04)
+
+
+def test_exact_agreement_is_one_without_an_interval() -> None:
+    table = np.array([[0.1, 0.1, 0.1], [0.7, 0.7, 0.7], [0.3, 0.3, 0.3]]) + 0.2
+    for form in FORMS:
+        found = intraclass_correlation(table, form)
+        assert found.value == 1.0
+        assert found.p == 0.0
+        with pytest.raises(InputError, match="ratings must scatter within targets for an interval"):
+            found.interval()
+
+
+def test_targets_alike_have_no_interval_of_agreement() -> None:
+    with pytest.raises(InputError, match=r"ratings must differ more between targets for an interval of .*; got F = 0"):
+        intraclass_correlation([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]).interval()
+
+
+def test_a_mean_of_raters_may_be_bounded_by_nothing_below() -> None:
+    found = intraclass_correlation([[2.0, 0.0], [0.0, 2.0], [0.0, 1.0], [0.0, 0.0], [1.0, 1.0]], "ICC(2,k)")
+    low, high = found.interval()
+    assert low == -math.inf
+    assert found.value < high < 1
+
+
+@pytest.mark.parametrize("scale", [1e-60, 1e60])
+def test_the_unit_of_ratings_changes_nothing(scale: float) -> None:
+    table = np.array(TABLES["shrout_fleiss"]["table"])
+    for form in FORMS:
+        plain, scaled = intraclass_correlation(table, form), intraclass_correlation(scale * table, form)
+        assert scaled.value == pytest.approx(plain.value)
+        assert list(scaled.interval()) == pytest.approx(list(plain.interval()))
+    with pytest.raises(InputError, match=r"ratings must lie within ±1e.70; got 1e.101: choose a larger unit"):
+        intraclass_correlation(1e100 * table)
+
+
+@pytest.mark.parametrize(
+    ("table", "form", "said"),
+    [
+        ([[1.0, 2.0]], "ICC(1,1)", "ratings must have at least 2 targets"),
+        ([[1.0], [2.0]], "ICC(1,1)", "2 raters .columns.; got 2 and 1"),
+        ([1.0, 2.0], "ICC(1,1)", "ratings must have 2 axes"),
+        ([[1.0, np.nan], [2.0, 3.0]], "ICC(1,1)", "ratings must be finite"),
+        ([[1.0, 2.0], [2.0, 3.0]], "ICC(4,1)", r"form must be one of ICC\(1,1\), .*; got 'ICC\(4,1\)'"),
+        ([[1.0, 1.0], [1.0, 1.0]], "ICC(2,1)", r"ratings must differ between targets for ICC\(2,1\)"),
+        ([[1.0, 2.0], [1.0, 2.0]], "ICC(3,1)", "ratings must differ between targets"),
+        ([[1.0, 2.0], [2.0, 1.0]], "ICC(3,k)", "ratings must differ between targets"),
+        ([[1.0, 2.0], [2.0]], "ICC(3,k)", "ratings must be an array of numbers with 2 axes"),
+    ],
+)
+def test_bad_tables_are_told(table: Any, form: str, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        intraclass_correlation(table, form)

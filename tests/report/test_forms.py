@@ -1,0 +1,53 @@
+"""Each form is what its own writer writes, in a place of its own."""
+
+from __future__ import annotations
+
+import hashlib
+import zipfile
+from typing import TYPE_CHECKING
+
+import pytest
+from tests.records.sample import sample_dossier
+
+from tsis.model.errors import FileInputError
+from tsis.records.export import fhir_observations
+from tsis.report import target_page
+from tsis.report.forms import ENDINGS, MASKED, PAGES, require_free, write_form
+from tsis.report.page import html
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+def test_a_page_and_a_resource_are_those_of_their_writers(tmp_path: Path) -> None:
+    dossier = sample_dossier()
+    assert write_form("html", dossier, tmp_path / "a.html", identified=False) == ""
+    assert (tmp_path / "a.html").read_bytes() == html(target_page(dossier))
+    for identified in (False, True):
+        path = tmp_path / f"{identified}.fhir.json"
+        write_form("fhir", dossier, path, identified=identified)
+        assert path.read_bytes() == fhir_observations(dossier, identified=identified)
+
+
+def test_a_bundle_is_known_by_the_sum_of_its_manifest(tmp_path: Path) -> None:
+    seal = write_form("bundle", sample_dossier(), tmp_path / "a.zip", identified=False)
+    with zipfile.ZipFile(tmp_path / "a.zip") as bundle:
+        assert seal == hashlib.sha256(bundle.read("manifest.json")).hexdigest()
+
+
+def test_nothing_is_written_over(tmp_path: Path) -> None:
+    taken, link = tmp_path / "taken", tmp_path / "link"
+    taken.write_text("mine")
+    link.symlink_to(tmp_path / "nowhere")
+    for path in (taken, link, tmp_path, tmp_path / ".."):
+        with pytest.raises(FileInputError, match="must be a new name"):
+            require_free(path)
+    with pytest.raises(FileInputError):
+        write_form("html", sample_dossier(), taken, identified=False)
+    assert taken.read_text() == "mine"
+    require_free(tmp_path / "new")
+
+
+def test_forms_that_mask_or_are_pages_are_forms() -> None:
+    assert {*PAGES, *MASKED} < set(ENDINGS)
+    assert len(set(ENDINGS.values())) == len(ENDINGS)

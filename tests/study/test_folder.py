@@ -1,0 +1,186 @@
+from __future__ import annotations
+
+import hashlib
+import json
+import stat
+import sys
+from typing import TYPE_CHECKING
+
+import pytest
+from tests.study.made import made_study, read_study
+
+from tsis.model.errors import InputError, RecordsError
+from tsis.study import Reading, enter_readings, new_study, open_study, printed_targets, random_targets, unblind
+from tsis.study.folder import read_seal
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+import numpy as np
+
+
+def reading(code: str, **changed: object) -> Reading:
+    values: dict[str, object] = {"code": code, "device": "feeler", "operator": "Cleo", "repeat": 1, "score": 0.7}
+    return Reading(**(values | changed))  # type: ignore[arg-type]
+
+
+def test_the_plan_holds_the_hash_of_the_truth_and_nothing_else_of_it(tmp_path: Path) -> None:
+    study = made_study(tmp_path / "study")
+    sealed = (study.folder / "sealed.json").read_bytes()
+    plan = json.loads((study.folder / "study.json").read_text(encoding="utf-8"))
+    assert plan["truth_sha256"] == hashlib.sha256(sealed).hexdigest()
+    open_text = (study.folder / "study.json").read_text() + (study.folder / "log.jsonl").read_text()
+    for word in ("detection", "present", "inclusion", "diameter", "blank", "salt"):
+        assert word not in open_text
+    truths, unchanged = read_seal(study)
+    assert unchanged
+    assert sorted(each.label for each in truths.truths.values()) == sorted(
+        [f"detection-{number}" for number in range(1, 9)] + ["detection-blank"] * 8
+    )
+    assert set(truths.truths) == set(plan["codes"])
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no such rights")
+def test_only_its_owner_reads_the_seal(tmp_path: Path) -> None:
+    study = made_study(tmp_path / "study")
+    assert stat.S_IMODE((study.folder / "sealed.json").stat().st_mode) == 0o600
+
+
+def test_the_same_seed_makes_the_same_study_under_another_salt(tmp_path: Path) -> None:
+    one, other = made_study(tmp_path / "one"), made_study(tmp_path / "other")
+    assert one.plan.codes == other.plan.codes
+    assert read_seal(one)[0].truths == read_seal(other)[0].truths
+    assert one.plan.commitment != other.plan.commitment
+
+
+def test_a_seed_that_nobody_gave_lies_in_the_seal_and_makes_the_targets(tmp_path: Path) -> None:
+    def targets(seed: int) -> tuple[object, ...]:
+        return random_targets(3, 2, rng=np.random.default_rng(seed))
+
+    one = new_study(tmp_path / "one", targets, probe="tsis-2011")  # type: ignore[arg-type]
+    assert one.plan.seed is None
+    seed = read_seal(one)[0].seed
+    other = new_study(tmp_path / "other", targets, probe="tsis-2011", seed=seed)  # type: ignore[arg-type]
+    assert read_seal(one)[0].truths == read_seal(other)[0].truths
+
+
+def test_what_is_there_is_never_written_over(tmp_path: Path) -> None:
+    made_study(tmp_path / "study")
+    with pytest.raises(RecordsError, match="must be a new name"):
+        made_study(tmp_path / "study")
+    with pytest.raises(RecordsError, match="holds no study"):
+        open_study(tmp_path)
+
+
+def test_forces_are_those_of_the_probe_unless_given(tmp_path: Path) -> None:
+    made = [new_study(tmp_path / name, printed_targets(1, 1), probe=name) for name in ("tsis-2011", "tsis-domed")]
+    assert [study.plan.forces_n for study in made] == [(1.0,), (0.5, 1.0)]
+
+
+def test_readings_are_entered_once_and_of_this_study_alone(tmp_path: Path) -> None:
+    study = made_study(tmp_path / "study")
+    first, second = study.plan.codes[:2]
+    study = enter_readings(study, [reading(first)], actor="Cleo")
+    for wrong, words in (
+        ([reading(second), reading(first)], "entered once"),
+        ([reading(second), reading(second)], "entered once"),
+        ([reading("T-0000")], "code must be one of this study's"),
+    ):
+        with pytest.raises(InputError, match=words):
+            enter_readings(study, wrong, actor="Cleo")
+    assert [each.code for each in open_study(study.folder).readings] == [first]
+
+
+def test_after_the_unblinding_no_reading_is_taken(tmp_path: Path) -> None:
+    study = read_study(tmp_path, present=2, blank=2)
+    after = unblind(study, by="Ada")
+    log = (study.folder / "log.jsonl").read_bytes()
+    for held in (study, after):  # whoever opened it before is told too
+        with pytest.raises(RecordsError, match="come before a study is unblinded"):
+            enter_readings(held, [reading(study.plan.codes[0], operator="Dan")], actor="Dan")
+    assert (study.folder / "log.jsonl").read_bytes() == log
+
+
+def test_it_is_unblinded_once(tmp_path: Path) -> None:
+    study = read_study(tmp_path, present=2, blank=2)
+    once = unblind(study, by="Ada")
+    again = unblind(study, by="Ben")
+    assert once.unblinded == again.unblinded
+    assert once.unblinded is not None
+    assert once.unblinded.actor == "Ada"
+    assert sum(entry.action == "unblinded" for entry in again.chain.entries) == 1
+
+
+def test_without_a_reading_nothing_is_unblinded(tmp_path: Path) -> None:
+    study = made_study(tmp_path / "study")
+    with pytest.raises(RecordsError, match="must have a reading"):
+        unblind(study, by="Ada")
+    assert open_study(study.folder).unblinded is None
+
+
+def test_a_changed_plan_takes_no_reading(tmp_path: Path) -> None:
+    study = made_study(tmp_path / "study")
+    path = study.folder / "study.json"
+    path.write_bytes(path.read_bytes().replace(b'"threshold": 0.5', b'"threshold": 0.9'))
+    with pytest.raises(RecordsError, match="was changed"):
+        enter_readings(study, [reading(study.plan.codes[0])], actor="Cleo")
+
+
+@pytest.mark.parametrize(
+    ("part", "wrong"),
+    [
+        ("codes", ["T-7F3K", "T-7F3K"]),
+        ("codes", [3]),
+        ("codes", "T-7F3K"),
+        ("forces_n", []),
+        ("forces_n", 1.0),
+        ("repeats", 0),
+        ("threshold", None),
+        ("probe", "tsis-2012"),
+        ("made", "yesterday"),
+        ("version", 2),
+        ("format", "tsis-csv"),
+        ("name", "a\nb"),
+        ("truth_sha256", "0"),
+    ],
+)
+def test_a_plan_that_is_none_is_one_sentence(tmp_path: Path, part: str, wrong: object) -> None:
+    study = made_study(tmp_path / "study")
+    path = study.folder / "study.json"
+    path.write_text(json.dumps(json.loads(path.read_text(encoding="utf-8")) | {part: wrong}), encoding="utf-8")
+    with pytest.raises(RecordsError, match=r"^study\.json") as refused:
+        open_study(study.folder)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("content", ["{}", "[]", "", '{"format": "tsis-study-truth", "version": 1}', "\xff"])
+def test_a_seal_that_is_none_is_one_sentence(tmp_path: Path, content: str) -> None:
+    study = made_study(tmp_path / "study")
+    (study.folder / "sealed.json").write_text(content, encoding="latin-1")
+    with pytest.raises((RecordsError, InputError)) as refused:
+        read_seal(study)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("name", ["x" * 300, "no\0name", "nothing"])
+def test_a_folder_without_a_study_is_named(tmp_path: Path, name: str) -> None:
+    with pytest.raises(RecordsError, match=r"must be the folder of a study"):
+        open_study(tmp_path / name)
+
+
+def test_a_plan_or_seal_that_is_no_json_is_named_once(tmp_path: Path) -> None:
+    study = made_study(tmp_path / "study")
+    (study.folder / "sealed.json").write_bytes(b"{")
+    with pytest.raises(RecordsError, match=r"^sealed\.json must be a readable JSON file"):
+        read_seal(study)
+    (study.folder / "study.json").write_bytes(b"plan")
+    with pytest.raises(RecordsError, match=r"^study\.json must be a readable JSON file"):
+        open_study(study.folder)
+
+
+def test_a_threshold_that_is_none_any_more_is_named_with_its_line(tmp_path: Path) -> None:
+    study = read_study(tmp_path, present=2, blank=2)
+    log = study.folder / "log.jsonl"
+    log.write_bytes(log.read_bytes().replace(b'"threshold":0.5', b'"threshold":"low"'))
+    with pytest.raises(RecordsError, match=r"^log\.jsonl, line 2, must hold the threshold of 'feeler'; .*got 'low'"):
+        open_study(study.folder).threshold_of("feeler")
