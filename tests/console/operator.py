@@ -42,9 +42,7 @@ def tab(
     page.on("pageerror", lambda error: faults.append(str(error)))
     page.on("console", lambda message: faults.append(message.text) if message.type == "error" else None)
     try:
-        page.goto(console.entrance)
-        if address != "/":
-            page.goto(console.address + address)
+        page.goto(f"{console.address}{address}{'&' if '?' in address else '?'}token={console.token}")
         yield page
         assert [each for each in faults if not re.search(expected, each)] == []
     except BaseException as error:

@@ -211,6 +211,7 @@ def test_damaged_and_unknown_sessions_are_a_sentence(console: RunningConsole, br
         page.get_by_text("must be a readable JSON file").wait_for()
 
 
+@pytest.mark.slow
 def test_who_watches_sees_the_steps_and_cannot_take_them(console: RunningConsole, browser: Browser) -> None:
     with tab(browser, console, "/calibrate") as first, tab(browser, console, "/calibrate") as second:
         hold(first)

@@ -98,6 +98,7 @@ def test_values_that_no_phantom_has(
     assert asked(console, "/state")["camera"]["choice"] == before
 
 
+@pytest.mark.slow
 def test_a_search_says_what_answered_and_what_is_missing(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console, "/camera") as page:
         page.get_by_role("button", name="Search").click()
@@ -107,6 +108,7 @@ def test_a_search_says_what_answered_and_what_is_missing(console: RunningConsole
         picture(page, "camera-search")
 
 
+@pytest.mark.slow
 def test_a_calibration_is_put_in_force_and_taken_back(
     console: RunningConsole, browser: Browser, calibration: Path
 ) -> None:
@@ -122,6 +124,7 @@ def test_a_calibration_is_put_in_force_and_taken_back(
         assert asked(console, "/state")["calibration"] != "of a Monday"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("damage", ["changed", "cut", "empty", "other", "zip"])
 def test_a_calibration_that_is_none_is_one_sentence(
     console: RunningConsole, browser: Browser, calibration: Path, tmp_path: Path, damage: str

@@ -84,6 +84,7 @@ def test_what_is_typed_is_drawn_and_what_is_wrong_is_said_beside_it(page: Page) 
     _section(page, "6 lamps")
 
 
+@pytest.mark.slow
 def test_layers_are_added_moved_and_taken_out(page: Page) -> None:
     page.get_by_role("button", name="Add a layer at the glass").click()
     _section(page, "5 mm of 34 kPa, 2 mm of 50 kPa, glass")
@@ -134,6 +135,7 @@ def test_the_answer_is_that_of_the_library_and_is_kept_for_the_tab(page: Page, c
     assert page.get_by_label("Forces / N").input_value() == "0.8"
 
 
+@pytest.mark.slow
 def test_a_saved_probe_is_the_one_that_was_typed(page: Page) -> None:
     page.get_by_role("textbox", name="Layer 3, thickness").fill("6.5")
     _section(page, "6.5 mm of 34 kPa")

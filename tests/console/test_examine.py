@@ -57,6 +57,7 @@ def test_keys_keep_snapshots_and_change_the_target(console: RunningConsole, brow
     assert {each["target"]["number"] for each in asked(console, "/targets")["targets"]} >= {20, 21}
 
 
+@pytest.mark.slow
 def test_keys_mean_nothing_in_a_field_or_on_a_button(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console) as page:
         run(page)
@@ -79,6 +80,7 @@ def test_keys_mean_nothing_in_a_field_or_on_a_button(console: RunningConsole, br
     assert len(_kept(console, 31)) == 1
 
 
+@pytest.mark.slow
 def test_the_live_image_alone_and_back(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console) as page:
         run(page)
@@ -109,6 +111,7 @@ def _covered(page: Page, name: str) -> bool:
     )
 
 
+@pytest.mark.slow
 def test_the_keys_are_listed(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console) as page:
         page.get_by_role("button", name="Keys").click()
@@ -116,6 +119,7 @@ def test_the_keys_are_listed(console: RunningConsole, browser: Browser) -> None:
             page.get_by_text(word).wait_for()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("typed", "sentence"),
     [
@@ -143,6 +147,7 @@ def test_a_target_that_is_none_is_said_and_the_number_stays(
         assert asked(console, "/state")["target"] == 7
 
 
+@pytest.mark.slow
 def test_no_target_before_the_first(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console) as page:
         choose_target(page, "1")
@@ -151,6 +156,7 @@ def test_no_target_before_the_first(console: RunningConsole, browser: Browser) -
         _target(page, "1")
 
 
+@pytest.mark.slow
 def test_a_snapshot_while_stopped_is_one_sentence(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console) as page:
         run(page)
@@ -162,6 +168,7 @@ def test_a_snapshot_while_stopped_is_one_sentence(console: RunningConsole, brows
     assert _kept(console, 77) == []
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("typed", "sentence"), [("6", "force must lie in [0, 5]; got 6"), ("x", "got 'x'")])
 def test_a_force_that_is_none_leaves_the_press(
     console: RunningConsole, browser: Browser, typed: str, sentence: str
@@ -177,6 +184,7 @@ def test_a_force_that_is_none_leaves_the_press(
         assert asked(console, "/state")["force_n"] == 0.8
 
 
+@pytest.mark.slow
 def test_what_is_pressed_and_flags_with_their_advice(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console) as page:
         run(page)
@@ -189,6 +197,7 @@ def test_what_is_pressed_and_flags_with_their_advice(console: RunningConsole, br
         page.get_by_text("settled", exact=True).wait_for()
 
 
+@pytest.mark.slow
 def test_the_live_image_has_words_and_colours(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console) as page:
         run(page)
@@ -233,6 +242,7 @@ def test_press_estimate_and_what_it_tells(console: RunningConsole, browser: Brow
         page.wait_for_url("**/records/50")
 
 
+@pytest.mark.slow
 def test_on_a_tablet_in_the_dark(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console, size=TABLET, color_scheme="dark", has_touch=True) as page:
         run(page)

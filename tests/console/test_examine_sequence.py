@@ -52,6 +52,7 @@ def test_so_many_frames(console: RunningConsole, browser: Browser) -> None:
     assert report["report"]["kept"] == _frames(folder) == 20
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("length", "unit", "sentence"),
     [
@@ -73,6 +74,7 @@ def test_a_length_that_is_none(
     assert _reports(console, 2) == []
 
 
+@pytest.mark.slow
 def test_the_browser_closes_and_the_sequence_goes_on(console: RunningConsole, browser: Browser) -> None:
     with tab(browser, console) as page:
         hold(page)
@@ -91,6 +93,7 @@ def test_the_browser_closes_and_the_sequence_goes_on(console: RunningConsole, br
     assert report["report"]["ended_by"] == ""
 
 
+@pytest.mark.slow
 def test_while_it_is_recorded_no_other_begins_and_it_can_be_ended(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console) as page:
         run(page)

@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
     from tests.console.running import RunningConsole
 
-pytestmark = [pytest.mark.system, needs_browser]
+pytestmark = [pytest.mark.system, pytest.mark.slow, needs_browser]
 CONTROLS = ("Stop", "Snapshot", "Target before", "Target after", "on the target")
 WATCH = "You watch: take the camera"
 

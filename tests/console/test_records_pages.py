@@ -149,6 +149,7 @@ def test_report_and_paper(console: RunningConsole, browser: Browser, tmp_path: P
         assert (tmp_path / "a.pdf").read_bytes().startswith(b"%PDF-1.")
 
 
+@pytest.mark.slow
 def test_a_target_is_exported_and_comes_back_into_a_store(
     console: RunningConsole, browser: Browser, tmp_path: Path
 ) -> None:
@@ -174,6 +175,7 @@ def test_a_target_is_exported_and_comes_back_into_a_store(
             assert "target-3-csv/presses.csv" in file.namelist()
 
 
+@pytest.mark.slow
 def test_a_bundle_is_taken_in_once(console: RunningConsole, browser: Browser, tmp_path: Path) -> None:
     with open_store(tmp_path / "other") as other:
         target = other.add_target(number=88, name="from elsewhere")
@@ -195,6 +197,7 @@ def test_a_bundle_is_taken_in_once(console: RunningConsole, browser: Browser, tm
         assert store.target(88).id == read_bundle(tmp_path / "bundle.zip").target.id
 
 
+@pytest.mark.slow
 def test_a_store_is_verified(console: RunningConsole, browser: Browser) -> None:
     with tab(browser, console, "/records") as page:
         page.locator(".targets tbody tr").first.wait_for()
@@ -217,6 +220,7 @@ def test_what_is_stored_elsewhere_appears(console: RunningConsole, browser: Brow
         page.locator(f"img[src*='{press.id}']").wait_for()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("number", ["77", "-1", "٣", "%3Cscript%3E", "9" * 60])
 def test_a_target_that_is_not_there_is_told(console: RunningConsole, browser: Browser, number: str) -> None:
     with tab(browser, console, f"/records/{number}") as page:
@@ -225,6 +229,7 @@ def test_a_target_that_is_not_there_is_told(console: RunningConsole, browser: Br
         page.get_by_text("targets (phantoms)").wait_for()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rest", ["3/4", "..%2F..%2Fetc"])
 def test_an_address_below_a_target_is_no_page(console: RunningConsole, browser: Browser, rest: str) -> None:
     with tab(browser, console, f"/records/{rest}", expected="404") as page:

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from playwright.sync_api import Browser
 
-pytestmark = [pytest.mark.system, needs_browser]
+pytestmark = [pytest.mark.system, pytest.mark.slow, needs_browser]
 needs_mounts = pytest.mark.skipif(
     shutil.which("mount") is None or os.geteuid() != 0, reason="needs mount, and root to use it"
 )
@@ -61,7 +61,6 @@ def test_an_empty_store_says_how_to_begin(browser: Browser, tmp_path: Path) -> N
         page.get_by_text("1-50 of 60").wait_for()
 
 
-@pytest.mark.slow
 def test_what_is_damaged_is_said_and_hides_nothing_else(browser: Browser, tmp_path: Path) -> None:
     fill(tmp_path / "records")
     with open_store(tmp_path / "records") as store:
@@ -98,7 +97,6 @@ def test_what_is_damaged_is_said_and_hides_nothing_else(browser: Browser, tmp_pa
             picture(page, "records-not-as-stored")
 
 
-@pytest.mark.slow
 def test_of_a_subject_the_pseudonym_alone_is_shown(browser: Browser, tmp_path: Path) -> None:
     with open_store(tmp_path / "records", kind="subject") as store:
         store.take_in(sample_dossier(kind="subject"))
@@ -130,7 +128,6 @@ def only_to_be_read(folder: Path) -> Iterator[None]:
         subprocess.run(["umount", folder], check=True)
 
 
-@pytest.mark.slow
 @needs_mounts
 def test_a_store_that_can_only_be_read_is_shown_and_refuses_changes(browser: Browser, tmp_path: Path) -> None:
     fill(tmp_path / "records")

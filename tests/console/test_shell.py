@@ -93,6 +93,7 @@ def test_colours_are_remembered_in_the_browser(opened: Callable[..., Page]) -> N
     page.wait_for_function(f"{ground} === '{light}'")
 
 
+@pytest.mark.slow
 def test_the_camera_is_taken_over_after_asking_and_the_other_is_told(opened: Callable[..., Page]) -> None:
     one = opened()
     hold(one)
@@ -129,6 +130,7 @@ def test_what_is_given_back_goes_to_another_and_not_to_oneself(opened: Callable[
     one.get_by_text("holds the camera; you watch.").wait_for()
 
 
+@pytest.mark.slow
 def test_a_lost_console_is_said_in_our_words(browser: Browser, tmp_path: Path) -> None:
     context = browser.new_context(viewport={"width": 1280, "height": 800})
     page = context.new_page()

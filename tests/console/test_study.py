@@ -174,6 +174,7 @@ def test_a_whole_study(page: Page, console: RunningConsole, browser: Browser) ->
     assert answer.text.startswith("report.html must be as it was written; it was changed")
 
 
+@pytest.mark.slow
 def test_a_run_is_ended_goes_on_and_is_one_at_a_time(page: Page, console: RunningConsole, browser: Browser) -> None:
     make(page, "long", **{"With an inclusion": "8", "Blanks": "8"})
     page.get_by_label("Operator").fill("Ada")

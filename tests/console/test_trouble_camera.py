@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from playwright.sync_api import Browser
 
-pytestmark = [pytest.mark.system, needs_browser]
+pytestmark = [pytest.mark.system, pytest.mark.slow, needs_browser]
 SERIAL = "TSISPAGE"
 
 
@@ -58,7 +58,6 @@ def test_a_camera_goes_and_comes_back_and_nothing_is_lost(tmp_path: Path, browse
             assert asked(console, "/state")["camera"]["interruptions"] == 1
 
 
-@pytest.mark.slow
 def test_a_camera_is_found_chosen_and_read_beside_a_gauge(tmp_path: Path, browser: Browser) -> None:
     gauge = GaugeInTerminal(lambda _: b"+0.420 N\r\n")
     try:

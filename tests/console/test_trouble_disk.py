@@ -17,7 +17,7 @@ from tests.console.running import running_console
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-pytestmark = [pytest.mark.system, needs_browser]
+pytestmark = [pytest.mark.system, pytest.mark.slow, needs_browser]
 SIZE, SPARE = "24m", 150_000  # bytes, fewer than a frame has
 MOUNTED = 'mount -t tmpfs -o size=$0 tmpfs "$1" && shift && exec "$@"'
 

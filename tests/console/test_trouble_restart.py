@@ -16,10 +16,9 @@ if TYPE_CHECKING:
 
     from playwright.sync_api import Browser
 
-pytestmark = [pytest.mark.system, needs_browser]
+pytestmark = [pytest.mark.system, pytest.mark.slow, needs_browser]
 
 
-@pytest.mark.slow
 def test_the_page_comes_back_by_itself(tmp_path: Path, browser: Browser) -> None:
     context = browser.new_context(viewport={"width": BENCH[0], "height": BENCH[1]})
     page = context.new_page()

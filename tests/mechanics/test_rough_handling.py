@@ -66,6 +66,7 @@ def test_what_no_model_describes(call: Callable[[], Any], phrase: str) -> None:
         call()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("curvature", [None, 1.0])
 def test_far_beyond_the_model_a_force_that_is_not_is_found_too(curvature: float | None) -> None:
     tiny = Probe(radius_mm=1.0, layers=(Layer(thickness_mm=200.0, young_kpa=0.1),), face_curvature_mm=curvature)

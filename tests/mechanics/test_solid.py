@@ -82,6 +82,7 @@ def test_on_the_axis_it_is_the_axisymmetric_press(inclusion: Inclusion) -> None:
     )
 
 
+@pytest.mark.slow
 def test_the_pressure_sums_up_to_the_force() -> None:
     found = solid(replace(SMALL, offset_mm=(3.0, 0.0)))
     assert found.pressure_kpa.sum() * 0.25**2 == pytest.approx(1000.0, rel=3e-3)
@@ -96,6 +97,7 @@ def test_the_peak_moves_with_the_inclusion() -> None:
     assert y == pytest.approx(0.0, abs=0.03 * 3.0)
 
 
+@pytest.mark.slow
 def test_a_mirrored_offset_mirrors_the_map() -> None:
     right = solid(replace(SMALL, offset_mm=(3.0, 0.0)), resolution=ROUGH)
     left = solid(replace(SMALL, offset_mm=(-3.0, 0.0)), resolution=ROUGH)
@@ -183,6 +185,7 @@ def test_stages_are_told() -> None:
     assert [text.split()[0] for text in told] == ["meshing", "factorising", "solving"]
 
 
+@pytest.mark.slow
 def test_the_virtual_probe_sees_where_the_inclusion_lies(monkeypatch: pytest.MonkeyPatch) -> None:
     quick = partial(press_solid, resolution=COARSE, threads=1)
     monkeypatch.setattr("tsis.virtual.probe.press_solid", quick)

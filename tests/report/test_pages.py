@@ -16,7 +16,7 @@ from tsis.cli.estimate_output import estimate_table
 from tsis.inclusion import InclusionPrior
 from tsis.plots import ring_profile
 from tsis.report import contact_report, inclusion_report
-from tsis.report.contact import find
+from tsis.report.contact import find, finding_notes
 from tsis.report.document import estimate_document, json_bytes, shown_probability, spread
 
 if TYPE_CHECKING:
@@ -195,3 +195,16 @@ def test_a_spread_has_two_digits(value: float, words: str) -> None:
 )
 def test_no_probability_is_shown_as_certain(value: float, words: str) -> None:
     assert shown_probability(value) == words
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("invert", [False, True])
+def test_light_that_changes_the_other_way_is_noted(sign: int, *, invert: bool) -> None:
+    """A disc of 60 grey levels in a ring of 20 of the other sign, read either way."""
+    y, x = np.mgrid[:246, :384]
+    radius = np.hypot(x - 192, y - 123)
+    change = sign * (60.0 * (radius < 30) - 20.0 * ((radius >= 30) & (radius < 60)))
+    untouched = TactileImage(grey=np.full(change.shape, 120.0))
+    finding = find(TactileImage(grey=untouched.grey + change, name="press"), untouched, invert=invert)
+    wrong = (sign > 0) == invert
+    assert ("by 60 against 20 grey levels" in " ".join(finding_notes(finding))) == wrong

@@ -275,6 +275,7 @@ def hostile_dossier() -> Dossier:
     )
 
 
+@pytest.mark.slow
 def test_hostile_names_do_no_harm() -> None:
     page = target_page(hostile_dossier())
     content = html(page)

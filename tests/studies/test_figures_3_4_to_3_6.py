@@ -7,6 +7,8 @@ import pytest
 from matplotlib.figure import Figure
 from studies.figures_3_4_to_3_6 import SHOWN, Result, behind_the_dent_um, leaving_values, run
 
+pytestmark = pytest.mark.slow  # the gallery's tests see the same numbers in every run
+
 
 @pytest.fixture(scope="module")
 def result() -> Result:

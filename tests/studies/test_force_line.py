@@ -23,6 +23,8 @@ from studies.section_5_1_bench import SENSOR
 
 from tsis.mechanics import SphereResolution, indent
 
+pytestmark = pytest.mark.slow  # the gallery's tests see the same numbers in every run
+
 
 @pytest.fixture(scope="module")
 def result() -> Result:
@@ -86,7 +88,6 @@ def test_the_figures_and_the_table_show_what_was_found(result: Result, capsys: p
     assert "14 mm over 10 mm at 0.8 N" in capsys.readouterr().out
 
 
-@pytest.mark.slow
 def test_the_tip_of_2_mm_does_not_depend_on_the_mesh() -> None:
     finer = contact_radii(SphereResolution(order=4, cells=13, rings=2, face_cells=12))
     np.testing.assert_allclose(contact_radii(FINE)[2.0], finer[2.0], rtol=0.005)

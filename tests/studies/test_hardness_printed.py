@@ -9,6 +9,8 @@ from studies.hardness_printed import DEPTHS_MM, SPHERES, Result, report, run, ru
 
 STIFF, SOFT = SPHERES
 
+pytestmark = pytest.mark.slow  # the gallery's tests see the same numbers in every run
+
 
 @pytest.fixture(scope="module")
 def result() -> Result:
@@ -74,7 +76,6 @@ def test_the_table_is_written(result: Result, capsys: pytest.CaptureFixture[str]
     assert f"mean error {result.contact_error(SOFT):.2%}" in printed
 
 
-@pytest.mark.slow
 def test_presses_at_large_strain_and_points_matched_as_printed_say_the_same() -> None:
     """Some minutes: both spheres are solved on a mesh finer than that of any estimate."""
     result = run()

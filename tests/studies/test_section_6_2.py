@@ -10,6 +10,8 @@ from tsis.inclusion import ratios
 
 UNTOUCHED, PLAIN = "untouched probe", "plain tissue"
 
+pytestmark = pytest.mark.slow  # the gallery's tests see the same numbers in every run
+
 
 @pytest.fixture(scope="module")
 def result() -> Result:

@@ -11,6 +11,8 @@ from tsis.model import LightMap
 
 SCG, LM = ("face_displacement_mm", "scg"), ("face_displacement_mm", "lm")
 
+pytestmark = pytest.mark.slow  # the gallery's tests see the same numbers in every run
+
 
 @pytest.fixture(scope="module")
 def result() -> Result:

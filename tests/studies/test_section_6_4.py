@@ -85,6 +85,7 @@ def test_a_prepared_press_is_that_of_the_virtual_probe() -> None:
     assert nearby.phantom.young_kpa != tsis.load_phantom(BLANK).young_kpa
 
 
+@pytest.mark.slow
 def test_a_short_study_over_the_inclusion_finds_all_and_says_what_it_is() -> None:
     told: list[tuple[int, int]] = []
     result = run(np.random.default_rng(1), repetitions=1, progress=lambda *at: told.append(at))

@@ -154,6 +154,7 @@ def test_a_new_user_is_guided_killed_and_goes_on(guide: Callable[..., Guided], t
     assert [shot.force_n for shot in session.shots(loading)] == [0.0, 0.5, 1.5]
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("camera")
 def test_a_loading_by_gauge_is_whole_or_absent(guide: Callable[..., Guided], tmp_path: Path) -> None:
     session = SessionFolder(tmp_path / "s")

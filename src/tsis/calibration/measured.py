@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from scipy.stats import t as student
+import scipy
 
 from tsis.model import check
 from tsis.model.errors import InputError
@@ -53,5 +53,5 @@ class Measured:
     def interval(self, level: float = 0.95) -> tuple[float, float]:
         """Ends of the interval of Student's t around the value that holds the truth with probability ``level``."""
         check.number("level", level, 1e-6, 1 - 1e-9, hint="a probability")
-        half = float(student.ppf(0.5 + level / 2, self.degrees_of_freedom)) * self.sd
+        half = float(scipy.stats.t.ppf(0.5 + level / 2, self.degrees_of_freedom)) * self.sd
         return self.value - half, self.value + half

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from scipy.special import ndtri, stdtr, stdtrit
-from scipy.stats import nct
 
 from tsis.detection.inputs import choice, readings, same_length
 from tsis.detection.interval import LEVEL, Interval, checked_level
@@ -162,7 +162,9 @@ class BlandAltman:
         away, spread, n = _normal(coverage), self._spread(), self.targets
         if choice("method", method, ("exact", "approximate")) == "exact":
             noncentral = away * math.sqrt(n)
-            near, far = (float(nct.ppf(at, n - 1, noncentral)) * spread / math.sqrt(n) for at in (tail, 1 - tail))
+            near, far = (
+                float(scipy.stats.nct.ppf(at, n - 1, noncentral)) * spread / math.sqrt(n) for at in (tail, 1 - tail)
+            )
         else:
             half = -float(stdtrit(n - 1, tail)) * spread * math.sqrt(1 / n + away**2 / (2 * (n - 1)))
             near, far = away * spread - half, away * spread + half

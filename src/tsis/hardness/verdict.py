@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import chi2
+import scipy
 
-from tsis.model.estimate import NOT_IDENTIFIED, UNLIKELY
+from tsis.model.estimate import NOT_IDENTIFIED, UNLIKELY, chance_below
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -140,13 +140,13 @@ def _about_table(objects: Sequence[Press], likelihood: Likelihood, found: Poster
 
 def _about_fit(presses: Sequence[Press], found: Posterior, radius: RadiusBelief) -> list[Finding]:
     fitted = 2 if radius.radius_mm is None else 1
-    chance = float(chi2.sf(found.misfit, 2 * len(presses) - fitted))
+    chance = float(scipy.stats.chi2.sf(found.misfit, 2 * len(presses) - fitted))
     if chance >= UNLIKELY:
         return []
     return [
         (
             "model_does_not_fit",
-            f"Forces, light and contact radii contradict each other (chance {chance:.1e}): this is no homogeneous "
-            "sphere of that radius, or force, calibration or probe are wrong.",
+            f"Forces, light and contact radii contradict each other (chance below {chance_below(chance)}): this is no "
+            "homogeneous sphere of that radius, or force, calibration or probe are wrong.",
         )
     ]

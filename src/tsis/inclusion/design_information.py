@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import qmc
+import scipy
 from threadpoolctl import threadpool_limits
 
 from tsis.imaging import radial_profile
@@ -293,7 +293,7 @@ def even_inclusions(prior: InclusionPrior, count: int = SPREAD) -> NDArray[np.fl
     [[2.8, 5.0, 50.0], [9.8, 9.0, 90.0], [13.2, 7.0, 70.0], [6.2, 11.0, 110.0]]
     """
     count = check.whole("count", count, 1, 2**16)
-    unit = qmc.Sobol(3, scramble=False).random_base2(int(np.ceil(np.log2(count))))[:count]
+    unit = scipy.stats.qmc.Sobol(3, scramble=False).random_base2(int(np.ceil(np.log2(count))))[:count]
     return np.asarray(prior.low + (unit + 0.5 / count) % 1.0 * (prior.high - prior.low))
 
 

@@ -12,8 +12,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from scipy.optimize import brentq
-from scipy.stats import qmc
 
 from tsis.inclusion.grid_cells import Cells, cells_of
 
@@ -79,7 +79,7 @@ class Grid:
 
     def samples(self, count: int) -> NDArray[np.float64]:
         """``count`` equally weighted samples by a Sobol sequence, shape (count, 3): the same every time."""
-        unit = qmc.Sobol(4, scramble=False).random_base2(int(np.ceil(np.log2(count))))[:count] + 0.5 / count
+        unit = scipy.stats.qmc.Sobol(4, scramble=False).random_base2(int(np.ceil(np.log2(count))))[:count] + 0.5 / count
         chosen = np.minimum(np.searchsorted(np.cumsum(self.weight), unit[:, 0] % 1.0), len(self.weight) - 1)
         place, centre = unit[:, 1:], self.cells.centre[chosen]
         for _ in range(TRIES):

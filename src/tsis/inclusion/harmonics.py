@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 DENT_MM = 0.5  # standard deviation of a face's displacement of which nothing is known here
 SLOPE = 0.15  # and of its slope
-LEAST_CHANCE = 1e-99  # that is put into words
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,12 +42,6 @@ class Unevenness:
     size_grey: float
     radius_mm: float
     over_noise: float
-
-    @property
-    def chance_below(self) -> str:
-        """The next power of ten above the chance, for a sentence."""
-        exponent = np.ceil(np.log10(max(self.chance, LEAST_CHANCE)))
-        return f"1e{exponent:+03.0f}"
 
 
 def harmonic(sectors: NDArray[np.float64], order: int) -> NDArray[np.complex128]:

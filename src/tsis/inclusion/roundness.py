@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.inclusion.harmonics import harmonic, harmonic_noise, shading_harmonics, unevenness
-from tsis.model.estimate import UNLIKELY
+from tsis.model.estimate import UNLIKELY, chance_below
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -107,6 +107,7 @@ def roundness_findings(
             "not_one_round_inclusion",
             f"This is not a single sphere in a uniform slab: {worst.radius_mm:.1f} mm from the axis the second "
             f"harmonic around it is {worst.size_grey:.2g} grey levels, {worst.over_noise:.1f} times its noise (chance "
-            f"over all rings below {worst.chance_below}); size, depth and modulus of one sphere do not describe it.",
+            f"over all rings below {chance_below(worst.chance)}); size, depth and modulus of one sphere do not "
+            "describe it.",
         )
     ]

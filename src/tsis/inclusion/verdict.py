@@ -5,11 +5,11 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import chi2
+import scipy
 
 from tsis.inclusion.least_spread import least_sd
 from tsis.inclusion.prior import PARAMETERS
-from tsis.model.estimate import NOT_IDENTIFIED
+from tsis.model.estimate import NOT_IDENTIFIED, chance_below
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -65,7 +65,7 @@ def findings(found: Posterior, prior: InclusionPrior, data: Profiles) -> list[Fi
 
 def misfit_chance(found: Posterior, data: Profiles) -> float:
     """Chance that noise and nuisances alone make a misfit this large, if there is one sphere in a uniform slab."""
-    return float(chi2.sf(found.fit.misfit[0], int(data.usable.sum())))
+    return float(scipy.stats.chi2.sf(found.fit.misfit[0], int(data.usable.sum())))
 
 
 def misfit_finding(chance: float, *, disagree: bool) -> Finding:
@@ -73,12 +73,13 @@ def misfit_finding(chance: float, *, disagree: bool) -> Finding:
     if disagree:
         return (
             "presses_disagree",
-            f"The presses contradict each other (chance {chance:.1e}): each fits an inclusion, but not the same one.",
+            f"The presses contradict each other (chance below {chance_below(chance)}): each fits an inclusion, but not "
+            "the same one.",
         )
     return (
         "model_does_not_fit",
         f"This is not a single sphere in a uniform slab, or the calibration is wrong: the model does not explain the "
-        f"frames (chance {chance:.1e}), and the intervals cannot be trusted.",
+        f"frames (chance below {chance_below(chance)}), and the intervals cannot be trusted.",
     )
 
 

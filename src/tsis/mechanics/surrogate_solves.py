@@ -13,7 +13,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.stats import qmc
+import scipy
 from threadpoolctl import threadpool_limits
 
 from tsis.mechanics import chebyshev
@@ -118,7 +118,7 @@ def largest_error(
     ranges = np.array([box.diameter_mm, box.depth_mm, box.young_kpa, box.tissue_young_kpa])
     # Shallow inclusions are the hardest, the smallest and the largest: corners that a few even points would miss.
     corners = [[share, 0.03, 0.5, 0.5] for share in (0.03, 0.3, 0.97)]
-    unit = np.vstack([corners, qmc.Halton(4, scramble=False).random(CHECKS - len(corners))])
+    unit = np.vstack([corners, scipy.stats.qmc.Halton(4, scramble=False).random(CHECKS - len(corners))])
     thicknesses = [float(np.quantile(box.thickness_mm, share)) for share in (0.2, 0.7)]
 
     def measured(thickness: float, alike: Slabs, point: NDArray[np.float64]) -> float:

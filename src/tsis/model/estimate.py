@@ -19,6 +19,16 @@ INTERVAL = 0.9  # probability of the intervals that are told where nobody asks f
 UNLIKELY = 1e-4  # chance, if the model were true, of what disagrees with it this much: below it the reader is told
 NOT_IDENTIFIED = 0.85  # posterior over prior standard deviation from which the data told next to nothing
 LARGEST_EVIDENCE = 1e12
+LEAST_CHANCE = 1e-99  # that is put into words
+
+
+def chance_below(chance: float) -> str:
+    """The next power of ten above a chance, for a sentence: the digits of one this small mean nothing.
+
+    >>> chance_below(2.3e-15), chance_below(0.0)
+    ('1e-14', '1e-99')
+    """
+    return f"1e{np.ceil(np.log10(max(chance, LEAST_CHANCE))):+03.0f}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

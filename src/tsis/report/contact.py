@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from tsis.imaging import Contact, Features, RadialProfile
     from tsis.model import TactileImage
 
+ODD_SHARE = 1e-3  # of the pixels
+
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Finding:
@@ -114,6 +116,12 @@ def finding_notes(finding: Finding) -> tuple[str, ...]:
         )
     if found.cropped:
         notes.append(f"{image.name}: the contact touches the picture's border, so area and diameter are too small.")
+    fall, rise = _extremes(finding.change)
+    if found.contact and fall > rise:
+        notes.append(
+            f"{image.name}: the light changes more the other way, by {fall:.0f} against {rise:.0f} grey levels: is "
+            "--invert right, which says that light falls where this probe is pressed?"
+        )
     clipped = float(np.mean(image.grey >= image.full_scale))
     if not found.contact and clipped > 0:
         notes.append(
@@ -124,6 +132,12 @@ def finding_notes(finding: Finding) -> tuple[str, ...]:
     if image.mm_per_pixel is None:
         notes.append(f"{image.name}: no scale was given, so lengths are in pixels (give --scale-mm).")
     return tuple(notes)
+
+
+def _extremes(change: TactileImage) -> tuple[float, float]:
+    """How far the grey levels fall and rise, but for the odd pixel."""
+    low, high = np.quantile(change.grey, [ODD_SHARE, 1 - ODD_SHARE])
+    return -float(low), float(high)
 
 
 def _cards(found: Features) -> tuple[Card, ...]:

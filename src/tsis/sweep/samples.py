@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import qmc
+import scipy
 
 from tsis.sweep.quantity import Range
 
@@ -72,9 +72,9 @@ def _unit_points(sample: str, dimensions: int, count: int, seed: int) -> Callabl
         rng = np.random.default_rng(seed)
         return lambda size: rng.random((size, dimensions))
     if sample == "latin-hypercube":
-        left = iter(qmc.LatinHypercube(dimensions, rng=seed).random(count))
+        left = iter(scipy.stats.qmc.LatinHypercube(dimensions, rng=seed).random(count))
         return lambda size: np.array([next(left) for _ in range(size)])
-    sequence = qmc.Sobol(dimensions, rng=seed)
+    sequence = scipy.stats.qmc.Sobol(dimensions, rng=seed)
 
     def draw(size: int) -> NDArray[np.float64]:
         with warnings.catch_warnings():

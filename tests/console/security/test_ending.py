@@ -25,6 +25,7 @@ pytestmark = pytest.mark.system
 PATIENCE_S = 30  # on a machine that does other things; it is not the time that is promised
 
 
+@pytest.mark.slow
 @needs_browser
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_it_ends_with_pages_open_and_says_nothing_of_it(

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy
 from scipy.optimize import brentq
-from scipy.stats import t as student
 
 from tsis.calibration.force.reading import METHODS
 from tsis.calibration.measured import Measured
@@ -177,11 +177,11 @@ def joined(parts: tuple[tuple[float, float], ...]) -> tuple[float, float]:
     total = sum(variance for variance, _ in parts)
     if total <= 0:
         return 0.0, np.inf
-    half = sum(variance * float(student.ppf(UPPER, freedom)) ** 2 for variance, freedom in parts)
+    half = sum(variance * float(scipy.stats.t.ppf(UPPER, freedom)) ** 2 for variance, freedom in parts)
     wanted = float(np.sqrt(half / total))
 
     def excess(logarithm: float) -> float:
-        return float(student.ppf(UPPER, np.exp(logarithm))) - wanted
+        return float(scipy.stats.t.ppf(UPPER, np.exp(logarithm))) - wanted
 
     if excess(LARGEST_LOG) >= 0:
         return total, np.inf

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import norm
+import scipy
 
 from tsis.calibration.force.curves import common_forces, mean_of, spread_of
 from tsis.calibration.measured import Measured
@@ -109,5 +109,9 @@ def detectable_n(loadings: Sequence[Loading], slope_grey_per_n: float) -> Measur
     count = len(untouched)
     if count < FEWEST_UNTOUCHED:
         return None
-    levels = float(norm.isf(FALSE_ALARMS) + norm.isf(MISSES)) * np.sqrt(1 + 1 / count) / slope_grey_per_n
+    levels = (
+        float(scipy.stats.norm.isf(FALSE_ALARMS) + scipy.stats.norm.isf(MISSES))
+        * np.sqrt(1 + 1 / count)
+        / slope_grey_per_n
+    )
     return spread_of(float(np.var(untouched, ddof=1)) * float(levels) ** 2, count - 1.0, unit="N")

@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import chi2
+import scipy
 
 from tsis.calibration.measured import Measured
 from tsis.model import TactileImage, check
@@ -177,7 +177,7 @@ def _line(points: list[_Point]) -> PhotonTransfer:
     freedom = len(points) - 2
     misfit = float(np.sum((variance / error - design @ found) ** 2)) / max(freedom, 1)
     covariance = np.linalg.inv(design.T @ design)
-    if freedom > 0 and misfit > chi2.ppf(CHANCE, freedom) / freedom:
+    if freedom > 0 and misfit > scipy.stats.chi2.ppf(CHANCE, freedom) / freedom:
         covariance = covariance * misfit  # more scatter than the number of pixels explains is error, too
     if found[0] < LEAST_NOISE_GREY**2:
         raise CalibrationError(

@@ -13,8 +13,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import f as fisher
-from scipy.stats import t as student
+import scipy
 
 from tsis.calibration.measured import Measured
 from tsis.calibration.scale.value import UNIT
@@ -189,7 +188,7 @@ def chance_of(small: BoardMap, large: BoardMap) -> float:
     # Each image axis by its own variance, as in the fit.
     before = (small.residuals_px() ** 2).sum(axis=0) / large.sd_px**2
     gained = float(before.sum()) - left
-    return float(fisher.sf(max(gained, 0.0) / added, added, left))
+    return float(scipy.stats.f.sf(max(gained, 0.0) / added, added, left))
 
 
 def without_strays(cells: NDArray[np.float64], places_px: NDArray[np.float64]) -> NDArray[np.bool]:
@@ -203,7 +202,7 @@ def without_strays(cells: NDArray[np.float64], places_px: NDArray[np.float64]) -
         squares = fitted.residuals_px() ** 2 / np.maximum(lever, 1e-9)[:, None] / np.maximum(fitted.sd_px, 1e-9) ** 2
         outside = np.sqrt(squares * (freedom - 1) / np.maximum(freedom - squares, 1e-9)).max(axis=1)
         worst = int(np.argmax(outside))
-        if outside[worst] < student.isf(STRAY / (4 * len(cells)), freedom - 1):
+        if outside[worst] < scipy.stats.t.isf(STRAY / (4 * len(cells)), freedom - 1):
             break
         keep[np.flatnonzero(keep)[worst]] = False
     return keep

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
+import scipy
 from scipy.ndimage import gaussian_filter1d
-from scipy.stats import t as student
 
 from tsis.instrument.gauge.noise import reading_noise
 from tsis.model import check
@@ -63,7 +63,7 @@ class Latency:
     def interval(self, level: float = 0.95) -> tuple[float, float]:
         """Ends of the interval of Student's t that holds the delay with probability ``level``."""
         check.number("level", level, 1e-6, 1 - 1e-9, hint="a probability")
-        half = float(student.ppf(0.5 + level / 2, self.degrees_of_freedom)) * self.sd_s
+        half = float(scipy.stats.t.ppf(0.5 + level / 2, self.degrees_of_freedom)) * self.sd_s
         return self.latency_s - half, self.latency_s + half
 
 

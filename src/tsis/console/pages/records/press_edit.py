@@ -10,7 +10,7 @@ from tsis.calibration.guard import FLAGS
 from tsis.console.pages.fact_list import FactList
 from tsis.console.pages.field_words import FORCE, field_words
 from tsis.console.pages.headings import panel_title
-from tsis.console.pages.records.conflict import show_conflict
+from tsis.console.pages.records.editing import Editing
 from tsis.console.pages.records.edits import Edited, changed, edit_press, number_text
 from tsis.console.pages.records.reading import fault_of, flags_of
 from tsis.console.pages.words import press_words, time_words
@@ -22,7 +22,7 @@ from tsis.report.target_words import SHORT
 if TYPE_CHECKING:
     from tsis.console.pages.records.reading import TargetSeen
     from tsis.console.pages.records.target import TargetPage
-    from tsis.records import Press, Store, Target
+    from tsis.records import Press, Target
 
 LARGE_PX = 768
 
@@ -40,7 +40,7 @@ def open_press(page: TargetPage, seen: TargetSeen, press: Press) -> None:
                 picture.on("error", lambda: _tell_why(page, seen, press, why), args=[])
                 _facts(seen, press)
             with ui.element("div").classes("stack"):
-                _Editing(page, seen, press, dialog)
+                _PressEditing(page, seen.target, press, dialog)
     dialog.on("hide", dialog.delete)
 
 
@@ -68,59 +68,40 @@ def _facts(seen: TargetSeen, press: Press) -> None:
     FactList().show(rows.items())
 
 
-class _Editing:
-    """The fields of a press in a dialog."""
+class _PressEditing(Editing["Press"]):
+    """The fields of a press of a target in a dialog."""
 
-    def __init__(self, page: TargetPage, seen: TargetSeen, press: Press, dialog: ui.dialog) -> None:
-        self._page, self._target, self._press, self._dialog = page, seen.target, press, dialog
+    def __init__(self, page: TargetPage, target: Target, press: Press, dialog: ui.dialog) -> None:
+        self._target = target
+        super().__init__(page, press, dialog, leave="Close")
+
+    def _lay_out(self) -> None:
         self._role = ui.select(ROLE_WORDS, label="What was pressed").props("outlined dense")
         self._force = ui.input("Force in newtons; empty where nobody knows it").props("outlined dense")
-        names = list(dict.fromkeys([*FLAGS, *press.flags]))
+        names = list(dict.fromkeys([*FLAGS, *self._record.flags]))
         self._flags = ui.select(
             names, label="What speaks against it", multiple=True, with_input=True, new_value_mode="add-unique"
         ).props("outlined dense use-chips")
         self._note = ui.textarea("Note").props("outlined dense autogrow")
         ui.label("Where force or role are changed, recompute the estimates.").classes("muted")
-        self._conflict = ui.element("div")
-        self._fill(press)
-        with ui.element("div").classes("row"):
-            ui.button("Save", on_click=self._save).props("no-caps dense unelevated")
-            ui.button("Close", on_click=dialog.close).props("no-caps dense flat")
 
-    def _fill(self, press: Press) -> None:
-        self._press = press
-        self._role.value, self._note.value = press.role, press.note
-        self._force.value = "" if press.force_n is None else number_text(press.force_n)
-        self._flags.value = list(press.flags)
-        self._conflict.clear()
+    def _show(self, record: Press) -> None:
+        self._role.value, self._note.value = record.role, record.note
+        self._force.value = "" if record.force_n is None else number_text(record.force_n)
+        self._flags.value = list(record.flags)
 
-    async def _save(self) -> None:
-        wanted = {
-            "role": self._role.value,
-            "flags": tuple(self._flags.value or ()),
-            "note": self._note.value or "",
-        }
-        found: Edited[Press] | None = await self._page.viewer.attempt(
-            _edited, self._page.bench.store, self._target, self._press, self._force.value or "", wanted
-        )
-        if found is None:
-            return
-        if found.refused:
-            show_conflict(
-                self._conflict, found, take=lambda: self._fill(found.record), keep=lambda: self._save_over(found.record)
-            )
-            return
-        self._dialog.close()
-        self._page.viewer.tell(f"The press is version {found.record.version} now.")
-        await self._page.load()
+    def _written(self) -> tuple[str, dict[str, Any]]:
+        wanted = {"role": self._role.value, "flags": tuple(self._flags.value or ()), "note": self._note.value or ""}
+        return self._force.value or "", wanted
 
-    async def _save_over(self, now: Press) -> None:
-        self._press = now
-        await self._save()
+    def _edited(self, *written: Any) -> Edited[Press]:
+        force, wanted = written
+        force_n = written_force(force.strip(), called="force", nothing="")
+        changes = changed(self._record, {**wanted, "force_n": force_n})
+        if not changes:
+            return Edited(record=self._record)
+        with field_words(FORCE):
+            return edit_press(self._page.bench.store, self._target, self._record, changes)
 
-
-def _edited(store: Store, target: Target, press: Press, force: str, wanted: dict[str, Any]) -> Edited[Press]:
-    force_n = written_force(force.strip(), called="force", nothing="")
-    changes = changed(press, {**wanted, "force_n": force_n})
-    with field_words(FORCE):
-        return edit_press(store, target, press, changes) if changes else Edited(record=press)
+    def _saved(self, record: Press) -> str:
+        return f"The press is version {record.version} now."

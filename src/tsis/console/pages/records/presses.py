@@ -39,11 +39,21 @@ class Presses:
         self._page, self._place = page, place
         self.offset = 0
         self.chosen: list[str] = []
+        self._sheet: tuple[object, ...] = ()
         self._compare: ui.button | None = None
 
     def show(self, seen: TargetSeen) -> None:
-        """Show a sheet of presses."""
+        """Show a sheet of presses.
+
+        A sheet that shows them already stays: who is just choosing one would click on a box that is being replaced.
+        """
         self.offset = seen.offset
+        if self._sheet != seen.sheet:
+            self._sheet = seen.sheet
+            self._draw(seen)
+        self._tell()
+
+    def _draw(self, seen: TargetSeen) -> None:
         self._place.clear()
         with self._place:
             with ui.element("div").classes("row"):
@@ -60,7 +70,6 @@ class Presses:
             with ui.element("div").classes("presses"):
                 for press in seen.presses:
                     self._press(press, seen)
-        self._tell()
 
     def _turners(self, seen: TargetSeen) -> None:
         earlier = ui.button("Earlier", icon="chevron_left", on_click=lambda: self._turn(-AT_ONCE))

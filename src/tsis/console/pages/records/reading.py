@@ -42,6 +42,18 @@ class TargetSeen:
         """Whether this is a subject, of whom notes and names are shown to nobody who did not ask for them."""
         return self.target.kind == "subject"
 
+    @property
+    def sheet(self) -> tuple[object, ...]:
+        """What is told of the presses: two that are equal look alike."""
+        return self.private, self.offset, self.total, self.presses
+
+    @property
+    def told(self) -> tuple[object, ...]:
+        """What is told of all: two that are equal look alike."""
+        known = self.dossier
+        made = tuple(each.id for each in known.estimates)
+        return self.target, self.sheet, made, tuple(known.calibrations), known.damaged
+
 
 def read_target(store: Store, number: str, offset: int) -> TargetSeen:
     """Read a target; ``offset`` behind its presses becomes that of the last sheet.

@@ -53,6 +53,7 @@ class TargetPage:
                     self._about = ui.element("section").classes("panel")
             self.dialogs = ui.element("div")
         self._wanted = 0
+        self._told: tuple[object, ...] = ()
         self.presses = Presses(self, presses)
         self.compared.set_visibility(False)
         self._parts.set_visibility(False)
@@ -75,6 +76,9 @@ class TargetPage:
             self._show(seen)
 
     def _show(self, seen: TargetSeen) -> None:
+        if self._told == seen.told:  # a change of another target; a button that is being replaced hears no click
+            return
+        self._told = seen.told
         self._parts.set_visibility(True)
         self._head.clear()
         with self._head:
@@ -90,6 +94,7 @@ class TargetPage:
             history(seen)
 
     def _refuse(self, sentence: str) -> None:
+        self._told = ()
         self._parts.set_visibility(False)
         self._head.clear()
         with self._head:

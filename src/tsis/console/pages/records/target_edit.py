@@ -8,7 +8,7 @@ from nicegui import ui
 
 from tsis.console.pages.fact_list import FactList
 from tsis.console.pages.headings import panel_title
-from tsis.console.pages.records.conflict import show_conflict
+from tsis.console.pages.records.editing import Editing
 from tsis.console.pages.records.edits import Edited, changed, edit_target, truth_text
 from tsis.console.pages.words import time_words
 from tsis.records.written import written_truth
@@ -17,7 +17,7 @@ from tsis.report.target_tables import measure, named
 if TYPE_CHECKING:
     from tsis.console.pages.records.reading import TargetSeen
     from tsis.console.pages.records.target import TargetPage
-    from tsis.records import Store, Target
+    from tsis.records import Target
 
 PSEUDONYM = "A pseudonym, never a name."
 
@@ -41,59 +41,34 @@ def about_target(page: TargetPage, seen: TargetSeen) -> None:
 
 def _ask(page: TargetPage, target: Target) -> None:
     with page.dialogs, ui.dialog(value=True) as dialog, ui.card().classes("asked"):
-        _Editing(page, target, dialog)
+        _TargetEditing(page, target, dialog, leave="Cancel")
     dialog.on("hide", dialog.delete)
 
 
-class _Editing:
+class _TargetEditing(Editing["Target"]):
     """The fields of a target in a dialog."""
 
-    def __init__(self, page: TargetPage, target: Target, dialog: ui.dialog) -> None:
-        self._page, self._target, self._dialog = page, target, dialog
-        panel_title(f"Edit target {target.number}")
+    def _lay_out(self) -> None:
+        subject = self._record.kind == "subject"
+        panel_title(f"Edit target {self._record.number}")
         self._name = ui.input("Name").props("outlined dense")
-        self._name.props["hint"] = PSEUDONYM if target.kind == "subject" else ""
+        self._name.props["hint"] = PSEUDONYM if subject else ""
         self._note = ui.textarea("Note").props("outlined dense autogrow")
         self._truth = ui.textarea("True values, one on a line: diameter_mm=10").props("outlined dense autogrow")
-        self._truth.set_visibility(target.kind != "subject")
-        self._conflict = ui.element("div")
-        self._fill(target)
-        with ui.element("div").classes("row"):
-            ui.button("Save", on_click=self._save).props("no-caps dense unelevated")
-            ui.button("Cancel", on_click=dialog.close).props("no-caps dense flat")
+        self._truth.set_visibility(not subject)
 
-    def _fill(self, target: Target) -> None:
-        self._target = target
-        self._name.value, self._note.value = target.name, target.note
-        self._truth.value = truth_text(target.truth)
-        self._conflict.clear()
+    def _show(self, record: Target) -> None:
+        self._name.value, self._note.value = record.name, record.note
+        self._truth.value = truth_text(record.truth)
 
-    async def _save(self) -> None:
-        wanted = (self._name.value or "", self._note.value or "", self._truth.value or "")
-        found: Edited[Target] | None = await self._page.viewer.attempt(
-            _edited, self._page.bench.store, self._target, *wanted
-        )
-        if found is None:
-            return
-        if found.refused:
-            show_conflict(
-                self._conflict, found, take=lambda: self._fill(found.record), keep=lambda: self._save_over(found.record)
-            )
-            return
-        self._dialog.close()
-        self._page.viewer.tell(f"Target {found.record.number} is version {found.record.version} now.")
-        await self._page.load()
+    def _written(self) -> tuple[str, str, str]:
+        return self._name.value or "", self._note.value or "", self._truth.value or ""
 
-    async def _save_over(self, now: Target) -> None:
-        self._target = now
-        await self._save()
+    def _edited(self, *written: Any) -> Edited[Target]:
+        name, note, truth = written
+        lines = (line for line in truth.splitlines() if line.strip())
+        changes = changed(self._record, {"name": name, "note": note, "truth": written_truth(lines)})
+        return edit_target(self._page.bench.store, self._record, changes) if changes else Edited(record=self._record)
 
-
-def _edited(store: Store, target: Target, name: str, note: str, truth: str) -> Edited[Target]:
-    wanted: dict[str, Any] = {
-        "name": name,
-        "note": note,
-        "truth": written_truth(line for line in truth.splitlines() if line.strip()),
-    }
-    changes = changed(target, wanted)
-    return edit_target(store, target, changes) if changes else Edited(record=target)
+    def _saved(self, record: Target) -> str:
+        return f"Target {record.number} is version {record.version} now."
