@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from benchmarks.simulation_based_calibration import noise
 
-from tsis.optics.compiled import compiled
+from tsis.model.compiled import compiled
 
 if TYPE_CHECKING:
     from collections.abc import Callable

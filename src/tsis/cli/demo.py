@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
-from tsis.calibration.file import ProbeCalibration, calibration_bytes
+from tsis.calibration.file import FILE_NAME, ProbeCalibration, calibration_bytes
 from tsis.cli.console_output import Outcome, progress_bar
 from tsis.cli.estimate_output import estimate_table, estimate_with_progress
 from tsis.cli.keeping import Keep, KeepFolder, KeepTarget, chosen_destination, publish_and_keep
@@ -98,7 +98,7 @@ def demo(
         files={
             **{frame.name: png_bytes(frame) for frame in (*images, *references)},
             "untouched.png": png_bytes(untouched),
-            "calibration.json": calibration_bytes(known),
+            FILE_NAME: calibration_bytes(known),
         },
     )
     publish_and_keep(outcome, out, destination, keepable, as_json=as_json)

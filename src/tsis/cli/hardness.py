@@ -13,7 +13,7 @@ from rich.table import Table
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.calibration.cited import cited
-from tsis.calibration.file import ProbeCalibration, calibration_bytes
+from tsis.calibration.file import FILE_NAME, ProbeCalibration, calibration_bytes
 from tsis.cli.console_output import Outcome, progress_bar, waiting
 from tsis.cli.given_scale import chosen_scale
 from tsis.cli.keeping import Keep, KeepFolder, KeepKind, KeepTarget, chosen_destination, publish_and_keep
@@ -167,7 +167,7 @@ def _virtual(
     from tsis.records.keeping import Keepable  # loads the libraries of records
 
     simulated_probe = ProbeCalibration(name=rig.calibration.name, probe=probe.name, response=rig.calibration)
-    files = {"calibration.json": calibration_bytes(simulated_probe)}
+    files = {FILE_NAME: calibration_bytes(simulated_probe)}
     files |= {f"press-{frame.force_n:g}N.png": png_bytes(frame) for frame in frames}
     simulated = {"seed": seed, "sphere": asdict(sphere), "command": "tsis hardness"}
     options = _defaults()

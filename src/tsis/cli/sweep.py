@@ -16,8 +16,7 @@ from tsis.cli.console_output import people, print_json, print_notice, progress_b
 from tsis.cli.targets import AsJson
 from tsis.report.document import envelope
 from tsis.sweep import EXAMPLE, Plan, load_plan, run_sweep, seconds_per_press, verify, worker_count
-
-MOST_NAMED = 5
+from tsis.sweep.read import first_few
 
 app = typer.Typer(
     name="sweep",
@@ -74,7 +73,7 @@ def run(
     if done.refused:
         console.print(f"- {done.refused} presses were refused: their rows hold NaN, and the column error says why.")
     if done.repaired:
-        names = ", ".join(done.repaired[:MOST_NAMED]) + (", ..." if len(done.repaired) > MOST_NAMED else "")
+        names = first_few(done.repaired)
         console.print(f"- {len(done.repaired)} damaged or foreign, computed again: {names}", markup=False)
     if done.lost:
         console.print(f"- {done.lost} batches lost their worker and were given to another.")

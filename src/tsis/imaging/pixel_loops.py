@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.optics.compiled import compiled
+from tsis.model.compiled import compiled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.inclusion.frames import DARKEST, OUTER_SHARE
-from tsis.optics.compiled import compiled
+from tsis.model.compiled import compiled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -20,7 +20,7 @@ from scipy.spatial.distance import cdist
 
 from tsis.matching.ridge import ridge_solution
 from tsis.matching.spline import spread_order
-from tsis.optics.compiled import fused
+from tsis.model.compiled import fused
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

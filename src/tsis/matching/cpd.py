@@ -18,7 +18,7 @@ from scipy.spatial.distance import cdist
 from tsis.matching.fit import Fit
 from tsis.matching.one_to_one import REACH, nearest_pairs, spacing
 from tsis.matching.ridge import ridge_solution
-from tsis.optics.compiled import compiled
+from tsis.model.compiled import compiled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

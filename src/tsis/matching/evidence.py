@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial import KDTree
 
 from tsis.matching.ridge import ridge_solution
-from tsis.optics.compiled import fused
+from tsis.model.compiled import fused
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

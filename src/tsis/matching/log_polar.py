@@ -18,8 +18,8 @@ import numpy as np
 from scipy.spatial.distance import pdist
 
 from tsis.model import check
+from tsis.model.compiled import compiled
 from tsis.model.errors import InputError
-from tsis.optics.compiled import compiled
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import KDTree
 
-from tsis.optics.compiled import fused
+from tsis.model.compiled import fused
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

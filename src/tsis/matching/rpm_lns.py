@@ -19,7 +19,7 @@ from tsis.matching.fit import UNMATCHED, Fit
 from tsis.matching.log_polar import chi_squared, histograms
 from tsis.matching.one_to_one import assign
 from tsis.matching.spline import spline_basis
-from tsis.optics.compiled import compiled
+from tsis.model.compiled import compiled
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from tsis.optics.compiled import inlined
+from tsis.model.compiled import inlined
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from tsis.optics.compiled import fused, inlined
+from tsis.model.compiled import fused, inlined
 from tsis.optics.rays_emission import STRIDES, emitted, scrambled, unit
 from tsis.optics.rays_meeting import WALL, index_behind, mirrored, next_meeting, reflectance, refracted, stand_at
 from tsis.optics.rays_surface import contact_share, height_and_slopes

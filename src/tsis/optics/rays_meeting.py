@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.optics.compiled import inlined
+from tsis.model.compiled import inlined
 from tsis.optics.rays_surface import height_and_slopes, way_to_surface
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from scipy import ndimage
 
-from tsis.optics.compiled import fused, inlined
+from tsis.model.compiled import fused, inlined
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -20,7 +20,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from tsis.optics.compiled import compiled
+from tsis.model.compiled import compiled
 
 EPSILON = 2.0**-52
 

@@ -24,6 +24,11 @@ if TYPE_CHECKING:
 MOST_NAMED = 5
 
 
+def first_few(files: Sequence[str]) -> str:
+    """The first of many files, for a sentence."""
+    return ", ".join(files[:MOST_NAMED]) + (", ..." if len(files) > MOST_NAMED else "")
+
+
 def verify(folder: str | os.PathLike[str]) -> dict[str, Any]:
     """Check every file of a data set against its manifest, and return the manifest.
 
@@ -39,9 +44,8 @@ def verify(folder: str | os.PathLike[str]) -> dict[str, Any]:
     ]
     if wrong:
         raise FileInputError(
-            f"{shown(place)} must be as it was written; got {len(wrong)} wrong files: {', '.join(wrong[:MOST_NAMED])}"
-            + (", ..." if len(wrong) > MOST_NAMED else "")
-            + " (tsis sweep run with its plan computes damaged and missing files again)"
+            f"{shown(place)} must be as it was written; got {len(wrong)} wrong files: {first_few(wrong)}"
+            " (tsis sweep run with its plan computes damaged and missing files again)"
         )
     return manifest
 

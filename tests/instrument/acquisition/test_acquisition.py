@@ -28,6 +28,17 @@ class _Bench:
         self.looks += 1
         return self.now_s
 
+    def look(self) -> None:
+        """Wait until the watch has looked at the clock at several steps."""
+        seen = self.looks + 6
+        until(lambda: self.looks > seen)
+
+    def go_on_to(self, until_s: float) -> None:
+        """Let time go on as the watch sees it where the computer is not busy."""
+        while self.now_s < until_s:
+            self.now_s = min(self.now_s + 0.2, until_s)
+            self.look()
+
     def acquisition(self, **options: object) -> Acquisition:
         return Acquisition(self.connect, clock=self.clock, retry_s=0.0, **options)  # type: ignore[arg-type]
 
@@ -82,10 +93,10 @@ def test_a_silent_camera_is_lost_and_a_new_one_takes_over(deaf: bool) -> None:
     first.script.put(frame(0, level=1))
     with bench.acquisition(settings={"gain": 3.0}, mode="4x3@60") as acquisition:
         until(lambda: acquisition.ring.end == 1)
-        bench.now_s = 0.7
+        bench.go_on_to(0.7)
         kept = acquisition.latest()
         until(lambda: not acquisition.lost)
-        bench.now_s = 0.9
+        bench.go_on_to(0.9)
         until(lambda: acquisition.lost or bench.handed == 2)
         assert "no frame came for 0.9 s" in str(acquisition.failure)
         bench.now_s = 6.5  # a driver that does not return is waited for before another is tried
@@ -197,10 +208,23 @@ def test_a_camera_that_opens_slowly_comes_back_after_any_absence() -> None:
         first.script.put(BREAK)
         bench.now_s = 60.0  # long without a frame, which is no reason to give up the one that opens now
         assert second.opening.wait(10.0)
-        looked = bench.looks
-        until(lambda: bench.looks > looked + 6)  # the watch looks at the clock at every step
+        bench.look()
         assert bench.handed == 2
         second.script.put(frame(0))
         second.may_open.set()
         until(lambda: acquisition.ring.end == 2)
         assert acquisition.account().connections == 2
+
+
+def test_a_busy_computer_is_no_silent_camera() -> None:
+    camera = ScriptedCamera()
+    bench = _Bench(camera)
+    with bench.acquisition() as acquisition:
+        for sequence in range(3):
+            camera.script.put(frame(sequence))
+            until(lambda so_many=sequence + 1: acquisition.ring.end == so_many)  # type: ignore[misc]
+            bench.now_s += 5.0  # in which nothing of this program ran
+            bench.look()
+        assert acquisition.account().interruptions == ()
+        bench.go_on_to(15.9)  # now it runs, and hears nothing
+        until(lambda: acquisition.lost or bench.handed == 2)

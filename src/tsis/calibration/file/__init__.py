@@ -1,6 +1,7 @@
 """A probe's calibration as one value and one file: versioned, hashed, readable, refused when it may not serve."""
 
 from tsis.calibration.file.content import (
+    FILE_NAME,
     FORMAT,
     VERSION,
     calibration_bytes,
@@ -12,6 +13,7 @@ from tsis.calibration.file.content import (
 from tsis.calibration.file.probe_calibration import ProbeCalibration
 
 __all__ = [
+    "FILE_NAME",
     "FORMAT",
     "VERSION",
     "ProbeCalibration",

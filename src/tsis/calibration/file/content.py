@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     import os
 
 FORMAT, VERSION = "tsis-calibration", 3
+FILE_NAME = "calibration.json"  # where nobody chooses another, and in every folder that holds one
 LARGEST_BYTES = 128 * 2**20  # maps of a camera of 8 million pixels
 
 

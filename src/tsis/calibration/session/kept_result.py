@@ -5,8 +5,7 @@ from __future__ import annotations
 import secrets
 from typing import TYPE_CHECKING
 
-from tsis.calibration.file import calibration_bytes, read_calibration
-from tsis.calibration.file.content import identity
+from tsis.calibration.file import FILE_NAME, calibration_bytes, identity, read_calibration
 from tsis.instrument import shown
 from tsis.model.durable import write_durably
 from tsis.model.errors import FileInputError, TsisError
@@ -17,13 +16,12 @@ if TYPE_CHECKING:
     from tsis.calibration.file import ProbeCalibration
     from tsis.calibration.session.folder import SessionFolder
 
-FILE = "calibration.json"
 SHORT = 12  # characters of an identity in names
 
 
 def kept_calibration(session: SessionFolder) -> Path | None:
     """The file of the calibration that was made from the frames as they are; None before it was made."""
-    file = session.path / FILE
+    file = session.path / FILE_NAME
     return file if file.exists() else None
 
 
@@ -35,7 +33,7 @@ def keep_calibration(session: SessionFolder, known: ProbeCalibration) -> Path:
     FileInputError
         When it cannot be written.
     """
-    file = session.path / FILE
+    file = session.path / FILE_NAME
     content = calibration_bytes(known)
     try:
         write_durably(file, content)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from rich.markup import escape
 from rich.table import Table
 
-from tsis.calibration.file import calibration_bytes, identity
+from tsis.calibration.file import FILE_NAME, calibration_bytes, identity
 from tsis.calibration.file.plain_values import to_plain
 from tsis.calibration.session import calibrate
 from tsis.cli.console_output import Outcome, progress_bar
@@ -15,8 +15,6 @@ from tsis.report.calibration import calibration_document, calibration_notes, cal
 
 if TYPE_CHECKING:
     from tsis.calibration.session import SessionFolder
-
-FILE = "calibration.json"
 
 
 def made(session: SessionFolder, *, days: float) -> Outcome:
@@ -33,5 +31,5 @@ def made(session: SessionFolder, *, days: float) -> Outcome:
         page=calibration_report(known, findings, provenance=provenance),
         tables=(table,),
         notes=calibration_notes(known, findings),
-        files={FILE: calibration_bytes(known)},
+        files={FILE_NAME: calibration_bytes(known)},
     )

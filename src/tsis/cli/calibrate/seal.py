@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 import typer
 
-from tsis.calibration.file import ProbeCalibration, write_calibration
+from tsis.calibration.file import FILE_NAME, ProbeCalibration, write_calibration
 from tsis.calibration.file.plain_values import from_plain
 from tsis.calibration.session.result import DAYS
 from tsis.cli.calibrate.make import Days
@@ -29,7 +29,7 @@ def seal(
     values: Annotated[Path, typer.Argument(help="JSON file with name, probe, response and what else is known.")],
     *,
     days: Days = DAYS,
-    out: Annotated[Path, typer.Option(help="Calibration file to write; it must not exist.")] = Path("calibration.json"),
+    out: Annotated[Path, typer.Option(help="Calibration file to write; it must not exist.")] = Path(FILE_NAME),
     as_json: AsJson = False,
 ) -> None:
     """Check values written by hand, and write them as a calibration file with date, expiry and hash."""

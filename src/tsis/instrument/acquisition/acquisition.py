@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 LOST_AFTER_S = 0.8  # so that with the watch's own steps a loss is seen within a second
 WATCH_STEP_S = 0.1
+OVERSLEPT_S = 3 * WATCH_STEP_S  # between two looks: then the computer was busy, and the camera perhaps not silent
 FIRST_FRAME_S = 5.0  # cameras need a while to begin
 OPEN_S = 10.0  # within which a driver opens a camera, or is taken for stuck
 STOP_S = 2.0  # for which a driver is waited for
@@ -93,6 +94,7 @@ class Acquisition:
         self._readers: list[threading.Thread] = []
         self._watch: threading.Thread | None = None
         self._begun, self._begun_s = 0, 0.0
+        self._awake_s = clock()  # since when the watch has looked at every step
 
     def __enter__(self) -> Self:
         self.start()
@@ -261,8 +263,11 @@ class Acquisition:
             self._intake.failure = error  # it had not begun to stream
 
     def _watch_over(self) -> None:
-        tried_s = self._clock()
+        tried_s = looked_s = self._clock()
         while not self._stopping.wait(WATCH_STEP_S) and not self._ended.is_set():
+            before_s, looked_s = looked_s, self._clock()
+            if looked_s - before_s > OVERSLEPT_S:
+                self._awake_s = looked_s
             if self._intake.streaming:
                 self._require_sound()
                 tried_s = self._clock()
@@ -276,7 +281,8 @@ class Acquisition:
         if self.ring.patient:  # stored frames wait for their reader, and no silence means that they are lost
             return
         silent_s, connection = self._intake.silent_s(), self._intake.connection
-        if connection is None or silent_s <= self._patience_s():
+        heard_nothing_s = min(silent_s, self._clock() - self._awake_s)
+        if connection is None or heard_nothing_s <= self._patience_s():
             return
         if self._intake.interrupt(connection, silence(silent_s)):
             self._let_go()

@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
-from tsis.calibration.file import read_calibration
+from tsis.calibration.file import FILE_NAME, read_calibration
 from tsis.instrument import shown
 from tsis.instrument.file_bytes import read_object
 from tsis.model import load_probe
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from tsis.calibration import ProbeCalibration
 
-RESULT, CALIBRATION, UNTOUCHED = "result.json", "calibration.json", "untouched.png"
+RESULT, UNTOUCHED = "result.json", "untouched.png"
 MOST_PRESSES = 1000
 TRUTH = ("diameter_mm", "depth_mm", "young_kpa")
 
@@ -54,7 +54,7 @@ def _batch(folder: Path, document: dict[str, Any], progress: Callable[[], None])
             "(name the frames, or repeat the command with --keep)"
         )
     told = document["estimate"]["provenance"]
-    known = read_calibration(own_file(folder, CALIBRATION))
+    known = read_calibration(own_file(folder, FILE_NAME))
     probe, phantom = text(told["probe"], "name", "probe"), document["simulated"]["phantom"]
     presses = list(_presses(folder, told, known, probe, progress))
     inclusion = phantom.get("inclusion")

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import numpy as np
 
-import tsis.optics
+import tsis.model
 
-ROOM = Path(tsis.optics.__file__).parent
+ROOM = Path(tsis.model.__file__).parent
 STEPS = """
 import numpy as np
 from copied_room.caller import twice

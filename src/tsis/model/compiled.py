@@ -43,5 +43,5 @@ def _stamped(dispatcher: Any, function: Callable[..., Any]) -> Any:
 @lru_cache
 def _stamp(room: Path) -> str:
     """Hash of all sources that a function in this folder is made of, these options among them."""
-    sources = sorted({*Path(__file__).parent.rglob("*.py"), *room.rglob("*.py")})
+    sources = sorted({Path(__file__), *room.rglob("*.py")})
     return hashlib.sha256(b"".join(source.read_bytes() for source in sources)).hexdigest()
