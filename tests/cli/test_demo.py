@@ -77,6 +77,7 @@ def test_plain_tissue_is_told_from_an_inclusion(run_tsis: RunTsis) -> None:
     assert "truth" not in estimate["parameters"]["diameter_mm"]
 
 
+@pytest.mark.slow
 def test_a_seed_repeats_everything_and_another_changes_it(run_tsis: RunTsis, tmp_path: Path) -> None:
     for folder, seed in (("a", "1"), ("b", "1"), ("c", "2")):
         assert run_tsis("demo", "--seed", seed, "--out", folder).code == 0

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
     from tests.console.running import RunningConsole
 
-pytestmark = [pytest.mark.system, needs_browser]
+pytestmark = [pytest.mark.system, pytest.mark.slow, needs_browser]
 
 
 @pytest.fixture(scope="module")
@@ -40,7 +40,6 @@ def _choose(page: Page, label: str, name: str) -> None:
     page.get_by_role("option", name=name).first.click()
 
 
-@pytest.mark.slow
 def test_another_phantom_with_another_inclusion(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console, "/camera") as page:
         _choose(page, "Pressed object", "size-8")
@@ -61,7 +60,6 @@ def test_another_phantom_with_another_inclusion(console: RunningConsole, browser
         assert truth == {"diameter_mm": lump.diameter_mm, "depth_mm": 6.0, "young_kpa": lump.young_kpa}
 
 
-@pytest.mark.slow
 def test_a_sphere_is_for_hardness(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console, "/camera") as page:
         _choose(page, "Pressed object", "cl2003x")
@@ -98,7 +96,6 @@ def test_values_that_no_phantom_has(
     assert asked(console, "/state")["camera"]["choice"] == before
 
 
-@pytest.mark.slow
 def test_a_search_says_what_answered_and_what_is_missing(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console, "/camera") as page:
         page.get_by_role("button", name="Search").click()
@@ -108,7 +105,6 @@ def test_a_search_says_what_answered_and_what_is_missing(console: RunningConsole
         picture(page, "camera-search")
 
 
-@pytest.mark.slow
 def test_a_calibration_is_put_in_force_and_taken_back(
     console: RunningConsole, browser: Browser, calibration: Path
 ) -> None:
@@ -124,7 +120,6 @@ def test_a_calibration_is_put_in_force_and_taken_back(
         assert asked(console, "/state")["calibration"] != "of a Monday"
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("damage", ["changed", "cut", "empty", "other", "zip"])
 def test_a_calibration_that_is_none_is_one_sentence(
     console: RunningConsole, browser: Browser, calibration: Path, tmp_path: Path, damage: str

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
     from tests.console.running import RunningConsole
 
-pytestmark = [pytest.mark.system, needs_browser]
+pytestmark = [pytest.mark.system, pytest.mark.slow, needs_browser]
 
 
 def _begin(page: Page, length: str, unit: str) -> None:
@@ -52,7 +52,6 @@ def test_so_many_frames(console: RunningConsole, browser: Browser) -> None:
     assert report["report"]["kept"] == _frames(folder) == 20
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("length", "unit", "sentence"),
     [
@@ -74,7 +73,6 @@ def test_a_length_that_is_none(
     assert _reports(console, 2) == []
 
 
-@pytest.mark.slow
 def test_the_browser_closes_and_the_sequence_goes_on(console: RunningConsole, browser: Browser) -> None:
     with tab(browser, console) as page:
         hold(page)
@@ -93,7 +91,6 @@ def test_the_browser_closes_and_the_sequence_goes_on(console: RunningConsole, br
     assert report["report"]["ended_by"] == ""
 
 
-@pytest.mark.slow
 def test_while_it_is_recorded_no_other_begins_and_it_can_be_ended(console: RunningConsole, browser: Browser) -> None:
     with operating(browser, console) as page:
         run(page)

@@ -126,6 +126,7 @@ def test_uneven_ranks_and_worse_means_are_found_out() -> None:
     np.testing.assert_allclose(off.rmse_over_exact(), 3.0 / 1.5)
 
 
+@pytest.mark.slow
 def test_a_few_ranks_are_not_uneven() -> None:
     found = run(PROTOCOLS["flat-alone"], 40, seed=2)
     assert found.judgement.rank.shape == (40, 3)

@@ -90,6 +90,7 @@ def test_the_pressure_sums_up_to_the_force() -> None:
     assert not found.face_displacement_mm[radii(found) > 12.0].any()
 
 
+@pytest.mark.slow
 def test_the_peak_moves_with_the_inclusion() -> None:
     found = solid(replace(SMALL, offset_mm=(3.0, 0.0)))
     x, y = peak_mm(found, signal(replace(SMALL, offset_mm=(3.0, 0.0))))

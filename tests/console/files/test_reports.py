@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 NUMBER = 3
 
 
+@pytest.mark.slow
 def test_a_report_is_made_elsewhere_and_is_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with open_store(tmp_path / "records") as store, closing(Reports(store)) as reports:
         store.take_in(sample_dossier())

@@ -21,11 +21,10 @@ from tsis.console.listening import listening
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
-pytestmark = pytest.mark.system
+pytestmark = [pytest.mark.system, pytest.mark.slow]
 PATIENCE_S = 30  # on a machine that does other things; it is not the time that is promised
 
 
-@pytest.mark.slow
 @needs_browser
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_it_ends_with_pages_open_and_says_nothing_of_it(
@@ -47,7 +46,6 @@ def test_it_ends_with_pages_open_and_says_nothing_of_it(
         page.context.close()
 
 
-@pytest.mark.slow
 def test_a_page_stays_open_when_the_console_is_started_anew(tmp_path: Path) -> None:
     with running_console(tmp_path) as console:
         port = httpx.URL(console.address).port
