@@ -157,16 +157,17 @@ def test_a_picture_over_the_network_is_the_frame_but_for_its_quality(running: Pa
           const { streamOf } = await import("tsis-live");
           const kept = new Map(), differences = [];
           const leave = [], done = new Promise((resolve) => {
-            const compare = (frame) => {
-              const other = kept.get(frame.number);
-              kept.set(frame.number, frame);
+            const compare = (address, other_address) => (frame) => {
+              const other = kept.get(`${other_address} ${frame.number}`);
+              kept.set(`${address} ${frame.number}`, frame);
               if (!other) return;
               let sum = 0;
               for (let at = 0; at < frame.pixels.length; at++) sum += Math.abs(frame.pixels[at] - other.pixels[at]);
               if (differences.push(sum / frame.pixels.length) === 5) resolve();
             };
-            for (const address of ["/live?jpeg=85", "/live?jpeg=0"])
-              leave.push(streamOf(address).join({ frame: compare }));
+            const [lossy, exact] = ["/live?jpeg=85", "/live?jpeg=0"];
+            for (const [address, other] of [[lossy, exact], [exact, lossy]])  // each may bring a frame twice
+              leave.push(streamOf(address).join({ frame: compare(address, other) }));
           });
           await done;
           leave.forEach((each) => each());
