@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from benchmarks.judgement import Judgement, compared, rows_of
+from benchmarks.kept_lines import keep_line, read_lines
 from benchmarks.press_bank import PressBank
 from benchmarks.simulated_presses import DEFAULT, PROTOCOLS
 from benchmarks.tables import show
@@ -69,40 +70,20 @@ def run(
     progress: Callable[[int, int], None] | None = None,
 ) -> list[dict[str, Any]]:
     """Lines of the first ``presses`` cases in order, those that ``out`` holds already and, on all cores, the rest."""
-    found = {} if out is None else _read(out)
+    found = read_lines(out, "index")
     missing = [index for index in range(presses) if index not in found]
     if missing:
         first = judge(bank, missing[0])  # fills the caches of light and surrogate before the workers share them
-        _keep(out, first)
+        keep_line(out, first)
         found[missing[0]] = first
     with ProcessPoolExecutor(max_workers=workers or os.cpu_count()) as pool:
         for future in as_completed([pool.submit(judge, bank, index) for index in missing[1:]]):
             line = future.result()
-            _keep(out, line)
+            keep_line(out, line)
             found[line["index"]] = line
             if progress is not None:
                 progress(len(found), presses)
     return [found[index] for index in range(presses)]
-
-
-def _read(path: Path) -> dict[int, dict[str, Any]]:
-    """Whole lines of an earlier run; the one that it was writing when it was cut off is left out."""
-    found = {}
-    for text in path.read_text().splitlines() if path.exists() else ():
-        try:
-            line = json.loads(text)
-        except json.JSONDecodeError:
-            continue
-        found[line["index"]] = line
-    return found
-
-
-def _keep(path: Path | None, line: dict[str, Any]) -> None:
-    if path is None:
-        return
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.open("a") as file:
-        file.write(f"\n{json.dumps(line)}")  # the break comes first: half a line stays a line of its own
 
 
 def kept_at(folder: Path, bank: PressBank) -> Path:

@@ -26,6 +26,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from benchmarks.detection_figure import write_results
 from benchmarks.detection_report import report
+from benchmarks.kept_lines import keep_line, read_lines
 from benchmarks.searched_presses import COVERING_N, PRIOR, UNEVEN_SD, draw, examine
 from benchmarks.simulated_presses import PROTOCOLS
 from benchmarks.uneven_tissue import lump_changes
@@ -112,39 +113,21 @@ def run(
     progress: Callable[[int, int], None] | None = None,
 ) -> list[dict[str, Any]]:
     """Lines of all tasks, those that ``out`` holds already and the rest."""
-    found = {} if out is None else _read(out)
+    found = read_lines(out, "name")
     missing = [task for task in tasks if task.name not in found]
     for protocol in sorted({task.protocol for task in missing}):  # before workers share what is kept of them
         lump_changes(PROTOCOLS[protocol].probe, COVERING_N)
     if missing:
-        found[missing[0].name] = _kept(out, judge(missing[0]))
+        found[missing[0].name] = judge(missing[0])
+        keep_line(out, found[missing[0].name])
     with ProcessPoolExecutor(max_workers=workers) as pool:
         for future in as_completed([pool.submit(judge, task) for task in missing[1:]]):
-            line = _kept(out, future.result())
+            line = future.result()
+            keep_line(out, line)
             found[line["name"]] = line
             if progress is not None:
                 progress(len(found), len(tasks))
     return [found[task.name] for task in tasks]
-
-
-def _read(path: Path) -> dict[str, dict[str, Any]]:
-    """Whole lines of an earlier run; the one that it was writing when it was cut off is left out."""
-    found = {}
-    for text in path.read_text().splitlines() if path.exists() else ():
-        try:
-            line = json.loads(text)
-        except json.JSONDecodeError:
-            continue
-        found[line["name"]] = line
-    return found
-
-
-def _kept(path: Path | None, line: dict[str, Any]) -> dict[str, Any]:
-    if path is not None:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        with path.open("a") as file:
-            file.write(f"\n{json.dumps(line)}")  # the break comes first: half a line stays a line of its own
-    return line
 
 
 def code() -> str:
