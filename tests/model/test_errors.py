@@ -9,7 +9,7 @@ def test_every_error_is_drawn_in_the_tree_and_descends_from_the_root() -> None:
     classes = [member for _, member in inspect.getmembers(errors, inspect.isclass)]
     assert len(classes) >= 9
     for member in classes:
-        assert issubclass(member, errors.TsisError)
+        assert issubclass(member, (errors.TsisError, errors.TsisWarning))
         assert member.__name__ in str(errors.__doc__)
 
 

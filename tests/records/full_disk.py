@@ -47,9 +47,9 @@ class FailingDisk(Disk):
         """Fail before the step of that number, counted from now; never for None."""
         self._left, self.failed = at, False
 
-    def create(self, path: Path) -> IO[bytes]:
+    def create(self, path: Path, *, private: bool = False) -> IO[bytes]:
         self._step()
-        return super().create(path)
+        return super().create(path, private=private)
 
     def write(self, file: IO[bytes], content: bytes) -> None:
         try:
@@ -75,9 +75,9 @@ class FailingDisk(Disk):
         self._step()
         super().sync_folder(folder)
 
-    def make_folder(self, folder: Path) -> None:
+    def make_folder(self, folder: Path, *, private: bool = False) -> None:
         self._step()
-        super().make_folder(folder)
+        super().make_folder(folder, private=private)
 
     def _step(self) -> None:
         if self._left is None:

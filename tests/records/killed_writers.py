@@ -46,7 +46,7 @@ class Found:
 class Careless(Disk):
     """Writes under the final name at once, and syncs nothing: what this harness must be able to see."""
 
-    def create(self, path: Path) -> IO[bytes]:
+    def create(self, path: Path, *, private: bool = False) -> IO[bytes]:
         name = path.name.removeprefix(".").removesuffix(UNFINISHED).rpartition("-")[0]
         folder = path.parent / name[:2] if path.parent.name == "files" else path.parent
         return (folder / name).open("wb")

@@ -20,7 +20,7 @@ ENTRIES, HEAD = 11, "62bb9970a4b3207f9998410f71de57b27e873be6085235cf5567ae35cf7
 
 def make_old(place: Place) -> None:
     """Put it into an empty place."""
-    place.folder.mkdir(parents=True)
+    place.folder.mkdir(mode=0o700, parents=True)
     shutil.copytree(FROZEN / "files", place.folder / "files")
     shutil.copy(FROZEN / "audit-anchor.json", place.folder)
     rows = (FROZEN / "records.sql").read_text(encoding="utf-8")

@@ -79,9 +79,9 @@ class RecordingDisk(Disk):
         self.trace, self._left, self._before = trace, kill_at, before
         self.turns = 0
 
-    def create(self, path: Path) -> IO[bytes]:
+    def create(self, path: Path, *, private: bool = False) -> IO[bytes]:
         self._turn()
-        opened = super().create(path)
+        opened = super().create(path, private=private)
         self.trace.files[str(path)] = number = next(self.trace.numbers)
         self._add("create", path, file=number)
         return opened
@@ -116,10 +116,10 @@ class RecordingDisk(Disk):
             super().sync_folder(folder)
             self._add("sync_folder", folder)
 
-    def make_folder(self, folder: Path) -> None:
+    def make_folder(self, folder: Path, *, private: bool = False) -> None:
         self._turn()
         new = not folder.exists()
-        super().make_folder(folder)
+        super().make_folder(folder, private=private)
         if new:
             self._add("make_folder", folder)
 

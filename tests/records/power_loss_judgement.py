@@ -154,7 +154,7 @@ def reopened(state: State, run: Run, kept: list[Kept]) -> list[str]:
     with tempfile.TemporaryDirectory(prefix="tsis-power-") as folder:
         root = Path(folder)
         for each in sorted(state.folders):
-            (root / each).mkdir()
+            (root / each).mkdir(mode=0o700)
         for path, content in state.files.items():
             (root / path).write_bytes(content)
         if state.commit > 0:

@@ -150,7 +150,7 @@ class Disk:
     def put(self, place: Path, rng: random.Random) -> None:
         """Make a state that may be there after power was lost now."""
         newest, kept = rng.choice((0.0, 0.5, 0.9, 1.0)), rng.choice((0.0, 0.5, 0.9, 1.0))
-        place.mkdir()
+        place.mkdir(mode=0o700)
         for path in sorted(self.names):
             values = self.names[path]
             value = values[-1] if rng.random() < newest else rng.choice(values) if newest else values[0]
@@ -158,7 +158,7 @@ class Disk:
             if value is None or not here.parent.is_dir():
                 continue
             if value == FOLDER:
-                here.mkdir()
+                here.mkdir(mode=0o700)
             else:
                 here.write_bytes(self.content(value, rng, kept=kept))
 

@@ -27,9 +27,9 @@ class FailingDisk(Disk):
         if step == self._step:
             raise OSError(28, "No space left on device")
 
-    def create(self, path: Path) -> IO[bytes]:
+    def create(self, path: Path, *, private: bool = False) -> IO[bytes]:
         self._fail("create")
-        return super().create(path)
+        return super().create(path, private=private)
 
     def write(self, file: IO[bytes], content: bytes) -> None:
         if self._step == "write":

@@ -5,7 +5,8 @@ from __future__ import annotations
 import io
 import os
 import sys
-from typing import Annotated, NoReturn
+import warnings
+from typing import Annotated, NoReturn, TextIO
 
 import typer
 
@@ -26,9 +27,10 @@ from tsis.cli.serve import serve
 from tsis.cli.simulate import simulate
 from tsis.cli.study import app as study
 from tsis.cli.sweep import app as sweep
-from tsis.model.errors import TsisError
+from tsis.model.errors import TsisError, TsisWarning
 
 BAD_INPUT = 2
+_show_python_warning = warnings.showwarning
 
 app = typer.Typer(
     name="tsis",
@@ -75,6 +77,7 @@ def run() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):  # a terminal of few letters shows the others by their number
             stream.reconfigure(errors="backslashreplace")
+    warnings.showwarning = _show_warning
     try:
         code = app(args=sys.argv[1:] or ["--help"], standalone_mode=False)
     except TsisError as error:
@@ -94,6 +97,21 @@ def run() -> None:
     if code == INTERRUPTED:  # typer turns Ctrl-C into this code
         raise KeyboardInterrupt
     sys.exit(code if isinstance(code, int) else 0)
+
+
+def _show_warning(  # the signature of warnings.showwarning
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """Print a warning of tsis as one sentence, any other as Python does."""
+    if issubclass(category, TsisWarning):
+        typer.echo(f"Warning: {message}", err=True)
+    else:
+        _show_python_warning(message, category, filename, lineno, file, line)
 
 
 def _stop(sentence: str, code: int) -> NoReturn:

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 UNFINISHED = ".unfinished"
+PRIVATE_FILE, PRIVATE_FOLDER = 0o600, 0o700  # modes that let in the owner alone
 _NO_LINKS = (errno.EPERM, errno.ENOSYS, errno.ENOTSUP, errno.EOPNOTSUPP)  # of file systems as that of memory cards
 
 if sys.platform == "darwin":
@@ -30,12 +31,19 @@ else:
     _sync = os.fsync
 
 
+def _open_private(path: str, flags: int) -> int:
+    return os.open(path, flags, PRIVATE_FILE)
+
+
 class Disk:
     """Every step by which a file gets onto the disk, one call a step, so that a test can make any of them fail."""
 
-    def create(self, path: Path) -> IO[bytes]:
-        """A new empty file, open for writing; `FileExistsError` where there is one."""
-        return path.open("xb")
+    def create(self, path: Path, *, private: bool = False) -> IO[bytes]:
+        """Create an empty file and open it for writing; `FileExistsError` where there is one.
+
+        A private file has mode 0600 from the start.
+        """
+        return open(path, "xb", opener=_open_private if private else None)
 
     def write(self, file: IO[bytes], content: bytes) -> None:
         """Hand the content to the operating system."""
@@ -78,9 +86,9 @@ class Disk:
             finally:
                 os.close(handle)
 
-    def make_folder(self, folder: Path) -> None:
-        """A new folder, or the one that is there."""
-        folder.mkdir(exist_ok=True)
+    def make_folder(self, folder: Path, *, private: bool = False) -> None:
+        """Make a folder where there is none; a private one has mode 0700."""
+        folder.mkdir(mode=PRIVATE_FOLDER if private else 0o777, exist_ok=True)
 
     def remove(self, path: Path) -> None:
         """Take a file away."""
@@ -91,7 +99,13 @@ DISK = Disk()
 
 
 def write_durably(
-    path: Path, content: bytes, *, disk: Disk = DISK, drafts: Path | None = None, replace: bool = True
+    path: Path,
+    content: bytes,
+    *,
+    disk: Disk = DISK,
+    drafts: Path | None = None,
+    replace: bool = True,
+    private: bool = False,
 ) -> None:
     """Write ``content``; when this returns it is on the disk, and readers never see a part of it.
 
@@ -105,6 +119,8 @@ def write_durably(
         Folder of the same disk in which it is written before it gets its name; by default that of ``path``.
     replace
         Whether it may take the place of what has that name.
+    private
+        Whether its owner alone may read it.
 
     Raises
     ------
@@ -114,7 +130,7 @@ def write_durably(
     """
     draft = (drafts or path.parent) / f".{path.name}-{secrets.token_hex(8)}{UNFINISHED}"
     try:
-        with disk.create(draft) as file:
+        with disk.create(draft, private=private) as file:
             disk.write(file, content)
             disk.sync(file)
         if replace:
@@ -128,10 +144,11 @@ def write_durably(
     disk.sync_folder(path.parent)
 
 
-def make_folder_durably(folder: Path, *, disk: Disk = DISK) -> None:
+def make_folder_durably(folder: Path, *, disk: Disk = DISK, private: bool = False) -> None:
     """Make a folder and those above it that are missing; when this returns they are on the disk.
 
-    Those that were there are synced too: who made them may have been killed before they lasted.
+    Those that were there are synced too: who made them may have been killed before they lasted. Of a private folder
+    the missing parents are private as well.
 
     Raises
     ------
@@ -142,7 +159,7 @@ def make_folder_durably(folder: Path, *, disk: Disk = DISK) -> None:
     for each in (*reversed(folder.parents), folder):
         made = not each.is_dir()
         if made:
-            disk.make_folder(each)
+            disk.make_folder(each, private=private)
         try:
             disk.sync_folder(each.parent)
         except OSError:

@@ -18,6 +18,9 @@
     ├── CameraError         a camera that cannot be opened or was lost
     └── GaugeError          a force gauge that cannot be opened, is silent, or says what is no force
 
+    TsisWarning             (a UserWarning) something to mend that stops nothing
+    └── RecordsWarning      a store of records that others can read
+
 A message is one sentence: the name, the requirement, the value received and, where there is one, a cure.
 """
 
@@ -94,3 +97,11 @@ class CameraError(TsisError):
 
 class GaugeError(TsisError):
     """A force gauge that cannot be opened, is silent, or says what is no force."""
+
+
+class TsisWarning(UserWarning):
+    """The root of every warning: something to mend that stops nothing."""
+
+
+class RecordsWarning(TsisWarning):
+    """A store of records that other users of the machine can read; the message gives the command that closes it."""

@@ -32,7 +32,7 @@ LOST, KIND = "anchor missing", "anchor"  # action and kind of the entry that tel
 def write_anchor(folder: Path, store: str, head: Head, *, disk: Disk = DISK) -> None:
     """Write the anchor of the store of that identity; OSError when it cannot be written."""
     document = {"notice": RESEARCH_USE_ONLY, "store": store, **asdict(head)}
-    write_durably(folder / FILE, (json.dumps(document, indent=1) + "\n").encode(), disk=disk)
+    write_durably(folder / FILE, (json.dumps(document, indent=1) + "\n").encode(), disk=disk, private=True)
 
 
 def read_anchor(folder: Path) -> tuple[str, Head]:

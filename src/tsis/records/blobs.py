@@ -64,7 +64,7 @@ class Blobs:
     def _make_folder(self, path: Path) -> None:
         folder = path.parent
         if folder.name not in self._lasting or not folder.is_dir():
-            self._disk.make_folder(folder)
+            self._disk.make_folder(folder, private=True)
             self._disk.sync_folder(self.folder)  # also for one that is there: who made it may have been killed
             self._lasting.add(folder.name)
 
@@ -82,7 +82,7 @@ class Blobs:
     def _write(self, path: Path, content: bytes) -> None:
         damaged = path.exists()
         try:
-            write_durably(path, content, disk=self._disk, drafts=self.folder, replace=damaged)
+            write_durably(path, content, disk=self._disk, drafts=self.folder, replace=damaged, private=True)
         except FileExistsError:
             if not self._holds(path, content):  # as it was written by another program meanwhile
                 raise

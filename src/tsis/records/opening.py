@@ -4,7 +4,10 @@ from __future__ import annotations
 
 import getpass
 import os
+import shlex
+import stat
 import uuid
+import warnings
 from datetime import UTC, datetime
 from pathlib import Path
 
@@ -14,8 +17,8 @@ from sqlalchemy import insert, select
 from tsis.instrument import shown
 from tsis.instrument.file_bytes import as_path, one_line
 from tsis.model import check
-from tsis.model.durable import DISK, Disk, make_folder_durably, remove_unfinished
-from tsis.model.errors import RecordsError
+from tsis.model.durable import DISK, PRIVATE_FILE, PRIVATE_FOLDER, Disk, make_folder_durably, remove_unfinished
+from tsis.model.errors import RecordsError, RecordsWarning
 from tsis.records import rows, tables
 from tsis.records.anchor import BEFORE, read_anchor, write_anchor
 from tsis.records.anchor import FILE as ANCHOR
@@ -51,6 +54,8 @@ def open_store(
 ) -> Store:
     """Open a store, or make an empty one; where nothing can be written one can be read all the same.
 
+    A new store has folders of mode 0700 and files of mode 0600. `RecordsWarning` says when others may read an old one.
+
     Parameters
     ----------
     folder
@@ -81,7 +86,8 @@ def open_store(
         raise RecordsError(f"{shown(place)} must be a store of records; there is none (tsis records import makes one)")
     read_only = only_readable(place) and (database is not None or (place / FILE).is_file())
     if not read_only:
-        _make(place, disk)
+        _make(place, disk, own_database=database is None)
+        _warn_of_open_modes(place)
     rows_of = Database(database, place, read_only=read_only)
     try:
         if not create or read_only:
@@ -104,16 +110,33 @@ def only_readable(place: Path) -> bool:
         return False
 
 
-def _make(place: Path, disk: Disk) -> None:
-    """Make the folders of a store where they are missing, and take away what killed programs left."""
+def _make(place: Path, disk: Disk, *, own_database: bool) -> None:
+    """Make the folders and the database file of a store where they are missing; remove what killed programs left."""
     try:
-        make_folder_durably(place / FILES, disk=disk)
+        make_folder_durably(place / FILES, disk=disk, private=True)
+        if own_database:  # SQLite would let everyone read the file; its log takes over the mode
+            os.close(os.open(place / FILE, os.O_RDWR | os.O_CREAT, PRIVATE_FILE))
     except (OSError, ValueError) as error:  # ValueError: a NUL character in its name
         raise RecordsError(
             f"{shown(place)} must be a folder that can be made; got: {one_line(error)} (choose another)"
         ) from error
     for folder in (place, place / FILES):
         remove_unfinished(folder, age_s=ABANDONED_S)
+
+
+def _warn_of_open_modes(place: Path) -> None:
+    """Warn, once a program, where other users of this machine may read a store that an older release made."""
+    if os.name == "posix" and all(map(_open_to_others, (place, place / FILES))):
+        warnings.warn(
+            f"other users of this machine can read the records in {shown(place)} "
+            f"(this closes the folder: chmod -R go= {shlex.quote(str(place))})",
+            RecordsWarning,
+            stacklevel=1,
+        )
+
+
+def _open_to_others(folder: Path) -> bool:
+    return bool(stat.S_IMODE(folder.stat().st_mode) & ~PRIVATE_FOLDER)
 
 
 def _user() -> str:

@@ -15,7 +15,7 @@ from sqlalchemy import inspect, text
 
 from tsis.instrument import shown
 from tsis.instrument.file_bytes import one_line
-from tsis.model.durable import DISK, UNFINISHED
+from tsis.model.durable import DISK, PRIVATE_FILE, UNFINISHED
 from tsis.model.errors import RecordsError
 
 if TYPE_CHECKING:
@@ -75,7 +75,8 @@ def copied(connection: Connection, file: Path, present: str) -> None:
     draft = copy.with_name(f".{copy.name}{UNFINISHED}")
     try:
         draft.unlink(missing_ok=True)  # of a migration that was killed
-        # SQLite writes such a copy outside of a transaction only.
+        draft.touch(mode=PRIVATE_FILE)
+        # SQLite writes such a copy outside of a transaction only, into a file that is empty or missing.
         connection.connection.driver_connection.execute("VACUUM INTO ?", (str(draft),))  # type: ignore[union-attr]
         with draft.open("rb+") as written:
             DISK.sync(written)

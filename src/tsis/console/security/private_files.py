@@ -5,32 +5,15 @@ from __future__ import annotations
 import os
 import stat
 from pathlib import Path
-from typing import IO
 
 import platformdirs
 
-from tsis.model.durable import Disk, make_folder_durably, write_durably
+from tsis.model.durable import make_folder_durably, write_durably
 from tsis.model.errors import FileInputError
 
 FOLDER = "TSIS_CONSOLE_DIR"
 OTHERS = stat.S_IRWXG | stat.S_IRWXO
-OWNER_ALONE = stat.S_IRUSR | stat.S_IWUSR
 LARGEST_BYTES = 2**20
-
-
-class PrivateDisk(Disk):
-    """The disk, with new files that their owner alone may read from the first byte on."""
-
-    def create(self, path: Path) -> IO[bytes]:
-        """A new empty file, open for writing."""
-        return os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, OWNER_ALONE), "wb")
-
-    def make_folder(self, folder: Path) -> None:
-        """A new folder, or the one that is there."""
-        folder.mkdir(mode=stat.S_IRWXU, exist_ok=True)
-
-
-PRIVATE = PrivateDisk()
 
 
 def console_folder() -> Path:
@@ -72,8 +55,8 @@ def write_private(path: Path, content: bytes, *, replace: bool = True) -> None:
         When it cannot be written.
     """
     try:
-        make_folder_durably(path.parent, disk=PRIVATE)
-        write_durably(path, content, disk=PRIVATE, replace=replace)
+        make_folder_durably(path.parent, private=True)
+        write_durably(path, content, replace=replace, private=True)
     except FileExistsError:
         if path.parent.is_dir():
             raise
