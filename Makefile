@@ -10,7 +10,7 @@ PYTEST_FLAGS ?= -n 2 --dist loadfile
 MANIFESTS := pyproject.toml constraints.txt
 
 .DEFAULT_GOAL := help
-.PHONY: help demo test peers test-slow benchmark studies lint docs sbom constraints clean
+.PHONY: help demo test peers test-system test-slow test-release benchmark studies lint docs sbom constraints clean
 
 help:  ## say what there is
 	@grep -E '^[a-z-]+:.*##' Makefile | sed -E 's/:[^#]*##/\t/' | expand -t 14
@@ -18,13 +18,20 @@ help:  ## say what there is
 demo: $(VENV)/.plain  ## install, then press a virtual phantom and estimate its inclusion
 	$(BIN)/tsis demo
 
-test: $(VENV)/.dev  ## install, then run the quick tests and all doctests
-	$(BIN)/pytest $(PYTEST_FLAGS) -m "not slow and not benchmark"
+# The tiers exclude each other: release, benchmark, slow, system, and the quick tests that are left.
+test: $(VENV)/.dev  ## install, then run the quick tests and all doctests: in process, no server, no browser
+	$(BIN)/pytest $(PYTEST_FLAGS) -m "not system and not slow and not benchmark and not release"
 
-peers: $(VENV)/.peers  ## real cameras' libraries for the tests marked system; Debian's aravis-tools brings one more
+peers: $(VENV)/.peers  ## real cameras' libraries for test-system; .ci/run lists Debian's packages
+
+test-system: $(VENV)/.dev  ## the tests that start programs, browsers, cameras, PostgreSQL or a DICOM archive
+	$(BIN)/pytest $(PYTEST_FLAGS) -m "system and not slow and not benchmark and not release"
 
 test-slow: $(VENV)/.dev  ## the tests that take minutes
-	$(BIN)/pytest $(PYTEST_FLAGS) -m "slow and not benchmark"
+	$(BIN)/pytest $(PYTEST_FLAGS) -m "slow and not benchmark and not release"
+
+test-release: $(VENV)/.release  ## fresh environments: the built wheel, installed and used
+	$(BIN)/pytest -m release
 
 benchmark: $(VENV)/.dev  ## speed and accuracy beside those of other programs, one process at a time
 	$(BIN)/pytest -m benchmark -s tests benchmarks

@@ -1,33 +1,83 @@
-"""Every test run starts with an empty cache of its own, shared by the run's workers and removed at its end."""
+"""What every test run shares: caches, one profile of hypothesis, and the promise that quick tests start nothing."""
 
 from __future__ import annotations
 
 import gc
+import hashlib
 import os
+import platform
 import shutil
-import tempfile
-from typing import TYPE_CHECKING
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import pytest
+from hypothesis import settings
 
 if TYPE_CHECKING:
-    import pytest
+    from collections.abc import Iterator
 
-CACHE = "TSIS_CACHE_DIR"
 collect_ignore = ["src/tsis/records/migrations/env.py"]  # which Alembic alone can run
+ROOT = Path(__file__).parent
+CACHES = Path(sys.prefix)  # the environment's own folder: .venv of `make test`
+TABLES = "test-tables"
+MODELS = ("hardness", "mechanics", "model", "optics")  # packages whose code decides what the tables hold
+PAGES_THAT_START = {"run-a-sweep.md"}
+STARTS = {"subprocess.Popen", "os.fork", "os.posix_spawn", "socket.bind"}  # audit events of processes and servers
+
+os.environ["NUMBA_CACHE_DIR"] = str(CACHES / "numba-cache")  # before anything imports numba
+settings.register_profile("tests", deadline=None, derandomize=True)  # a busy machine is no failure
+settings.register_profile("search", deadline=None, max_examples=500)  # pytest --hypothesis-profile search
+settings.load_profile("tests")
+_quick_test: list[str] = []  # the one that runs now
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Make the cache before the workers start."""
+    """Choose the folder of tables that are slow to compute: one for each state of the code that computes them."""
     if not hasattr(config, "workerinput"):  # workers inherit the controller's environment
-        os.environ[CACHE] = tempfile.mkdtemp(prefix="tsis-test-cache-")
+        folder = CACHES / TABLES / _models_hash()
+        for other in set((CACHES / TABLES).glob("*")) - {folder}:
+            shutil.rmtree(other, ignore_errors=True)
+        os.environ["TSIS_CACHE_DIR"] = str(folder)
+    platform.processor()  # asks a program once and keeps the answer
+    sys.addaudithook(_refuse_starts)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark the pages whose examples start processes."""
+    for item in items:
+        if item.path.name in PAGES_THAT_START:
+            item.add_marker("system")
 
 
 def pytest_collection_finish() -> None:
-    """Leave what was loaded for the tests alone from now on: looking through it stops a worker for half a second."""
+    """Exempt what was loaded from garbage collection: looking through it stops a worker for half a second."""
     gc.collect()
     gc.freeze()
 
 
-def pytest_unconfigure(config: pytest.Config) -> None:
-    """Remove the cache when the last worker is gone."""
-    if not hasattr(config, "workerinput"):
-        shutil.rmtree(os.environ.pop(CACHE), ignore_errors=True)
+@pytest.fixture(autouse=True)
+def _quick(request: pytest.FixtureRequest) -> Iterator[None]:
+    """Name the running test where it must start no process and open no port."""
+    if any(map(request.node.get_closest_marker, ("system", "slow", "benchmark", "release"))):
+        yield
+        return
+    _quick_test.append(request.node.nodeid)
+    yield
+    _quick_test.clear()
+
+
+def _refuse_starts(event: str, arguments: tuple[Any, ...]) -> None:
+    if _quick_test and event in STARTS and os.getpid() == _OWN:
+        raise RuntimeError(f"{_quick_test[0]} must be marked `system`: it calls {event} with {arguments!r:.200}")
+
+
+def _models_hash() -> str:
+    sources = [
+        path for model in MODELS for path in sorted((ROOT / "src" / "tsis" / model).rglob("*")) if path.is_file()
+    ]
+    contents = (path.read_bytes() for path in sources if path.suffix in (".py", ".toml"))
+    return hashlib.sha256(b"".join(contents)).hexdigest()[:16]
+
+
+_OWN = os.getpid()

@@ -1,19 +1,36 @@
 from __future__ import annotations
 
+import io
 import shutil
 import sys
 from dataclasses import dataclass
 from datetime import timedelta
 from pathlib import Path
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import pytest
+from matplotlib.figure import Figure
+from PIL import Image
 from tests.records.pressed_object import stored_object
 from tests.records.sample import WHEN, levels
 
 from tsis.cli import main
 from tsis.model import TactileImage
 from tsis.records import open_store
+from tsis.report import drawing
+
+if TYPE_CHECKING:
+    from tsis.report.page import Picture
+
+
+def png_of_one_pixel() -> bytes:
+    buffer = io.BytesIO()
+    Image.new("RGB", (1, 1)).save(buffer, format="PNG")
+    return buffer.getvalue()
+
+
+EMPTY_SVG = b'<svg xmlns="http://www.w3.org/2000/svg"/>'
+EMPTY_PNG = png_of_one_pixel()
 
 
 @dataclass(frozen=True)
@@ -83,3 +100,14 @@ def filled(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def records(filled: Path, tmp_path: Path) -> Path:
     """A copy of it."""
     return Path(shutil.copytree(filled, tmp_path / "records"))
+
+
+@pytest.fixture(autouse=True)
+def _rough_pictures(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Draw each picture, but spare its layout and rendering: tests of reports look at those."""
+
+    def drawn(picture: Picture, size: tuple[float, float], *, kind: str, dpi: float) -> bytes:
+        picture.draw(Figure(figsize=size))
+        return EMPTY_SVG if kind == "svg" else EMPTY_PNG
+
+    monkeypatch.setattr(drawing, "_drawn", drawn)

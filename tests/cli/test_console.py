@@ -9,6 +9,7 @@ import webbrowser
 from typing import TYPE_CHECKING
 
 import pytest
+from tests.waiting import HANGS_S
 
 from tsis.console import serving
 from tsis.console.security.private_files import FOLDER
@@ -23,7 +24,6 @@ if TYPE_CHECKING:
 
 TOKEN = "t" * 43
 ADDRESS = f"http://127.0.0.1:8642/?token={TOKEN}"
-WAIT_S = 30.0  # after which it will never be
 
 
 @pytest.fixture
@@ -34,7 +34,7 @@ def opened(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> queue.Queue[str]:
 
     def served(_: ConsoleTerms, *, ready: Callable[[str], None]) -> None:
         ready(ADDRESS)
-        found.put(told.get(timeout=WAIT_S))
+        found.put(told.get(timeout=HANGS_S))
 
     monkeypatch.setenv(FOLDER, str(tmp_path / "user"))
     monkeypatch.setattr(webbrowser, "open", told.put)

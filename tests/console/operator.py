@@ -10,6 +10,7 @@ import httpx
 from playwright.sync_api import Error as BrowserError
 from playwright.sync_api import TimeoutError as Late
 from tests.console.browser import picture
+from tests.waiting import HANGS_S
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -106,4 +107,4 @@ def press_with(page: Page, force: str) -> None:
 
 def asked(console: RunningConsole, path: str) -> Any:
     """What a script reads of the console: another way to the same bench."""
-    return httpx.get(console.address + API + path, headers=console.key).raise_for_status().json()
+    return httpx.get(console.address + API + path, headers=console.key, timeout=HANGS_S).raise_for_status().json()

@@ -6,7 +6,7 @@ import gc
 import threading
 import weakref
 
-from tests.console.live.feed import until
+from tests.waiting import until
 
 from tsis.console.allocation import share_memory_among_threads, tidied
 

@@ -9,6 +9,7 @@ import time
 from typing import TYPE_CHECKING
 
 import pytest
+from tests.waiting import HANGS_S
 
 from tsis.console.apart import Apart
 from tsis.model import check
@@ -16,6 +17,8 @@ from tsis.model.errors import ControlError, InputError, UnknownNameError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
+
+pytestmark = pytest.mark.system
 
 
 @pytest.fixture
@@ -61,7 +64,7 @@ def test_nothing_is_waited_for_when_the_console_ends(apart: Apart) -> None:
     while apart._done < 2:
         threading.Event().wait(0.01)
     apart.close()
-    waits.join(20)
+    waits.join(HANGS_S)
     assert len(told) == 1
     with pytest.raises(ControlError, match="being ended"):
         apart.ask(os.getpid)

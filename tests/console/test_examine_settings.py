@@ -9,6 +9,7 @@ import pytest
 from playwright.sync_api import expect
 from tests.console.browser import needs_browser, picture
 from tests.console.operator import API, asked, operating, run, tab
+from tests.waiting import HANGS_S
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -97,11 +98,13 @@ def test_what_a_script_changes_appears(console: RunningConsole, browser: Browser
     api, key = console.address + API, console.key
     with tab(browser, console) as page:
         page.get_by_role("tab", name="Settings").click()
-        taken = httpx.post(api + "/control", headers=key, json={"name": "a script", "over": True}).raise_for_status()
+        taken = httpx.post(
+            api + "/control", headers=key, json={"name": "a script", "over": True}, timeout=HANGS_S
+        ).raise_for_status()
         key = {**key, "TSIS-Control": taken.json()["identity"]}
         page.get_by_text("a script holds the camera; you watch.").wait_for()
-        httpx.post(api + "/camera/start", headers=key, timeout=60.0).raise_for_status()
+        httpx.post(api + "/camera/start", headers=key, timeout=HANGS_S).raise_for_status()
         httpx.patch(api + "/camera/settings", headers=key, json={"values": {"gain": 6.0}}).raise_for_status()
         expect(page.get_by_role("textbox", name="Gain")).to_have_value("6")
         assert page.get_by_role("textbox", name="Gain").is_disabled()
-        httpx.delete(api + "/control", headers=key)
+        httpx.delete(api + "/control", headers=key, timeout=HANGS_S)

@@ -116,6 +116,7 @@ def test_the_report_is_the_one_that_the_library_writes(client: FilesOf, store: S
     assert not list(exports.iterdir())
 
 
+@pytest.mark.system
 def test_the_report_on_paper_opens_in_another_program(client: FilesOf, tmp_path: Path) -> None:
     answer = client.get(f"/files/report/{NUMBER}.pdf")
     assert answer.headers["content-disposition"] == 'attachment; filename="target-3.pdf"'

@@ -14,6 +14,7 @@ from tests.console.browser import needs_browser, picture
 from tests.console.contrast import texts
 from tests.console.filled_store import still
 from tests.console.operator import TABLET, tab
+from tests.waiting import HANGS_S
 
 from tsis.report.study import study_page
 from tsis.study import analyse, new_study, open_study, printed_targets, verify
@@ -93,7 +94,10 @@ def test_a_whole_study(page: Page, console: RunningConsole, browser: Browser) ->
     page.get_by_label("Operator").fill("Ada")
     page.get_by_role("button", name="Run on the virtual probe").click()
     page.get_by_text(re.compile(r"^The probe")).wait_for()
-    assert httpx.get(f"{console.address}/files/study/trial/report.html", headers=console.key).status_code == 404
+    assert (
+        httpx.get(f"{console.address}/files/study/trial/report.html", headers=console.key, timeout=HANGS_S).status_code
+        == 404
+    )
     page.get_by_text("4 readings entered", exact=False).wait_for()
     page.get_by_text("Ada: 4 of 4 read").wait_for()
     assert page.get_by_role("cell", name="read", exact=True).count() == 4
@@ -156,7 +160,7 @@ def test_a_whole_study(page: Page, console: RunningConsole, browser: Browser) ->
     report.get_by_role("heading", name="Study trial").wait_for()
     picture(report, "study-report")
     for form, begins in (("html", b"<!"), ("pdf", b"%PDF")):
-        answer = httpx.get(f"{console.address}/files/study/trial/report.{form}", headers=console.key)
+        answer = httpx.get(f"{console.address}/files/study/trial/report.{form}", headers=console.key, timeout=HANGS_S)
         assert answer.content.startswith(begins)
         assert "script-src 'self' 'nonce-" in answer.headers["content-security-policy"]
         assert answer.headers["cache-control"] == "private, no-store"
@@ -169,7 +173,7 @@ def test_a_whole_study(page: Page, console: RunningConsole, browser: Browser) ->
         picture(tablet, "study-list-dark")
 
     (study.folder / "analysis" / "report.html").write_text("<script>alert(1)</script>")
-    answer = httpx.get(f"{console.address}/files/study/trial/report.html", headers=console.key)
+    answer = httpx.get(f"{console.address}/files/study/trial/report.html", headers=console.key, timeout=HANGS_S)
     assert answer.status_code == 503
     assert answer.text.startswith("report.html must be as it was written; it was changed")
 
@@ -277,10 +281,10 @@ def test_hostile_tables_and_addresses_are_refused_in_a_sentence(page: Page, cons
         page.get_by_role("alert").get_by_text(re.compile("must be")).or_(
             page.get_by_text("no page at this")
         ).first.wait_for()
-        answer = httpx.get(f"{console.address}/files/study/{name}/report.html", headers=console.key)
+        answer = httpx.get(f"{console.address}/files/study/{name}/report.html", headers=console.key, timeout=HANGS_S)
         assert answer.status_code in (400, 404)
         assert str(console.folder) not in answer.text
-    answer = httpx.get(f"{console.address}/files/study/hostile/report.csv", headers=console.key)
+    answer = httpx.get(f"{console.address}/files/study/hostile/report.csv", headers=console.key, timeout=HANGS_S)
     assert answer.status_code == 404
 
     (place(console, "hostile") / "study.json").write_text("{")

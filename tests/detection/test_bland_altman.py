@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import linregress, nct, ttest_rel
 from tests.detection.references import REFERENCES
@@ -68,7 +68,6 @@ def test_approximate_intervals_come_near_exact_ones_for_many() -> None:
         assert (exact.method, near.method) == ("exact", "approximate")
 
 
-@settings(deadline=None)
 @given(st.integers(0, 2**32), st.integers(5, 30))
 def test_swapping_the_ways_turns_everything(seed: int, size: int) -> None:
     first, second = _pair(seed, size)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.metrics import balanced_accuracy_score, class_likelihood_ratios, confusion_matrix, precision_score
 
@@ -23,7 +23,6 @@ def test_the_printed_study() -> None:
     assert PRINTED.negative_likelihood_ratio.value == pytest.approx(0.25 / 0.875)
 
 
-@settings(deadline=None)
 @given(st.lists(st.tuples(st.booleans(), st.booleans()), min_size=1, max_size=60))
 def test_counts_are_those_of_scikit_learn(pairs: list[tuple[bool, bool]]) -> None:
     decided, present = np.array(pairs).T

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from tests.detection.references import REFERENCES
 
@@ -54,7 +54,6 @@ def test_placements_by_sorting_are_those_of_all_pairs() -> None:
     np.testing.assert_allclose(found.covariance, by_pairs, atol=1e-15)
 
 
-@settings(deadline=None)
 @given(st.integers(0, 2**32), st.integers(2, 15), st.integers(2, 15))
 def test_swapping_the_methods_turns_the_difference(seed: int, m: int, n: int) -> None:
     rng = np.random.default_rng(seed)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from statsmodels.formula.api import ols
 from statsmodels.stats.anova import anova_lm
@@ -53,7 +53,6 @@ def test_mean_squares_are_those_of_statsmodels() -> None:
     assert (found.targets, found.raters, found.residual) == pytest.approx(tuple(peer), rel=1e-9)
 
 
-@settings(deadline=None)
 @given(st.integers(0, 2**32), st.integers(2, 12), st.integers(2, 6))
 def test_swapping_raters_moving_and_scaling_change_nothing(seed: int, n: int, k: int) -> None:
     rng = np.random.default_rng(seed)

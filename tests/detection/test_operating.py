@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from sklearn.metrics import balanced_accuracy_score
 from tests.detection.drawn_studies import Study, studies
@@ -25,7 +25,6 @@ def _all_decisions(study: Study) -> list[Counts]:
     return [Counts.of(scores >= threshold, present) for threshold in thresholds]
 
 
-@settings(deadline=None)
 @given(studies(), st.floats(0, 1), st.floats(0.01, 0.99), st.floats(0.1, 10))
 def test_points_are_the_best_of_all(study: Study, wanted: float, prevalence: float, missed: float) -> None:
     curve, options = roc(*study), _all_decisions(study)
@@ -45,7 +44,6 @@ def test_points_are_the_best_of_all(study: Study, wanted: float, prevalence: flo
     assert cost(point.counts) == pytest.approx(min(map(cost, options)), rel=1e-8, abs=1e-12)
 
 
-@settings(deadline=None)
 @given(studies(), st.floats(0, 1))
 def test_a_point_decides_as_it_counts(study: Study, wanted: float) -> None:
     scores, present = study

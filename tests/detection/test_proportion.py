@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binom, binomtest
 from statsmodels.stats.proportion import proportion_confint
@@ -29,7 +29,6 @@ def test_intervals_are_those_of_others(successes: int, trials: int, level: float
     assert (wilson.method, exact.method, wilson.level) == ("wilson", "exact", level)
 
 
-@settings(deadline=None)
 @given(counted, st.floats(0.01, 0.999))
 def test_an_interval_holds_the_share_and_stays_a_share(pair: tuple[int, int], level: float) -> None:
     share = Proportion(successes=pair[0], trials=pair[1])

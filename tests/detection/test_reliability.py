@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import statsmodels.api as sm
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import expit, logit
 from sklearn.calibration import calibration_curve
@@ -28,7 +28,6 @@ def _drawn(seed: int, size: int = 400, slope: float = 1.0) -> Study:
     return expit(logits), rng.random(size) < expit(slope * logits)
 
 
-@settings(deadline=None)
 @given(told, st.integers(1, 12), st.sampled_from(["equal-count", "equal-width"]))
 def test_murphys_parts_add_up(pairs: list[tuple[float, bool]], bins: int, widths: str) -> None:
     said, present = np.array([one for one, _ in pairs]), np.array([one for _, one in pairs])
@@ -65,7 +64,6 @@ def test_curves_are_those_of_scikit_learn(widths: str, strategy: str, bins: int)
         assert one.observed.interval().method == "wilson"
 
 
-@settings(deadline=None)
 @given(told, st.integers(1, 12))
 def test_equal_probabilities_stay_together(pairs: list[tuple[float, bool]], bins: int) -> None:
     said, present = np.array([one for one, _ in pairs]), np.array([one for _, one in pairs])
@@ -104,7 +102,6 @@ def test_a_slope_is_found_again_as_often_as_said() -> None:
     assert held / 300 == pytest.approx(0.9, abs=0.05)
 
 
-@settings(deadline=None)
 @given(st.integers(0, 2**32))
 def test_extreme_probabilities_are_recalibrated(seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import f_oneway
 from statsmodels.formula.api import ols
@@ -97,7 +97,6 @@ def test_intervals_of_reproducibility_hold_as_often_as_they_say(sds: tuple[float
     assert np.mean([one.repeatability_interval(0.9).holds(within) for one in found]) == pytest.approx(0.9, abs=0.04)
 
 
-@settings(deadline=None)
 @given(st.integers(0, 2**32))
 def test_swapping_operators_changes_nothing(seed: int) -> None:
     table = _study(seed, (4, 3, 2), (2, 1, 0.5, 0.3))

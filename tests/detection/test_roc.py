@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from benchmarks.detection_intervals import study
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import erfinv
 from scipy.stats import mannwhitneyu
@@ -18,7 +18,6 @@ from tsis.detection import newcombe_interval, roc
 from tsis.model.errors import InputError
 
 
-@settings(deadline=None)
 @given(studies())
 def test_curves_and_areas_are_those_of_scikit_learn(study: Study) -> None:
     scores, present = study
@@ -32,7 +31,6 @@ def test_curves_and_areas_are_those_of_scikit_learn(study: Study) -> None:
     assert curve.auc == pytest.approx(counted / (curve.targets * curve.blanks), abs=1e-12)
 
 
-@settings(deadline=None)
 @given(studies())
 def test_counts_at_each_threshold(study: Study) -> None:
     scores, present = study
@@ -45,7 +43,6 @@ def test_counts_at_each_threshold(study: Study) -> None:
         assert counts.sensitivity.value == curve.true_positive_rate[index]
 
 
-@settings(deadline=None)
 @given(studies())
 def test_rising_transforms_keep_the_curve_and_falling_ones_turn_it(study: Study) -> None:
     scores, present = study
@@ -60,7 +57,6 @@ def test_rising_transforms_keep_the_curve_and_falling_ones_turn_it(study: Study)
     assert roc(scores, ~present).auc == pytest.approx(1 - curve.auc, abs=1e-12)
 
 
-@settings(deadline=None)
 @given(st.integers(1, 200), st.integers(1, 200), st.floats(0, 1), st.floats(0.5, 0.999))
 def test_newcombes_ends_solve_his_equation(m: int, n: int, auc: float, level: float) -> None:
     low, high = newcombe_interval(auc, m, n, level)

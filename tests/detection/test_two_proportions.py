@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from scipy.stats import binom
 from statsmodels.stats.proportion import confint_proportions_2indep
@@ -32,7 +32,6 @@ def test_intervals_are_those_of_statsmodels(counts: tuple[int, int, int, int], l
     assert list(difference.interval(level)) == pytest.approx(peer, abs=1e-12)
 
 
-@settings(deadline=None)
 @given(shares, shares)
 def test_swapping_the_shares_inverts_the_ratio_and_turns_the_difference(one: Proportion, two: Proportion) -> None:
     turned = Difference(first=two, second=one).interval()

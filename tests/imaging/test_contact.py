@@ -41,7 +41,7 @@ def test_a_disc_has_its_centre_and_radius(draw_ellipse: DrawEllipse, scale: tupl
     assert contact.radius_px == pytest.approx(1.7 / np.sqrt(scale[0] * scale[1]), rel=0.01)
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(x=st.floats(45.0, 75.0), y=st.floats(40.0, 60.0), gain=st.floats(0.3, 2.0))
 def test_a_ball_is_found_wherever_it_is_and_however_bright(x: float, y: float, gain: float) -> None:
     rows, columns = np.mgrid[:100, :120]

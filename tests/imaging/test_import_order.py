@@ -5,6 +5,8 @@ import sys
 
 import pytest
 
+pytestmark = pytest.mark.system
+
 ORDERS = (
     "import tsis.imaging",
     "import tsis.imaging.contact_features, tsis.imaging.height_surface",

@@ -73,7 +73,7 @@ def test_the_fast_picture_is_the_formula_as_written(model: str, blur_mm: float, 
 
 
 @given(seed=st.integers(0, 1000), columns=st.integers(8, 60), rows=st.integers(8, 60))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_so_it_is_on_any_sensor_under_any_light(seed: int, columns: int, rows: int) -> None:
     sensor = Sensor(columns=columns, rows=rows, mm_per_pixel=(0.2, 0.13))
     fast, plain = (

@@ -4,7 +4,6 @@ import fcntl
 from typing import TYPE_CHECKING, TypeVar
 
 import pytest
-from hypothesis import settings
 from threadpoolctl import threadpool_limits
 
 import tsis
@@ -18,9 +17,6 @@ if TYPE_CHECKING:
     from tsis.mechanics import CoveredSurrogate, PressSurrogate
 
 T = TypeVar("T")
-
-settings.register_profile("no deadline", deadline=None)  # a busy machine is no failure
-settings.load_profile("no deadline")
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -7,18 +7,18 @@ import threading
 from typing import TYPE_CHECKING
 
 import numpy as np
+from tests.waiting import HANGS_S
 
 from tsis.instrument import Frame, Mode, Setting
 from tsis.model import check
 from tsis.model.errors import CameraError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Iterator
 
     from numpy.typing import NDArray
 
 END, BREAK = "end", "break"
-SECONDS = 10.0  # within which anything that a test waits for must have happened
 
 
 def pixels(level: int = 7, rows: int = 6, columns: int = 8) -> NDArray[np.uint8]:
@@ -63,7 +63,7 @@ class ScriptedCamera:
     def frames(self) -> Iterator[Frame]:
         while self._running.is_set():
             try:
-                item = self.script.get(timeout=SECONDS if self.deaf else 0.02)
+                item = self.script.get(timeout=HANGS_S if self.deaf else 0.02)
             except queue.Empty:
                 continue
             if item == END:
@@ -77,13 +77,3 @@ class ScriptedCamera:
     def stop(self) -> None:
         self.stops += 1
         self._running.clear()
-
-
-def until(happened: Callable[[], bool]) -> None:
-    """Wait for something that another thread does."""
-    pause = threading.Event()
-    for _ in range(int(SECONDS / 0.01)):
-        if happened():
-            return
-        pause.wait(0.01)
-    raise AssertionError("it did not happen")

@@ -42,7 +42,7 @@ def _file(kind: str, colour: bool) -> bytes:
 
 @pytest.mark.parametrize("colour", [False, True])
 @pytest.mark.parametrize("kind", KINDS)
-@settings(deadline=None, max_examples=120, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=120, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(share=st.floats(0.0, 1.0, exclude_max=True))
 def test_a_cut_file_is_refused_or_still_holds_every_pixel(
     tmp_path: Path, kind: str, colour: bool, share: float

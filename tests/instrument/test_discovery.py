@@ -96,6 +96,7 @@ def test_specs_that_name_nothing_are_refused_with_the_nearest() -> None:
         connect(0)  # type: ignore[arg-type]
 
 
+@pytest.mark.system
 def test_no_library_of_a_camera_maker_is_imported_before_its_source_is_asked() -> None:
     code = (
         "import sys, tsis.instrument, tsis.instrument.discovery as d; d.connect('pylon:'); d.connect('genicam:');"

@@ -26,7 +26,7 @@ sizes = st.tuples(st.integers(5, 60), st.sampled_from([2, 3]), st.integers(0, 10
 
 
 @given(sizes, st.floats(0, 180), st.integers(0, 1000))
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_a_rotation_alone_keeps_distances_and_the_mean(size: tuple[int, int, int], angle_deg: float, seed: int) -> None:
     trial = distort(shape_of(*size), Distortion(rotation_deg=angle_deg), rng=np.random.default_rng(seed))
     moved = trial.target[trial.truth]
@@ -39,7 +39,7 @@ def test_a_rotation_alone_keeps_distances_and_the_mean(size: tuple[int, int, int
 
 
 @given(sizes, st.floats(0, 0.9), st.sampled_from(["patch", "scattered"]), st.floats(0, 3), st.integers(0, 1000))
-@settings(deadline=None, max_examples=40)
+@settings(max_examples=40)
 def test_counts_and_truth_are_those_asked_for(
     size: tuple[int, int, int], occluded: float, kind: str, ratio: float, seed: int
 ) -> None:

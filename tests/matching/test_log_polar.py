@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -23,7 +23,6 @@ def _turn(points: np.ndarray, angle: float) -> np.ndarray:
     return turned
 
 
-@settings(deadline=None)  # the first call compiles
 @given(
     st.sampled_from([2, 3]).flatmap(
         lambda d: arrays(float, st.tuples(st.integers(2, 12), st.just(d)), elements=COORDINATE)

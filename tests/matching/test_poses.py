@@ -35,7 +35,7 @@ def _inside(points: np.ndarray) -> np.ndarray:
     return Frame.of(points).inward(points)
 
 
-@settings(deadline=None, max_examples=15, derandomize=True)
+@settings(max_examples=15, derandomize=True)
 @given(angle=st.floats(0, 2 * np.pi), seed=st.integers(0, 1000))
 def test_any_rotation_of_the_plane_is_found_while_the_shape_is_stretched(angle: float, seed: int) -> None:
     rng = np.random.default_rng(seed)
@@ -101,7 +101,7 @@ def test_rotations_are_proper_and_lie_close_to_any(dimension: int) -> None:
 
 
 @pytest.mark.parametrize("dimension", [2, 3], ids=["plane", "space"])
-@settings(deadline=None, max_examples=15, derandomize=True)
+@settings(max_examples=15, derandomize=True)
 @given(seed=st.integers(0, 10_000))
 def test_half_of_the_pairs_being_false_changes_nothing(dimension: int, seed: int) -> None:
     rng = np.random.default_rng(seed)

@@ -70,7 +70,7 @@ def test_gradient_equals_differences(dimension: int) -> None:
 
 
 @DIMENSIONS
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 2**31), bending=st.sampled_from([0.0, 1e-2, 1e2]))
 def test_an_affine_map_is_reproduced_and_bends_nothing(dimension: int, seed: int, bending: float) -> None:
     points, _, asked = _pairs(dimension, 12, seed)
@@ -81,7 +81,7 @@ def test_an_affine_map_is_reproduced_and_bends_nothing(dimension: int, seed: int
 
 
 @DIMENSIONS
-@settings(deadline=None, max_examples=15)
+@settings(max_examples=15)
 @given(seed=st.integers(0, 2**31), size=st.sampled_from([1e-9, 1.0, 1e5]), away=st.sampled_from([0.0, 1e4]))
 def test_turning_moving_and_scaling_carry_over(dimension: int, seed: int, size: float, away: float) -> None:
     points, targets, asked = _pairs(dimension)

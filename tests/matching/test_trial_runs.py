@@ -134,6 +134,7 @@ def test_values_out_of_range_are_refused(arguments: dict[str, int]) -> None:
         run_trials(trials(1), METHODS, **arguments)  # type: ignore[arg-type]
 
 
+@pytest.mark.system
 def test_processes_find_what_one_finds(tmp_path: Path) -> None:
     rows = run_trials(trials(), METHODS, workers=2, file=tmp_path / "rows.csv")
     assert without_time(rows) == without_time(run_trials(trials(), METHODS))

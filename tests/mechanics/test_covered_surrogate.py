@@ -144,7 +144,7 @@ def test_poissons_ratio_moves_it_along_the_derivative(probe: Probe, poisson: flo
         np.testing.assert_allclose(found, expected, atol=2e-4 * MEAN_KPA)
 
 
-@settings(max_examples=5, deadline=None)
+@settings(max_examples=5)
 @given(factor=st.floats(0.2, 5.0), domed=st.booleans())
 def test_only_the_ratios_of_moduli_and_force_matter(factor: float, domed: bool) -> None:
     """All moduli and the force times ``factor``: pressures times it, the same displacements."""

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hn
 
@@ -28,7 +28,6 @@ def _archive(**arrays: Any) -> bytes:
     return stream.getvalue()
 
 
-@settings(deadline=None)
 @given(one=NUMBERS, two=NUMBERS, by_column=st.booleans())
 def test_what_numpy_writes_comes_back(one: Any, two: Any, by_column: bool) -> None:
     one = np.asfortranarray(one) if by_column else one

@@ -9,8 +9,11 @@ import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 import tsis.model
+
+pytestmark = pytest.mark.system
 
 ROOM = Path(tsis.model.__file__).parent
 STEPS = """

@@ -41,7 +41,7 @@ def test_no_power_is_lost_but_near_cut_off() -> None:
     assert np.count_nonzero(result.clear) == 16
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(
     depth=st.floats(0.0, 1.6),
     radius=st.floats(0.5, 20.0),

@@ -32,7 +32,6 @@ def unweakened(probe: Probe) -> Scene:
     return scene(probe, None)._replace(weak=0.0, most_meetings=30)
 
 
-@settings(deadline=None)
 @given(angle=ANGLE, here=INDEX, there=INDEX)
 def test_reflection_is_fresnels_mean(angle: float, here: float, there: float) -> None:
     back, through = reflectance(np.cos(angle), here, there)
@@ -58,7 +57,6 @@ def test_known_reflections(angle_deg: float, here: float, there: float, expected
     assert reflectance(np.cos(np.radians(angle_deg)), here, there)[0] == pytest.approx(expected, abs=1e-12)
 
 
-@settings(deadline=None)
 @given(angle=ANGLE, turn=st.floats(0.0, 6.28), tilt=st.floats(-1.0, 1.0), ratio=st.floats(0.5, 2.0))
 def test_directions_keep_their_length_and_plane(angle: float, turn: float, tilt: float, ratio: float) -> None:
     normal = np.array([np.sin(tilt), 0.0, np.cos(tilt)])
@@ -95,7 +93,7 @@ def test_total_reflection_keeps_all_power_and_a_slanting_ray_zigzags() -> None:
     np.testing.assert_allclose(path[3], [12.0 - 6 * run, 0.0, 5.0, entered], atol=1e-12)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(data=st.data())
 def test_a_flat_stack_keeps_index_times_sine(data: st.DataObject) -> None:
     probe = stack(*data.draw(st.lists(st.floats(1.3, 1.6), min_size=2, max_size=4)), glass=1.515)

@@ -49,7 +49,7 @@ def test_the_edge_of_a_dent_is_real_whatever_rounding_makes_of_its_radius() -> N
     assert dent.face_displacement_mm.max() == pytest.approx(depth, rel=0.01)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(probe=probes, depth=st.floats(0.0, 0.3), absorption=st.sampled_from([0.0, 0.05]), seed=st.integers(0, 2**40))
 def test_no_light_is_lost_or_made(probe: Probe, depth: float, absorption: float, seed: int) -> None:
     dent = hertz_dent(

@@ -102,7 +102,7 @@ def test_none_is_missed_in_a_thousand_random_stacks() -> None:
     assert modes > 10_000
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(layers=STACKS, polarization=st.sampled_from(POLARIZATIONS))
 def test_the_plain_solver_agrees(layers: list[tuple[float, float]], polarization: Polarization) -> None:
     index, thickness = zip(*layers, strict=True)
@@ -142,7 +142,7 @@ def test_a_film_of_almost_no_thickness_guides_one_mode() -> None:
     assert float(found.offset[0]) == pytest.approx(decay**2, rel=1e-6)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(layers=STACKS, factor=st.floats(0.3, 3.0), polarization=st.sampled_from(POLARIZATIONS))
 def test_only_lengths_over_the_wavelength_count(
     layers: list[tuple[float, float]], factor: float, polarization: Polarization
@@ -155,7 +155,7 @@ def test_only_lengths_over_the_wavelength_count(
     np.testing.assert_allclose(one[:sure], other[:sure], rtol=0, atol=1e-14)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(layers=STACKS, below=st.floats(1.0, 1.04), polarization=st.sampled_from(POLARIZATIONS))
 def test_upside_down_it_guides_the_same(
     layers: list[tuple[float, float]], below: float, polarization: Polarization
@@ -170,7 +170,7 @@ def test_upside_down_it_guides_the_same(
     np.testing.assert_allclose(one[:sure], other[:sure], rtol=0, atol=1e-14)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(layers=STACKS, factor=st.floats(1.001, 2.0))
 def test_a_thicker_stack_guides_more_and_slower(layers: list[tuple[float, float]], factor: float) -> None:
     index, thickness = (np.array(part) for part in zip(*layers, strict=True))

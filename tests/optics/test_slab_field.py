@@ -60,7 +60,7 @@ def test_modes_carry_unit_power_and_none_together(
     assert np.abs(power(modes) - np.eye(len(modes))).max() < 1e-8
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(
     half=st.lists(st.tuples(st.floats(1.0, 1.6), st.floats(0.01, 4.0)), min_size=1, max_size=4).filter(
         lambda layers: max(n for n, _ in layers) > 1.1

@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from tsis import Layer, Probe, load_probe
@@ -15,7 +15,6 @@ INDEX, ANGLE = st.floats(1.0, 2.5), st.floats(0.0, 89.9)
 PRINTED = [1.16, 1.15, 1.14, 1.13]
 
 
-@settings(deadline=None)
 @given(angle=ANGLE, one=INDEX, other=INDEX)
 def test_what_is_not_reflected_passes(angle: float, one: float, other: float) -> None:
     found = fresnel(angle, index_from=one, index_to=other)
@@ -23,7 +22,6 @@ def test_what_is_not_reflected_passes(angle: float, one: float, other: float) ->
     assert float(found.reflected_p + found.transmitted_p) == pytest.approx(1, abs=1e-12)
 
 
-@settings(deadline=None)
 @given(angle=ANGLE, one=INDEX, other=INDEX)
 def test_the_field_along_the_interface_is_continuous(angle: float, one: float, other: float) -> None:
     found = fresnel(angle, index_from=one, index_to=other)
@@ -34,7 +32,6 @@ def test_the_field_along_the_interface_is_continuous(angle: float, one: float, o
     assert complex((1 + found.r_p) * one) == pytest.approx(complex(found.t_p * other), abs=1e-9)
 
 
-@settings(deadline=None)
 @given(angle=st.floats(0.0, 80.0), one=INDEX, other=INDEX)
 def test_stokes_a_ray_run_backwards(angle: float, one: float, other: float) -> None:
     behind = float(refraction_deg(angle, index_from=one, index_to=other))
@@ -88,7 +85,6 @@ def test_acceptance_of_the_printed_indices() -> None:
     assert found.blind_deg.tolist() == pytest.approx([0, 0, 0, 0]), "the index falls away from the face"
 
 
-@settings(deadline=None)
 @given(index=st.floats(1.0, 1.4142))
 def test_the_edge_of_acceptance_is_the_critical_ray(index: float) -> None:
     found = accepted([index])

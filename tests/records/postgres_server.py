@@ -17,13 +17,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import psycopg
+from tests.waiting import HANGS_S
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
 LOOPBACK, USER = "127.0.0.1", "tsis"
 ACCOUNT = "postgres"  # under which the server runs where the tests run as root, whom it refuses
-WAIT_S = 60.0
 _pause = threading.Event()
 
 
@@ -77,7 +77,7 @@ class Server:
         command = [str(found / "postgres"), "-D", str(self.folder / "data")]
         for name, value in settings.items():
             command += ["-c", f"{name}={value}"]
-        until = time.monotonic() + WAIT_S
+        until = time.monotonic() + HANGS_S
         while True:
             if self.process is None or self.process.poll() is not None:  # again: children of a killed one still end
                 with (self.folder / "log").open("ab") as log:
@@ -102,13 +102,13 @@ class Server:
         """End it at once, in order."""
         if self.process is not None and self.process.poll() is None:
             self.process.send_signal(signal.SIGINT)  # fast: connections are ended
-            self.process.wait(WAIT_S)
+            self.process.wait(HANGS_S)
 
     def abandon(self) -> None:
         """End it and its children without tidying up."""
         if self.process is not None and self.process.poll() is None:
             self.process.send_signal(signal.SIGQUIT)
-            self.process.wait(WAIT_S)
+            self.process.wait(HANGS_S)
 
 
 @contextmanager

@@ -102,7 +102,6 @@ def test_a_real_disk_that_is_full(tmp_path: Path) -> None:
         text=True,
         cwd=ROOT,
         check=False,
-        timeout=120,
     )
     if "mount:" in done.stderr:
         pytest.skip(f"no mount is allowed here: {done.stderr.strip()}")

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 pytestmark = [
+    pytest.mark.system,
     pytest.mark.skipif(not hasattr(os, "fork"), reason="this system has no fork"),
     # In the child only this thread lives on; it takes no lock that another may have held.
     pytest.mark.filterwarnings("ignore:This process:DeprecationWarning"),

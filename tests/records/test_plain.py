@@ -27,7 +27,7 @@ from tsis.records.plain import (
 from tsis.records.plain_free import free_to_plain
 from tsis.records.samples import samples_bytes, samples_of
 
-SETTINGS = settings(max_examples=150, deadline=None)
+SETTINGS = settings(max_examples=150)
 WORDS = st.text(st.characters(exclude_categories=("C", "Z")), max_size=12)
 FLOATS = st.floats(allow_nan=False, allow_infinity=False)
 ZONES = st.integers(-23 * 60, 23 * 60).map(lambda minutes: timezone(timedelta(minutes=minutes)))

@@ -67,6 +67,7 @@ def test_new_store_warns_of_nothing(tmp_path: Path) -> None:
         open_store(tmp_path / "store", kind="subject").close()
 
 
+@pytest.mark.system
 def test_open_modes_of_an_old_store_are_warned_of_with_a_command_that_mends_them(tmp_path: Path) -> None:
     folder = tmp_path / "of a laboratory"
     filled(folder)
@@ -100,6 +101,7 @@ def test_copy_that_an_upgrade_leaves_is_readable_by_its_owner_alone(tmp_path: Pa
     assert [oct(stat.S_IMODE(copy.stat().st_mode)) for copy in copies] == ["0o600"]
 
 
+@pytest.mark.system
 def test_command_line_warns_in_one_line_and_goes_on(tmp_path: Path) -> None:
     filled(tmp_path / "store")
     for folder in (tmp_path / "store", tmp_path / "store" / "files"):

@@ -117,7 +117,6 @@ def read_on_a_medium(folder: Path, out: Path) -> dict[str, object]:
         text=True,
         cwd=ROOT,
         check=False,
-        timeout=120,
     )
     if "mount:" in done.stderr:
         pytest.skip(f"no mount is allowed here: {done.stderr.strip()}")

@@ -157,4 +157,4 @@ class StoreMachine(RuleBasedStateMachine):
 
 
 TestStoreAgainstAModel = StoreMachine.TestCase
-TestStoreAgainstAModel.settings = settings(max_examples=15, stateful_step_count=20, deadline=None)
+TestStoreAgainstAModel.settings = settings(max_examples=15, stateful_step_count=20)

@@ -37,7 +37,7 @@ def test_four_programs_that_create_and_fill_a_store_at_once(place: Place) -> Non
     said = []
     with writers(place, 4, 50) as running:
         for writer in running:
-            out, err = writer.communicate(timeout=300)
+            out, err = writer.communicate()
             assert err == ""
             said += [line.split(" ", 1) for line in out.splitlines()]
     assert [rest for what, rest in said if what == "refused"] == []

@@ -23,7 +23,7 @@ def poppler(program: str, *arguments: str | Path) -> str:
     found = shutil.which(program)
     if found is None:
         pytest.skip(f"{program} of poppler-utils is absent")
-    done = subprocess.run([found, *map(str, arguments)], capture_output=True, check=True, timeout=60)
+    done = subprocess.run([found, *map(str, arguments)], capture_output=True, check=True)
     assert done.stderr == b"", "poppler complains about the file"
     return done.stdout.decode()
 

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 ROOT = Path(__file__).parents[2]
+QUICK = {"table-2-1", "table-4-1", "figure-3-9", "figure-3-10", "figure-5-19", "figure-5-20", "figure-6-23"}
+RUNS = [pytest.param(each, id=each.name, marks=() if each.name in QUICK else pytest.mark.slow) for each in SHOWN]
 
 
 @cache
@@ -32,7 +34,7 @@ def test_every_figure_and_table_has_one_values_file() -> None:
     assert sorted(path.stem for path in VALUES.glob("*.json")) == sorted(names)
 
 
-@pytest.mark.parametrize("each", SHOWN, ids=lambda each: each.name)
+@pytest.mark.parametrize("each", RUNS)
 def test_a_run_finds_what_the_values_file_says(each: Shown) -> None:
     if each.absent():
         pytest.skip(each.absent())

@@ -79,9 +79,10 @@ press_study(open_study(sys.argv[1]), operator="Ada", progress=lambda done, _: do
 """
 
 
+@pytest.mark.system
 def test_a_killed_run_loses_no_reading(whole: Study, tmp_path: Path) -> None:
     study = made_study(tmp_path / "study", present=2, blank=2)
-    killed = subprocess.run([sys.executable, "-c", KILLED, str(study.folder)], env=os.environ, check=False, timeout=300)
+    killed = subprocess.run([sys.executable, "-c", KILLED, str(study.folder)], env=os.environ, check=False)
     assert killed.returncode == 9
     study = open_study(study.folder)
     assert len(study.readings) == 2

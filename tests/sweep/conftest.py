@@ -4,13 +4,9 @@ from pathlib import Path
 from typing import Any, Protocol
 
 import pytest
-from hypothesis import settings
 
 from tsis.model import load_probe
 from tsis.sweep import Plan, Range
-
-settings.register_profile("no deadline", deadline=None)  # a busy machine is no failure
-settings.load_profile("no deadline")
 
 QUANTITIES = {
     "tissue_young_kpa": 5.0,

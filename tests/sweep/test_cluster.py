@@ -49,7 +49,7 @@ def cluster(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Loopbac
 
 def sweep(folder: Path, address: str, press: str) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-c", SWEEP, str(folder), address, press]
-    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False, timeout=120)
+    return subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
 
 
 def listening(pid: int) -> set[str]:

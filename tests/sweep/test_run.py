@@ -7,7 +7,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -45,6 +44,7 @@ def stop_after(files: int) -> Callable[[int, int], None]:
     return progress
 
 
+@pytest.mark.system
 def test_interrupted_and_resumed_with_other_workers(undisturbed: Path, tmp_path: Path) -> None:
     folder = tmp_path / "data"
     with pytest.raises(KeyboardInterrupt):
@@ -58,6 +58,7 @@ def test_interrupted_and_resumed_with_other_workers(undisturbed: Path, tmp_path:
     assert content(folder) == content(undisturbed)
 
 
+@pytest.mark.system
 def test_killed_workers_lose_nothing(undisturbed: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "died").mkdir()
     monkeypatch.setenv(MARKER, str(tmp_path / "died"))
@@ -66,6 +67,7 @@ def test_killed_workers_lose_nothing(undisturbed: Path, tmp_path: Path, monkeypa
     assert content(tmp_path / "data") == content(undisturbed)
 
 
+@pytest.mark.system
 def test_damaged_cut_foreign_and_missing_files_are_computed_again(undisturbed: Path, tmp_path: Path) -> None:
     folder = tmp_path / "data"
     folder.mkdir()
@@ -94,6 +96,7 @@ def test_damaged_cut_foreign_and_missing_files_are_computed_again(undisturbed: P
     verify(folder)
 
 
+@pytest.mark.system
 def test_a_lost_manifest_is_written_again(undisturbed: Path, tmp_path: Path) -> None:
     folder = tmp_path / "data"
     folder.mkdir()
@@ -140,6 +143,7 @@ def test_two_sweeps_do_not_share_a_folder(tmp_path: Path) -> None:
         run_sweep(small_plan(), tmp_path / "data", workers=1, press=quick)
 
 
+@pytest.mark.system
 def test_a_batch_that_kills_every_worker_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("tsis.sweep.run.MOST_LOST", 1)
     with pytest.raises(
@@ -148,11 +152,13 @@ def test_a_batch_that_kills_every_worker_is_named(tmp_path: Path, monkeypatch: p
         run_sweep(small_plan(), tmp_path / "data", workers=1, press=deadly)
 
 
+@pytest.mark.system
 def test_a_fault_stops_the_sweep_and_is_told(tmp_path: Path) -> None:
     with pytest.raises(SweepError, match=r"part-000000\.parquet could not be computed: TypeError: of all things"):
         run_sweep(small_plan(), tmp_path / "data", workers=1, press=faulty)
 
 
+@pytest.mark.system
 def test_a_folder_that_disappears_is_told(tmp_path: Path) -> None:
     folder = tmp_path / "data"
 
@@ -164,6 +170,7 @@ def test_a_folder_that_disappears_is_told(tmp_path: Path) -> None:
         run_sweep(small_plan(count=600), folder, workers=1, press=quick, progress=remove)
 
 
+@pytest.mark.system
 def test_refused_presses_are_rows_that_are_counted(tmp_path: Path) -> None:
     done = run_sweep(small_plan(), tmp_path / "data", workers=1, press=refusing)
     found = read(tmp_path / "data")
@@ -232,15 +239,17 @@ def test_a_missing_library_is_named_with_its_extra(tmp_path: Path, monkeypatch: 
 def test_a_killed_sweep_is_resumed_with_real_presses(tmp_path: Path) -> None:
     code = (
         "import sys; from pathlib import Path; from tests.sweep.conftest import small_plan; "
-        "from tsis.sweep import run_sweep; run_sweep(small_plan(count=40, batch=2), Path(sys.argv[1]), workers=2)"
+        "from tsis.sweep import run_sweep; told = lambda done, _: print(done, flush=True); "
+        "run_sweep(small_plan(count=40, batch=2), Path(sys.argv[1]), workers=2, progress=told)"
     )
     disturbed, peaceful = tmp_path / "disturbed", tmp_path / "peaceful"
-    sweep = subprocess.Popen([sys.executable, "-c", code, str(disturbed)], cwd=Path(__file__).parents[2])
-    until = time.monotonic() + 60
-    while not list(disturbed.glob("part-*")) and time.monotonic() < until:
-        time.sleep(0.005)
+    command = [sys.executable, "-c", code, str(disturbed)]
+    sweep = subprocess.Popen(command, cwd=Path(__file__).parents[2], stdout=subprocess.PIPE, text=True)
+    assert sweep.stdout is not None
+    while sweep.stdout.readline() == "0\n":  # until the first file is there
+        pass
     sweep.send_signal(signal.SIGKILL)
-    sweep.wait()
+    sweep.communicate()
     assert not json.loads((disturbed / "manifest.json").read_text())["complete"]
     done = run_sweep(small_plan(count=40, batch=2), disturbed, workers=1)
     assert done.kept >= 1

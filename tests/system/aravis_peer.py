@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+from tests.waiting import HANGS_S
 
 from tsis.instrument.sources.aravis import missing
 
@@ -24,7 +25,6 @@ LOOPBACK, CONTROL_PORT = "127.0.0.1", 3956  # of GigE Vision, so one camera an i
 SEARCH = bytes.fromhex("42 01 00 02 00 00 00 01")  # GigE Vision's discovery command
 PROGRAM = "arv-fake-gv-camera-0.8"
 FOREIGN_CLIENT = "arv-camera-test-0.8"
-WAIT_S = 60.0
 _pause = threading.Event()
 
 
@@ -61,7 +61,7 @@ def served_probe(serial: str, *options: str) -> Iterator[subprocess.Popen[str]]:
 def _served(command: list[str]) -> Iterator[subprocess.Popen[str]]:
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
     try:
-        until = time.monotonic() + WAIT_S
+        until = time.monotonic() + HANGS_S
         while not _answers():
             if process.poll() is not None or time.monotonic() > until:
                 said = process.communicate()[0] if process.poll() is not None else "nothing"

@@ -7,6 +7,8 @@ import select
 import threading
 from typing import TYPE_CHECKING
 
+from tests.waiting import HANGS_S
+
 if TYPE_CHECKING:
     from collections.abc import Callable
 
@@ -26,7 +28,7 @@ class GaugeInTerminal:
 
     def unplug(self) -> None:
         self._ended.set()
-        self._thread.join(5.0)
+        self._thread.join(HANGS_S)
         if self._slave is not None:
             os.close(self._slave)
             os.close(self._master)

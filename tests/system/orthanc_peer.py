@@ -15,6 +15,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from tests.waiting import HANGS_S
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -22,7 +24,6 @@ LOOPBACK, AE = "127.0.0.1", "TSISTEST"
 PLUGIN = Path("/usr/share/orthanc/plugins/libOrthancDicomWeb.so")
 READY = "Orthanc has started"
 PLACES = os.pathsep.join(["/usr/bin", "/usr/sbin", "/usr/local/bin", "/usr/local/sbin"])
-WAIT_S = 60.0
 _pause = threading.Event()
 
 
@@ -53,7 +54,7 @@ class Archive:
 
     def _get(self, path: str) -> bytes:
         direct = urllib.request.build_opener(urllib.request.ProxyHandler({}))
-        with direct.open(self.rest + path, timeout=WAIT_S) as answer:
+        with direct.open(self.rest + path, timeout=HANGS_S) as answer:
             content: bytes = answer.read()
             return content
 
@@ -113,7 +114,7 @@ def listening(command: list[str], log: Path, port: int, *, said: str = "") -> It
     with log.open("wb") as file:
         process = subprocess.Popen(command, stdout=file, stderr=subprocess.STDOUT, cwd=log.parent)
     try:
-        until = time.monotonic() + WAIT_S
+        until = time.monotonic() + HANGS_S
         while not (_answers(port) and said in log.read_text(errors="replace")):
             if process.poll() is not None or time.monotonic() > until:
                 raise RuntimeError(f"{command[0]} did not begin to listen; it said: {log.read_text(errors='replace')}")
@@ -122,7 +123,7 @@ def listening(command: list[str], log: Path, port: int, *, said: str = "") -> It
     finally:
         process.terminate()
         try:
-            process.wait(WAIT_S)
+            process.wait(HANGS_S)
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from tests.system.aravis_peer import LOOPBACK, fake_camera, loopback_camera_port
+from tests.waiting import HANGS_S
 
 from tsis.instrument.camera import Mode
 from tsis.instrument.sources.aravis import AravisCamera, found
@@ -139,7 +140,7 @@ def test_stop_from_another_thread_ends_the_frames() -> None:
         reader = threading.Thread(target=read)
         reader.start()
         camera.stop()
-        assert left.wait(10.0)
+        assert left.wait(HANGS_S)
         reader.join()
         assert not camera.lost
 
@@ -240,4 +241,4 @@ def _settle() -> None:
     """Wait for what lets go of lost cameras."""
     for thread in threading.enumerate():
         if thread.name.startswith("leaving "):
-            thread.join(30.0)
+            thread.join(HANGS_S)

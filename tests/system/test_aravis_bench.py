@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 import pytest
 from tests.console.bench.places import ANN
-from tests.instrument.scripted_camera import until
 from tests.system.aravis_peer import LOOPBACK, fake_camera, loopback_camera_port, served_probe
+from tests.waiting import until
 
 from tsis.console.bench import Bench, BenchTerms
 from tsis.model.errors import CameraError, InputError

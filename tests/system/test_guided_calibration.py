@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.system.aravis_peer import LOOPBACK, fake_camera, loopback_camera_port
 from tests.system.gauge_peer import GaugeInTerminal
+from tests.waiting import HANGS_S
 
 from tsis.calibration.session import SessionFolder, plan
 
@@ -25,7 +26,6 @@ pytestmark = [
     pytest.mark.system,
     pytest.mark.skipif(not hasattr(os, "openpty"), reason="this system has no pseudo-terminals"),
 ]
-PATIENCE_S = 60.0
 _pause = threading.Event()
 
 
@@ -42,7 +42,7 @@ class Guided:
 
     def hears(self, words: str) -> None:
         """Wait until it says these words, after those that were waited for before."""
-        until = time.monotonic() + PATIENCE_S
+        until = time.monotonic() + HANGS_S
         while words not in self.said[self._read :]:
             assert time.monotonic() < until, f"it never said {words!r} but: {self.said}"
             if not self._listen():
@@ -57,12 +57,12 @@ class Guided:
     def ends(self) -> int:
         while self._listen():
             pass
-        code = self.process.wait(PATIENCE_S)
+        code = self.process.wait(HANGS_S)
         os.close(self._master)
         return code
 
     def _listen(self) -> bool:
-        ready, _, _ = select.select([self._master], [], [], PATIENCE_S)
+        ready, _, _ = select.select([self._master], [], [], HANGS_S)
         try:
             heard = os.read(self._master, 4096) if ready else b""
         except OSError:  # the other end has gone
@@ -97,7 +97,7 @@ def files(folder: Path) -> dict[str, bytes]:
 
 
 def happened(condition: Callable[[], bool]) -> None:
-    until = time.monotonic() + PATIENCE_S
+    until = time.monotonic() + HANGS_S
     while not condition():
         assert time.monotonic() < until
         _pause.wait(0.02)
@@ -229,6 +229,6 @@ def test_the_program_ends_while_it_waits_for_enter_on_a_pipe() -> None:
         process.stdin.write(b"\n")
         process.stdin.flush()
         said = process.stderr.read().decode()  # until it ends, the pipe to it still open
-        assert process.wait(PATIENCE_S) == 1
+        assert process.wait(HANGS_S) == 1
     assert "Error: the gauge was lost" in said
     assert "Fatal" not in said

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 from tests.system.growth import growth_over
+from tests.waiting import HANGS_S
 
 from tsis.instrument import Mode
 from tsis.instrument.discovery import connect, find_cameras
@@ -186,10 +187,10 @@ def test_stop_releases_a_waiting_reader_and_the_camera_opens_again(camera: GenIC
 
     reader = threading.Thread(target=read)
     reader.start()
-    assert reading.wait(10.0)
+    assert reading.wait(HANGS_S)
     stopped_s = time.monotonic()
     camera.stop()
-    reader.join(10.0)
+    reader.join(HANGS_S)
     assert ended_s
     assert ended_s[0] - stopped_s < 0.3
     camera.open()

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 import pytest
 from tests.system.growth import growth_over
+from tests.waiting import HANGS_S
 
 from tsis.instrument import Mode
 from tsis.instrument.discovery import connect, find_cameras
@@ -148,10 +149,10 @@ def test_stop_releases_a_waiting_reader(camera: PylonCamera) -> None:
 
     reader = threading.Thread(target=read)
     reader.start()
-    assert reading.wait(10.0)
+    assert reading.wait(HANGS_S)
     stopped_s = time.monotonic()
     camera.stop()
-    reader.join(10.0)
+    reader.join(HANGS_S)
     assert ended_s
     assert ended_s[0] - stopped_s < 0.3
 

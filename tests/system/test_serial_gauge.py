@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from tests.system.gauge_peer import GaugeInTerminal
+from tests.waiting import HANGS_S
 
 from tsis.instrument.gauge import ForceLog, SerialGauge
 from tsis.model.errors import GaugeError
@@ -70,9 +71,9 @@ def test_a_gauge_that_sends_on_its_own(plug: Plug) -> None:
 
 def test_a_gauge_through_a_log_while_a_frame_waits(plug: Plug) -> None:
     with ForceLog(SerialGauge(plug(lambda _: b" 0.750 N\r\n").port)) as log:
-        assert log.wait_for(10, timeout_s=10.0)
+        assert log.wait_for(10, timeout_s=HANGS_S)
         frame_s = time.monotonic()
-        assert log.wait_until(frame_s, timeout_s=10.0)
+        assert log.wait_until(frame_s, timeout_s=HANGS_S)
         force = log.at(frame_s)
     assert force.force_n == pytest.approx(0.75)
     assert force.error_n == pytest.approx(0.0005)
@@ -106,11 +107,11 @@ def test_what_is_no_force_ends_in_one_sentence(
 
 def test_an_unplugged_gauge_is_lost_at_once_and_its_readings_stay(plug: Plug) -> None:
     terminal = plug(_count)
-    gauge = SerialGauge(terminal.port, timeout_s=30.0)
+    gauge = SerialGauge(terminal.port, timeout_s=HANGS_S)
     with ForceLog(gauge) as log:
-        assert log.wait_for(20, timeout_s=10.0)
+        assert log.wait_for(20, timeout_s=HANGS_S)
         terminal.unplug()
-        assert not log.wait_for(10**6, timeout_s=10.0)  # ends long before its timeout
+        assert not log.wait_for(10**6, timeout_s=HANGS_S)  # ends long before its timeout
         state = log.state()
     assert not state.running
     assert state.lost

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from tests.waiting import HANGS_S
 
 import tsis
 from tsis.imaging.sensor import Sensor
@@ -144,7 +145,7 @@ class FlatRig:
     def light(self, lies: Any, /, *, force_n: float) -> NDArray[np.float64]:
         if self.gate is not None:
             self.waits.set()
-            assert self.gate.wait(10.0)
+            assert self.gate.wait(HANGS_S)
         if force_n > 3.0:
             raise MechanicsError("force_n must be at most 3 here; got more (ask for at most that)")
         self.pressed.append((lies, force_n))
@@ -206,10 +207,10 @@ def test_frames_go_on_as_they_were_while_a_press_is_solved() -> None:
     flat.rig.gate = threading.Event()
     holding = threading.Thread(target=flat.camera.hold_on, args=(BALL,), kwargs={"force_n": 2.0})
     holding.start()
-    assert flat.rig.waits.wait(10.0)
+    assert flat.rig.waits.wait(HANGS_S)
     assert [_told_and_shown(flat) for _ in range(3)] == [(0.5, 0.5)] * 3
     flat.rig.gate.set()
-    holding.join(10.0)
+    holding.join(HANGS_S)
     assert _told_and_shown(flat) == (2.0, 2.0)
 
 
@@ -226,7 +227,7 @@ def test_no_frame_shows_one_press_under_the_force_of_another() -> None:
     seen = {_told_and_shown(flat)}
     while not over.is_set():
         seen.add(_told_and_shown(flat))
-    pressing.join(10.0)
+    pressing.join(HANGS_S)
     assert all(told == shown for told, shown in seen)
 
 

@@ -56,6 +56,7 @@ def test_a_serial_number_that_the_protocol_cannot_carry_is_refused(camera: Virtu
         GigEServer(camera, serial=serial)
 
 
+@pytest.mark.system
 def test_what_cannot_be_served_is_refused(camera: VirtualCamera) -> None:
     with pytest.raises(InputError, match="frames_per_s must lie in"):
         GigEServer(camera, frames_per_s=0.0)

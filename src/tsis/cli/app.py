@@ -6,7 +6,8 @@ import io
 import os
 import sys
 import warnings
-from typing import Annotated, NoReturn, TextIO
+from functools import cache
+from typing import Annotated, Any, NoReturn, TextIO
 
 import typer
 
@@ -79,7 +80,7 @@ def run() -> None:
             stream.reconfigure(errors="backslashreplace")
     warnings.showwarning = _show_warning
     try:
-        code = app(args=sys.argv[1:] or ["--help"], standalone_mode=False)
+        code = _program()(args=sys.argv[1:] or ["--help"], standalone_mode=False)
     except TsisError as error:
         _stop(f"Error: {error}", BAD_INPUT)
     except BrokenPipeError:
@@ -97,6 +98,12 @@ def run() -> None:
     if code == INTERRUPTED:  # typer turns Ctrl-C into this code
         raise KeyboardInterrupt
     sys.exit(code if isinstance(code, int) else 0)
+
+
+@cache
+def _program() -> Any:
+    """The parser of all commands, built once a process."""
+    return typer.main.get_command(app)
 
 
 def _show_warning(  # the signature of warnings.showwarning

@@ -6,8 +6,6 @@ from dataclasses import asdict, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
-from threadpoolctl import threadpool_limits
-
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.hardness.exploration import explore
 from tsis.hardness.frames import ball_radius, check_of_probe, radius_belief
@@ -19,6 +17,7 @@ from tsis.hardness.verdict import DISTRUSTED, findings, identifiability
 from tsis.model import Calibration, Estimate, Probe, TactileImage, check
 from tsis.model.errors import InputError
 from tsis.model.image_series import as_frames, check_belonging, check_frames
+from tsis.model.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -115,7 +114,7 @@ def estimate(
         for place, (frame, one) in enumerate(zip(frames + balls, seen, strict=True))
     ]
     table = _table(probe) if progress is None else build_contact_table(probe, progress=progress)
-    with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
+    with one_blas_thread():
         likelihood = Likelihood(presses, table=table, calibration=calibration, drift_sd=drift_sd)
         found = explore(likelihood, prior, radius)
     said = findings(presses, likelihood, found, prior, radius)

@@ -7,7 +7,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from tsis.mechanics.finite_strain import load_path
 from tsis.mechanics.finite_strain.pressing import check_forces, refuse_light
@@ -16,6 +15,7 @@ from tsis.mechanics.finite_strain.squeezed_sphere import LIGHTEST, TOUCH, WIDEST
 from tsis.model import PressField, Probe, check
 from tsis.model.errors import InputError, MechanicsError
 from tsis.model.press import MN_PER_N
+from tsis.model.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -66,7 +66,7 @@ def press_fields(
     softer = min(sphere.young_kpa, probe.layers[0].young_kpa)
     refuse_light(forces_n[0], softer, sphere.radius_mm, lightest=LIGHTEST)
     failure: MechanicsError | None = None
-    with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
+    with one_blas_thread():
         for mesh in (resolution, *_neighbours(resolution)):
             press = SeenSphere(probe, sphere.radius_mm, sphere.young_kpa, sphere.poisson, mesh)
             try:

@@ -7,7 +7,6 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from tsis.matching import cpd, rpm_lns, shape_context, tprl, tps_rpm
 from tsis.matching.fit import UNMATCHED, moved_in_blocks
@@ -17,6 +16,7 @@ from tsis.matching.sampled import MOST_POINTS, drawn, matched_all
 from tsis.matching.spline import spread_out
 from tsis.model import check
 from tsis.model.errors import InputError
+from tsis.model.threads import one_blas_thread
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -148,7 +148,7 @@ def guess(
         )
     rng = np.random.default_rng(0) if rng is None else rng
     check.kind("rng", rng, np.random.Generator)
-    with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
+    with one_blas_thread():
         return _guess(method, source, target, rng)
 
 

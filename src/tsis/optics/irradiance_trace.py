@@ -7,10 +7,10 @@ from dataclasses import asdict, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from tsis.model import Probe, check, disk_cache
 from tsis.model.errors import InputError
+from tsis.model.threads import one_blas_thread
 from tsis.optics import inputs, rays_kernel
 from tsis.optics.asperities import real_contact
 from tsis.optics.irradiance_field import Irradiance
@@ -92,7 +92,7 @@ def irradiance(
     if stored is not None:
         fields: dict[str, Any] = {name: value if value.ndim else float(value) for name, value in stored.items()}
         return Irradiance(**fields)
-    with threadpool_limits(limits=1, user_api="blas"):  # small products, beside which the tracer's threads run
+    with one_blas_thread():
         found = _traced(probe, rays / (len(RAISED) + 1), seed, medium, progress or (lambda _done, _total: None))
     if cached:
         buffer = io.BytesIO()

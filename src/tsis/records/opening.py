@@ -87,7 +87,6 @@ def open_store(
     read_only = only_readable(place) and (database is not None or (place / FILE).is_file())
     if not read_only:
         _make(place, disk, own_database=database is None)
-        _warn_of_open_modes(place)
     rows_of = Database(database, place, read_only=read_only)
     try:
         if not create or read_only:
@@ -96,6 +95,8 @@ def open_store(
         found = _terms(rows_of) or _begun(rows_of, place, kind, actor, disk)
         _require_kind(place, kind, found["kind"])
         _require_own_place(rows_of, place, found["identity"])
+        if not read_only:
+            _warn_of_open_modes(place)
         return Store(place, rows_of, identity=found["identity"], kind=kind, actor=actor, disk=disk)
     except BaseException:
         rows_of.close()

@@ -106,7 +106,7 @@ def test_any_changed_value_is_noticed(path: Path, data: st.DataObject) -> None:
         read_calibration(path)
 
 
-@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None)
+@settings(max_examples=150, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(at=st.floats(0, 1), new=st.binary(max_size=4), cut=st.booleans())
 def test_damaged_files_are_one_sentence_never_another_calibration(path: Path, at: float, new: bytes, cut: bool) -> None:
     whole = calibration_bytes(bench())

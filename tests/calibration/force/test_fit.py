@@ -273,7 +273,7 @@ def _holds(value: Measured, truth: float) -> bool:
 
 
 @given(scale=st.floats(1e-3, 1e3), seed=st.integers(0, 1000))
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 def test_forces_do_not_depend_on_the_gain_of_the_camera(scale: float, seed: int) -> None:
     runs = _machine(np.random.default_rng(seed))
     other = [replace(one, total_grey=scale * one.total_grey, field_grey=scale * one.field_grey) for one in runs]

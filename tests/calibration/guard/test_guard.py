@@ -97,7 +97,7 @@ def test_one_fault_is_not_taken_for_another(image: TactileImage, only: list[str]
 
 
 @given(x=st.floats(-0.3, 0.3), y=st.floats(-0.3, 0.3))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_the_gradient_read_is_that_put_in(x: float, y: float) -> None:
     image = scene(gradient=(x, y))
     reading = read_press(image.grey, prepared(reference(), FrameShape.of(image)))
@@ -107,7 +107,7 @@ def test_the_gradient_read_is_that_put_in(x: float, y: float) -> None:
 
 
 @given(x=st.floats(-30, 30), y=st.floats(-30, 30))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_the_distance_read_is_that_put_in(x: float, y: float) -> None:
     image = scene(centre=(x, y))
     reading = read_press(image.grey, prepared(reference(), FrameShape.of(image)))
@@ -116,7 +116,7 @@ def test_the_distance_read_is_that_put_in(x: float, y: float) -> None:
 
 
 @given(lamps=st.floats(0.8, 1.2), stray=st.floats(0.0, 10.0))
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 def test_lamps_and_light_from_outside_are_told_apart(lamps: float, stray: float) -> None:
     image = scene(lamps=lamps, stray=stray)
     reading = read_press(image.grey, prepared(reference(), FrameShape.of(image)))
@@ -191,7 +191,7 @@ def series(watch: PressWatch, images: list[TactileImage], step_s: float = 1 / 30
 
 
 @given(seed=st.integers(0, 1000), share=st.floats(0.92, 1.08))
-@settings(max_examples=8, deadline=None)
+@settings(max_examples=8)
 def test_noise_at_a_limit_makes_no_flag_flicker(seed: int, share: float) -> None:
     """Values that wander around a limit by less than the release pass it once at most."""
     rng = np.random.default_rng(seed)

@@ -36,7 +36,7 @@ def test_a_corrected_frame_is_that_of_the_reference_lamps() -> None:
 
 
 @given(ratio=st.floats(0.5, 2.0), dark=st.floats(0.0, 20.0))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_correcting_undoes_drift_above_the_dark_level(ratio: float, dark: float) -> None:
     light = np.linspace(1.0, 100.0, 64).reshape(8, 8)
     mended = drift_corrected(TactileImage(grey=dark + ratio * light), ratio, dark_grey=dark)

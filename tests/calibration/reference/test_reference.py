@@ -117,7 +117,7 @@ def test_a_patch_must_be_lit_by_a_share_of_the_scale_and_not_by_a_number_of_leve
 
 
 @given(patch_grey=st.floats(70.0, 100.0), glow=st.floats(-20.0, 20.0))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 def test_the_press_guard_takes_every_patch_that_the_reference_took(patch_grey: float, glow: float) -> None:
     try:
         known = of_twelve_bits(patch_grey, glow=glow)

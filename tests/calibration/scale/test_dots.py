@@ -45,7 +45,7 @@ def test_turned_boards_give_both_axes_and_the_angle(angle_deg: float) -> None:
     assert scale.count == len(found.centres_px) == len(found.cells)
 
 
-@settings(max_examples=6, deadline=None)
+@settings(max_examples=6)
 @given(
     width=st.floats(0.03, 0.045),
     share=st.floats(0.82, 1.22),

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from tests.instrument.scripted_camera import BREAK, END, ScriptedCamera, frame, until
+from tests.instrument.scripted_camera import BREAK, END, ScriptedCamera, frame
+from tests.waiting import HANGS_S, until
 
 from tsis.calibration.session import LiveBench
 from tsis.instrument.acquisition import Acquisition
@@ -59,7 +60,7 @@ def test_only_frames_from_now_on_count_and_no_more_than_asked(camera: ScriptedCa
         camera.script.put(frame(number, level=number))
         number += 1
         taker.join(0.02)
-    taker.join(10.0)
+    taker.join(HANGS_S)
     assert len(taken) == 2
     assert taken[1] == taken[0] + 1
     assert min(taken) >= 10

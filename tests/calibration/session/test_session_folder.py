@@ -206,7 +206,7 @@ def test_a_hostile_index_is_one_sentence(session: SessionFolder, index: str, sen
     assert len(str(caught.value)) < 600
 
 
-@settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(rows=st.lists(st.lists(st.text(max_size=12), max_size=5), max_size=3), noise=st.binary(max_size=40))
 def test_whatever_stands_in_the_index_is_read_or_refused(
     session: SessionFolder, rows: list[list[str]], noise: bytes

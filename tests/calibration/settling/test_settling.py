@@ -119,7 +119,7 @@ def test_a_value_that_crosses_zero_has_no_share_to_settle_to() -> None:
     steps=st.lists(st.floats(1e-3, 1e3), min_size=1, max_size=60),
     values=st.lists(st.floats(-1e6, 1e6) | st.integers(0, 255), min_size=60, max_size=60),
 )
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_any_finite_series_gets_a_verdict(steps: list[float], values: list[float]) -> None:
     found = judge_settling(np.cumsum(steps), values[: len(steps)])
     assert found.verdict in ("settled", "settling", "cannot tell")
@@ -148,7 +148,7 @@ def test_steps_of_a_display_hide_no_slow_fall(step: float, noise: float) -> None
 
 
 @given(step=st.floats(5e-4, 2e-2), size=st.floats(0.02, 0.1), tau=st.floats(5.0, 100.0), seed=st.integers(0, 1000))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_a_display_says_settled_before_it_is_hardly_ever(step: float, size: float, tau: float, seed: int) -> None:
     until = tau * np.log(size / 0.012)  # a fifth more than the tolerance is still to come
     if until < 2.0:
@@ -166,7 +166,7 @@ def test_a_fine_display_lets_a_long_plateau_settle() -> None:
 
 
 @given(scale=st.floats(1e-3, 1e6), unit_s=st.floats(0.5, 3.0), seed=st.integers(0, 50))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 def test_the_unit_of_the_value_and_that_of_time_do_not_matter(scale: float, unit_s: float, seed: int) -> None:
     time, value = fading([0.3], [4.0], 12.0, 2e-3, seed)
     one, other = judge_settling(time, value), judge_settling(time * unit_s, value * scale, longest_s=100.0 * unit_s)
@@ -184,7 +184,7 @@ def test_the_interval_of_what_may_fade_holds_it_as_often_as_it_says() -> None:
 
 
 @given(st.lists(st.floats(0.5, 1.5), min_size=1, max_size=700))
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 def test_the_history_is_bounded_and_keeps_the_mean_of_what_it_holds(values: list[float]) -> None:
     history = PressHistory()
     level = 100.0 + 0.01 * np.array(values)  # no step that begins another press

@@ -10,9 +10,9 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
 
-@pytest.fixture(scope="package")
+@pytest.fixture(scope="module")
 def console(tmp_path_factory: pytest.TempPathFactory) -> Iterator[RunningConsole]:
-    """One running console for all tests of the calls."""
+    """One running console for the tests of a file."""
     with running_console(tmp_path_factory.mktemp("console")) as running:
         yield running
 

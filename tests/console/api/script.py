@@ -5,18 +5,17 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 import httpx
+from tests.waiting import HANGS_S
 
 if TYPE_CHECKING:
     from tests.console.running import RunningConsole
-
-PATIENCE_S = 600.0
 
 
 class Script:
     """Calls of one script, with the header of acts once it holds the camera."""
 
     def __init__(self, console: RunningConsole) -> None:
-        self.client = httpx.Client(base_url=f"{console.address}/api/v1", headers=console.key, timeout=PATIENCE_S)
+        self.client = httpx.Client(base_url=f"{console.address}/api/v1", headers=console.key, timeout=HANGS_S)
 
     def take(self, name: str = "script", **more: Any) -> str:
         """Hold the camera, over whoever holds it unless told else."""

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import httpx
 import pytest
 from benchmarks.api_fuzz import made_up
+from tests.waiting import HANGS_S
 
 if TYPE_CHECKING:
     from tests.console.running import RunningConsole
@@ -23,7 +24,7 @@ CASES = 200
 
 @pytest.fixture
 def description(console: RunningConsole) -> Any:
-    return httpx.get(f"{console.address}/api/openapi.json", headers=console.key, timeout=600).json()
+    return httpx.get(f"{console.address}/api/openapi.json", headers=console.key, timeout=HANGS_S).json()
 
 
 def test_every_call_is_in_the_document_and_the_other_way_round(description: Any) -> None:

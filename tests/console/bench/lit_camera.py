@@ -7,6 +7,7 @@ from collections import deque
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from tests.waiting import HANGS_S
 
 from tsis.instrument import Frame, Mode, Setting
 from tsis.model import check
@@ -73,7 +74,7 @@ class LitCamera:
     def open(self) -> None:
         if self._world.opening is not None:
             self._world.waits.set()
-            self._world.opening.wait(20.0)
+            self._world.opening.wait(HANGS_S)
         if self._world.refuses or not self._world.plugged:
             raise CameraError(self._world.refuses or "nothing answers at aravis:lit; check its cable")
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from tests.console.bench.lit_camera import World
+from tests.waiting import HANGS_S
 
 from tsis.console.bench import Bench, BenchTerms
 from tsis.instrument.gauge import ForceLog, SimulatedGauge
@@ -54,5 +55,5 @@ def gauge(force_n: float = 0.8, **options: Any) -> ForceLog:
     """A started log of a gauge that reads that force."""
     log = ForceLog(SimulatedGauge(lambda _: force_n, rng=np.random.default_rng(1), rate_per_s=200.0, **options))
     log.start()
-    assert log.wait_for(8, timeout_s=10.0)
+    assert log.wait_for(8, timeout_s=HANGS_S)
     return log

@@ -5,6 +5,7 @@ from __future__ import annotations
 import threading
 
 import pytest
+from tests.waiting import HANGS_S
 
 from tsis.console.bench import Control
 from tsis.console.bench.acts import Acts
@@ -25,16 +26,16 @@ class Lasting:
         self._acts, self._over, self._begun = acts, threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
-        assert self._begun.wait(10.0)
+        assert self._begun.wait(HANGS_S)
 
     def _run(self) -> None:
         with self._acts.act("a", "moving the probe"):
             self._begun.set()
-            self._over.wait(10.0)
+            self._over.wait(HANGS_S)
 
     def end(self) -> None:
         self._over.set()
-        self._thread.join(10.0)
+        self._thread.join(HANGS_S)
 
 
 @pytest.fixture
@@ -81,7 +82,7 @@ def test_who_lost_the_camera_while_he_waited_does_not_act(control: Control) -> N
     waiting.start()
     control.take("b", "Bob", over=True)
     lasting.end()
-    waiting.join(10.0)
+    waiting.join(HANGS_S)
     assert refused == ["Bob has taken the camera over; watch, or take it back"]
 
 

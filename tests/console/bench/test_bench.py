@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from tests.console.bench.lit_camera import World
 from tests.console.bench.places import ANN, BOB, LIT, Held, gauge, lit_bench
-from tests.instrument.scripted_camera import until
+from tests.waiting import HANGS_S, until
 
 from tsis.console.bench import Bench, BenchState, BenchTerms, CameraChoice
 from tsis.model.errors import (
@@ -53,11 +53,11 @@ def test_no_step_of_many_at_once_is_lost(tmp_path: Path) -> None:
         together = threading.Barrier(8)
 
         def step() -> None:
-            together.wait(10.0)
+            together.wait(HANGS_S)
             bench.step_target(1, by=ANN)
 
         for thread in [in_thread(step, said) for _ in range(8)]:
-            thread.join(10.0)
+            thread.join(HANGS_S)
         assert said == []
         assert bench.state().target == 9
         bench.step_target(-8, by=ANN)
@@ -106,14 +106,14 @@ def test_state_never_waits_for_a_camera_that_is_being_opened(tmp_path: Path) -> 
     world.opening = threading.Event()
     with lit_bench(tmp_path, world) as bench:
         starting = in_thread(lambda: bench.start(by=ANN), said)
-        assert world.waits.wait(10.0)
+        assert world.waits.wait(HANGS_S)
         state = bench.state()
         assert (state.busy, state.camera.running) == ("starting the camera", False)
         with pytest.raises(ControlError, match="the bench is busy starting the camera; try again"):
             bench.start(by=ANN)
         bench.control.take("tab bob", "Bob", over=True)
         world.opening.set()
-        starting.join(10.0)
+        starting.join(HANGS_S)
         assert said == []
         assert bench.state().camera.running
         assert bench.state().busy == ""
@@ -194,7 +194,7 @@ def test_many_watch_while_somebody_acts(bench: Bench) -> None:
         until(lambda before=before: looks[0] > before or bool(wrong))  # type: ignore[misc]
     over.set()
     for thread in watching:
-        thread.join(10.0)
+        thread.join(HANGS_S)
     assert wrong == []
 
 
@@ -209,7 +209,7 @@ def test_a_snapshot_while_another_camera_is_chosen_is_kept_whole_or_not_at_all(t
                 in_thread(lambda: bench.choose(CameraChoice(spec=LIT), by=ANN), said),
             ]
             for thread in threads:
-                thread.join(20.0)
+                thread.join(HANGS_S)
             assert all("it is stopped" in sentence for sentence in said)
         targets = bench.store.targets()
         kept = sum(bench.store.press_count(bench.store.target(each.target.number)) for each in targets)
@@ -225,7 +225,7 @@ def test_closing_ends_everything_at_once(tmp_path: Path) -> None:
     held = Held()
     job = bench.jobs.begin("an estimate", held)
     waiting = [bench.jobs.begin("another", Held()) for _ in range(3)]
-    assert held.begun.wait(10.0)
+    assert held.begun.wait(HANGS_S)
     world.plugged = False
     until(lambda: bench.state().camera.lost)
     bench.close()
@@ -243,10 +243,10 @@ def test_closing_while_a_camera_is_opened(tmp_path: Path) -> None:
     world.opening = threading.Event()
     bench = lit_bench(tmp_path, world)
     starting = in_thread(lambda: bench.start(by=ANN), said)
-    assert world.waits.wait(10.0)
+    assert world.waits.wait(HANGS_S)
     bench.close()
     world.opening.set()
-    starting.join(10.0)
+    starting.join(HANGS_S)
     assert said == ["the console is being ended; the camera was not started (start the console again)"]
 
 
@@ -278,10 +278,10 @@ def test_what_follows_the_camera_is_ended_by_who_holds_it_and_other_work_by_anyb
     assert bench.end_job(estimate.identity, by=BOB) is estimate
     with pytest.raises(ControlError, match="held by Ann"):
         bench.end_job(search.identity, by=BOB)
-    assert estimate.wait(10.0)
+    assert estimate.wait(HANGS_S)
     assert (estimate.state().status, search.state().status) == ("ended", "running")
     bench.end_job(search.identity, by=ANN)
-    assert search.wait(10.0)
+    assert search.wait(HANGS_S)
     with pytest.raises(InputError, match="job must be one of this console's"):
         bench.end_job("0" * 32, by=ANN)
 

@@ -6,6 +6,7 @@ import threading
 from typing import Any
 
 import pytest
+from tests.waiting import HANGS_S
 
 from tsis.console.bench import Control, Holder
 from tsis.model.errors import ControlError, InputError
@@ -136,7 +137,7 @@ def test_of_many_who_take_it_one_gets_it() -> None:
     got: list[str] = []
 
     def take(identity: str) -> None:
-        gate.wait(10.0)
+        gate.wait(HANGS_S)
         try:
             control.take(identity, identity)
         except ControlError:
@@ -147,7 +148,7 @@ def test_of_many_who_take_it_one_gets_it() -> None:
     for thread in threads:
         thread.start()
     for thread in threads:
-        thread.join(10.0)
+        thread.join(HANGS_S)
     holder = control.holder()
     assert holder is not None
     assert got == [holder.identity]

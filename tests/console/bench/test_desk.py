@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.console.bench.lit_camera import COLUMNS, ROWS, World, seen
 from tests.console.bench.places import LIT
-from tests.instrument.scripted_camera import until
+from tests.waiting import HANGS_S, until
 
 from tsis.console.bench import CameraChoice
 from tsis.console.bench.desk import CameraDesk
@@ -103,7 +103,7 @@ def test_what_is_changed_elsewhere_is_seen_and_told(world: World) -> None:
     desk.start()
     assert not told.is_set()
     world.cameras[0].gain = 9.0
-    assert told.wait(10.0)  # looked at every second
+    assert told.wait(HANGS_S)  # looked at every second
     assert gain(desk) == 9.0
     desk.close()
 
@@ -177,11 +177,11 @@ def test_closing_does_not_wait_for_a_driver_that_hangs(desk: CameraDesk, world: 
 
     starting = threading.Thread(target=start)
     starting.start()
-    assert world.waits.wait(10.0)
+    assert world.waits.wait(HANGS_S)
     desk.close()
     assert not world.opening.is_set()
     world.opening.set()
-    starting.join(10.0)
+    starting.join(HANGS_S)
     assert said == ["the console is being ended; the camera was not started (start the console again)"]
     assert not desk.running
     with pytest.raises(ControlError, match="being ended"):

@@ -14,6 +14,7 @@ import pytest
 from tests.console.bench.places import ANN, virtual_bench
 from tests.hardness.stand_ins import by_table
 from tests.records.sample import WHEN, sample_dossier
+from tests.waiting import HANGS_S
 
 import tsis
 import tsis.hardness
@@ -103,7 +104,7 @@ def pressed(bench: Bench, holds: Sequence[tuple[str, float]]) -> list[Kept]:
 
 
 def failed(job: Job) -> str:
-    assert job.wait(60.0)
+    assert job.wait(HANGS_S)
     assert job.state().status == "failed"
     return job.state().sentence
 
@@ -156,7 +157,7 @@ def test_an_estimate_is_that_of_the_frames_and_holds_the_truth(probe: Bench, see
     probe.set_target(seed, by=ANN)
     kept = pressed(probe, [("target", 0.5), ("target", 1.0), ("target", 1.5), ("plain", 1.0)])
     job = probe.estimate(seed)
-    assert job.wait(300.0)
+    assert job.wait(HANGS_S)
     assert job.state().status == "done", job.state().sentence
     stored = job.result
     stage = probe.desk.stage
@@ -191,7 +192,7 @@ def test_hardness_of_a_sphere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
         }
         assert "reference_radius_mm must be given" in failed(bench.estimate(1, kind="hardness", options={}))
         job = bench.estimate(1, kind="hardness", options=radii)
-        assert job.wait(500.0)
+        assert job.wait(HANGS_S)
         assert job.state().status == "done", job.state().sentence
         directly = tsis.hardness.estimate(
             [raw_image(each) for each in kept[:2]],
@@ -214,6 +215,6 @@ def test_an_estimate_that_is_ended_stores_nothing(probe: Bench) -> None:
     (kept,) = pressed(probe, [("target", 1.0)])
     job = probe.estimate(77)
     job.end()
-    assert job.wait(300.0)
+    assert job.wait(HANGS_S)
     assert job.state().status == "ended"
     assert probe.store.estimates(kept.target) == ()

@@ -11,8 +11,8 @@ import numpy as np
 import pytest
 from tests.console.bench.lit_camera import COLUMNS, ROWS
 from tests.console.bench.places import ANN, LIT, lit_bench
-from tests.instrument.scripted_camera import until
 from tests.records.sample import sample_calibration
+from tests.waiting import until
 
 from tsis.calibration import Measured, Scale
 from tsis.calibration.cited import CitedCalibration

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 from tests.console.bench.places import Held
-from tests.instrument.scripted_camera import until
+from tests.waiting import HANGS_S, until
 
 from tsis.console.bench import Job, Jobs
 from tsis.console.bench.jobs import AT_ONCE, REMEMBERED, RESULTS
@@ -27,7 +27,7 @@ def jobs() -> Iterator[Jobs]:
 
 
 def done(job: Job) -> str:
-    assert job.wait(10.0)
+    assert job.wait(HANGS_S)
     return job.state().status
 
 
@@ -60,7 +60,7 @@ def test_few_at_once_and_all_of_many_in_order(jobs: Jobs) -> None:
                 running[0] += 1
                 most[0] = max(most[0], running[0])
                 order.append(number)
-            together.wait(10.0)  # nobody goes on alone
+            together.wait(HANGS_S)  # nobody goes on alone
             with lock:
                 running[0] -= 1
             return number
@@ -79,7 +79,7 @@ def test_what_comes_after_a_job_comes_however_it_ended(jobs: Jobs) -> None:
     held, over = [Held() for _ in range(AT_ONCE)], []
     for each in held:
         jobs.begin("long", each, after=lambda: over.append("long"))
-        assert each.begun.wait(10.0)
+        assert each.begun.wait(HANGS_S)
     queued = jobs.begin("queued", lambda job: 1, after=lambda: over.append("queued"))
     queued.end()
     for each in held:
@@ -96,7 +96,7 @@ def test_what_must_begin_at_once_queues_behind_nothing(jobs: Jobs) -> None:
     held = [Held() for _ in range(AT_ONCE)]
     for each in held:
         jobs.begin("long", each)
-        assert each.begun.wait(10.0)
+        assert each.begun.wait(HANGS_S)
     queued = jobs.begin("queued", lambda job: 1)
     urgent = jobs.begin("urgent", lambda job: 2, at_once=True)
     assert done(urgent) == "done"
@@ -229,7 +229,7 @@ def test_closing_ends_all_and_takes_no_more() -> None:
     jobs, held = Jobs(), [Held() for _ in range(AT_ONCE + 2)]
     begun = [jobs.begin("long", each) for each in held]
     deaf = threading.Event()
-    stuck = jobs.begin("deaf", lambda job: deaf.wait(20.0), at_once=True)
+    stuck = jobs.begin("deaf", lambda job: deaf.wait(HANGS_S), at_once=True)
     jobs.close(patience_s=0.5)
     assert [job.state().status for job in begun] == ["ended"] * len(begun)
     assert stuck.state().status == "running"  # it asks nothing, and nobody waits for it

@@ -14,7 +14,7 @@ import pytest
 from tests.console.bench.lit_camera import seen
 from tests.console.bench.places import ANN, Held, gauge
 from tests.console.bench.test_in_force import known
-from tests.instrument.scripted_camera import until
+from tests.waiting import HANGS_S, until
 
 from tsis.instrument.gauge.alignment import LONGEST_GAP_S
 from tsis.instrument.recording import FrameFolder
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 
 
 def over(job: Job) -> dict[str, Any]:
-    assert job.wait(20.0)
+    assert job.wait(HANGS_S)
     assert job.state().status == "done", job.state().sentence
     return job.result  # type: ignore[no-any-return]
 
@@ -167,7 +167,7 @@ def test_a_disk_that_fills_ends_it_with_what_was_kept(
 
     monkeypatch.setattr(FrameFolder, "keep", kept)
     job = running.begin_sequence(frames=100, by=ANN)
-    assert job.wait(20.0)
+    assert job.wait(HANGS_S)
     state = job.state()
     if after == 0:
         assert (state.status, job.result) == ("failed", None)

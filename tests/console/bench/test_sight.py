@@ -56,7 +56,7 @@ def area(outline: tuple[tuple[float, float], ...]) -> float:
     return abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(x=st.floats(200, 560), y=st.floats(170, 320), radius=st.floats(40, 150), seed=st.integers(0, 99))
 def test_a_disc_is_found_where_it_lies(x: float, y: float, radius: float, seed: int) -> None:
     seen = contact(frame(np.where(away(x, y) < radius, 120.0, BACKGROUND), seed=seed), None)

@@ -17,8 +17,8 @@ import numpy as np
 import pytest
 from tests.console.bench.lit_camera import seen
 from tests.console.bench.places import ANN, BOB, LIT, gauge, lit_bench
-from tests.instrument.scripted_camera import until
 from tests.records.full_disk import FailingDisk
+from tests.waiting import HANGS_S, until
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.instrument.gauge.alignment import LONGEST_GAP_S
@@ -331,7 +331,7 @@ def test_two_who_press_the_key_at_once_keep_two_presses(bench: Bench) -> None:
     gate, kept, said = threading.Barrier(4), list[str](), list[str]()
 
     def press() -> None:
-        gate.wait(10.0)
+        gate.wait(HANGS_S)
         try:
             kept.append(bench.snapshot(by=ANN).press.id)
         except ControlError as error:
@@ -341,7 +341,7 @@ def test_two_who_press_the_key_at_once_keep_two_presses(bench: Bench) -> None:
     for thread in threads:
         thread.start()
     for thread in threads:
-        thread.join(30.0)
+        thread.join(HANGS_S)
     assert sorted(presses(bench)) == sorted(kept)
     assert len(files(bench)) == 3 * len(kept)
     assert len(kept) + len(said) == 4

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from tests.console.bench.places import ANN, virtual_bench
-from tests.instrument.scripted_camera import until
+from tests.waiting import until
 
 from tsis.console.bench import CameraChoice
 from tsis.console.bench.stage import VirtualStage

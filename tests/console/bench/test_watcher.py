@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
-from tests.console.live.feed import Feed, until
+from tests.console.live.feed import Feed
+from tests.waiting import until
 
 from tsis.calibration.guard.reference import GuardReference
 from tsis.console.bench.sight import ForceSeen

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from typing import TYPE_CHECKING, Any
 
@@ -10,11 +9,7 @@ from tsis.instrument import Frame
 from tsis.instrument.acquisition import Arrival, FrameRing
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
-
     from numpy.typing import NDArray
-
-PATIENCE_S = 20.0
 
 
 class Feed:
@@ -34,11 +29,3 @@ class Feed:
         arrival = Arrival(frame=frame, arrived_s=now_s)
         self.ring.put(arrival)
         return arrival
-
-
-def until(happened: Callable[[], bool]) -> None:
-    """Wait for what another thread does."""
-    pause, ends = threading.Event(), time.monotonic() + PATIENCE_S
-    while not happened():
-        assert time.monotonic() < ends, "it did not happen in time"
-        pause.wait(0.005)

@@ -34,7 +34,7 @@ def taken_apart(made: bytes) -> tuple[dict[str, Any], bytes]:
     return {"magic": made[:4], **whole, **real}, made[32:]
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(
     pixels=arrays(np.uint8, array_shapes(min_dims=2, max_dims=2, max_side=40)),
     number=st.integers(0, 2**40),

@@ -17,7 +17,8 @@ import pytest
 import uvicorn
 from fastapi import FastAPI, WebSocket
 from PIL import Image
-from tests.console.live.feed import PATIENCE_S, Feed, until
+from tests.console.live.feed import Feed
+from tests.waiting import HANGS_S, until
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
@@ -87,12 +88,12 @@ class Served:
 
     def end(self) -> None:
         self.server.should_exit = True
-        self._thread.join(PATIENCE_S)
+        self._thread.join(HANGS_S)
         self.hub.close()
 
 
 @contextmanager
-def serving(patience_s: float = PATIENCE_S) -> Iterator[Served]:
+def serving(patience_s: float = HANGS_S) -> Iterator[Served]:
     served = Served(patience_s)
     try:
         yield served
@@ -108,14 +109,15 @@ def served() -> Iterator[Served]:
 
 def next_frame(viewer: ClientConnection) -> tuple[int, NDArray[np.uint8] | bytes]:
     """Number and pixels of the next frame; words on the way are passed over."""
-    message = viewer.recv(PATIENCE_S)
+    message = viewer.recv(HANGS_S)
     while isinstance(message, str):
-        message = viewer.recv(PATIENCE_S)
+        message = viewer.recv(HANGS_S)
     rows, columns = int.from_bytes(message[12:14], "little"), int.from_bytes(message[14:16], "little")
     number, body = int.from_bytes(message[8:12], "little"), message[32:]
     return number, body if message[4] else np.frombuffer(body, np.uint8).reshape(rows, columns)
 
 
+@pytest.mark.system
 def test_frames_come_one_by_one_as_they_are_acknowledged(served: Served) -> None:
     with served.viewer() as viewer:
         for number in range(1, 6):
@@ -126,6 +128,7 @@ def test_frames_come_one_by_one_as_they_are_acknowledged(served: Served) -> None
             viewer.send("ok")
 
 
+@pytest.mark.system
 def test_a_slow_viewer_gets_the_newest_frame_and_none_in_between(served: Served) -> None:
     with served.viewer() as slow, served.viewer() as quick:
         served.bring()
@@ -142,6 +145,7 @@ def test_a_slow_viewer_gets_the_newest_frame_and_none_in_between(served: Served)
         assert np.array_equal(shown, newest)
 
 
+@pytest.mark.system
 def test_who_joins_late_gets_the_newest_frame_at_once(served: Served) -> None:
     served.bring()
     newest = served.bring()
@@ -149,6 +153,7 @@ def test_who_joins_late_gets_the_newest_frame_at_once(served: Served) -> None:
         assert np.array_equal(next_frame(viewer)[1], newest)
 
 
+@pytest.mark.system
 def test_deep_frames_are_shown_in_eight_bits(served: Served) -> None:
     with served.viewer() as viewer:
         pixels = served.bring(full_scale=4095.0)
@@ -156,6 +161,7 @@ def test_deep_frames_are_shown_in_eight_bits(served: Served) -> None:
         assert np.abs(np.asarray(shown, float) - pixels * (255 / 4095)).max() <= 0.501
 
 
+@pytest.mark.system
 def test_another_camera_shows_under_an_open_view(served: Served) -> None:
     with served.viewer() as viewer:
         served.bring()
@@ -169,6 +175,7 @@ def test_another_camera_shows_under_an_open_view(served: Served) -> None:
         assert np.asarray(shown).shape == pixels.shape
 
 
+@pytest.mark.system
 def test_no_frame_of_a_stopped_camera_is_shown_to_who_comes_later(served: Served) -> None:
     served.bring()
     served.feed = None
@@ -177,6 +184,7 @@ def test_no_frame_of_a_stopped_camera_is_shown_to_who_comes_later(served: Served
         viewer.recv(timeout=0.2)
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(("asks", "quality"), [("?jpeg=85", 85), ("?jpeg=100", 100), ("?jpeg=999", 100)])
 def test_pictures_of_the_quality_that_was_asked_for(served: Served, asks: str, quality: int) -> None:
     with served.viewer(asks) as viewer:
@@ -189,6 +197,7 @@ def test_pictures_of_the_quality_that_was_asked_for(served: Served, asks: str, q
         assert abs(np.abs(ours - pixels).mean() - np.abs(theirs - pixels).mean()) < 0.25
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("asks", ["", "?jpeg=0", "?jpeg=nonsense", "?jpeg=-3", "?jpeg=12345", "?jpeg=²"])
 def test_raw_pixels_on_this_machine_whatever_else_is_asked(served: Served, asks: str) -> None:
     with served.viewer(asks.replace("²", "%C2%B2")) as viewer:
@@ -196,32 +205,35 @@ def test_raw_pixels_on_this_machine_whatever_else_is_asked(served: Served, asks:
         assert np.array_equal(next_frame(viewer)[1], pixels)
 
 
+@pytest.mark.system
 def test_what_is_seen_comes_before_the_frame_once(served: Served) -> None:
     with served.viewer() as viewer:
         served.bench.sight = SIGHT
         served.bring()
-        assert json.loads(viewer.recv(PATIENCE_S)) == json.loads(json.dumps(asdict(SIGHT)))
-        assert isinstance(viewer.recv(PATIENCE_S), bytes)
+        assert json.loads(viewer.recv(HANGS_S)) == json.loads(json.dumps(asdict(SIGHT)))
+        assert isinstance(viewer.recv(HANGS_S), bytes)
         viewer.send("ok")
         served.bring()
-        assert isinstance(viewer.recv(PATIENCE_S), bytes)
+        assert isinstance(viewer.recv(HANGS_S), bytes)
         served.bench.sight = None
         viewer.send("ok")
         served.bring()
-        assert viewer.recv(PATIENCE_S) == "null"
+        assert viewer.recv(HANGS_S) == "null"
 
 
+@pytest.mark.system
 def test_a_viewer_that_never_acknowledges_is_let_go() -> None:
     with serving(patience_s=0.2) as served, served.viewer() as viewer:
         served.bring()
         next_frame(viewer)
         with pytest.raises(ConnectionClosed) as closed:
-            viewer.recv(PATIENCE_S)
+            viewer.recv(HANGS_S)
         assert closed.value.rcvd is not None
         assert closed.value.rcvd.code == 1013
         until(lambda: served.hub.viewers == 0)
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("frames", [0, 1])
 def test_who_goes_is_noticed_while_no_frames_come(served: Served, frames: int) -> None:
     with served.viewer() as viewer:
@@ -231,6 +243,7 @@ def test_who_goes_is_noticed_while_no_frames_come(served: Served, frames: int) -
     until(lambda: served.hub.viewers == 0)
 
 
+@pytest.mark.system
 def test_anything_that_is_sent_counts_as_an_acknowledgement(served: Served) -> None:
     with served.viewer() as viewer:
         words: tuple[str | bytes, ...] = ("", "no", b"\x00\xff", "x" * 1000)
@@ -240,16 +253,18 @@ def test_anything_that_is_sent_counts_as_an_acknowledgement(served: Served) -> N
             viewer.send(word)
 
 
+@pytest.mark.system
 def test_viewers_are_told_when_the_server_ends() -> None:
     with serving() as served, served.viewer() as viewer:
         served.bring()
         next_frame(viewer)
         served.end()
         with pytest.raises(ConnectionClosed):
-            viewer.recv(PATIENCE_S)
+            viewer.recv(HANGS_S)
         assert served.hub.viewers == 0
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(
     ("asks", "full_scale", "apart"), [("", 255.0, False), ("", 4095.0, True), ("?jpeg=85", 255.0, True)]
 )
@@ -273,6 +288,7 @@ def test_a_frame_is_made_once_for_all_and_not_where_all_wait_for_it(
     assert (made[0] == served.thread_name) is not apart
 
 
+@pytest.mark.system
 def test_words_of_a_frame_are_made_once_for_all(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
     made: list[Sight | None] = []
 
@@ -286,7 +302,7 @@ def test_words_of_a_frame_are_made_once_for_all(served: Served, monkeypatch: pyt
             served.bench.sight = sight
             served.bring()
             for viewer in (one, other):
-                assert json.loads(viewer.recv(PATIENCE_S))["number"] == sight.number
+                assert json.loads(viewer.recv(HANGS_S))["number"] == sight.number
                 next_frame(viewer)
                 viewer.send("ok")
     assert [each and each.number for each in made] == [1, 2]

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from nicegui import ui
 from tests.console.bench.places import Held, lit_bench
 from tests.console.pages.open_page import Told, on_a_page
+from tests.waiting import HANGS_S
 
 from tsis.console.bench.jobs import AT_ONCE
 from tsis.console.pages.records.importing import import_button
@@ -44,7 +45,7 @@ def test_the_copy_goes_also_when_the_import_is_ended_before_it_begins(
             job.end()
             for each in held:
                 each.over.set()
-            assert job.wait(10.0)
+            assert job.wait(HANGS_S)
             assert job.state().status == "ended"
 
         for each in held:

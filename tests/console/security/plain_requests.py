@@ -7,7 +7,8 @@ import ssl
 from contextlib import suppress
 from urllib.parse import urlsplit
 
-WAIT_S = 20.0
+from tests.waiting import HANGS_S
+
 MOST_BYTES = 2**16
 
 
@@ -15,7 +16,7 @@ def answer_to(address: str, request: bytes) -> bytes:
     """Send this to a server, and read until it closes or has sent a head."""
     parts = urlsplit(address)
     assert parts.hostname is not None
-    with socket.create_connection((parts.hostname, parts.port or 80), timeout=WAIT_S) as connection:
+    with socket.create_connection((parts.hostname, parts.port or 80), timeout=HANGS_S) as connection:
         wrapped = _unchecked().wrap_socket(connection) if parts.scheme == "https" else connection
         with wrapped:
             with suppress(ConnectionError):  # it may say no before all was sent

@@ -15,6 +15,7 @@ import pytest
 from tests.console.browser import needs_browser
 from tests.console.running import running_console
 from tests.console.security.plain_requests import upgraded
+from tests.waiting import HANGS_S
 
 from tsis.console.listening import listening
 
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from playwright.sync_api import Browser
 
 pytestmark = [pytest.mark.system, pytest.mark.slow]
-PATIENCE_S = 30  # on a machine that does other things; it is not the time that is promised
 
 
 @needs_browser
@@ -39,7 +39,7 @@ def test_it_ends_with_pages_open_and_says_nothing_of_it(
         pages[0].get_by_role("button", name=re.compile("^Start")).first.click()
         pages[0].get_by_text(re.compile(r"^\d+ frames/s, ")).wait_for(timeout=60_000)
         console.process.send_signal(number)
-        assert console.process.wait(PATIENCE_S) == 0
+        assert console.process.wait(HANGS_S) == 0
         assert (tmp_path / "console.log").read_text() == ""
         assert not (tmp_path / "user" / "console.log").exists()
     for page in pages:
@@ -49,19 +49,19 @@ def test_it_ends_with_pages_open_and_says_nothing_of_it(
 def test_a_page_stays_open_when_the_console_is_started_anew(tmp_path: Path) -> None:
     with running_console(tmp_path) as console:
         port = httpx.URL(console.address).port
-        with httpx.Client(base_url=console.address) as user:
+        with httpx.Client(base_url=console.address, timeout=HANGS_S) as user:
             user.get(f"/?token={console.token}")
             cookies = dict(user.cookies)
         first = console.token
     headers = {"Cookie": "; ".join(f"{name}={value}" for name, value in cookies.items())}
     with running_console(tmp_path, "--port", str(port)) as console:
         assert console.token == first
-        assert httpx.get(console.address + "/records", headers=headers).status_code == 200
+        assert httpx.get(console.address + "/records", headers=headers, timeout=HANGS_S).status_code == 200
         assert upgraded(console.address, "/live", headers) == 101
     with running_console(tmp_path, "--port", str(port), "--new-token") as console:
         assert console.token != first
-        assert httpx.get(console.address + "/records", headers=headers).status_code == 401
-        assert httpx.get(f"{console.address}/?token={first}").status_code == 401
+        assert httpx.get(console.address + "/records", headers=headers, timeout=HANGS_S).status_code == 401
+        assert httpx.get(f"{console.address}/?token={first}", timeout=HANGS_S).status_code == 401
 
 
 def test_a_port_that_is_taken_is_one_sentence(tmp_path: Path) -> None:
@@ -86,5 +86,5 @@ def test_what_is_printed_for_programs_is_one_document(tmp_path: Path) -> None:
         assert console.address.startswith("http://127.0.0.1:")
         assert len(console.token) == 43
         console.process.send_signal(signal.SIGINT)
-        rest, _ = console.process.communicate(timeout=PATIENCE_S)
+        rest, _ = console.process.communicate()
     assert rest == ""

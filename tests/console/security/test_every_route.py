@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import httpx
 import pytest
 from tests.console.security.plain_requests import answer_to, status_of, upgraded
+from tests.waiting import HANGS_S
 
 from tsis.console.security.access import Access
 from tsis.console.security.asked import SAFE_METHODS
@@ -74,7 +75,7 @@ def without_a_key(console: RunningConsole) -> dict[str, dict[str, str]]:
 
 def test_nobody_without_a_key_reaches_any_route(console: RunningConsole, routes: list[Route]) -> None:
     passed, asked = [], 0
-    with httpx.Client(base_url=console.address) as user:
+    with httpx.Client(base_url=console.address, timeout=HANGS_S) as user:
         for who, headers in without_a_key(console).items():
             for path, method in of_http(routes):
                 asked += 1
@@ -96,7 +97,7 @@ def test_nobody_without_a_key_opens_any_socket(console: RunningConsole, routes: 
 
 def test_foreign_names_reach_nothing_even_with_the_key(console: RunningConsole, routes: list[Route]) -> None:
     passed = []
-    with httpx.Client(base_url=console.address, headers=console.key) as user:
+    with httpx.Client(base_url=console.address, headers=console.key, timeout=HANGS_S) as user:
         for name in (
             "evil.example",
             f"evil.example:{port_of(console)}",
@@ -122,7 +123,7 @@ def test_pages_of_other_places_change_nothing_even_with_the_key(console: Running
     )
     unsafe = [each for each in of_http(routes) if each[1] not in SAFE_METHODS]
     assert len(unsafe) > 15
-    with httpx.Client(base_url=console.address, headers=console.key) as user:
+    with httpx.Client(base_url=console.address, headers=console.key, timeout=HANGS_S) as user:
         for origin in origins:
             for path, method in unsafe:
                 if user.request(method, path, headers={"Origin": origin}).status_code != 403:
@@ -135,7 +136,7 @@ def test_pages_of_other_places_change_nothing_even_with_the_key(console: Running
 def test_who_has_the_key_is_refused_nowhere(console: RunningConsole, routes: list[Route]) -> None:
     own = {"Origin": console.address}
     for headers in ({**console.key, **own}, {**cookie(console, console.token), **own}, console.key):
-        with httpx.Client(base_url=console.address, headers=headers, timeout=60) as user:
+        with httpx.Client(base_url=console.address, headers=headers, timeout=HANGS_S) as user:
             for path, method in of_http(routes):
                 answer = user.request(method, path)
                 assert not answer.text.startswith(REFUSALS), (method, path)
@@ -145,7 +146,7 @@ def test_who_has_the_key_is_refused_nowhere(console: RunningConsole, routes: lis
 
 def test_polling_passes_the_same_gate_as_sockets(console: RunningConsole) -> None:
     poll = "/_nicegui_ws/socket.io/?EIO=4&transport=polling"
-    with httpx.Client(base_url=console.address) as user:
+    with httpx.Client(base_url=console.address, timeout=HANGS_S) as user:
         opened = user.get(poll, headers=console.key)
         assert opened.status_code == 200
         told = json.loads(opened.text[1:])
@@ -157,7 +158,7 @@ def test_polling_passes_the_same_gate_as_sockets(console: RunningConsole) -> Non
 
 
 def test_every_answer_is_guarded(console: RunningConsole, routes: list[Route]) -> None:
-    with httpx.Client(base_url=console.address, timeout=60) as user:
+    with httpx.Client(base_url=console.address, timeout=HANGS_S) as user:
         for headers in ({}, console.key):
             for path, method in of_http(routes):
                 answer = user.request(method, path, headers=headers)
@@ -217,7 +218,7 @@ def test_large_bodies_are_refused_before_they_are_read(console: RunningConsole) 
 def test_lies_of_a_proxy_change_no_page(console: RunningConsole) -> None:
     lies = {"X-Forwarded-Prefix": "/evil", "X-Forwarded-Host": "evil.example", "X-Forwarded-Proto": "https"}
     for path in ("/", "/records", "/static"):
-        page = httpx.get(console.address + path, headers={**console.key, **lies})
+        page = httpx.get(console.address + path, headers={**console.key, **lies}, timeout=HANGS_S)
         assert "evil" not in page.text
         assert "evil" not in page.headers.get("location", "")
 

@@ -48,6 +48,7 @@ def test_an_error_is_a_sentence_on_the_terminal_and_a_story_in_the_file(
     assert "Traceback" in (tmp_path / FILE).read_text()
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("asked", [b"GET / HTTP/1.1\r\nHost: x\r\n\r\n", b"\x00\x01\x02\r\n\r\n"])
 def test_nothing_is_said_of_what_waits_when_the_console_ends_nor_of_noise(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, asked: bytes

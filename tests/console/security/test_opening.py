@@ -13,6 +13,7 @@ from urllib.request import url2pathname
 
 import pytest
 from tests.console.browser import needs_browser
+from tests.waiting import HANGS_S
 
 from tsis.console.opening import opened_in_browser
 
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
 TOKEN = "t" * 43
 ADDRESS = f"http://127.0.0.1:8642/?token={TOKEN}"
-WAIT_S = 30.0  # after which it will never be
 
 
 @pytest.fixture
@@ -39,7 +39,7 @@ def file_of(address: str) -> Path:
 
 def test_the_key_is_in_a_private_file_alone_and_only_for_a_while(tmp_path: Path, opened: queue.Queue[str]) -> None:
     with opened_in_browser(ADDRESS, folder=tmp_path / "a user"):
-        address = opened.get(timeout=WAIT_S)
+        address = opened.get(timeout=HANGS_S)
         page = file_of(address)
         assert address.startswith("file:///")
         assert TOKEN not in address
@@ -63,7 +63,7 @@ def test_where_no_browser_can_be_opened_the_console_goes_on(
 
     monkeypatch.setattr(webbrowser, "open", failing)
     with opened_in_browser(ADDRESS, folder=tmp_path):
-        assert opened.get(timeout=WAIT_S) == "tried"
+        assert opened.get(timeout=HANGS_S) == "tried"
 
 
 @needs_browser
@@ -72,7 +72,7 @@ def test_a_browser_gets_in_by_the_page(console: RunningConsole, browser: Browser
     context = browser.new_context()
     page = context.new_page()
     with opened_in_browser(console.entrance, folder=console.folder / "user"):
-        page.goto(opened.get(timeout=WAIT_S), wait_until="commit")
+        page.goto(opened.get(timeout=HANGS_S), wait_until="commit")
         page.get_by_role("navigation", name="Pages").wait_for()
         assert page.url == f"{console.address}/"
     context.close()

@@ -62,6 +62,7 @@ def port() -> Iterator[int]:
         thread.join()
 
 
+@pytest.mark.system
 @pytest.mark.parametrize("said", [b"", b"GET / HT", b"GET / HTTP/1.1\r\nHost: x\r\nX: y\r\n"])
 def test_silence_is_ended(port: int, said: bytes) -> None:
     with socket.create_connection(("127.0.0.1", port), timeout=30) as connection:
@@ -69,6 +70,7 @@ def test_silence_is_ended(port: int, said: bytes) -> None:
         assert connection.recv(1) == b""
 
 
+@pytest.mark.system
 def test_an_answer_that_takes_long_is_waited_for(port: int) -> None:
     assert httpx.get(f"http://127.0.0.1:{port}/", timeout=30).text == "done"
     assert Hurried.looks == LOOKS

@@ -34,6 +34,7 @@ def refused(terms: ConsoleTerms) -> str:
     return str(caught.value)
 
 
+@pytest.mark.system
 def test_a_network_is_refused_without_a_certificate_and_a_login(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, certificate: tuple[Path, Path]
 ) -> None:
@@ -69,6 +70,7 @@ def test_only_loopback_is_loopback() -> None:
         resolved("no such name")
 
 
+@pytest.mark.system
 def test_the_second_to_want_a_port_is_told_at_once() -> None:
     with listening("127.0.0.1", 0) as first:
         port = first.getsockname()[1]
@@ -79,6 +81,7 @@ def test_the_second_to_want_a_port_is_told_at_once() -> None:
         ).close()  # who comes while it is prepared waits, and is not refused
 
 
+@pytest.mark.system
 def test_a_console_that_cannot_listen_leaves_the_key_as_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(FOLDER, str(tmp_path))
     key = kept_token()
@@ -87,6 +90,7 @@ def test_a_console_that_cannot_listen_leaves_the_key_as_it_is(tmp_path: Path, mo
     assert kept_token() == key
 
 
+@pytest.mark.system
 def test_what_begins_late_loads_late() -> None:
     asked = "import sys; from tsis.console import Logins; print(Logins.__name__, *sys.modules)"
     said = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True).stdout.split()
@@ -108,6 +112,7 @@ def test_a_certificate_speaks_nothing_old(certificate: tuple[Path, Path]) -> Non
     assert Certificate(chain=certificate[0], key=certificate[1]).context().minimum_version == ssl.TLSVersion.TLSv1_2
 
 
+@pytest.mark.system
 def test_certificates_that_will_not_do_are_one_sentence(certificate: tuple[Path, Path], tmp_path: Path) -> None:
     assert OPENSSL is not None
     chain, key = certificate

@@ -5,6 +5,8 @@ from __future__ import annotations
 import asyncio
 from typing import TYPE_CHECKING, Any
 
+from tests.waiting import HANGS_S
+
 from tsis.console.security.access import Access
 from tsis.console.security.gate import DENIAL, Gate
 from tsis.console.security.sockets import MOST, OpenSockets
@@ -16,7 +18,6 @@ if TYPE_CHECKING:
     from starlette.types import Message, Receive, Scope, Send
 
 TOKEN = "t" * 43
-WAIT_S = 30.0  # after which it will never be
 
 
 class Peer:
@@ -157,10 +158,10 @@ def test_the_watch_goes_on_whatever_it_meets_until_it_is_told_to_end(
             return await sockets.serve(for_ever(), stays=stays)
 
         stays = asyncio.create_task(served(lambda: not over.is_set()))
-        assert await asyncio.wait_for(served(unknown), WAIT_S)  # who cannot be asked about does not stay
+        assert await asyncio.wait_for(served(unknown), HANGS_S)  # who cannot be asked about does not stay
         assert not stays.done()
         over.set()
-        assert await asyncio.wait_for(stays, WAIT_S)
+        assert await asyncio.wait_for(stays, HANGS_S)
         assert not watch.done()
         watch.cancel()
         await watch

@@ -11,6 +11,7 @@ import pytest
 from tests.console.browser import needs_browser, picture
 from tests.console.security.conftest import PASSWORD
 from tests.console.security.plain_requests import upgraded
+from tests.waiting import HANGS_S
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page
@@ -25,7 +26,9 @@ def named(tls: TlsConsole) -> str:
 
 
 def client(tls: TlsConsole) -> httpx.Client:
-    return httpx.Client(base_url=named(tls), verify=ssl.create_default_context(cafile=str(tls.certificate)))
+    return httpx.Client(
+        base_url=named(tls), verify=ssl.create_default_context(cafile=str(tls.certificate)), timeout=HANGS_S
+    )
 
 
 def test_the_printed_address_is_by_the_name_that_was_allowed(tls: TlsConsole) -> None:
@@ -41,7 +44,7 @@ def test_tls_is_real_and_nothing_else_is_answered(tls: TlsConsole) -> None:
     ):
         assert wrapped.version() in ("TLSv1.2", "TLSv1.3")
     with pytest.raises(httpx.TransportError):
-        httpx.get(f"http://127.0.0.1:{port}/")
+        httpx.get(f"http://127.0.0.1:{port}/", timeout=HANGS_S)
 
 
 def test_a_script_comes_in_with_the_key_and_a_login_with_its_cookie(tls: TlsConsole) -> None:

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 from tests.console.bench.places import Held
+from tests.waiting import HANGS_S
 
 from tsis.console.bench.jobs import Jobs
 from tsis.console.statuses import AbsentError
@@ -36,7 +37,7 @@ def test_a_second_run_is_refused_while_the_first_is_under_way(tmp_path: Path) ->
     with pytest.raises(ControlError, match="one thing at a time"):
         begin_publishing(jobs, shelf, "trial", by="Ada")
     held.over.set()
-    assert running.wait(10.0)
+    assert running.wait(HANGS_S)
     state = job_of(jobs, "trial")
     assert state is not None
     assert not state.running
@@ -53,7 +54,7 @@ def test_a_study_is_unblinded_whole_or_although(tmp_path: Path) -> None:
         begin_publishing(jobs, shelf, "trial", by="Ada")
     with pytest.raises(AbsentError, match="must be analysed before"):
         report_bytes(shelf.study("trial"), "html")
-    assert begin_publishing(jobs, shelf, "trial", by="Eve", although_incomplete=True).wait(120.0)
+    assert begin_publishing(jobs, shelf, "trial", by="Eve", although_incomplete=True).wait(HANGS_S)
     after = shelf.study("trial")
     assert after.unblinded is not None
     assert after.unblinded.actor == "Eve"

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
-from tests.instrument.scripted_camera import BREAK, END, ScriptedCamera, until
+from tests.instrument.scripted_camera import BREAK, END, ScriptedCamera
+from tests.waiting import until
 
 from tsis.instrument import Frame, ImageFiles, VideoFile
 from tsis.instrument.acquisition import Acquisition

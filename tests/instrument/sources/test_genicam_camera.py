@@ -6,6 +6,7 @@ from typing import Any
 
 import pytest
 from tests.instrument.sources.genicam_stand_ins import Clock, DriverError, FakeLink, links, torn, whole
+from tests.waiting import HANGS_S
 
 from tsis.instrument import Camera, Frame
 from tsis.instrument.sources.genicam_camera import GenICamCamera
@@ -173,19 +174,19 @@ def test_stopping_releases_a_reader_of_another_thread(running: Run) -> None:
 
     def hold() -> None:
         waiting.set()
-        assert stopped.wait(10.0)
+        assert stopped.wait(HANGS_S)
 
     link = FakeLink([whole(0), hold, DriverError("the device was closed")])
     camera = running(link)
     ends: list[str] = []
     reader = threading.Thread(target=lambda: ends.append(read_until_lost(camera)[1]))
     reader.start()
-    assert waiting.wait(10.0)
+    assert waiting.wait(HANGS_S)
     stopper = threading.Thread(target=camera.stop)
     stopper.start()
     stopped.set()
-    stopper.join(10.0)
-    reader.join(10.0)
+    stopper.join(HANGS_S)
+    reader.join(HANGS_S)
     assert ends == [""]
     assert not camera.lost
     assert link.calls == ["begin", "end", "close"]

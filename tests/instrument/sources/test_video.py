@@ -97,6 +97,7 @@ for path in sys.argv[1:]:
 """
 
 
+@pytest.mark.system
 def test_a_damaged_video_writes_nothing_on_the_terminal(tmp_path: Path) -> None:
     (tmp_path / "text.mp4").write_text("no video\n" * 500)
     paths = [tmp_path / "text.mp4"]

@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
+pytestmark = pytest.mark.system
+
 FILES = dicom_files(sample_dossier())
 EVERY = (MultiFrameGrayscaleByteSecondaryCaptureImageStorage, ComprehensiveSRStorage)
 HOST = "127.0.0.1"

@@ -31,7 +31,7 @@ def images(dossier: Dossier, *, identified: bool = False) -> list[Dataset]:
     return [each for each in found if "PixelData" in each]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     rows=st.integers(1, 40),
     columns=st.integers(1, 40),

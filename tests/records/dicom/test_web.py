@@ -63,6 +63,7 @@ def stored(uid: str) -> tuple[int, dict[str, str], bytes]:
     return 200, {"Content-Type": JSON}, json.dumps({"00081199": {"vr": "SQ", "Value": [item]}}).encode()
 
 
+@pytest.mark.system
 def test_each_instance_goes_whole_in_a_request_of_its_own() -> None:
     with service(*(stored(file.sop_instance_uid) for file in FILES)) as (url, got):
         assert stow_rs(FILES, url=f"{url}/web/", token="secret") == tuple(file.sop_instance_uid for file in FILES)
@@ -71,6 +72,7 @@ def test_each_instance_goes_whole_in_a_request_of_its_own() -> None:
     assert all(file.content in body for file, (_, _, body) in zip(FILES, got, strict=True))
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(
     ("status", "said"),
     [
@@ -91,6 +93,7 @@ def test_a_refusal_is_told_with_its_status_and_a_cure(status: int, said: str) ->
     assert len(got) == 2  # asked once, not again and again
 
 
+@pytest.mark.system
 def test_an_instance_that_failed_is_told_with_its_reason() -> None:
     failed = {
         "00081155": {"vr": "UI", "Value": [FILES[0].sop_instance_uid]},
@@ -104,6 +107,7 @@ def test_an_instance_that_failed_is_told_with_its_reason() -> None:
         stow_rs(FILES, url=url)
 
 
+@pytest.mark.system
 @pytest.mark.parametrize(
     ("kind", "content"),
     [
@@ -122,6 +126,7 @@ def test_a_page_that_says_nothing_of_storing_is_no_success(kind: str, content: b
         stow_rs(FILES, url=url)
 
 
+@pytest.mark.system
 def test_a_service_that_sends_elsewhere_is_not_followed() -> None:
     with (
         service(stored(FILES[0].sop_instance_uid)) as (other, got),
@@ -132,6 +137,7 @@ def test_a_service_that_sends_elsewhere_is_not_followed() -> None:
         assert got == []
 
 
+@pytest.mark.system
 def test_a_silent_service_is_told() -> None:
     with socket.create_server((HOST, 0)) as silent:
         url = f"http://{HOST}:{silent.getsockname()[1]}"

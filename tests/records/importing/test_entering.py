@@ -177,7 +177,7 @@ def test_another_packing_of_the_same_file_is_the_same_press(
     assert [each.target.id for each in after] == [each.target.id for each in before]
 
 
-@settings(max_examples=12, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=12, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(rounds=st.lists(st.sets(st.integers(0, 5), min_size=1), min_size=1, max_size=4))
 def test_images_join_a_target_only_where_it_holds_all_of_them_or_nothing_else(
     tmp_path: Path, rounds: list[set[int]]

@@ -47,7 +47,7 @@ def test_images_come_in_with_what_was_said(tmp_path: Path) -> None:
             assert len(press.settings["sha256"]) == 64
 
 
-@settings(max_examples=8, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=8, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(rounds=st.lists(st.lists(st.integers(0, 5), min_size=1, max_size=8), min_size=1, max_size=4))
 def test_whatever_is_imported_how_often_each_file_is_one_press(tmp_path: Path, rounds: list[list[int]]) -> None:
     folder = tmp_path / str(len(list(tmp_path.iterdir())))

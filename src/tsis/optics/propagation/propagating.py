@@ -7,10 +7,10 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from tsis.model import check
 from tsis.model.errors import InputError
+from tsis.model.threads import one_blas_thread
 from tsis.optics import inputs
 from tsis.optics.propagation.beam_march import march
 from tsis.optics.propagation.frequency_domain import LAUNCH_NODES, memory_bytes, solve_launched
@@ -149,7 +149,7 @@ def propagate(
     )
     across, along = _axes(guide, method, wavelength_um, length_um, step_um)
     _refuse_what_does_not_fit(across, along, method, modes, memory_gib)
-    with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
+    with one_blas_thread():
         flat = _modes_of_flat(guide, across, wavelength_um)
         _refuse_missing_modes(guide, flat, modes)
         squared = (2 * np.pi / wavelength_um) ** 2 * permittivity(guide, dent, across.nodes_um, along.nodes_um)

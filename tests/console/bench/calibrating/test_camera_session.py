@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.console.bench.places import ANN, BOB, Held
 from tests.console.bench.places import gauge as gauge_at
-from tests.instrument.scripted_camera import until
+from tests.waiting import HANGS_S, until
 
 from tsis.calibration.session import SessionTerms
 from tsis.console.bench.calibrating import session as under_test
@@ -26,7 +26,6 @@ if TYPE_CHECKING:
     from tsis.console.bench import Bench
     from tsis.console.bench.calibrating import CalibrationSession, StepState
 
-SECONDS = 30.0
 LOADING = "tip-2mm-1"
 
 
@@ -61,9 +60,9 @@ def test_it_remembers_camera_and_settings(session: CalibrationSession) -> None:
 
 
 def test_frames_are_fresh_and_of_this_step(session: CalibrationSession, world: World) -> None:
-    assert session.take("dark", by=ANN).wait(SECONDS)
+    assert session.take("dark", by=ANN).wait(HANGS_S)
     world.level = 90
-    assert session.take("untouched", by=ANN).wait(SECONDS)
+    assert session.take("untouched", by=ANN).wait(HANGS_S)
     dark, untouched = (session.folder.shots(state.step) for state in session.steps()[:2])
     assert kept(session) == {"dark": 16, "untouched": 16}
     assert {shot.image.grey.max() for shot in dark} == {60.0}
@@ -73,12 +72,12 @@ def test_frames_are_fresh_and_of_this_step(session: CalibrationSession, world: W
 
 
 def test_a_camera_lost_in_mid_step_costs_that_step(session: CalibrationSession, world: World, bench: Bench) -> None:
-    assert session.take("dark", by=ANN).wait(SECONDS)
+    assert session.take("dark", by=ANN).wait(HANGS_S)
     bench.use_gauge(gauge_at(0.5), by=ANN)
     job = session.take(LOADING, by=ANN)
     until(lambda: job.state().done >= 1)
     world.plugged = False
-    assert job.wait(SECONDS)
+    assert job.wait(HANGS_S)
     assert job.state().status == "failed"
     assert job.state().sentence.startswith(f"step '{LOADING}' is not kept, those before it are: aravis:lit ")
     assert kept(session) == {"dark": 16}
@@ -88,7 +87,7 @@ def test_a_camera_lost_in_mid_step_costs_that_step(session: CalibrationSession, 
     world.plugged = True
     until(lambda: bench.desk.acquisition is not None and not bench.desk.acquisition.lost)
     until(lambda: bool(bench.desk.settings()))
-    assert session.take("untouched", by=ANN).wait(SECONDS)
+    assert session.take("untouched", by=ANN).wait(HANGS_S)
     assert kept(session) == {"dark": 16, "untouched": 16}
 
 
@@ -101,7 +100,7 @@ def test_a_camera_that_was_away_in_between_costs_the_step(
     world.plugged = False
     until(lambda: bench.desk.acquisition is not None and bench.desk.acquisition.lost)
     world.plugged = True
-    assert job.wait(SECONDS)
+    assert job.wait(HANGS_S)
     assert "was lost meanwhile" in job.state().sentence
     assert kept(session) == {}
 
@@ -112,13 +111,13 @@ def test_settings_of_another_session_are_refused_before_and_after(session: Calib
     until(lambda: job.state().done >= 1)
     bench.adjust("gain", 5.0, by=ANN)
     session.end_loading(by=ANN)
-    assert job.wait(SECONDS)
+    assert job.wait(HANGS_S)
     assert "gain = 2; it is at 5 (set it back)" in job.state().sentence
     assert kept(session) == {}
     with pytest.raises(CalibrationError, match="gain = 2; it is at 5"):
         session.take("dark", by=ANN)
     bench.adjust("gain", 2.0, by=ANN)
-    assert session.take("dark", by=ANN).wait(SECONDS)
+    assert session.take("dark", by=ANN).wait(HANGS_S)
     bench.stop(by=ANN)
     with pytest.raises(CameraError, match="it is stopped"):
         session.take("untouched", by=ANN)
@@ -131,7 +130,7 @@ def test_a_loading_by_the_gauge_goes_on_until_it_is_over(session: CalibrationSes
     with pytest.raises(ControlError, match="is taking a step"):
         session.take("dark", by=ANN)
     session.end_loading(by=ANN)
-    assert job.wait(SECONDS)
+    assert job.wait(HANGS_S)
     assert job.state().status == "done"
     shots = session.folder.shots(step(session).step)
     assert len(shots) >= 2
@@ -143,7 +142,7 @@ def test_a_step_that_is_ended_is_not_kept(session: CalibrationSession, bench: Be
     job = session.take(LOADING, by=ANN)
     until(lambda: job.state().done >= 1)
     job.end()
-    assert job.wait(SECONDS)
+    assert job.wait(HANGS_S)
     assert job.state().status == "ended"
     assert kept(session) == {}
     assert drafts(session.folder.path) == []
@@ -209,7 +208,7 @@ def test_a_press_of_which_no_frame_came_leaves_what_was_typed(
 def test_a_step_of_a_camera_waits_for_nothing(session: CalibrationSession, bench: Bench) -> None:
     for _ in range(5):
         bench.jobs.begin("an estimate that lasts", Held())
-    assert session.take("dark", by=ANN).wait(SECONDS)
+    assert session.take("dark", by=ANN).wait(HANGS_S)
     assert kept(session) == {"dark": 16}
 
 
@@ -221,7 +220,7 @@ def test_who_watches_ends_no_step(session: CalibrationSession, bench: Bench) -> 
             act(by=BOB)
     until(lambda: job.state().done >= 1)
     session.end_step(by=ANN)
-    assert job.wait(SECONDS)
+    assert job.wait(HANGS_S)
     assert (job.state().status, kept(session)) == ("ended", {})
 
 
@@ -233,7 +232,7 @@ def test_a_calibration_that_cannot_be_set_aside_keeps_no_frames_that_it_was_not_
 
     monkeypatch.setattr(under_test, "set_aside", refused)
     job = session.take("dark", by=ANN)
-    assert job.wait(SECONDS)
+    assert job.wait(HANGS_S)
     assert "step 'dark' is not kept, those before it are: " in job.state().sentence
     assert kept(session) == {}
     session.press(LOADING, 0.5, by=ANN)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 from tests.console.bench.places import ANN, BOB, lit_bench, virtual_bench
+from tests.waiting import HANGS_S
 
 from tsis.calibration.cited import CitedCalibration
 from tsis.calibration.file import ProbeCalibration, identity
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from tsis.console.bench import Bench
     from tsis.console.bench.calibrating import CalibrationSession
 
-SECONDS = 120.0
 TERMS = SessionTerms(name="May, left", probe="tsis-direct", camera=bench_name(3), tips_mm=(2.0, 14.0))
 
 
@@ -38,7 +38,7 @@ def test_the_same_frames_as_the_guide_of_the_terminal(bench: Bench, tmp_path: Pa
     session = bench.calibrating.begin(TERMS, by=ANN)
     assert session.folder.path == bench.terms.workspace / "calibrations" / "May-left"
     for name in ("dark", "untouched", "flat-1"):
-        assert session.take(name, by=ANN).wait(SECONDS)
+        assert session.take(name, by=ANN).wait(HANGS_S)
     virtual = VirtualBench(load_probe("tsis-direct"), rng=np.random.default_rng(3))
     guided = SessionFolder(tmp_path / "guided")
     guided.begin(
@@ -58,7 +58,7 @@ def test_the_same_frames_as_the_guide_of_the_terminal(bench: Bench, tmp_path: Pa
 
 def test_a_session_goes_on_in_another_program_and_its_noise_does_not_come_again(bench: Bench, tmp_path: Path) -> None:
     session = bench.calibrating.begin(TERMS, by=ANN)
-    assert session.take("dark", by=ANN).wait(SECONDS)
+    assert session.take("dark", by=ANN).wait(HANGS_S)
     bench.close()
     with lit_bench(tmp_path) as later:
         (listed,) = later.calibrating.listed()
@@ -77,7 +77,7 @@ def test_a_session_goes_on_in_another_program_and_its_noise_does_not_come_again(
         dark = again.folder.shots(again.steps()[0].step)
         again.repeat("dark", by=ANN)
         assert statuses(again)["dark"] == "open"
-        assert again.take("dark", by=ANN).wait(SECONDS)
+        assert again.take("dark", by=ANN).wait(HANGS_S)
         anew = again.folder.shots(again.steps()[0].step)
         assert not any(np.array_equal(one.image.grey, other.image.grey) for one in dark for other in anew)
 
@@ -88,7 +88,7 @@ def test_steps_are_left_out_and_taken_nevertheless(bench: Bench) -> None:
     assert statuses(session)["flat-2"] == "left out"
     with pytest.raises(CalibrationError, match="step 'dark' cannot be left out"):
         session.leave_out("dark", by=ANN)
-    assert session.take("flat-2", by=ANN).wait(SECONDS)
+    assert session.take("flat-2", by=ANN).wait(HANGS_S)
     assert statuses(session)["flat-2"] == "done"
     with pytest.raises(CalibrationError, match="no force is typed"):
         session.press("tip-14mm-1", 1.0, by=ANN)
@@ -112,9 +112,9 @@ def test_who_does_not_hold_the_camera_changes_nothing(bench: Bench) -> None:
 def test_a_calibration_stays_when_its_frames_change(bench: Bench) -> None:
     session = bench.calibrating.begin(TERMS, by=ANN)
     failed = session.make(days=30)
-    assert failed.wait(SECONDS)
+    assert failed.wait(HANGS_S)
     assert "steps must be done first: dark" in failed.state().sentence
-    assert session.take_all(by=ANN).wait(SECONDS)
+    assert session.take_all(by=ANN).wait(HANGS_S)
     assert session.missing() == ()
     assert set(statuses(session).values()) == {"done"}
     with pytest.raises(CalibrationError, match="every step is done"):
@@ -122,7 +122,7 @@ def test_a_calibration_stays_when_its_frames_change(bench: Bench) -> None:
     job = session.make(days=30)
     with pytest.raises(ControlError, match="'May-left' is being made"):
         session.repeat("flat-1", by=ANN)
-    assert job.wait(SECONDS)
+    assert job.wait(HANGS_S)
     made = job.result
     assert session.file == made.file
     assert bench.calibrating.listed()[0].made
