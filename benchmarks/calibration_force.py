@@ -24,7 +24,7 @@ import tsis
 from tsis.calibration.force.fit import fit_force_line
 from tsis.calibration.force.loading import TIPS_MM, Loading, loading_forces
 from tsis.calibration.force.quality import WIDEST
-from tsis.calibration.force.reading import read_press
+from tsis.calibration.force.reading import read_loading_frame
 from tsis.calibration.reference.making import make_reference
 from tsis.calibration.response.fit import fit_response
 from tsis.imaging.sensor import Sensor
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     from tsis.calibration.force.line import ForceLine
-    from tsis.calibration.reference.making import Reference
+    from tsis.calibration.reference.making import CameraReference
 
 PROBE = tsis.load_probe("tsis-direct")
 SENSOR = Sensor(columns=256, rows=216)
@@ -100,7 +100,7 @@ def one_run(
     return trials + new_forces(machine, reference, line, rng)
 
 
-def taken_reference(machine: VirtualLoadingMachine) -> tuple[Reference, float]:
+def taken_reference(machine: VirtualLoadingMachine) -> tuple[CameraReference, float]:
     """Dark, untouched and flat frames, and the mean brightness of the lamps in the untouched ones."""
     dark = [machine.dark() for _ in range(DARK_FRAMES)]
     untouched = [machine.no_contact() for _ in range(UNTOUCHED_FRAMES)]
@@ -111,7 +111,7 @@ def taken_reference(machine: VirtualLoadingMachine) -> tuple[Reference, float]:
 
 def loaded(
     machine: VirtualLoadingMachine,
-    reference: Reference,
+    reference: CameraReference,
     tip_mm: float,
     *,
     run: int = 1,
@@ -121,7 +121,7 @@ def loaded(
     """One loading of a tip, frames read as they come."""
     forces = loading_forces() if forces_n is None else forces_n
     readings = [
-        read_press(image, reference, force_n=shown, touched=force > 0, method=method)
+        read_loading_frame(image, reference, force_n=shown, touched=force > 0, method=method)
         for force in forces
         for image, shown in [machine.press(tip_mm, force)]
     ]
@@ -137,14 +137,14 @@ def true_line(machine: VirtualLoadingMachine, lamps: float) -> tuple[float, floa
 
 
 def new_forces(
-    machine: VirtualLoadingMachine, reference: Reference, line: ForceLine, rng: np.random.Generator
+    machine: VirtualLoadingMachine, reference: CameraReference, line: ForceLine, rng: np.random.Generator
 ) -> list[Trial]:
     """Forces of frames of a tip that was not calibrated, with the gauge's true force beside."""
     tip, trials = float(rng.uniform(*NEW_TIPS_MM)), []
     for force in rng.uniform(*NEW_FORCES_N, NEW_FRAMES):
         image, shown = machine.press(tip, float(force))
         truth = (shown - machine.truth.gauge_zero_n) / machine.truth.gauge_gain
-        total = read_press(image, reference, force_n=shown, touched=True, method=line.method).total_grey
+        total = read_loading_frame(image, reference, force_n=shown, touched=True, method=line.method).total_grey
         found = line.force_n(total)
         low, high = found.interval()
         trials.append(Trial(quantity="force of a new frame", truth=truth, low=low, high=high, value=found.value))

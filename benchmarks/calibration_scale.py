@@ -29,7 +29,7 @@ from tsis.virtual.scale_targets import ball_frame, dot_board_frame, untouched_fr
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.calibration.scale import Scale
+    from tsis.calibration.scale import PixelScale
 
 LEVEL = 0.95
 LENS = 0.03  # largest relative change of a length at the frame's corner
@@ -66,7 +66,7 @@ def true_scale(sensor: Sensor, distortion: float, angle_deg: float) -> NDArray[n
     return np.asarray(np.linalg.norm(way @ np.linalg.inv(step), axis=0))
 
 
-def dot_run(rng: np.random.Generator, lens: float) -> tuple[Scale, NDArray[np.float64]]:
+def dot_run(rng: np.random.Generator, lens: float) -> tuple[PixelScale, NDArray[np.float64]]:
     """One board, seen through a lens that distorts by up to ``lens`` at the corner, and the true scale."""
     sensor = drawn_sensor(rng)
     angle, distortion = rng.uniform(-45.0, 45.0), rng.uniform(-lens, lens)
@@ -91,7 +91,7 @@ def dot_run(rng: np.random.Generator, lens: float) -> tuple[Scale, NDArray[np.fl
     return scale, true_scale(sensor, distortion, angle)
 
 
-def ball_run(rng: np.random.Generator) -> tuple[Scale, NDArray[np.float64]]:
+def ball_run(rng: np.random.Generator) -> tuple[PixelScale, NDArray[np.float64]]:
     """One ball at three depths, and the true scale."""
     sensor = drawn_sensor(rng)
     radius = BALL_RADIUS_MM + BALL_RADIUS_SD_MM * rng.standard_normal()

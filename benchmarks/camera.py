@@ -23,7 +23,7 @@ from rich.table import Table
 from scipy.ndimage import gaussian_filter
 
 import tsis
-from tsis.imaging.plain_render import render_plainly
+from tsis.imaging.plain_render import render_reference
 from tsis.imaging.render import render
 from tsis.imaging.sensor import Sensor, expose
 from tsis.model import LightMap
@@ -77,7 +77,7 @@ def rows() -> Iterator[Row]:
     yield from timed(
         "light, shading and contact of every pixel",
         ("tsis", lambda: render(field, Sensor(), ANSWER, light=light, blur_mm=0.0)),
-        ("NumPy, the formula as written", lambda: render_plainly(field, Sensor(), ANSWER, light=light, blur_mm=0.0)),
+        ("NumPy, the formula as written", lambda: render_reference(field, Sensor(), ANSWER, light=light, blur_mm=0.0)),
     )
     yield from timed(
         "point spread",
@@ -109,7 +109,7 @@ def whole_frames(
     """The calls that make a frame, by tsis and in NumPy's and SciPy's own passes."""
     return (
         lambda: expose(render(field, SENSOR, ANSWER, light=light), SENSOR, rng),
-        lambda: expose_plainly(render_plainly(field, SENSOR, ANSWER, light=light), rng),
+        lambda: expose_plainly(render_reference(field, SENSOR, ANSWER, light=light), rng),
     )
 
 

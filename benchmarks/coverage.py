@@ -104,7 +104,9 @@ def main() -> int:
     parser.add_argument("--presses", type=int, default=2000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--frames", type=Path, help="folder to keep the frames in, and to read them from")
-    parser.add_argument("--out", type=Path, default=disk_cache.folder() / "coverage", help="folder of finished cases")
+    parser.add_argument(
+        "--out", type=Path, default=disk_cache.cache_folder() / "coverage", help="folder of finished cases"
+    )
     parser.add_argument("--workers", type=int, help="processes; all cores by default")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")

@@ -25,7 +25,7 @@ from tsis import Inclusion
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.detection import (
     ClassifierSettings,
-    Split,
+    ClassSplit,
     TargetEvidence,
     brier_interval,
     brier_score,
@@ -33,8 +33,8 @@ from tsis.detection import (
     recalibration,
     reliability_curve,
 )
-from tsis.detection.presence import ABSENCE
-from tsis.inclusion.verdict import CERTAIN, DISTRUSTED
+from tsis.detection.presence import ABSENCE_FLAG
+from tsis.inclusion.verdict import NEARLY_CERTAIN, UNTRUSTED_FLAGS
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 
 AREA = 0.95
-SPLIT = Split(young_kpa=60.0, diameter_mm=5.0)
+SPLIT = ClassSplit(young_kpa=60.0, diameter_mm=5.0)
 REACHED = 0.9
 NUISANCES = ("uneven_sd", "offset_mm", "young_kpa", "tissue_kpa", "thickness_mm", "poisson")
 MOST_CLASSED = 5000
@@ -190,9 +190,11 @@ def _probability(searched: Searched, out: Printed) -> dict[str, Any]:
 def _bold_blanks(kept: Sequence[Mapping[str, Any]], out: Printed) -> dict[str, int]:
     """Blanks that are told to hold an inclusion, and how many of them no flag doubts."""
     blanks = [line for line in kept if not line["present"]]
-    bold = [line for line in blanks if line["presence"] > CERTAIN]
-    undoubted = sum((DISTRUSTED - {ABSENCE}).isdisjoint(line["flags"]) for line in bold)
-    out.line(f"blanks told more than {CERTAIN:g}: {len(bold)} of {len(blanks)}, {undoubted} of them without a flag")
+    bold = [line for line in blanks if line["presence"] > NEARLY_CERTAIN]
+    undoubted = sum((UNTRUSTED_FLAGS - {ABSENCE_FLAG}).isdisjoint(line["flags"]) for line in bold)
+    out.line(
+        f"blanks told more than {NEARLY_CERTAIN:g}: {len(bold)} of {len(blanks)}, {undoubted} of them without a flag"
+    )
     return {"told": len(bold), "undoubted": undoubted, "blanks": len(blanks)}
 
 

@@ -33,7 +33,7 @@ from benchmarks.uneven_tissue import lump_changes
 
 import tsis
 from tsis.cli.console_output import progress_bar
-from tsis.detection import measured
+from tsis.detection import target_evidence
 from tsis.inclusion import estimate
 from tsis.model import disk_cache
 from tsis.model.errors import TsisError
@@ -92,7 +92,7 @@ def judge(task: Task) -> dict[str, Any]:
         )
     except TsisError as error:
         return line | {"refused": str(error)}
-    told = measured(found, draws=DRAWS)
+    told = target_evidence(found, draws=DRAWS)
     seconds = {"press_s": round(pressed - began, 2), "estimate_s": round(time.perf_counter() - pressed, 2)}
     return line | probe | seconds | {
         "presence": found.presence,
@@ -163,7 +163,7 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes; all cores by default")
     parser.add_argument(
-        "--bank", type=Path, default=disk_cache.folder() / "detection", help="folder of finished targets"
+        "--bank", type=Path, default=disk_cache.cache_folder() / "detection", help="folder of finished targets"
     )
     parser.add_argument("--out", type=Path, help="folder for the figure, the tables and the reaches")
     parser.add_argument("--json", action="store_true")

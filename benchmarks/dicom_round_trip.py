@@ -27,13 +27,13 @@ from tsis.records.dicom import c_store, dicom_files, stow_rs, write_dicom
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from tsis.records import Dossier
+    from tsis.records import TargetRecord
     from tsis.records.dicom import DicomFile
 
 PROGRAMS = ("dciodvfy", "getscu", "storescp")
 
 
-def judged(dossiers: Iterable[Dossier], folder: Path) -> tuple[int, Counter[str]]:
+def judged(dossiers: Iterable[TargetRecord], folder: Path) -> tuple[int, Counter[str]]:
     """Number of instances that dciodvfy saw, and what it said, without the place that it said it of."""
     instances, said = 0, Counter[str]()
     for number, dossier in enumerate(dossiers):
@@ -86,7 +86,7 @@ ROUTES = {
 }
 
 
-def same(dossier: Dossier, files: tuple[DicomFile, ...], back: Iterable[Any]) -> tuple[int, int]:
+def same(dossier: TargetRecord, files: tuple[DicomFile, ...], back: Iterable[Any]) -> tuple[int, int]:
     """Number of frames that came back pixel for pixel, and of instances of which every element did."""
     found = {each.SOPInstanceUID: each for each in back}
     whole = sum(found.get(file.sop_instance_uid) == file.dataset() for file in files)

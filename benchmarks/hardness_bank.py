@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.hardness.seen_sphere import hertzian_radius_mm, press_fields
-from tsis.mechanics.surrogate_solves import probe_content, remembered
+from tsis.mechanics.surrogate_solves import cached_arrays, mechanical_content
 from tsis.model import PressField, Probe, SoftSphere, disk_cache
-from tsis.virtual.direct_contact import FINE
+from tsis.virtual.direct_contact import DIRECT_CONTACT_RESOLUTION
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,12 +40,12 @@ class SolvedSphere:
     def arrays(self) -> dict[str, NDArray[np.float64]]:
         """Solved quantities, moduli by forces first."""
         content = {
-            "probe": probe_content(self.probe),
+            "probe": mechanical_content(self.probe),
             "sphere": [self.radius_mm, self.poisson, list(self.young_kpa), list(self.forces_n)],
-            "resolution": asdict(FINE),
+            "resolution": asdict(DIRECT_CONTACT_RESOLUTION),
             "scaled": [*AROUND, len(SCALED)],
         }
-        return remembered(KIND, disk_cache.content_key(content), self._solve)
+        return cached_arrays(KIND, disk_cache.content_key(content), self._solve)
 
     def _nodes(self) -> list[float]:
         return [force * float(np.exp(side)) for force in self.forces_n for side in AROUND]
@@ -54,7 +54,7 @@ class SolvedSphere:
         found: dict[str, list[Any]] = {"log_radius": [], "pressure": [], "moved": []}
         for young in self.young_kpa:
             sphere = SoftSphere(radius_mm=self.radius_mm, young_kpa=young, poisson=self.poisson)
-            fields = press_fields(self.probe, sphere, forces_n=self._nodes(), resolution=FINE)
+            fields = press_fields(self.probe, sphere, forces_n=self._nodes(), resolution=DIRECT_CONTACT_RESOLUTION)
             radii = [hertzian_radius_mm(field) for field in fields]
             found["log_radius"].append(np.log(radii))
             pairs = list(zip(fields, radii, strict=True))

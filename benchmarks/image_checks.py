@@ -26,7 +26,7 @@ import tsis
 from tsis.inclusion.image_checks import image_findings
 from tsis.inclusion.roundness import roundness
 from tsis.inclusion.sectors import RINGS, SECTORS, sector_means
-from tsis.inclusion.tilt import lean
+from tsis.inclusion.tilt import tilt_evidence
 from tsis.model.errors import MissingExtraError
 from tsis.virtual import VirtualProbe
 
@@ -115,7 +115,7 @@ def looked_at(frames: list[tsis.TactileImage], virtual: VirtualProbe) -> tuple[t
     flags = tuple(flag for flag, _ in image_findings(frames[:1], frames[1:], probe=virtual.probe, calibration=known))
     seconds = (perf_counter() - start) / len(frames)
     target, plain = (sector_means(frame, probe=virtual.probe, calibration=known) for frame in frames)
-    second, first = roundness(target, plain, known), lean(plain, known)
+    second, first = roundness(target, plain, known), tilt_evidence(plain, known)
     return flags, 1.0 if second is None else second.chance, 1.0 if first is None else first.chance, seconds
 
 

@@ -24,20 +24,20 @@ import numpy as np
 from benchmarks.tables import show
 
 import tsis
-from tsis.matching.contenders import OWN, RIVALS, Contender
+from tsis.matching.contenders import OWN_METHODS, RIVAL_METHODS, BenchmarkMethod
 from tsis.matching.distort import Distortion, distort, public_distortion
 from tsis.matching.peers import PEERS
 from tsis.matching.shapes import SHAPES, even_texture
 from tsis.matching.trial_runs import run_trials
 from tsis.matching.trial_sets import distorted_set, hotel_set
-from tsis.matching.trial_summary import FAILURE, summarise, summarise_pooled
+from tsis.matching.trial_summary import FAILURE_RMS, summarise, summarise_pooled
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from tsis.matching.distort import Trial
-    from tsis.matching.trial_rows import Row
-    from tsis.matching.trial_summary import Summary
+    from tsis.matching.trial_rows import TrialRow
+    from tsis.matching.trial_summary import TrialSummary
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data" / "matching"
 JUDGED = "tprl"
@@ -105,7 +105,7 @@ def exponent(points: Sequence[float], seconds: Sequence[float]) -> float:
     return float(np.polyfit(np.log(points), np.log(seconds), 1)[0])
 
 
-def distorted_targets(pooled: Sequence[Summary]) -> Iterator[Target]:
+def distorted_targets(pooled: Sequence[TrialSummary]) -> Iterator[Target]:
     """The ratio of means to the best coherent point drift, a line a kind of distortion."""
     for each in pooled:
         if each.method == JUDGED and each.group in RATIO_TARGETS and each.ratio is not None:
@@ -118,7 +118,7 @@ def distorted_targets(pooled: Sequence[Summary]) -> Iterator[Target]:
             )
 
 
-def hotel_targets(levels: Sequence[Summary]) -> Iterator[Target]:
+def hotel_targets(levels: Sequence[TrialSummary]) -> Iterator[Target]:
     """Mean RMS without hidden landmarks, and with 30 % of them beside the best coherent point drift."""
     cells: dict[tuple[str, str], list[float]] = defaultdict(list)
     for each in levels:
@@ -131,14 +131,14 @@ def hotel_targets(levels: Sequence[Summary]) -> Iterator[Target]:
     yield Target(
         what="hotel, mean over separations", wanted="<= 1 px", measured=f"{found:.3f} px", met=bool(found <= 1)
     )
-    rivals = [means[hidden, name] for name in RIVALS if (hidden, name) in means]
+    rivals = [means[hidden, name] for name in RIVAL_METHODS if (hidden, name) in means]
     if rivals:
         own, best = means[hidden, JUDGED], min(rivals)
         told = f"{own:.3f} px, CPD {best:.3f} px"
         yield Target(what="hotel, 30 % hidden", wanted="below the best CPD", measured=told, met=own < best)
 
 
-def time_targets(rows: Sequence[Row]) -> Iterator[Target]:
+def time_targets(rows: Sequence[TrialRow]) -> Iterator[Target]:
     """Median times at 105 x 105, 1,000 x 1,000 and 1,000 x 4,000, and how they grow."""
     for group, level, limit in (
         ("speed/points", "105", 0.12),
@@ -157,7 +157,7 @@ def time_targets(rows: Sequence[Row]) -> Iterator[Target]:
             )
 
 
-def growth(rows: Sequence[Row]) -> list[list[str]]:
+def growth(rows: Sequence[TrialRow]) -> list[list[str]]:
     """Median time of each method at each number of points, and the exponent from 200 points on."""
     speed = [row for row in rows if row.group == "speed/points"]
     lines = []
@@ -172,7 +172,7 @@ def growth(rows: Sequence[Row]) -> list[list[str]]:
     return lines
 
 
-def line(each: Summary) -> list[str]:
+def line(each: TrialSummary) -> list[str]:
     """A summary as cells."""
     ratio = "-" if each.ratio is None else f"{each.ratio.value:.2f} [{each.ratio.low:.2f}, {each.ratio.high:.2f}]"
     return [
@@ -208,16 +208,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--data", type=Path, default=DATA, help="folder of the public trials")
     parser.add_argument("--trials", type=int, default=10, help="trials a shape and level, and pairs a separation")
-    parser.add_argument("--methods", default=",".join((*OWN, *PEERS)), help="methods, with commas between")
+    parser.add_argument("--methods", default=",".join((*OWN_METHODS, *PEERS)), help="methods, with commas between")
     parser.add_argument("--only", choices=PARTS, action="append", help="a part; repeat it for several")
     parser.add_argument("--rows", type=Path, help="CSV file of rows, new or one to go on with")
     parser.add_argument("--markdown", action="store_true", help="print the tables as Markdown")
     arguments = parser.parse_args()
     data = arguments.data if arguments.data.is_dir() else None
-    named = {name: Contender(name=name) for name in arguments.methods.split(",")}
+    named = {name: BenchmarkMethod(name=name) for name in arguments.methods.split(",")}
     present = {name: each for name, each in named.items() if not each.absent()}
     parts = arguments.only or PARTS
-    rows: list[Row] = []
+    rows: list[TrialRow] = []
     for part in parts:
         trials, chosen = _part(part, data, arguments.trials), present
         if part in ("textures", "speed"):
@@ -239,21 +239,21 @@ def _part(part: str, data: Path | None, count: int) -> list[Trial]:
     return list(texture_trials(min(count, 3)) if part == "textures" else speed_trials(min(count, 3)))
 
 
-def report(rows: Sequence[Row], *, data: Path | None, absent: Sequence[str], markdown: bool) -> None:
+def report(rows: Sequence[TrialRow], *, data: Path | None, absent: Sequence[str], markdown: bool) -> None:
     """Print what was asked for, everything behind it, and what was left out."""
     distorted = [row for row in rows if row.trial.split("/")[0] not in ("hotel", "texture", "speed")]
     hotel = [row for row in rows if row.trial.startswith("hotel")]
     textures = [row for row in rows if row.trial.startswith("texture")]
-    pooled = summarise_pooled(distorted, rivals=RIVALS, failure=FAILURE)
-    hotel_levels = summarise(hotel, rivals=RIVALS, failure=HOTEL_FAILURE_PX)
+    pooled = summarise_pooled(distorted, rivals=RIVAL_METHODS, failure=FAILURE_RMS)
+    hotel_levels = summarise(hotel, rivals=RIVAL_METHODS, failure=HOTEL_FAILURE_PX)
     targets = [*distorted_targets(pooled), *hotel_targets(hotel_levels), *time_targets(rows)]
     cells = [[each.what, each.wanted, each.measured, "met" if each.met else "MISSED"] for each in targets]
     show(f"{JUDGED} against its targets", ("what", "wanted", "measured", ""), cells, markdown=markdown)
-    shown = [*pooled, *summarise_pooled(hotel, rivals=RIVALS, failure=HOTEL_FAILURE_PX)]
-    shown += summarise(textures, rivals=RIVALS, failure=FAILURE)
+    shown = [*pooled, *summarise_pooled(hotel, rivals=RIVAL_METHODS, failure=HOTEL_FAILURE_PX)]
+    shown += summarise(textures, rivals=RIVAL_METHODS, failure=FAILURE_RMS)
     source = "generated shapes" if data is None else "public trials"
     show(f"RMS errors, {source}; hidden: hotel, pixels", HEADS, map(line, shown), markdown=markdown)
-    show("Levels", HEADS, map(line, summarise(distorted, rivals=RIVALS)), markdown=markdown)
+    show("Levels", HEADS, map(line, summarise(distorted, rivals=RIVAL_METHODS)), markdown=markdown)
     if any(row.group == "speed/points" for row in rows):
         heads = ("method", *(f"{size} x {size}" for size in SPEED_POINTS), "exponent from 200")
         show("Time", heads, growth(rows), markdown=markdown)

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.mechanics import PressSurrogate
-    from tsis.mechanics.face_contact import Touch
+    from tsis.mechanics.face_contact import PartialContact
     from tsis.mechanics.surrogate import TissueSurrogate
 
 PROBE, DOMED = tsis.load_probe("tsis-2011"), tsis.load_probe("tsis-domed")
@@ -154,7 +154,7 @@ def assembly() -> Iterator[Row]:
 
 def element_matrices() -> Callable[[], object]:
     """The call that computes them, by tsis."""
-    body = mesh.rectangle(np.linspace(0.0, 10.0, 38), np.linspace(0.0, 10.0, 33), 2, a_is_radius=True)
+    body = mesh.mesh_rectangle(np.linspace(0.0, 10.0, 38), np.linspace(0.0, 10.0, 33), 2, a_is_radius=True)
     elements = np.concatenate([body.layer(index, body.nodes) for index in range(body.layers)])
     young, poisson = np.full(len(elements), 5.0), np.full(len(elements), 0.49)
     return lambda: stiffness(elements, 2, young, poisson)
@@ -181,7 +181,7 @@ def domed() -> Iterator[Row]:
         )
 
 
-def touched(kernel: PressKernel, both: NDArray[np.float64], force_mn: float) -> Touch:
+def touched(kernel: PressKernel, both: NDArray[np.float64], force_mn: float) -> PartialContact:
     """One contact, once the compliances are known."""
     return kernel.contact.touch(both, force_mn, kernel.split(both, 5.0))
 

@@ -23,7 +23,7 @@ from tsis.imaging.render import render
 from tsis.imaging.sensor import Sensor, expose
 from tsis.inclusion.frames import ring_edges
 from tsis.inclusion.off_axis_place import SEEN, inclusion_place
-from tsis.inclusion.off_axis_rings import moved_profile
+from tsis.inclusion.off_axis_rings import off_axis_profile
 from tsis.mechanics import SolidResolution, press, press_solid
 from tsis.virtual import nominal_calibration
 
@@ -115,7 +115,7 @@ def rows(
                 def size(ring: NDArray[np.float64], unit: float = unit) -> tuple[float, float]:
                     return float(100 * np.abs(ring).max() / unit), float(100 * np.sqrt(np.mean(ring**2)) / unit)
 
-                moved = of_profile(moved_profile(RADIUS_MM, offset) @ on_axis)
+                moved = of_profile(off_axis_profile(RADIUS_MM, offset) @ on_axis)
                 alike = of_profile(on_axis)
                 yield Row(
                     sphere=sphere,
@@ -126,7 +126,7 @@ def rows(
                     only_moved=size(moved * (1 - (offset / PROBE.radius_mm) ** 2) - truth),
                     moved=size(moved - truth),
                     of_change=size(moved - truth, unit=float(np.abs(alike).max())),
-                    from_profile=size(of_profile(moved_profile(RADIUS_MM, offset) @ known) - truth),
+                    from_profile=size(of_profile(off_axis_profile(RADIUS_MM, offset) @ known) - truth),
                     place_mm=place,
                 )
 

@@ -21,9 +21,9 @@ from threadpoolctl import threadpool_limits
 
 import tsis
 from tsis.inclusion import InclusionPrior, estimate
-from tsis.inclusion.exploration import explore
-from tsis.inclusion.posterior import reading_of
-from tsis.mechanics import build_covered_surrogate
+from tsis.inclusion.exploration import explore_inclusion
+from tsis.inclusion.posterior import read_frames
+from tsis.mechanics import build_full_contact_surrogate
 from tsis.virtual import VirtualProbe
 
 if TYPE_CHECKING:
@@ -32,8 +32,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis import TactileImage
-    from tsis.inclusion.exploration import Posterior
-    from tsis.inclusion.likelihood import Likelihood
+    from tsis.inclusion.exploration import InclusionPosterior
+    from tsis.inclusion.likelihood import InclusionLikelihood
     from tsis.model import Calibration
 
 PHANTOM = tsis.Phantom(
@@ -80,10 +80,10 @@ class Bench:
             self.frames, probe=self.probe, calibration=self.calibration, reference=self.references, prior=self.prior
         )
 
-    def likelihood(self) -> Likelihood:
+    def likelihood(self) -> InclusionLikelihood:
         """Read the frames, the surrogate being at hand."""
-        surrogate = build_covered_surrogate(self.probe, self.prior.box())
-        return reading_of(
+        surrogate = build_full_contact_surrogate(self.probe, self.prior.box())
+        return read_frames(
             self.frames, self.references, surrogate, probe=self.probe, calibration=self.calibration, prior=self.prior
         ).likelihood
 
@@ -99,7 +99,7 @@ def median_ms(call: Callable[[], object], repeats: int) -> float:
 
 
 def dense_grid(
-    likelihood: Likelihood, low: NDArray[np.float64], high: NDArray[np.float64], nuisance: NDArray[np.float64]
+    likelihood: InclusionLikelihood, low: NDArray[np.float64], high: NDArray[np.float64], nuisance: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Log evidence at the middles of a dense grid's cells."""
     axes = [a + (b - a) * (np.arange(n) + 0.5) / n for a, b, n in zip(low, high, DENSE, strict=True)]
@@ -108,7 +108,7 @@ def dense_grid(
     return np.concatenate([likelihood(part, nuisance).log_evidence for part in parts])
 
 
-def grid_within_reach(likelihood: Likelihood, found: Posterior) -> Callable[[], NDArray[np.float64]]:
+def grid_within_reach(likelihood: InclusionLikelihood, found: InclusionPosterior) -> Callable[[], NDArray[np.float64]]:
     """The dense grid over the reach of the samples that were found."""
     low, high = found.samples.min(axis=0), found.samples.max(axis=0)
     nuisance = likelihood.within(found.fit.nuisance[0])
@@ -119,11 +119,11 @@ def row(name: str, bench: Bench, repeats: int) -> list[str]:
     """One line of the table."""
     bench.estimate()  # loads what later calls find at hand
     likelihood = bench.likelihood()
-    found = explore(likelihood, bench.prior)
+    found = explore_inclusion(likelihood, bench.prior)
     whole = median_ms(bench.estimate, repeats)
     reading = median_ms(bench.likelihood, repeats)
     with threadpool_limits(limits=1, user_api="blas"):
-        exploring = median_ms(lambda: explore(likelihood, bench.prior), repeats)
+        exploring = median_ms(lambda: explore_inclusion(likelihood, bench.prior), repeats)
         dense = median_ms(grid_within_reach(likelihood, found), 1)
     return [
         name,
@@ -137,7 +137,7 @@ def row(name: str, bench: Bench, repeats: int) -> list[str]:
 
 def first_ms(bench: Bench) -> float:
     """Time of the first estimate, whose surrogate nobody has built before, ms."""
-    build = median_ms(lambda: build_covered_surrogate(bench.probe, bench.prior.box(), cached=False), 1)
+    build = median_ms(lambda: build_full_contact_surrogate(bench.probe, bench.prior.box(), cached=False), 1)
     return build + median_ms(bench.estimate, 1)
 
 

@@ -35,7 +35,7 @@ from tsis.calibration.guard.press_check import check_press
 from tsis.calibration.guard.reference import GuardReference
 from tsis.calibration.guard.watch import PressWatch, WatchState
 from tsis.calibration.lamps.patch import ReferencePatch
-from tsis.calibration.settling.verdict import judged
+from tsis.calibration.settling.verdict import assess_history
 from tsis.instrument import Frame
 from tsis.mechanics import relaxing_press, settling_time_s
 from tsis.model import Relaxation, TactileImage
@@ -289,7 +289,7 @@ def _watched(time: Light, value: Light, settled_s: float) -> tuple[float | None,
         if len(history.time_s) == asked:
             continue
         asked = len(history.time_s)
-        found = judged(np.array(history.time_s), np.array(history.value), tolerance=LIMITS.moving)
+        found = assess_history(np.array(history.time_s), np.array(history.value), tolerance=LIMITS.moving)
         if now <= settled_s / 2:
             halfway = found.wait_s
         if found.settled:

@@ -26,7 +26,7 @@ from tsis import Glass, Led, PressField, PressMap, Probe
 from tsis.mechanics import indent, press
 from tsis.model.light import FOUR_LEDS
 from tsis.optics import irradiance, trace_rays
-from tsis.optics.irradiance_leaving import leaving
+from tsis.optics.irradiance_leaving import leaving_light
 from tsis.optics.rays_face import tip_press
 from tsis.optics.rays_reference import WAYS_OUT, trace_photons
 
@@ -176,13 +176,13 @@ def agreements(rays: float) -> Iterator[tuple[Agreement, NDArray[np.float64]]]:
     light = {probe.name: irradiance(probe) for probe in (LEVEL, PROBE, DOMED)}
     for name, probe, pressed in held_out():
         found = trace_rays(probe, pressed, rays=rays, seed=2026, bins=BINS)
-        model, _ = leaving(light[probe.name], pressed, saturation_kpa=20.0, bins=BINS)
+        model, _ = leaving_light(light[probe.name], pressed, saturation_kpa=20.0, bins=BINS)
         inside = np.hypot(found.x_mm, found.y_mm[:, None]) < INNER * probe.radius_mm
         bins = inside & (found.coupled > TOUCHED * found.coupled[inside].max())
         noise = np.sqrt(np.mean((found.coupled_error[bins] / found.coupled[bins]) ** 2))
         error = model[bins] / found.coupled[bins] - 1
         near = light[probe.name].near_undented()
-        linear = leaving(light[probe.name], pressed, saturation_kpa=20.0, bins=BINS, by=near)[0][bins]
+        linear = leaving_light(light[probe.name], pressed, saturation_kpa=20.0, bins=BINS, by=near)[0][bins]
         yield (
             Agreement(
                 surface=name,

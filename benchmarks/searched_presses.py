@@ -20,7 +20,7 @@ from tsis.imaging.render import render
 from tsis.inclusion import InclusionPrior
 from tsis.mechanics import SolidResolution, press, press_solid
 from tsis.virtual import VirtualProbe
-from tsis.virtual.probe import FINE
+from tsis.virtual.probe import FINE_RESOLUTION
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -121,7 +121,7 @@ class MovingProbe(VirtualProbe):
 
     def _round_press(self, phantom: Phantom, force_n: float) -> PressField:
         """A press of what is round about the axis, by the nominal probe."""
-        return press(self.probe, phantom, force_n=force_n, resolution=FINE)
+        return press(self.probe, phantom, force_n=force_n, resolution=FINE_RESOLUTION)
 
     def _solid_press(self, phantom: Phantom, force_n: float) -> PressMap:
         every = [replace(one, young_kpa=one.young_kpa / self._stiffness) for one in phantom.inclusions]
@@ -132,7 +132,7 @@ class MovingProbe(VirtualProbe):
             more_inclusions=tuple(every[1:]),
         )
         return press_solid(
-            self.probe, tissue, force_n=force_n, resolution=SOLID, plain_resolution=FINE, threads=1,
+            self.probe, tissue, force_n=force_n, resolution=SOLID, plain_resolution=FINE_RESOLUTION, threads=1,
             spacing_mm=SPACING_MM,
         )  # fmt: skip
 

@@ -30,12 +30,12 @@ from tsis.cli.console_output import progress_bar
 from tsis.imaging import radial_profile
 from tsis.imaging.sensor import Sensor
 from tsis.inclusion import PARAMETERS, InclusionPrior
-from tsis.inclusion.exploration import explore
+from tsis.inclusion.exploration import explore_inclusion
 from tsis.inclusion.forward import THICKNESS, ForwardModel
 from tsis.inclusion.frames import depletion_per_n, ring_edges, ring_light
-from tsis.inclusion.likelihood import Likelihood, Profiles
+from tsis.inclusion.likelihood import InclusionLikelihood, Profiles
 from tsis.inclusion.rings import ring_answers, ring_correlation
-from tsis.mechanics import build_covered_surrogate
+from tsis.mechanics import build_full_contact_surrogate
 from tsis.model import TactileImage
 from tsis.optics import irradiance
 from tsis.virtual import nominal_calibration
@@ -45,7 +45,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.inclusion.exploration import Posterior
+    from tsis.inclusion.exploration import InclusionPosterior
 
 PROTOCOLS = {one.name: one for one in SMALL}
 ALONE = ("flat-alone", "domed")
@@ -80,7 +80,7 @@ class Experiment:
         blank = TactileImage(grey=np.zeros((sensor.rows, sensor.columns)), mm_per_pixel=sensor.mm_per_pixel)
         edges = ring_edges(probe)
         light = ring_light(blank, calibration, edges)
-        surrogate = build_covered_surrogate(probe, prior.box())
+        surrogate = build_full_contact_surrogate(probe, prior.box())
         copies = 1 + protocol.with_reference
         model = ForwardModel(
             rings=ring_answers(surrogate, edges, light.level),
@@ -154,7 +154,7 @@ def draw(
 
 
 def exact_mean(
-    likelihood: Likelihood, prior: InclusionPrior, fast: Posterior, rng: np.random.Generator
+    likelihood: InclusionLikelihood, prior: InclusionPrior, fast: InclusionPosterior, rng: np.random.Generator
 ) -> tuple[NDArray[np.float64], float]:
     """Posterior mean when each inclusion is linearised at its own best nuisances, and the effective sample size.
 
@@ -170,7 +170,9 @@ def exact_mean(
     return weight @ points, float(1 / (weight**2).sum())
 
 
-def _own_evidence(likelihood: Likelihood, inclusion: NDArray[np.float64], nuisance: NDArray[np.float64]) -> float:
+def _own_evidence(
+    likelihood: InclusionLikelihood, inclusion: NDArray[np.float64], nuisance: NDArray[np.float64]
+) -> float:
     for _ in range(RELINEARISATIONS):
         nuisance = likelihood.within(likelihood(inclusion[None], nuisance).nuisance[0])
     return float(likelihood(inclusion[None], nuisance).log_evidence[0])
@@ -224,8 +226,8 @@ def run(
         for index in range(draws):
             rng = np.random.default_rng(np.random.SeedSequence(seed, spawn_key=(index,)))
             truth, data = draw(experiment, rng, any_slab=any_slab)
-            likelihood = Likelihood(experiment.model, data)
-            found = explore(likelihood, prior)
+            likelihood = InclusionLikelihood(experiment.model, data)
+            found = explore_inclusion(likelihood, prior)
             lines.append(_line(truth, found.samples))
             if index < exact:
                 best.append(exact_mean(likelihood, prior, found, rng))

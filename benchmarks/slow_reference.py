@@ -27,15 +27,15 @@ from scipy.stats import gaussian_kde, multivariate_normal
 from threadpoolctl import threadpool_limits
 
 from tsis.inclusion import InclusionPrior
-from tsis.inclusion.exploration import explore
-from tsis.inclusion.likelihood import Likelihood
+from tsis.inclusion.exploration import explore_inclusion
+from tsis.inclusion.likelihood import InclusionLikelihood
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from tsis.inclusion.exploration import Posterior
+    from tsis.inclusion.exploration import InclusionPosterior
     from tsis.inclusion.likelihood import Profiles
 
 PROTOCOLS = {one.name: one for one in SMALL}
@@ -80,12 +80,12 @@ class Sampled:
 
 
 def weighted(
-    experiment: Experiment, data: Profiles, found: Posterior | None, *, count: int, rng: np.random.Generator
+    experiment: Experiment, data: Profiles, found: InclusionPosterior | None, *, count: int, rng: np.random.Generator
 ) -> Sampled:
     """Importance sampling around a fast posterior, or of the nuisances of plain tissue alone when there is none."""
     started = perf_counter()
     prior, sd = experiment.model.prior, experiment.nuisance_sd(data.grey)
-    density, likelihood = log_likelihood(experiment.model, data), Likelihood(experiment.model, data)
+    density, likelihood = log_likelihood(experiment.model, data), InclusionLikelihood(experiment.model, data)
     precision = np.asarray(np.linalg.inv(noise(data.grey, data.variance, experiment.model)), dtype=float)
     believed = multivariate_normal(np.zeros(len(sd)), np.diag(sd**2))
     points, log_proposal = _proposed(prior, found, count, rng)
@@ -114,7 +114,7 @@ def weighted(
 
 
 def _proposed(
-    prior: InclusionPrior, found: Posterior | None, count: int, rng: np.random.Generator
+    prior: InclusionPrior, found: InclusionPosterior | None, count: int, rng: np.random.Generator
 ) -> tuple[Sequence[NDArray[np.float64] | None], NDArray[np.float64]]:
     """Inclusions, those outside the prior left out, and the log of their proposal density over the prior's."""
     if found is None:
@@ -127,7 +127,7 @@ def _proposed(
 
 def _nuisances(
     experiment: Experiment,
-    likelihood: Likelihood,
+    likelihood: InclusionLikelihood,
     data: Profiles,
     precision: NDArray[np.float64],
     inclusion: NDArray[np.float64] | None,
@@ -238,7 +238,7 @@ def compare(protocol: str, inclusion: Sequence[float], *, samples: int, live: in
     samplers: dict[str, tuple[Sampled, Sampled | None]] = {}
     with threadpool_limits(limits=1, user_api="blas"):
         started = perf_counter()
-        found = explore(Likelihood(experiment.model, data), prior)
+        found = explore_inclusion(InclusionLikelihood(experiment.model, data), prior)
         seconds = perf_counter() - started
         certain = abs(found.log_bayes_factor) > CERTAIN
         if samples:

@@ -26,9 +26,9 @@ from benchmarks.tables import show
 from sqlalchemy import insert
 
 from tsis.model import TactileImage
-from tsis.records import Press, Store, Target, open_store
+from tsis.records import Store, StoredPress, Target, open_store
 from tsis.records import rows as row_of
-from tsis.records.audit import Change, append, locked_head
+from tsis.records.audit import AuditChange, append_audit, locked_head
 from tsis.records.frame_file import frame_bytes
 from tsis.records.tables import frames, presses, targets
 
@@ -116,12 +116,12 @@ def grown(folder: Path, count: int, spread: int) -> None:
             (presses, [row_of.press_row(_press(kept[i % spread], i)) for i in range(count)]),
         ):
             connection.execute(insert(table), entered)
-            changes += [Change(action="add", kind=table.name, row=str(row["id"]), values=row) for row in entered]
-        append(connection, locked_head(connection), changes, actor="bulk")
+            changes += [AuditChange(action="add", kind=table.name, row=str(row["id"]), values=row) for row in entered]
+        append_audit(connection, locked_head(connection), changes, actor="bulk")
 
 
-def _press(target: Target, number: int) -> Press:
-    return Press(
+def _press(target: Target, number: int) -> StoredPress:
+    return StoredPress(
         role="target",
         taken=BEGUN + timedelta(seconds=number),
         frame=f"{number:064x}",

@@ -23,11 +23,11 @@ from tsis.mechanics import press
 from tsis.model import PressField
 from tsis.model.durable import write_durably
 from tsis.sweep import dask_crew, run_sweep
-from tsis.sweep.manifest import MANIFEST
+from tsis.sweep.manifest import MANIFEST_FILE
 from tsis.sweep.presses import press_all
-from tsis.sweep.samples import Batch, batches
-from tsis.sweep.shards import Receipt, encode
-from tsis.sweep.work import Finished, Job, finish
+from tsis.sweep.samples import SweepBatch, sweep_batches
+from tsis.sweep.shards import Receipt, encode_shard
+from tsis.sweep.work import Finished, SweepJob, finish_batch
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -81,9 +81,9 @@ def measured_costs(told: Callable[[str], None]) -> ClusterPlan:
 def _pressed(probe: str, strain: str, force_n: float, count: int) -> tuple[float, float, float]:
     """Mean processor seconds of a press after one that warms up, MB of memory, bytes a press in a file of a hundred."""
     plan = sweep_plan(count + 1, batch=count + 1, probe=probe, strain=strain, force_n=force_n)
-    batch = next(batches(plan))
+    batch = next(sweep_batches(plan))
     parts = [
-        Batch(shard=0, first=part.start, values={name: values[part] for name, values in batch.values.items()})
+        SweepBatch(shard=0, first=part.start, values={name: values[part] for name, values in batch.values.items()})
         for part in (slice(0, 1), slice(1, count + 1))
     ]
     press_all(plan, parts[0], press)
@@ -97,7 +97,7 @@ def _pressed(probe: str, strain: str, force_n: float, count: int) -> tuple[float
         numbers={name: _more(values) for name, values in rows.numbers.items()},
         error=[""] * BATCH,
     )
-    size = len(encode(many, shard=0, data_set="0" * 64)) / BATCH
+    size = len(encode_shard(many, shard=0, data_set="0" * 64)) / BATCH
     return seconds, _most_memory_mb(), size
 
 
@@ -126,16 +126,16 @@ def worker_overhead() -> tuple[float, float]:
     spent = []
     for plan in plans:
         with tempfile.TemporaryDirectory() as folder:
-            (Path(folder) / MANIFEST).touch()
-            job = Job(folder=folder, plan=plan, data_set="0" * 64, press=pressed_at_once)
-            spent.append(float(np.median([_processor_time(job, batch) for batch in batches(plan)])))
+            (Path(folder) / MANIFEST_FILE).touch()
+            job = SweepJob(folder=folder, plan=plan, data_set="0" * 64, press=pressed_at_once)
+            spent.append(float(np.median([_processor_time(job, batch) for batch in sweep_batches(plan)])))
     press_s, shard_s = np.polyfit(BATCHES, spent, 1)
     return max(float(press_s), 0.0), max(float(shard_s), 0.0) + _wait_for_disk()
 
 
-def _processor_time(job: Job, batch: Batch) -> float:
+def _processor_time(job: SweepJob, batch: SweepBatch) -> float:
     began = time.process_time()
-    answer = finish(job, batch)
+    answer = finish_batch(job, batch)
     seconds = time.process_time() - began
     if isinstance(answer, Finished):
         return seconds
@@ -174,7 +174,7 @@ def _start() -> float:
     return heard[0] - began
 
 
-def answered_at_once(_job: Job, batch: Batch) -> Finished:
+def answered_at_once(_job: SweepJob, batch: SweepBatch) -> Finished:
     """What a worker answers, without any work."""
     return Finished(
         receipt=Receipt(shard=batch.shard, sha256="0" * 64, rows=batch.samples, refused=0), state="computed"
@@ -184,14 +184,14 @@ def answered_at_once(_job: Job, batch: Batch) -> Finished:
 def scheduler_rate() -> tuple[float, float, float]:
     """Batches a second by the sweep's own crew when workers answer at once; processor time of scheduler and client."""
     plan = sweep_plan(TASKS * BATCH)
-    job = Job(folder="/", plan=plan, data_set="0" * 64, press=busy)
+    job = SweepJob(folder="/", plan=plan, data_set="0" * 64, press=busy)
     with (
         tempfile.TemporaryDirectory() as folder,
         LoopbackCluster(Path(folder), WORKERS, THREADS) as cluster,
         patch.object(dask_crew, "finish", answered_at_once),
-        dask_crew.DaskCrew(job, cluster.address) as crew,
+        dask_crew.DaskPool(job, cluster.address) as crew,
     ):
-        left = iter(list(batches(sweep_plan(TASKS * BATCH, batch=BATCH))))
+        left = iter(list(sweep_batches(sweep_plan(TASKS * BATCH, batch=BATCH))))
         _wait_for(crew)
         for _ in range(crew.window):
             crew.submit(next(left))
@@ -211,7 +211,7 @@ def scheduler_rate() -> tuple[float, float, float]:
     return done / seconds, (after[0] - before[0]) / done, (after[1] - before[1]) / done
 
 
-def _wait_for(crew: dask_crew.DaskCrew) -> None:
+def _wait_for(crew: dask_crew.DaskPool) -> None:
     """Until all threads of all workers are known."""
     until = time.monotonic() + 60.0
     while crew.window < dask_crew.AHEAD * WORKERS * THREADS:
@@ -228,8 +228,8 @@ def _processor_s(process: int) -> float:
 
 def _task_bytes() -> float:
     plan = sweep_plan(BATCH, batch=BATCH)
-    batch = next(batches(plan))
-    job = Job(folder="/data", plan=plan, data_set="0" * 64, press=press)
+    batch = next(sweep_batches(plan))
+    job = SweepJob(folder="/data", plan=plan, data_set="0" * 64, press=press)
     return float(len(pickle.dumps((job, batch))) + len(pickle.dumps(answered_at_once(job, batch))))
 
 

@@ -22,15 +22,15 @@ import numpy as np
 from benchmarks.busy_press import PRESS_S, busy
 
 from tsis.model import load_probe
-from tsis.sweep import Plan, Range, read, run_sweep
-from tsis.sweep.samples import batches
+from tsis.sweep import Plan, Range, read_data_set, run_sweep
+from tsis.sweep.samples import sweep_batches
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from tsis.sweep.samples import Batch
+    from tsis.sweep.samples import SweepBatch
 
 MOST_OVERHEAD = 0.03
 
@@ -57,11 +57,11 @@ def swept(count: int, batch: int) -> NDArray[np.float64]:
     """Beginning and end of each press, s."""
     with tempfile.TemporaryDirectory() as folder:
         run_sweep(_plan(count, batch), folder, workers=1, press=busy)
-        found = read(folder)
+        found = read_data_set(folder)
     return np.column_stack([found["approach_mm"], found["pressure_kpa"][:, 0]])
 
 
-def _press_batch(plan: Plan, batch: Batch) -> list[tuple[float, float]]:
+def _press_batch(plan: Plan, batch: SweepBatch) -> list[tuple[float, float]]:
     times = []
     for k in range(batch.samples):
         values = {name: float(column[k]) for name, column in batch.values.items()}
@@ -72,13 +72,13 @@ def _press_batch(plan: Plan, batch: Batch) -> list[tuple[float, float]]:
 
 def _loop(count: int) -> NDArray[np.float64]:
     plan = _plan(count)
-    return np.concatenate([_press_batch(plan, batch) for batch in batches(plan)])
+    return np.concatenate([_press_batch(plan, batch) for batch in sweep_batches(plan)])
 
 
 def _futures(count: int, batch: int) -> NDArray[np.float64]:
     plan = _plan(count, batch)
     with ProcessPoolExecutor(1) as pool:
-        return np.concatenate(list(pool.map(partial(_press_batch, plan), batches(plan))))
+        return np.concatenate(list(pool.map(partial(_press_batch, plan), sweep_batches(plan))))
 
 
 def main() -> int:

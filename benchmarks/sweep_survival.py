@@ -19,7 +19,7 @@ from pathlib import Path
 
 from benchmarks.loopback_cluster import LoopbackCluster
 
-from tsis.sweep import EXAMPLE, verify
+from tsis.sweep import EXAMPLE, verify_data_set
 
 KILL_EVERY_S = 2.0
 PATIENCE_S = 1800.0
@@ -134,7 +134,7 @@ def main() -> int:
         with_cluster_deaths(plan, root / "clusters", options.workers, options.kills, shards)
         hashes.append(hash_of(root / "clusters"))
         print(f"{options.kills} clusters killed: {time.monotonic() - started:.0f} s, {hashes[2]}")
-        presses = verify(root / "clusters")["presses"]
+        presses = verify_data_set(root / "clusters")["presses"]
         print(f"{presses} presses, all three alike: {len(set(hashes)) == 1}")
         return int(len(set(hashes)) > 1 or presses != options.presses)
 

@@ -17,9 +17,9 @@ from scipy.interpolate import RegularGridInterpolator
 
 from tsis.inclusion.off_axis_rings import FARTHEST, MOVES
 from tsis.mechanics import contrast_factor, press
-from tsis.mechanics.surrogate_solves import probe_content, remembered
+from tsis.mechanics.surrogate_solves import cached_arrays, mechanical_content
 from tsis.model import Inclusion, Phantom, PressField, PressMap, Probe, disk_cache
-from tsis.virtual.probe import FINE
+from tsis.virtual.probe import FINE_RESOLUTION
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -104,7 +104,7 @@ class LumpChanges:
 def lump_changes(probe: Probe, forces_n: tuple[float, float]) -> LumpChanges:
     """Changes under forces near two, between and beyond which a press that covers the face is linear in the force."""
     content = {
-        "probe": probe_content(probe),
+        "probe": mechanical_content(probe),
         "forces": list(forces_n),
         "lumps": [list(DIAMETERS_MM), list(TOPS_MM), WEAK],
     }
@@ -116,7 +116,7 @@ def lump_changes(probe: Probe, forces_n: tuple[float, float]) -> LumpChanges:
         ]
         return {"values": np.array(values)}
 
-    values = remembered("lump-changes", disk_cache.content_key(content), solve)["values"]
+    values = cached_arrays("lump-changes", disk_cache.content_key(content), solve)["values"]
     return LumpChanges(
         radius_mm=np.linspace(0.0, probe.radius_mm, values.shape[-1]),
         of_lump=RegularGridInterpolator((DIAMETERS_MM, TOPS_MM, forces_n), values, bounds_error=False, fill_value=None),
@@ -129,7 +129,7 @@ def _change(probe: Probe, diameter_mm: float, top_mm: float, force_n: float) -> 
     for sign in (1, -1):
         young = NOMINAL.young_kpa * float(np.exp(sign * WEAK))
         lump = Inclusion(diameter_mm=diameter_mm, depth_mm=top_mm, young_kpa=young, poisson=NOMINAL.poisson)
-        field = press(probe, replace(NOMINAL, inclusion=lump), force_n=force_n, resolution=FINE)
+        field = press(probe, replace(NOMINAL, inclusion=lump), force_n=force_n, resolution=FINE_RESOLUTION)
         found.append(np.array([field.pressure_kpa, field.face_displacement_mm]))
         factors.append(float(contrast_factor(young / NOMINAL.young_kpa)))
     return np.asarray((found[0] - found[1]) / (factors[0] - factors[1]))

@@ -23,13 +23,13 @@ from tsis.inclusion import (
     PARAMETERS,
     Design,
     InclusionPrior,
-    Information,
-    compare,
+    ProtocolInformation,
+    compare_designs,
     default_protocols,
-    information,
-    source_inclusions,
+    dissertation_inclusions,
+    protocol_information,
 )
-from tsis.mechanics.covered_surrogate import DEGREES
+from tsis.mechanics.covered_surrogate import FULL_CONTACT_DEGREES
 from tsis.virtual.probe import nominal_calibration
 
 if TYPE_CHECKING:
@@ -64,7 +64,7 @@ class Result:
     """
 
     designs: tuple[Design, ...]
-    nine: tuple[Information, ...]
+    nine: tuple[ProtocolInformation, ...]
     alike: tuple[Design, ...]
     exact_rmse: NDArray[np.float64]
 
@@ -90,13 +90,15 @@ def run(rng: np.random.Generator | None = None, *, progress: Callable[[int, int]
     del rng
     protocols, prior = five_protocols(), InclusionPrior()
     calibration = nominal_calibration(Sensor())
-    both = partial(compare, protocols, of=protocols[0].probe, prior=prior)
+    both = partial(compare_designs, protocols, of=protocols[0].probe, prior=prior)
     designs = both(calibration=calibration, progress=progress)
 
-    def told(protocol: Protocol) -> Information:
-        return information(protocol, prior=prior, calibration=calibration, inclusions=source_inclusions())
+    def told(protocol: Protocol) -> ProtocolInformation:
+        return protocol_information(
+            protocol, prior=prior, calibration=calibration, inclusions=dissertation_inclusions()
+        )
 
-    exact = information(protocols[2], prior=prior, calibration=calibration, degrees=DEGREES).rmse
+    exact = protocol_information(protocols[2], prior=prior, calibration=calibration, degrees=FULL_CONTACT_DEGREES).rmse
     return Result(
         designs=designs,
         nine=tuple(told(protocol) for protocol in protocols),

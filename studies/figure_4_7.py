@@ -20,7 +20,7 @@ from scipy import ndimage
 from studies.shown import Shown
 
 import tsis
-from tsis.imaging import features, signal, surface
+from tsis.imaging import features, height_surface, signal
 from tsis.imaging.sensor import Sensor
 from tsis.optics import irradiance
 from tsis.plots import tactile_image
@@ -134,7 +134,7 @@ def draw(result: Result, figure: Figure) -> None:
     tactile_image(result.raw, raw, colours="gray").set_title(f"raw, {FORCE_N:g} N", fontsize=10)
     changed = signal(result.raw, result.untouched)
     solid = figure.add_subplot(grid[:, 1], projection="3d")
-    relief(surface(changed, max_points=36), solid).set_title("in colour, as a relief", fontsize=10)
+    relief(height_surface(changed, max_points=36), solid).set_title("in colour, as a relief", fontsize=10)
     solid.collections[0].set_antialiased(False)  # no white seams between faces
     solid.set_box_aspect((1.3, 1.0, 0.65), zoom=0.85)  # room for the label of the heights
     smooth = ndimage.gaussian_filter(changed.grey, SMOOTH_PX)

@@ -20,7 +20,7 @@ from skimage import data
 from skimage.feature import corner_peaks, corner_shi_tomasi
 from studies.shown import Shown
 
-from tsis.matching import guess
+from tsis.matching import match_points
 from tsis.matching.distort import Distortion, distort
 from tsis.matching.trials import matching_error
 
@@ -79,7 +79,7 @@ def run(rng: np.random.Generator | None = None, *, ratios: Sequence[float] = RAT
         trial = distort(points, Distortion(bending=BENDING, outlier_ratio=ratio), rng=np.random.default_rng(seed))
         start[ratio] = matching_error(trial, trial.source)
         for name in METHODS:
-            found = guess(trial.source, trial.target, method=name, rng=rng)
+            found = match_points(trial.source, trial.target, method=name, rng=rng)
             error[name][ratio] = matching_error(trial, found.moved)
             reliable += found.reliable
     return Result(corners=points, start=start, error=error, reliable=reliable)

@@ -22,7 +22,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from studies.shown import Shown
 
-from tsis.matching.contenders import Contender
+from tsis.matching.contenders import BenchmarkMethod
 from tsis.matching.trial_runs import run_trials
 from tsis.matching.trial_sets import distorted_set
 from tsis.matching.trial_summary import summarise
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from tsis.matching.distort import Family
-    from tsis.matching.trial_summary import Summary
+    from tsis.matching.trial_summary import TrialSummary
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data" / "matching"
 METHODS = {"tprl": "TPRL", "shape-context": "SC", "tps-rpm": "TPS-RPM", "rpm-lns": "RPM-LNS", "cpd": "CPD"}
@@ -64,9 +64,9 @@ class Result:
     """
 
     family: Family
-    summaries: tuple[Summary, ...]
+    summaries: tuple[TrialSummary, ...]
 
-    def of(self, shape: str) -> list[Summary]:
+    def of(self, shape: str) -> list[TrialSummary]:
         """Summaries of one shape."""
         return [each for each in self.summaries if each.group.split("/")[0] == shape]
 
@@ -89,7 +89,7 @@ def run(
     seed, drawn = int(rng.integers(2**31)), set(rng.permutation(PUBLISHED)[:count].tolist())
     published = distorted_set(DATA, families=[family], shapes=shapes, levels=levels, count=PUBLISHED, seed=seed)
     trials = [trial for trial in published if int(trial.name.rsplit("/", 1)[1]) in drawn]
-    rows = run_trials(trials, {name: Contender(name=name) for name in METHODS}, seed=seed)
+    rows = run_trials(trials, {name: BenchmarkMethod(name=name) for name in METHODS}, seed=seed)
     return Result(family=family, summaries=tuple(summarise(rows, rivals=(), seed=seed)))
 
 

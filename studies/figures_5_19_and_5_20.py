@@ -21,9 +21,9 @@ import numpy as np
 from studies.figures_5_14_to_5_18 import DATA, METHODS
 from studies.shown import Shown
 
-from tsis.matching.contenders import Contender
+from tsis.matching.contenders import BenchmarkMethod
 from tsis.matching.trial_runs import run_trials
-from tsis.matching.trials import HIDDEN, SEPARATIONS, SEQUENCE_FILE, hotel_trials
+from tsis.matching.trials import HIDDEN_FRACTIONS, SEPARATIONS, SEQUENCE_FILE, hotel_trials
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -95,12 +95,12 @@ def follow(rng: np.random.Generator | None = None) -> Motion:
 def run(
     rng: np.random.Generator | None = None,
     *,
-    hidden: Sequence[float] = HIDDEN,
+    hidden: Sequence[float] = HIDDEN_FRACTIONS,
     separations: Sequence[int] = SEPARATIONS,
 ) -> Matches:
     """Match the source's frames by every method; ``rng`` hides landmarks, shuffles, and is what methods draw from."""
     seed = int((rng or np.random.default_rng(1)).integers(2**31))
-    methods = {name: Contender(name=name) for name in METHODS}
+    methods = {name: BenchmarkMethod(name=name) for name in METHODS}
     errors: dict[float, dict[str, dict[int, NDArray[np.float64]]]] = {}
     for share in hidden:
         errors[share] = {name: {} for name in methods}
@@ -126,7 +126,7 @@ def motion_values(result: Motion) -> dict[str, float]:
 
 def match_values(result: Matches) -> dict[str, float]:
     """Numbers of figure 5.20, of those shares that were hidden."""
-    clear, most = min(HIDDEN), max(HIDDEN)
+    clear, most = min(HIDDEN_FRACTIONS), max(HIDDEN_FRACTIONS)
     drift = result.growth(clear, "cpd")
     found = {
         f"growth of the mean error, {METHODS[name]} over CPD, none hidden": result.growth(clear, name) / drift

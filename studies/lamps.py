@@ -32,7 +32,7 @@ from scipy.special import erfinv
 import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.optics import trace_rays
-from tsis.optics.rays_face import raised_face, touched_face
+from tsis.optics.rays_face import evenly_pressed_face, evenly_raised_face
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -107,7 +107,11 @@ def lighting(probe: Probe, *, rays: float, seed: int) -> Lighting:
     saturation, pressure = 1.0, 2 / np.sqrt(np.pi) * float(erfinv(TOUCHED_SHARE))
     found, raised, touched = (
         trace_rays(probe, pressed, rays=rays, seed=seed, saturation_kpa=saturation)
-        for pressed in (None, raised_face(probe.radius_mm, RAISED_MM), touched_face(probe.radius_mm, pressure))
+        for pressed in (
+            None,
+            evenly_raised_face(probe.radius_mm, RAISED_MM),
+            evenly_pressed_face(probe.radius_mm, pressure),
+        )
     )
     radius = np.hypot(found.x_mm, found.y_mm[:, None])
     inner = radius < INNER * probe.radius_mm

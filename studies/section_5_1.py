@@ -45,7 +45,7 @@ from studies.section_5_1_bench import (
 
 from tsis.imaging.contact_light import CONTACT_MODELS
 from tsis.imaging.led_drift import LedDrift
-from tsis.imaging.lost_light import find_losses
+from tsis.imaging.lost_light import find_lost_light
 from tsis.imaging.render import render
 from tsis.imaging.sensor import expose
 from tsis.mechanics import indent
@@ -194,7 +194,7 @@ def losses() -> dict[tuple[str, float, float], LostLight]:
         "printed scale": (replace(SENSOR, mm_per_pixel=(PRINTED_PIXEL_MM, PRINTED_PIXEL_MM)), bench()),
     }
     return {
-        (name, tip, force): find_losses(pressed(tip, force), sensor, answer)
+        (name, tip, force): find_lost_light(pressed(tip, force), sensor, answer)
         for name, (sensor, answer) in settings.items()
         for tip in TIPS_MM
         for force in (0.1, 2.0)

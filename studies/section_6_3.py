@@ -32,7 +32,7 @@ from tsis.inclusion import (
     estimate_by_networks,
     fit_mapping,
     frame_outputs,
-    mapped_without_itself,
+    leave_one_out_mapping,
     printed_frame_outputs,
     printed_reading,
     simulated_outputs,
@@ -152,7 +152,7 @@ def run(
         found = estimate_by_networks(
             outputs[field],
             inclusions,
-            np.concatenate([mapped_without_itself(measured, known[field]), known[field]]),
+            np.concatenate([leave_one_out_mapping(measured, known[field]), known[field]]),
             rng=rng,
             trials=trials,
             method=method,

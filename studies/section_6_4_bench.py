@@ -16,9 +16,9 @@ from benchmarks.searched_presses import MovingProbe
 
 import tsis
 from tsis.mechanics import press
-from tsis.mechanics.surrogate_solves import probe_content, remembered
+from tsis.mechanics.surrogate_solves import cached_arrays, mechanical_content
 from tsis.model import PressField, disk_cache
-from tsis.virtual.probe import FINE
+from tsis.virtual.probe import FINE_RESOLUTION
 
 if TYPE_CHECKING:
     from benchmarks.uneven_tissue import Site
@@ -39,7 +39,7 @@ def solved(probe_name: str, phantom_name: str, force_n: float) -> NDArray[np.flo
     def solve() -> dict[str, NDArray[np.float64]]:
         fields = [
             [
-                press(probe, scaled(phantom, np.exp(log)), force_n=share * force_n, resolution=FINE)
+                press(probe, scaled(phantom, np.exp(log)), force_n=share * force_n, resolution=FINE_RESOLUTION)
                 for share in FORCE_SHARES
             ]
             for log in LOG_SOFTER
@@ -47,12 +47,12 @@ def solved(probe_name: str, phantom_name: str, force_n: float) -> NDArray[np.flo
         return {"fields": np.array([[[f.pressure_kpa, f.face_displacement_mm] for f in row] for row in fields])}
 
     content = {
-        "probe": probe_content(probe),
+        "probe": mechanical_content(probe),
         "phantom": repr(phantom),
         "force": force_n,
         "grid": [*LOG_SOFTER, *FORCE_SHARES],
     }
-    return remembered("section-6-4", disk_cache.content_key(content), solve)["fields"]
+    return cached_arrays("section-6-4", disk_cache.content_key(content), solve)["fields"]
 
 
 def scaled(phantom: Phantom, factor: float) -> Phantom:

@@ -23,8 +23,8 @@ import tsis
 from tsis.calibration import edge_width, specification_sheet
 from tsis.calibration.force.fit import fit_force_line
 from tsis.calibration.force.loading import TIPS_MM, Loading, loading_forces
-from tsis.calibration.force.reading import read_press
-from tsis.calibration.reference.making import Reference, make_reference
+from tsis.calibration.force.reading import read_loading_frame
+from tsis.calibration.reference.making import CameraReference, make_reference
 from tsis.plots.calibration_figures import hysteresis_loops
 from tsis.virtual.loading_machine import FLAT_LEVELS, VirtualLoadingMachine
 
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from tsis.calibration import Specification
-    from tsis.calibration.measured import Measured
+    from tsis.calibration.measured import MeasuredValue
     from tsis.imaging.sensor import Sensor
 
 PROBE = tsis.load_probe("tsis-direct")
@@ -59,11 +59,11 @@ class Result:
         Two runs of every tip, up and down.
     """
 
-    edge_mm: Measured
+    edge_mm: MeasuredValue
     sheet: Specification | None = None
     loadings: tuple[Loading, ...] = ()
 
-    def value(self, quantity: str) -> Measured | None:
+    def value(self, quantity: str) -> MeasuredValue | None:
         """A line of the sheet, None where it was not measured."""
         return None if self.sheet is None else self.sheet[quantity].measured
 
@@ -85,7 +85,7 @@ def short(rng: np.random.Generator) -> Result:
     return Result(edge_mm=edge_width(references(machine).corrected(machine.edge())))
 
 
-def references(machine: VirtualLoadingMachine) -> Reference:
+def references(machine: VirtualLoadingMachine) -> CameraReference:
     """Lamps off, untouched, and even contact at three levels of light."""
     dark = [machine.dark() for _ in range(FRAMES)]
     untouched = [machine.no_contact() for _ in range(FRAMES)]
@@ -93,10 +93,10 @@ def references(machine: VirtualLoadingMachine) -> Reference:
     return make_reference(dark, untouched, flats, patch_px=machine.patch_px)
 
 
-def loaded(machine: VirtualLoadingMachine, reference: Reference, tip_mm: float, number: int) -> Loading:
+def loaded(machine: VirtualLoadingMachine, reference: CameraReference, tip_mm: float, number: int) -> Loading:
     """One tip from nothing to 2 N and back."""
     readings = [
-        read_press(image, reference, force_n=shown_n, touched=force_n > 0)
+        read_loading_frame(image, reference, force_n=shown_n, touched=force_n > 0)
         for force_n in loading_forces()
         for image, shown_n in [machine.press(tip_mm, force_n)]
     ]
@@ -134,7 +134,7 @@ def draw(result: Result, figure: Figure) -> None:
         loops.legend(loc="lower left", frameon=False)
 
 
-def _beside(axis: Axes, given: list[tuple[str, float, str]], found: tuple[str, Measured, float] | None) -> None:
+def _beside(axis: Axes, given: list[tuple[str, float, str]], found: tuple[str, MeasuredValue, float] | None) -> None:
     """One row a source, hollow where it is not ours, on a logarithmic axis in the unit of ``found``."""
     factor = 1000.0 if found is None else found[2]
     for row, (_, value, colour) in enumerate(given):

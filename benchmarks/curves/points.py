@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.curves.curve import Curve, Line
 from benchmarks.matching import speed_trial
 
-from tsis.matching.contenders import Contender
+from tsis.matching.contenders import BenchmarkMethod
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,7 +23,7 @@ METHODS = ("tprl", "pycpd")
 
 def over_points(told: Callable[[str], None]) -> Curve:
     """Strokes bent and turned by 30 degrees; medians over trials, one thread, the methods in turns."""
-    methods = {name: Contender(name=name) for name in METHODS if not Contender(name=name).absent()}
+    methods = {name: BenchmarkMethod(name=name) for name in METHODS if not BenchmarkMethod(name=name).absent()}
     taken: dict[str, dict[int, float]] = {name: {} for name in methods}
     for size in SIZES:
         told(f"matching {size} points")

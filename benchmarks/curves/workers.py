@@ -19,10 +19,10 @@ from tsis.sweep import Plan, Range, run_sweep, worker_count
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from tsis.sweep.presses import Press
+    from tsis.sweep.presses import PressFunction
 
 BATCH, SHARDS_EACH, RUNS = 10, 15, 3
-KINDS: dict[str, Press] = {"presses of 10 ms that do nothing": busy, "flat probe, small strain": press}
+KINDS: dict[str, PressFunction] = {"presses of 10 ms that do nothing": busy, "flat probe, small strain": press}
 
 
 def over_workers(told: Callable[[str], None]) -> Curve:
@@ -81,7 +81,7 @@ def sweep_plan(
     )
 
 
-def _rate(kind: Press, workers: int, seed: int) -> float:
+def _rate(kind: PressFunction, workers: int, seed: int) -> float:
     """Presses a second, from the file by which every worker has begun to the last but one of each."""
     shards, done = SHARDS_EACH * workers, list[tuple[float, int]]()
     with tempfile.TemporaryDirectory() as folder:

@@ -14,8 +14,8 @@ from benchmarks.hostile.loader import Loader
 
 from tsis.detection import (
     ClassifierSettings,
-    Split,
-    Training,
+    ClassSplit,
+    TrainingSet,
     read_classifier,
     read_reach,
     train_classifier,
@@ -48,10 +48,10 @@ def detection_loaders() -> tuple[Loader, ...]:
 @cache
 def _classifier() -> bytes:
     rng = np.random.default_rng(1)
-    training = Training(
+    training = TrainingSet(
         features=rng.uniform((1, 4, 40, -5), (15, 12, 120, 5), (12, 4)).round(3), labels=np.arange(12) % 3
     )
-    fitted = train_classifier(training, Split(young_kpa=60.0), ClassifierSettings(folds=2))
+    fitted = train_classifier(training, ClassSplit(young_kpa=60.0), ClassifierSettings(folds=2))
     with tempfile.TemporaryDirectory() as place:
         return write_classifier(fitted, Path(place) / "classes.json").read_bytes()
 

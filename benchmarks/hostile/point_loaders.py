@@ -15,9 +15,9 @@ from benchmarks.hostile.picture_loaders import token
 
 from tsis.instrument.gauge import RecordedGauge
 from tsis.matching.point_file import csv_text, read_points
-from tsis.matching.trial_rows import HEAD, read_rows
+from tsis.matching.trial_rows import TRIAL_ROW_HEAD, read_trial_rows
 from tsis.matching.trials import PUBLIC_FILE, public_trials
-from tsis.mechanics.surrogate_solves import remembered
+from tsis.mechanics.surrogate_solves import cached_arrays
 from tsis.model import disk_cache
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ def point_loaders() -> tuple[Loader, ...]:
     force = "time_s,force_n,resolution_n,time_error_s\n" + "".join(
         f"{0.1 * at!r},{0.2 * at!r},0.01,0.0\n" for at in range(8)
     )
-    rows = ",".join(HEAD) + "\nfish/noise/1/0,tprl,1,0.25,1.5,yes,\nfish/noise/1/1,cpd,1,0.5,0.5,,too few\n"
+    rows = ",".join(TRIAL_ROW_HEAD) + "\nfish/noise/1/0,tprl,1,0.25,1.5,yes,\nfish/noise/1/1,cpd,1,0.5,0.5,,too few\n"
     csv = (csv_text(flat).encode(), csv_text(solid).encode(), b"0.5;1\n1;2\n# note\n3;4\n")
     return (
         Loader(name="points, CSV", file="a.csv", originals=csv, load=_points, text=True),
@@ -63,7 +63,7 @@ def point_loaders() -> tuple[Loader, ...]:
             name="rows of a benchmark",
             file="rows.csv",
             originals=(rows.encode(),),
-            load=lambda path: tuple(read_rows(path)),
+            load=lambda path: tuple(read_trial_rows(path)),
             text=True,
         ),
         Loader(name="force readings", file="force.csv", originals=(force.encode(),), load=_forces, text=True),
@@ -149,7 +149,7 @@ def _from_cache(path: Path) -> Hashable:
     before = os.environ.get("TSIS_CACHE_DIR")
     os.environ["TSIS_CACHE_DIR"] = str(path.parents[1])
     try:
-        found = remembered(CACHE, KEY, lambda: {"plain": np.arange(6.0).reshape(2, 3), "change": np.eye(3)})
+        found = cached_arrays(CACHE, KEY, lambda: {"plain": np.arange(6.0).reshape(2, 3), "change": np.eye(3)})
     finally:
         if before is None:
             del os.environ["TSIS_CACHE_DIR"]

@@ -15,17 +15,17 @@ from benchmarks.hostile.json_changed import changed_document, text_of
 from benchmarks.hostile.loader import Loader
 from benchmarks.hostile.picture_loaders import token
 
-from tsis.calibration import Measured
-from tsis.calibration.file import ProbeCalibration, calibration_bytes, content, identity, read_calibration
-from tsis.calibration.reference.value import Reference
-from tsis.calibration.session import SessionFolder, SessionTerms, Shot
+from tsis.calibration import MeasuredValue
+from tsis.calibration.file import ProbeCalibration, calibration_bytes, calibration_sha256, content, read_calibration
+from tsis.calibration.reference.value import CameraReference
+from tsis.calibration.session import CalibrationFrame, SessionFolder, SessionSetup
 from tsis.cli.calibrate.seal import _read as values_to_seal
 from tsis.instrument import read_bytes
 from tsis.model import Calibration, LightMap, TactileImage, load_probe
 from tsis.model.errors import FileInputError
 from tsis.sweep import EXAMPLE, Plan, Range, load_plan, shards
 from tsis.sweep import manifest as manifests
-from tsis.sweep import read as read_sweep
+from tsis.sweep import read_data_set as read_sweep
 from tsis.sweep.plan_file import plan_document
 from tsis.sweep.presses import Rows
 
@@ -52,7 +52,7 @@ def known_calibration(rows: int = 9, columns: int = 11) -> ProbeCalibration:
         settings={"exposure_ms": 20.0, "gain": 0.0},
         made=MADE,
         expires=EXPIRES,
-        reference=Reference(
+        reference=CameraReference(
             dark_grey=rng.normal(8.0, 0.1, shape),
             untouched_grey=rng.normal(2.0, 0.1, shape),
             relative_light=np.ones(shape),
@@ -70,8 +70,8 @@ def known_calibration(rows: int = 9, columns: int = 11) -> ProbeCalibration:
     )
 
 
-def _grey(value: float) -> Measured:
-    return Measured(value=value, sd=0.01 * value, unit="grey")
+def _grey(value: float) -> MeasuredValue:
+    return MeasuredValue(value=value, sd=0.01 * value, unit="grey")
 
 
 def sealed(document: dict[str, Any]) -> dict[str, Any]:
@@ -97,7 +97,7 @@ def _calibrations() -> tuple[Loader, ...]:
             name="calibration",
             file="bench.json",
             originals=(calibration_bytes(known_calibration()),),
-            load=lambda path: identity(read_calibration(path)),
+            load=lambda path: calibration_sha256(read_calibration(path)),
             integrity=True,
             text=True,
             forge=_forged_calibration,
@@ -116,10 +116,10 @@ def _calibrations() -> tuple[Loader, ...]:
 def _sessions() -> tuple[Loader, ...]:
     with tempfile.TemporaryDirectory() as place:
         folder = SessionFolder(Path(place))
-        folder.begin(SessionTerms(name="bench", probe="tsis-direct", camera="camera", began=MADE, tips_mm=(10.0, 14.0)))
+        folder.begin(SessionSetup(name="bench", probe="tsis-direct", camera="camera", began=MADE, tips_mm=(10.0, 14.0)))
         step = folder.plan()[0]
         grey = np.random.default_rng(1).integers(0, 256, (9, 13)).astype(float)
-        folder.keep(step, [Shot(image=TactileImage(grey=grey), time_s=0.1 * time) for time in range(2)])
+        folder.keep(step, [CalibrationFrame(image=TactileImage(grey=grey), time_s=0.1 * time) for time in range(2)])
         files = {str(path.relative_to(place)): path.read_bytes() for path in Path(place).rglob("*") if path.is_file()}
     index = f"{step.name}/shots.csv"
 
@@ -157,10 +157,10 @@ def _sweeps() -> tuple[Loader, ...]:
     )
     start = manifests.head(plan)
     key = manifests.data_set_key(start)
-    shard = shards.encode(_rows(), shard=0, data_set=key)
+    shard = shards.encode_shard(_rows(), shard=0, data_set=key)
     with tempfile.TemporaryDirectory() as place:
         manifests.write_manifest(Path(place), start, [_receipt(shard, key)])
-        manifest = (Path(place) / manifests.MANIFEST).read_bytes()
+        manifest = (Path(place) / manifests.MANIFEST_FILE).read_bytes()
     name = shards.shard_name(0)
 
     def forged_manifest(original: bytes, rng: np.random.Generator) -> bytes:
@@ -175,7 +175,7 @@ def _sweeps() -> tuple[Loader, ...]:
     def settled(folder: Path) -> None:
         document = json.loads(manifest)
         document["shards"][0]["sha256"] = shards.sha256((folder / name).read_bytes())
-        (folder / manifests.MANIFEST).write_text(json.dumps(document))
+        (folder / manifests.MANIFEST_FILE).write_text(json.dumps(document))
 
     def columns(path: Path) -> Hashable:
         return tuple((column, *token(values)) for column, values in read_sweep(path.parent).items())
@@ -196,7 +196,7 @@ def _sweeps() -> tuple[Loader, ...]:
         ),
         Loader(
             name="sweep, manifest",
-            file=manifests.MANIFEST,
+            file=manifests.MANIFEST_FILE,
             originals=(manifest,),
             load=columns,
             integrity=True,
@@ -211,7 +211,7 @@ def _sweeps() -> tuple[Loader, ...]:
             load=columns,
             integrity=True,
             forge=_signed_again,
-            around={manifests.MANIFEST: manifest},
+            around={manifests.MANIFEST_FILE: manifest},
             settle=settled,
         ),
         Loader(

@@ -21,18 +21,24 @@ from tests.records.sample import sample_dossier, sample_estimate
 
 from tsis.instrument import png_bytes, read_bytes
 from tsis.instrument.camera import Frame
-from tsis.instrument.recording.record import COLUMNS, FORMAT, INDEX, SUMMARY, VERSION
+from tsis.instrument.recording.record import (
+    RECORDING_COLUMNS,
+    RECORDING_FORMAT,
+    RECORDING_INDEX,
+    RECORDING_SUMMARY,
+    RECORDING_VERSION,
+)
 from tsis.instrument.snapshot import save_snapshot
 from tsis.model import TactileImage
 from tsis.records import open_store
 from tsis.records.export import read_bundle, write_bundle
-from tsis.records.importing import Given, batches
+from tsis.records.importing import ImportOptions, find_import_batches
 from tsis.records.samples import samples_bytes, samples_of
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
 
-    from tsis.records.importing import Batch
+    from tsis.records.importing import ImportBatch
 
 MADE = datetime(2026, 11, 22, 10, 0, tzinfo=UTC)
 HEAD = 80  # bytes of a samples file before what its hash covers
@@ -95,28 +101,28 @@ def _forged_samples(original: bytes, rng: np.random.Generator) -> bytes:
     return original[: HEAD - 65] + hashlib.sha256(changed).hexdigest().encode() + b"\n" + changed
 
 
-def _found(found: tuple[Batch, ...]) -> Hashable:
+def _found(found: tuple[ImportBatch, ...]) -> Hashable:
     presses = [press for batch in found for press in batch.presses]
     return tuple((*token(press.image().grey), press.role, press.force_n, press.mm_per_pixel) for press in presses)
 
 
 def _recorded() -> tuple[Loader, ...]:
     frame = png_bytes(TactileImage(grey=LEVELS.astype(float)))
-    index = ",".join((*COLUMNS, "force_n")) + "\n"
+    index = ",".join((*RECORDING_COLUMNS, "force_n")) + "\n"
     index += "".join(
         f"{at},frame-{at}.png,1,{at},{0.1 * at:.3f},{5 + 0.1 * at:.3f},{0.5 * at:.2f}\n" for at in range(3)
     )
-    summary = {"format": FORMAT, "version": VERSION, "camera": "camera", "report": {"kept": 3}}
+    summary = {"format": RECORDING_FORMAT, "version": RECORDING_VERSION, "camera": "camera", "report": {"kept": 3}}
     around = {f"frame-{at}.png": frame for at in range(3)}
-    around |= {INDEX: index.encode(), SUMMARY: json.dumps(summary).encode()}
+    around |= {RECORDING_INDEX: index.encode(), RECORDING_SUMMARY: json.dumps(summary).encode()}
 
     def load(path: Path) -> Hashable:
-        return _found(batches([path.parent], Given()))
+        return _found(find_import_batches([path.parent], ImportOptions()))
 
     return (
         Loader(
             name="recording, index",
-            file=INDEX,
+            file=RECORDING_INDEX,
             originals=(index.encode(),),
             load=load,
             text=True,
@@ -125,8 +131,8 @@ def _recorded() -> tuple[Loader, ...]:
         ),
         Loader(
             name="recording, report",
-            file=SUMMARY,
-            originals=(around[SUMMARY],),
+            file=RECORDING_SUMMARY,
+            originals=(around[RECORDING_SUMMARY],),
             load=load,
             text=True,
             around=around,
@@ -148,7 +154,7 @@ def _snapshots() -> tuple[Loader, ...]:
             name="snapshot, sidecar",
             file=sidecar,
             originals=(files[sidecar],),
-            load=lambda path: _found(batches([path], Given())),
+            load=lambda path: _found(find_import_batches([path], ImportOptions())),
             text=True,
             around=files,
             share=0.3,
@@ -158,7 +164,7 @@ def _snapshots() -> tuple[Loader, ...]:
             name="snapshot, frame",
             file=raw,
             originals=(files[raw],),
-            load=lambda path: _found(batches([path.parent / sidecar], Given())),
+            load=lambda path: _found(find_import_batches([path.parent / sidecar], ImportOptions())),
             integrity=True,
             around=files,
             share=0.3,

@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 from benchmarks.hostile.loader import Loader
 
 from tsis.model.errors import RecordsError
-from tsis.study import import_readings, new_study, open_study, printed_targets, verify
+from tsis.study import import_readings, new_study, open_study, printed_targets, verify_study
 from tsis.study.chain import read_chain
 from tsis.study.folder import read_seal
-from tsis.study.log import LOG
+from tsis.study.log import LOG_FILE
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
@@ -56,16 +56,16 @@ def _study() -> dict[str, bytes]:
 @cache
 def _head() -> str:
     """Hash of the last line of the log as it was written."""
-    return read_chain(_study()[LOG]).head
+    return read_chain(_study()[LOG_FILE]).head
 
 
 def _told(path: Path) -> Hashable:
-    """A study that is as it was written, with its truth; refused where `verify` finds a fault.
+    """A study that is as it was written, with its truth; refused where `verify_study` finds a fault.
 
     The head that was written down is asked for: without it nobody can tell that lines were cut off the log's end.
     """
     study = open_study(path.parent)
-    found = verify(path.parent, head=_head())
+    found = verify_study(path.parent, head=_head())
     if not found.sound:
         raise RecordsError(f"a study must be as it was written; {found.faults[0]}")
     return _words(study)

@@ -18,8 +18,8 @@ from benchmarks.turns import Contest, Side, timed
 from sklearn.metrics import roc_auc_score
 
 from tsis.detection import auc_covariance
-from tsis.inclusion.exploration import explore
-from tsis.matching.contenders import Contender
+from tsis.inclusion.exploration import explore_inclusion
+from tsis.matching.contenders import BenchmarkMethod
 from tsis.matching.trials import matching_error
 from tsis.records import open_store
 
@@ -42,7 +42,7 @@ def matching(_place: Place) -> Iterator[Contest]:
         trial = speed_trial(size, 0)
         sides, absent = [], []
         for name in ("tprl", "pycpd", "probreg"):
-            method = Contender(name=name)
+            method = BenchmarkMethod(name=name)
             if reason := method.absent():
                 absent.append((name, reason))
                 continue
@@ -54,7 +54,7 @@ def matching(_place: Place) -> Iterator[Contest]:
         yield Contest(task=f"{size:,} points matched with {size:,}", own=own, peers=tuple(peers), absent=tuple(absent))
 
 
-def _matched(method: Contender, trial: Trial) -> Callable[[], object]:
+def _matched(method: BenchmarkMethod, trial: Trial) -> Callable[[], object]:
     return lambda: method(trial.source, trial.target, rng=np.random.default_rng(0))
 
 
@@ -63,7 +63,7 @@ def estimate(_place: Place) -> Iterator[Contest]:
     probe, forces, referred = PROTOCOLS[PROTOCOL]
     bench = Bench.of(probe, forces, with_reference=referred)
     likelihood = bench.likelihood()
-    grid = grid_within_reach(likelihood, explore(likelihood, bench.prior))
+    grid = grid_within_reach(likelihood, explore_inclusion(likelihood, bench.prior))
 
     def dense() -> None:
         bench.likelihood()

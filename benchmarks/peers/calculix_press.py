@@ -34,11 +34,11 @@ def stiffness_n_per_mm(probe: Probe, phantom: Phantom, *, finest_mm: float) -> t
     face = mesh.face_lines(probe.radius_mm, finest=finest_mm, growth=1.5, largest=0.8)
     heights, layers = [np.zeros(1)], []
     for index, layer in enumerate(probe.layers):
-        lines = mesh.both_ends(layer.thickness_mm, finest=finest_mm, growth=1.5, largest=0.8)
+        lines = mesh.two_sided_lines(layer.thickness_mm, finest=finest_mm, growth=1.5, largest=0.8)
         heights.append(heights[-1][-1] + lines[1:])
         layers += [index] * (len(lines) - 1)
     above = _body(face, np.concatenate(heights), np.array(layers))
-    beyond = mesh.beyond_lines(probe.radius_mm, OUTER_MM, finest=finest_mm, growth=1.5)
+    beyond = mesh.outer_lines(probe.radius_mm, OUTER_MM, finest=finest_mm, growth=1.5)
     depth = mesh.graded(phantom.thickness_mm, finest_mm, 1.5, 3.0)
     wide = np.concatenate([face, beyond[1:]])
     below = _body(wide, -depth[::-1], np.full(len(depth) - 1, len(probe.layers)))

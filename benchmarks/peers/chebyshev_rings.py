@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from tsis.mechanics.surrogate import contrast_factor, scale
+from tsis.mechanics.surrogate import contrast_factor, signal_scale
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -41,7 +41,7 @@ def rings_by_numpy(
         for start in range(0, len(found), AT_ONCE):
             x, y, z = (place[start : start + AT_ONCE] for place in places)
             found[start : start + AT_ONCE] = chebyshev.chebval3d(x, y, z, series).T
-        return np.asarray(found * scale(diameter_mm, depth_mm, factor)[:, None] + rings.plain)
+        return np.asarray(found * signal_scale(diameter_mm, depth_mm, factor)[:, None] + rings.plain)
 
     return answered
 

@@ -14,7 +14,7 @@ from benchmarks.uneven_tissue import FaceGrid, Site, uneven
 
 import tsis
 from tsis import Inclusion, Phantom
-from tsis.inclusion.off_axis_rings import moved_profile
+from tsis.inclusion.off_axis_rings import off_axis_profile
 from tsis.virtual import VirtualProbe
 
 FLAT = tsis.load_probe("tsis-2011")
@@ -53,7 +53,7 @@ def test_around_the_axis_a_moved_change_is_what_the_estimate_takes_it_for() -> N
     change = np.array([np.exp(-((radius / 4) ** 2)), 0.02 * np.exp(-((radius / 6) ** 2))])
     for offset in (0.0, 3.0, 5.0):
         over = grid.moved(radius, change, (offset * 0.6, -offset * 0.8))
-        rings = moved_profile(radius, offset) @ change.T
+        rings = off_axis_profile(radius, offset) @ change.T
         away = np.hypot(grid.x, grid.y)
         for low in (0.0, 2.0, 5.0, 8.0):
             ring = (away >= low) & (away < low + 1.0)

@@ -13,9 +13,9 @@ from benchmarks.sweep_costs import _pressed, answered_at_once, pressed_at_once
 from tsis.mechanics import press
 from tsis.model import load_phantom, load_probe
 from tsis.sweep.presses import press_all
-from tsis.sweep.samples import batches
-from tsis.sweep.shards import encode, is_whole
-from tsis.sweep.work import Finished, Job, finish
+from tsis.sweep.samples import sweep_batches
+from tsis.sweep.shards import encode_shard, is_whole
+from tsis.sweep.work import Finished, SweepJob, finish_batch
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -24,7 +24,9 @@ if TYPE_CHECKING:
 def test_bytes_of_a_press_are_those_of_a_real_file() -> None:
     seconds, memory_mb, size = _pressed("tsis-2011", "small", 1.0, 3)
     plan = sweep_plan(100)
-    whole = encode(press_all(plan, next(batches(sweep_plan(100, batch=25))), press), shard=0, data_set="0" * 64)
+    whole = encode_shard(
+        press_all(plan, next(sweep_batches(sweep_plan(100, batch=25))), press), shard=0, data_set="0" * 64
+    )
     # a file of 25 has the same footer over fewer presses
     assert size == pytest.approx(len(whole) / 25, rel=0.35)
     assert size < len(whole) / 25
@@ -35,8 +37,8 @@ def test_bytes_of_a_press_are_those_of_a_real_file() -> None:
 def test_a_press_that_costs_nothing_fills_a_file_that_is_whole(tmp_path: Path) -> None:
     plan = sweep_plan(4, batch=2)
     (tmp_path / "manifest.json").touch()
-    job = Job(folder=str(tmp_path), plan=plan, data_set="0" * 64, press=pressed_at_once)
-    answers = [finish(job, batch) for batch in batches(plan)]
+    job = SweepJob(folder=str(tmp_path), plan=plan, data_set="0" * 64, press=pressed_at_once)
+    answers = [finish_batch(job, batch) for batch in sweep_batches(plan)]
     assert [isinstance(answer, Finished) and answer.state for answer in answers] == ["computed", "computed"]
     files = sorted(tmp_path.glob("part-*.parquet"))
     assert len(files) == 2
@@ -48,7 +50,7 @@ def test_a_press_that_costs_nothing_fills_a_file_that_is_whole(tmp_path: Path) -
 
 def test_answers_without_work_name_their_batch() -> None:
     plan = sweep_plan(30)
-    job = Job(folder="/", plan=plan, data_set="0" * 64, press=press)
-    answers = [pickle.loads(pickle.dumps(answered_at_once(job, batch))) for batch in batches(plan)]
+    job = SweepJob(folder="/", plan=plan, data_set="0" * 64, press=press)
+    answers = [pickle.loads(pickle.dumps(answered_at_once(job, batch))) for batch in sweep_batches(plan)]
     assert [answer.receipt.shard for answer in answers] == [0, 1, 2]
     assert [answer.receipt.rows for answer in answers] == [10, 10, 10]

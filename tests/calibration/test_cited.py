@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from tests.calibration.file.bench import bench
 
-from tsis.calibration.cited import cited
-from tsis.calibration.file import calibration_bytes, identity, write_calibration
+from tsis.calibration.cited import read_usable_calibration
+from tsis.calibration.file import calibration_bytes, calibration_sha256, write_calibration
 from tsis.model.errors import CalibrationError, FileInputError
 
 if TYPE_CHECKING:
@@ -30,25 +30,25 @@ def written(path: Path, known: ProbeCalibration) -> Path:
 
 def test_its_citation_names_what_was_read(tmp_path: Path) -> None:
     known = bench(made=YESTERDAY, expires=TOMORROW)
-    found = cited(written(tmp_path / "calibration.json", known))
-    assert found.identity == identity(known)
+    found = read_usable_calibration(written(tmp_path / "calibration.json", known))
+    assert found.identity == calibration_sha256(known)
     said = found.citation()
     assert (said["name"], said["sha256"]) == ("bench", found.identity)
     assert re.fullmatch("[0-9a-f]{64}", found.identity)
     assert datetime.fromisoformat(said["made"]) == known.made
     assert datetime.fromisoformat(said["expires"]) == known.expires
     assert found.response.name == f"bench ({found.identity[:12]})"
-    timeless = cited(written(tmp_path / "timeless.json", bench(made=None, expires=None)))
+    timeless = read_usable_calibration(written(tmp_path / "timeless.json", bench(made=None, expires=None)))
     assert (timeless.citation()["made"], timeless.citation()["expires"]) == (None, None)
     assert timeless.identity != found.identity
 
 
 def test_one_that_is_past_or_damaged_is_refused(tmp_path: Path) -> None:
     with pytest.raises(CalibrationError, match="must not be expired"):
-        cited(written(tmp_path / "past.json", bench(made=NOW - timedelta(days=9), expires=YESTERDAY)))
+        read_usable_calibration(written(tmp_path / "past.json", bench(made=NOW - timedelta(days=9), expires=YESTERDAY)))
     (tmp_path / "torn.json").write_bytes(calibration_bytes(bench())[:-40])
     with pytest.raises(FileInputError, match=r"torn\.json"):
-        cited(tmp_path / "torn.json")
+        read_usable_calibration(tmp_path / "torn.json")
 
 
 def camera(name: str, **settings: float) -> Any:
@@ -58,7 +58,7 @@ def camera(name: str, **settings: float) -> Any:
 
 
 def test_another_camera_or_setting_is_refused_and_stored_frames_tell_no_camera(tmp_path: Path) -> None:
-    found = cited(written(tmp_path / "calibration.json", bench(made=YESTERDAY, expires=TOMORROW)))
+    found = read_usable_calibration(written(tmp_path / "calibration.json", bench(made=YESTERDAY, expires=TOMORROW)))
     found.require_camera(camera("Aravis-TSIS01", exposure_ms=20.0, gain=0.0), stored=False)
     found.require_camera(camera("a folder of files"), stored=True)
     with pytest.raises(CalibrationError, match="must be of the camera in use, 'another'"):

@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from tsis.calibration import Measured
+from tsis.calibration import MeasuredValue
 from tsis.model.errors import InputError
 
 
 def test_interval_of_a_known_spread_is_gaussian() -> None:
-    low, high = Measured(value=3.0, sd=2.0).interval(0.95)
+    low, high = MeasuredValue(value=3.0, sd=2.0).interval(0.95)
     assert (low, high) == pytest.approx((3 - 2 * norm.ppf(0.975), 3 + 2 * norm.ppf(0.975)))
 
 
@@ -21,7 +21,7 @@ def test_interval_of_a_mean_of_five_holds_the_truth_as_often_as_it_says() -> Non
     means, spreads = samples.mean(axis=1), samples.std(axis=1, ddof=1) / np.sqrt(5)
     held = 0
     for mean, spread in zip(means, spreads, strict=True):
-        low, high = Measured(value=float(mean), sd=float(spread), degrees_of_freedom=4).interval(0.9)
+        low, high = MeasuredValue(value=float(mean), sd=float(spread), degrees_of_freedom=4).interval(0.9)
         held += low < 0 < high
     assert held / 4000 == pytest.approx(0.9, abs=0.015)
 
@@ -31,4 +31,4 @@ def test_interval_of_a_mean_of_five_holds_the_truth_as_often_as_it_says() -> Non
 )
 def test_numbers_out_of_range_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(InputError, match=next(iter(wrong))):
-        Measured(**{"value": 1.0, "sd": 1.0, **wrong})
+        MeasuredValue(**{"value": 1.0, "sd": 1.0, **wrong})

@@ -13,8 +13,8 @@ import numpy as np
 import pytest
 
 from tsis.calibration.file import ProbeCalibration, write_calibration
-from tsis.instrument.discovery import Findings
-from tsis.instrument.found import FoundCamera
+from tsis.instrument.discovery import CameraListing
+from tsis.instrument.found import CameraInfo
 from tsis.instrument.gauge import SimulatedGauge
 from tsis.model import load_phantom, load_probe
 from tsis.virtual import VirtualCamera, VirtualProbe
@@ -86,8 +86,10 @@ def virtual_frames(seed: int, count: int, **settings: float) -> list[NDArray[Any
 
 
 def test_a_list_shows_cameras_and_what_is_missing(run_tsis: RunTsis, monkeypatch: pytest.MonkeyPatch) -> None:
-    found = FoundCamera(source="aravis", identity="Maker-[red]7", maker="Maker [/]", model="M", note="10.0.0.2")
-    findings = Findings(found=(found,), missing={"pylon": "the camera source pylon needs pypylon; pip install ..."})
+    found = CameraInfo(source="aravis", identity="Maker-[red]7", maker="Maker [/]", model="M", note="10.0.0.2")
+    findings = CameraListing(
+        found=(found,), missing={"pylon": "the camera source pylon needs pypylon; pip install ..."}
+    )
     monkeypatch.setattr("tsis.cli.acquire.listing.find_cameras", lambda: findings)
     document = json.loads(run_tsis("acquire", "--list", "--json").out)
     assert document["found"] == [

@@ -13,7 +13,7 @@ from benchmarks.calibration_force import PROBE, SENSOR
 from tests.instrument.scripted_camera import ScriptedCamera, frame
 
 from tsis.calibration.file import ProbeCalibration, read_calibration, write_calibration
-from tsis.calibration.session import SessionFolder, SessionTerms
+from tsis.calibration.session import SessionFolder, SessionSetup
 from tsis.virtual.calibration_bench import VirtualBench
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from tests.cli.conftest import RunTsis
 
-    from tsis.calibration.session import Shot, Step
+    from tsis.calibration.session import CalibrationFrame, CalibrationStep
 
 GUIDE = import_module("tsis.cli.calibrate.guide")  # the package holds the command under this name
 PITCH_MM = 1.5
@@ -41,7 +41,7 @@ def frames(tmp_path_factory: pytest.TempPathFactory) -> Path:
     bench = VirtualBench(PROBE, rng=np.random.default_rng(8), sensor=SENSOR, pitch_mm=PITCH_MM)
     session = SessionFolder(tmp_path_factory.mktemp("cli") / "frames")
     session.begin(
-        SessionTerms(
+        SessionSetup(
             name="[/red] <b>",
             probe=PROBE.name,
             camera="[b]small",
@@ -115,7 +115,7 @@ def test_an_interrupted_session_goes_on_with_the_step_that_was_not_finished(
 ) -> None:
     take = VirtualBench.shots
 
-    def interrupted(bench: VirtualBench, step: Step) -> Iterator[Shot]:
+    def interrupted(bench: VirtualBench, step: CalibrationStep) -> Iterator[CalibrationFrame]:
         for number, shot in enumerate(take(bench, step)):
             if step.name == "board" and number == 2:
                 raise error
@@ -154,7 +154,7 @@ def test_a_session_does_not_go_on_with_other_options(
 ) -> None:
     bench = VirtualBench(PROBE, rng=np.random.default_rng(4), sensor=SENSOR, pitch_mm=PITCH_MM)
     SessionFolder(tmp_path / "s").begin(
-        SessionTerms(
+        SessionSetup(
             name="bench",
             probe="tsis-direct",
             camera="virtual bench, seed 4",

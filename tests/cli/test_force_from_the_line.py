@@ -12,7 +12,7 @@ import pytest
 from tests.records.sample import sample_estimate
 
 from tsis import Calibration
-from tsis.calibration import ForceLine, Measured, ProbeCalibration, Reference, Scale, write_calibration
+from tsis.calibration import CameraReference, ForceLine, MeasuredValue, PixelScale, ProbeCalibration, write_calibration
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -26,14 +26,14 @@ ROWS, COLUMNS, DARK = 120, 160, 8
 GREY_PER_N, DISC_GREY = 2e5, 90
 
 
-def _sure(value: float, unit: str = "", *, sd: float = 0.0) -> Measured:
-    return Measured(value=value, sd=sd, unit=unit)
+def _sure(value: float, unit: str = "", *, sd: float = 0.0) -> MeasuredValue:
+    return MeasuredValue(value=value, sd=sd, unit=unit)
 
 
 def _known(**changes: Any) -> ProbeCalibration:
     flat = np.ones((ROWS, COLUMNS))
     parts: dict[str, Any] = {
-        "scale": Scale(
+        "scale": PixelScale(
             mm_per_pixel_x=_sure(0.1, "mm/px"),
             mm_per_pixel_y=_sure(0.1, "mm/px"),
             shape=(ROWS, COLUMNS),
@@ -41,7 +41,7 @@ def _known(**changes: Any) -> ProbeCalibration:
             method="dots",
             count=30,
         ),
-        "reference": Reference(
+        "reference": CameraReference(
             dark_grey=DARK * flat,
             untouched_grey=0 * flat,
             relative_light=flat,
@@ -121,12 +121,12 @@ def test_what_is_kept_is_given_to_the_estimate_again_bit_for_bit(
 
     monkeypatch.setattr("tsis.cli.examine.estimate_with_progress", estimate)
     monkeypatch.setattr("tsis.inclusion.estimate", estimate)
-    monkeypatch.setattr("tsis.records.estimation.build_covered_surrogate", lambda *_, **__: None)
+    monkeypatch.setattr("tsis.records.estimation.build_full_contact_surrogate", lambda *_, **__: None)
     for name, radius_px in (("a.png", 20.0), ("b.png", 30.0), ("plain.png", 26.0)):
         _frame(tmp_path / name, radius_px)
     noise = np.random.default_rng(1)
     reference = replace(
-        _known().need(Reference, "this"),
+        _known().need(CameraReference, "this"),
         untouched_grey=noise.random((ROWS, COLUMNS)),
         dark_grey=noise.random((ROWS, COLUMNS)),
     )

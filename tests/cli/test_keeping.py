@@ -16,7 +16,7 @@ from tests.records.importing.snapshot_folder import save
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.model.durable import Disk
 from tsis.model.errors import RecordsError
-from tsis.records import open_store, verify
+from tsis.records import open_store, verify_store
 from tsis.records.store import Store
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def test_a_store_that_takes_nothing_loses_no_result(
     assert json.loads((out / "result.json").read_text()) == document
     with open_store(tmp_path / "records") as records:
         assert records.targets() == ()
-        assert verify(records).sound
+        assert verify_store(records).sound
 
 
 def test_an_estimate_that_finds_no_room_leaves_its_presses_and_says_where(

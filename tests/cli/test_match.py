@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from tsis.matching.fit import UNMATCHED
 from tsis.matching.point_file import read_points
-from tsis.matching.trial_rows import read_rows
+from tsis.matching.trial_rows import read_trial_rows
 from tsis.matching.trials import generated_trials
 
 if TYPE_CHECKING:
@@ -124,7 +124,7 @@ def test_bench_on_generated_shapes(run_tsis: RunTsis, tmp_path: Path) -> None:
     result = json.loads((tmp_path / "bench" / "result.json").read_text())
     assert len(result["pooled"]) == 4
     assert len(result["levels"]) == 2 * 2 * 2 * 2
-    rows = read_rows(tmp_path / "bench" / "rows.csv")
+    rows = read_trial_rows(tmp_path / "bench" / "rows.csv")
     assert len(rows) == 2 * 2 * 2 * 2 * 2
     means = {(each["group"], each["method"]): each["mean"] for each in result["pooled"]}
     errors = [row.error for row in rows if row.group.endswith("/noise") and row.method == "cpd"]
@@ -152,7 +152,7 @@ def test_an_interrupted_bench_says_how_to_go_on(
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("tsis.matching.trial_runs.judge", interrupted)
+    monkeypatch.setattr("tsis.matching.trial_runs.evaluate_trial", interrupted)
     finished = run_tsis(*BENCH, "--out", "bench")
     assert finished.code == 130
     assert "Go on with: tsis match bench" in finished.err

@@ -16,10 +16,10 @@ from tests.records.pressed_object import pressed, stored_object
 from tests.records.sample import WHEN, levels, sample_calibration, sample_dossier
 
 import tsis.hardness
-from tsis.calibration.file import identity
+from tsis.calibration.file import calibration_sha256
 from tsis.model import Estimate, TactileImage
 from tsis.model.durable import Disk
-from tsis.records import open_store, verify
+from tsis.records import open_store, verify_store
 from tsis.records.store import Store
 from tsis.report.forms import ENDINGS
 
@@ -100,7 +100,7 @@ def test_an_estimate_with_numbers_that_json_has_not_is_shown(run_tsis: RunTsis, 
 
 def test_a_sound_store_ends_with_its_audit_head(run_tsis: RunTsis, records: Path) -> None:
     with open_store(records) as store:
-        head = verify(store).head
+        head = verify_store(store).head
     finished = run_tsis("records", "verify", *STORE, "--json")
     assert finished.code == 0
     told = json.loads(finished.out)
@@ -155,7 +155,7 @@ def test_edits_change_what_people_wrote_and_count_versions(run_tsis: RunTsis, re
     assert run_tsis(*edit, "--force-n", "none", "--role", "untouched", "--json").code == 0
     with open_store(records) as store:
         now = store.presses(target)[0]
-        assert verify(store).sound
+        assert verify_store(store).sound
     assert (now.force_n, now.flags, now.note, now.role, now.version) == (None, (), "again", "untouched", 3)
 
 
@@ -319,7 +319,7 @@ def test_ctrl_c_in_an_import_says_what_is_stored(
     assert "1 of 3 presses are stored and stay (the same import goes on from there)" in finished.err
     assert "Traceback" not in finished.err
     with open_store(tmp_path / "records") as store:
-        assert verify(store).sound
+        assert verify_store(store).sound
 
 
 def test_calibrations_that_snapshots_cite_open_the_store_once(
@@ -328,7 +328,7 @@ def test_calibrations_that_snapshots_cite_open_the_store_once(
     importing: Any = sys.modules["tsis.cli.records.importing"]
     known = sample_calibration()
     for number in range(4):
-        save(tmp_path, number, calibration={"name": "bench", "sha256": identity(known)})
+        save(tmp_path, number, calibration={"name": "bench", "sha256": calibration_sha256(known)})
     absent = json.loads(run_tsis("records", "import", "Target3", "--store", "fresh", "--json").out)["imported"]
     assert "is not in this store" in absent[0]["notes"][0]
     with open_store(tmp_path / "records") as store:

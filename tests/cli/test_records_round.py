@@ -20,7 +20,7 @@ import tsis.hardness
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.cli.acquire.kept_snapshot import ROLES
 from tsis.model import load_phantom
-from tsis.records import open_store, values, verify
+from tsis.records import open_store, values, verify_store
 from tsis.records.export import read_bundle
 from tsis.report.forms import ENDINGS
 from tsis.virtual import DirectContactRig
@@ -160,7 +160,7 @@ def test_a_snapshot_is_kept_as_its_import_would_find_it(run: RunTsis, tmp_path: 
         np.testing.assert_array_equal(records.levels(press.frame), cv2.imread(str(raw), cv2.IMREAD_UNCHANGED))
         assert (press.id, press.role, press.probe) == (kept["press"], "untouched", "tsis-domed")
         assert "no-contact" in press.flags
-        assert verify(records).sound
+        assert verify_store(records).sound
     alone = ("--store", tmp_path / "imported")
     told(run, "records", "import", tmp_path / "Target12", *said, *alone)
     with open_store(tmp_path / "imported") as records:

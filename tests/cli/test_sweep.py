@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tsis.sweep import EXAMPLE, parse_plan
+from tsis.sweep import EXAMPLE, parse_plan_text
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -29,7 +29,7 @@ def plan(tmp_path: Path) -> Path:
 def test_the_example_is_a_plan(run_tsis: RunTsis) -> None:
     printed = run_tsis("sweep", "example").out
     assert tomllib.loads(printed)["sample"] == "sobol"
-    assert parse_plan(printed).presses == 1024
+    assert parse_plan_text(printed).presses == 1024
 
 
 @pytest.mark.system

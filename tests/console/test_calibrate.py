@@ -19,8 +19,8 @@ from tests.console.contrast import texts
 from tests.console.operator import TABLET, asked, hold, operating, run, tab
 from tests.console.running import running_console
 
-from tsis.calibration.file import identity, read_calibration
-from tsis.calibration.session import SessionFolder, SessionTerms
+from tsis.calibration.file import calibration_sha256, read_calibration
+from tsis.calibration.session import SessionFolder, SessionSetup
 from tsis.cli import main
 from tsis.virtual.calibration_bench import VirtualBench
 
@@ -56,7 +56,7 @@ def all_taken(folder: Path, name: str, camera: str) -> SessionFolder:
     """A session with every step done, of a small camera."""
     virtual = VirtualBench(PROBE, rng=np.random.default_rng(8), sensor=SENSOR, pitch_mm=1.5)
     session = SessionFolder(folder / "calibrations" / name)
-    terms = SessionTerms(
+    terms = SessionSetup(
         name=f"<b>{name}</b>",
         probe=PROBE.name,
         camera=camera,
@@ -187,7 +187,7 @@ def test_what_is_made_here_is_what_the_terminal_makes_and_can_be_put_in_force(
     told = json.loads(capsys.readouterr().out)
     assert made == (session.path / "calibration.json").read_bytes()
     assert made == (tmp_path / "tsis-calibration" / "calibration.json").read_bytes()
-    assert identity(read_calibration(session.path / "calibration.json")) == told["sha256"]
+    assert calibration_sha256(read_calibration(session.path / "calibration.json")) == told["sha256"]
     assert in_force["calibration_identity"] == told["sha256"]
     with running_console(tmp_path) as console, operating(browser, console, "/calibrate/here") as page:
         page.get_by_text("It was made before.").wait_for()

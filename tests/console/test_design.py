@@ -15,7 +15,7 @@ from tests.console.contrast import texts
 from tests.console.operator import tab
 
 from tsis import load_probe
-from tsis.model.catalog import probe_of_entry
+from tsis.model.catalog import parse_probe
 from tsis.report.design_question import DesignQuestion, answered, compared_designs
 
 if TYPE_CHECKING:
@@ -145,7 +145,7 @@ def test_a_saved_probe_is_the_one_that_was_typed(page: Page) -> None:
     ((name, entry),) = tomllib.loads(Path(saved.value.path()).read_text()).items()
     before = load_probe("tsis-domed")
     layers = (*before.layers[:2], replace(before.layers[2], thickness_mm=6.5))
-    assert probe_of_entry(name, entry) == replace(before, layers=layers, name="tsis-domed (changed)")
+    assert parse_probe(name, entry) == replace(before, layers=layers, name="tsis-domed (changed)")
 
 
 @pytest.mark.slow

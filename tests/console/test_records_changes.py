@@ -12,14 +12,14 @@ from tests.console.filled_store import ESTIMATED, HARD, fill, still
 from tests.console.operator import tab
 from tests.console.running import RunningConsole, running_console
 
-from tsis.records import open_store, verify
+from tsis.records import open_store, verify_store
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from playwright.sync_api import Browser, Page
 
-    from tsis.records import Press, StoredEstimate, Target
+    from tsis.records import StoredEstimate, StoredPress, Target
 
 pytestmark = [pytest.mark.system, needs_browser]
 
@@ -38,7 +38,7 @@ def target_of(console: RunningConsole, number: int) -> Target:
         return store.target(number)
 
 
-def presses_of(console: RunningConsole, number: int) -> tuple[Press, ...]:
+def presses_of(console: RunningConsole, number: int) -> tuple[StoredPress, ...]:
     with open_store(console.store) as store:
         return store.presses(store.target(number))
 
@@ -210,7 +210,7 @@ def test_an_estimate_is_made_from_the_presses_that_were_chosen(console: RunningC
     made = estimates_of(console, HARD)[before]
     assert made.presses == (presses[1].id,)
     with open_store(console.store) as store:
-        assert verify(store).sound
+        assert verify_store(store).sound
 
 
 @pytest.mark.slow

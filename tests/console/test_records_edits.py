@@ -11,8 +11,8 @@ from tsis.console.pages.records.edits import changed, edit_press, edit_target, t
 from tsis.console.pages.records.reading import AT_ONCE, UNKNOWN_FLAG, flags_of, read_target
 from tsis.model import TactileImage
 from tsis.model.errors import InputError
-from tsis.records import open_store, verify
-from tsis.records.written import written_force, written_truth
+from tsis.records import open_store, verify_store
+from tsis.records.written import parse_force, parse_truth
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -40,7 +40,7 @@ def test_the_slower_of_two_is_told_what_the_faster_changed(store: Store) -> None
     assert found.record == store.target(3)
     again = edit_target(store, found.record, {"name": "mine"})
     assert (again.refused, again.record.name, again.record.version) == ("", "mine", 3)
-    assert verify(store).sound
+    assert verify_store(store).sound
 
 
 def test_a_press_that_was_changed_meanwhile_is_not_written_over(store: Store) -> None:
@@ -59,19 +59,19 @@ def test_only_what_differs_is_a_change(store: Store) -> None:
 
 def test_truth_as_text_is_read_back_as_it_was() -> None:
     truth = {"diameter_mm": 10.0, "depth_mm": 4.25, "young_kpa": 100 / 3, "other": -1e-7}
-    assert written_truth(truth_text(truth).splitlines()) == truth
+    assert parse_truth(truth_text(truth).splitlines()) == truth
 
 
 @pytest.mark.parametrize("text", ["half", "1,5", "0x1", "--", "1 N"])
 def test_a_force_that_is_no_number_is_refused(text: str) -> None:
     with pytest.raises(InputError, match="force must be a number of newtons, or nothing; got"):
-        written_force(text, called="force", nothing="")
+        parse_force(text, called="force", nothing="")
 
 
 @pytest.mark.parametrize("text", ["nan", "inf", "-1", "101", "1e400"])
 def test_a_force_outside_its_range_is_refused(text: str) -> None:
     with pytest.raises(InputError, match="force must"):
-        written_force(text, called="force", nothing="")
+        parse_force(text, called="force", nothing="")
 
 
 def test_a_page_of_a_target_is_a_sheet_of_its_presses(store: Store) -> None:

@@ -17,7 +17,7 @@ from tests.console.operator import TABLET, tab
 from tests.waiting import HANGS_S
 
 from tsis.report.study import study_page
-from tsis.study import analyse, new_study, open_study, printed_targets, verify
+from tsis.study import analyse, new_study, open_study, printed_targets, verify_study
 from tsis.study.table import import_table
 
 if TYPE_CHECKING:
@@ -141,7 +141,7 @@ def test_a_whole_study(page: Page, console: RunningConsole, browser: Browser) ->
     study = open_study(place(console, "trial"))
     assert study.unblinded is not None
     assert study.unblinded.actor == "Eve"
-    assert verify(study.folder).sound
+    assert verify_study(study.folder).sound
     for card in study_page(analyse(study)).cards[1:]:
         told = page.locator(".card").filter(has=page.get_by_text(card.title, exact=True))
         assert told.locator(".number").inner_text() == card.value

@@ -22,12 +22,12 @@ from tsis import Estimate, Inclusion
 from tsis.detection import (
     Classifier,
     ClassifierSettings,
-    Split,
+    ClassSplit,
     TargetEvidence,
-    Training,
+    TrainingSet,
     cross_validate,
-    measured,
     read_classifier,
+    target_evidence,
     train_classifier,
     wilson_interval,
     write_classifier,
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-SPLIT = Split(young_kpa=80.0)
+SPLIT = ClassSplit(young_kpa=80.0)
 
 
 def _study(
@@ -61,7 +61,7 @@ def _study(
 
 
 STUDY = _study(150)
-TRAINING = Training.of(*STUDY, SPLIT)
+TRAINING = TrainingSet.of(*STUDY, SPLIT)
 FITTED = train_classifier(TRAINING, SPLIT)
 
 
@@ -145,7 +145,7 @@ def test_sigmoid_and_isotonic_probabilities_come_true() -> None:
 
 
 def test_a_target_on_a_limit_is_not_beyond_it_and_depths_count_from_the_skin() -> None:
-    split = Split(young_kpa=60.0, diameter_mm=5.0, depth_mm=8.0)
+    split = ClassSplit(young_kpa=60.0, diameter_mm=5.0, depth_mm=8.0)
     inside = Inclusion(diameter_mm=5.1, depth_mm=7.9, young_kpa=60.1)
     assert split.label(inside) == 2
     for changed in ({"diameter_mm": 5.0}, {"depth_mm": 8.0}, {"young_kpa": 60.0}):
@@ -163,12 +163,12 @@ def test_an_estimates_samples_are_taken_evenly() -> None:
         presence=0.9,
         provenance={"prior": {"presence": 0.5}},
     )
-    found = measured(made, draws=10)
+    found = target_evidence(made, draws=10)
     assert found.log_ratio == pytest.approx(np.log(9.0))
     assert (found.samples == columns.T[[round(one) for one in np.linspace(0, 999, 10)]]).all()
-    assert len(measured(made, draws=5000).samples) == 1000
+    assert len(target_evidence(made, draws=5000).samples) == 1000
     with pytest.raises(InputError, match="it has none of diameter_mm, young_kpa"):
-        measured(Estimate(samples={"depth_mm": np.ones(1)}, prior_sd={"depth_mm": 1.0}, presence=0.5), prior=0.5)
+        target_evidence(Estimate(samples={"depth_mm": np.ones(1)}, prior_sd={"depth_mm": 1.0}, presence=0.5), prior=0.5)
 
 
 def test_a_file_gives_the_same_classifier_back(tmp_path: Path) -> None:
@@ -259,17 +259,17 @@ def test_hostile_files_are_one_sentence(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("call", "said"),
     [
-        (lambda: Split(), "at least one of"),
-        (lambda: Split(young_kpa=float("nan")), "young_kpa must"),
+        (lambda: ClassSplit(), "at least one of"),
+        (lambda: ClassSplit(young_kpa=float("nan")), "young_kpa must"),
         (lambda: SPLIT.label("lump"), "inclusion must be a Inclusion"),  # type: ignore[arg-type]
         (lambda: TargetEvidence(samples=np.ones((3, 2)), log_ratio=0.0), "samples must hold"),
         (lambda: TargetEvidence(samples=np.zeros((3, 3)), log_ratio=0.0), "samples must hold"),
         (lambda: TargetEvidence(samples=np.ones((3, 3)), log_ratio=float("nan")), "log_ratio must"),
         (lambda: ClassifierSettings(folds=1), "folds must lie"),
-        (lambda: Training.of([], [], SPLIT), "equally many"),
-        (lambda: Training.of(STUDY[0][:3], STUDY[1][:2], SPLIT), "got 3 and 2"),
+        (lambda: TrainingSet.of([], [], SPLIT), "equally many"),
+        (lambda: TrainingSet.of(STUDY[0][:3], STUDY[1][:2], SPLIT), "got 3 and 2"),
         (
-            lambda: train_classifier(Training.of(STUDY[0][:6], STUDY[1][:6], SPLIT), SPLIT),
+            lambda: train_classifier(TrainingSet.of(STUDY[0][:6], STUDY[1][:6], SPLIT), SPLIT),
             "must have at least 5 targets",
         ),
         (lambda: cross_validate(STUDY[0][:15], STUDY[1][:15], SPLIT), "must have at least 7 targets"),

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.detection.references import REFERENCES
 
-from tsis.detection import auc_covariance, bootstrap_compare, compare, roc
+from tsis.detection import auc_covariance, bootstrap_compare_detectors, compare_detectors, roc
 from tsis.detection.bootstrap import drawn_areas
 from tsis.model.errors import InputError
 
@@ -35,7 +35,7 @@ def test_areas_and_covariances_are_those_of_proc(name: str) -> None:
 @pytest.mark.parametrize("name", SETS)
 def test_paired_tests_are_those_of_proc(name: str) -> None:
     told, scores, present = _read(name)
-    found = compare(scores[0], scores[1], present)
+    found = compare_detectors(scores[0], scores[1], present)
     assert found.z == pytest.approx(told["z"], abs=1e-10)
     assert found.p == pytest.approx(told["p"], abs=1e-10)
     assert found.interval is not None
@@ -59,7 +59,7 @@ def test_swapping_the_methods_turns_the_difference(seed: int, m: int, n: int) ->
     rng = np.random.default_rng(seed)
     present = np.arange(m + n) < m
     first, second = rng.integers(0, 4, (2, m + n))
-    one, two = compare(first, second, present), compare(second, first, present)
+    one, two = compare_detectors(first, second, present), compare_detectors(second, first, present)
     assert one.difference == pytest.approx(-two.difference, abs=1e-15)
     assert one.standard_error == two.standard_error
     assert one.p == two.p
@@ -72,8 +72,8 @@ def test_equal_rankings_are_said_to_have_no_spread(other: Any) -> None:
     present = np.arange(40) < 17
     scores = rng.normal(size=40) + present
     for found in (
-        compare(scores, other(scores), present),
-        bootstrap_compare(scores, other(scores), present, rng=rng, draws=200),
+        compare_detectors(scores, other(scores), present),
+        bootstrap_compare_detectors(scores, other(scores), present, rng=rng, draws=200),
     ):
         assert found.difference == found.standard_error == 0
         assert (found.z, found.p, found.interval) == (None, None, None)
@@ -81,7 +81,7 @@ def test_equal_rankings_are_said_to_have_no_spread(other: Any) -> None:
 
 
 def test_a_faultless_method_beside_a_useless_one_has_a_difference_without_spread() -> None:
-    found = compare([1, 2, 3, 4], [4, 3, 2, 1], [False, False, True, True])
+    found = compare_detectors([1, 2, 3, 4], [4, 3, 2, 1], [False, False, True, True])
     assert found.difference == 1.0
     assert found.p is None
     assert found.remark
@@ -91,7 +91,7 @@ def test_a_faultless_method_beside_a_useless_one_has_a_difference_without_spread
 def test_the_bootstrap_compares_alike(name: str) -> None:
     told, scores, present = _read(name)
     heard: list[tuple[int, int]] = []
-    found = bootstrap_compare(
+    found = bootstrap_compare_detectors(
         scores[0], scores[1], present, rng=np.random.default_rng(6), draws=20000, progress=lambda *at: heard.append(at)
     )
     assert found.z == pytest.approx(told["z"], rel=0.05)
@@ -136,7 +136,7 @@ def test_draws_are_those_of_targets_picked_one_by_one() -> None:
 )
 def test_bad_pairs_are_told(first: list[float], second: list[float], present: list[bool], said: str) -> None:
     with pytest.raises(InputError, match=said):
-        compare(first, second, present)
+        compare_detectors(first, second, present)
 
 
 def test_a_table_of_the_wrong_shape_is_told() -> None:

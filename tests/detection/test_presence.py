@@ -12,7 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tsis import Estimate
-from tsis.detection.presence import Presence, presence
+from tsis.detection.presence import PresenceProbability, presence
 from tsis.model.errors import InputError
 
 SHARES = st.integers(1, 9999).map(lambda whole: Fraction(whole, 10000))
@@ -32,7 +32,7 @@ def _estimate(**changed: Any) -> Estimate:
 def test_moving_is_bayes_rule_in_whole_numbers(probability: Fraction, prior: Fraction, other: Fraction) -> None:
     ratio = probability / (1 - probability) / (prior / (1 - prior))
     odds = ratio * other / (1 - other)
-    found = Presence(probability=float(probability), prior=float(prior))
+    found = PresenceProbability(probability=float(probability), prior=float(prior))
     assert found.likelihood_ratio == pytest.approx(float(ratio), rel=1e-9)
     moved = found.at_prevalence(float(other))
     assert moved.probability == pytest.approx(float(odds / (1 + odds)), rel=1e-9)
@@ -44,7 +44,9 @@ def test_moved_probabilities_come_true_at_the_new_prevalence() -> None:
     there = rng.random(40000) < 0.1
     signal = rng.normal(size=len(there)) + 1.5 * there
     at_half = 1 / (1 + np.exp(-(1.5 * signal - 1.5**2 / 2)))  # the posterior where every second target holds one
-    moved = np.array([Presence(probability=p, prior=0.5).at_prevalence(0.1).probability for p in at_half.tolist()])
+    moved = np.array(
+        [PresenceProbability(probability=p, prior=0.5).at_prevalence(0.1).probability for p in at_half.tolist()]
+    )
     for low, high in ((0.0, 0.1), (0.1, 0.3), (0.3, 0.7)):
         within = (moved > low) & (moved <= high)
         error = np.sqrt(moved[within].mean() / within.sum())
@@ -53,13 +55,13 @@ def test_moved_probabilities_come_true_at_the_new_prevalence() -> None:
 
 def test_what_was_rounded_to_certain_stays_so_and_says_that_its_ratio_is_a_bound() -> None:
     for certain in (0.0, 1.0):
-        found = Presence(probability=certain, prior=0.5)
+        found = PresenceProbability(probability=certain, prior=0.5)
         assert found.is_bound
         assert np.isfinite(found.log_likelihood_ratio)
         assert found.at_prevalence(0.001).probability == certain
-    assert Presence(probability=1.0, prior=0.5).likelihood_ratio > 1e15
-    assert Presence(probability=0.0, prior=0.5).likelihood_ratio < 1e-300
-    assert not Presence(probability=0.5, prior=0.5).is_bound
+    assert PresenceProbability(probability=1.0, prior=0.5).likelihood_ratio > 1e15
+    assert PresenceProbability(probability=0.0, prior=0.5).likelihood_ratio < 1e-300
+    assert not PresenceProbability(probability=0.5, prior=0.5).is_bound
 
 
 @given(st.floats(-2000, 2000), st.floats(0.001, 0.999), st.floats(0.001, 0.999))
@@ -103,4 +105,4 @@ def test_estimates_without_it_are_refused(estimate: Any, prior: float | None, sa
 @pytest.mark.parametrize("prevalence", [0.0, 1.0, np.nan, -0.1, "half"])
 def test_a_prevalence_is_a_share(prevalence: Any) -> None:
     with pytest.raises(InputError, match="prevalence must"):
-        Presence(probability=0.5, prior=0.5).at_prevalence(prevalence)
+        PresenceProbability(probability=0.5, prior=0.5).at_prevalence(prevalence)

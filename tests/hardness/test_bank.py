@@ -12,7 +12,7 @@ from benchmarks.hardness_bank import SolvedSphere
 import tsis
 from tsis.hardness.seen_sphere import hertzian_radius_mm, press_fields
 from tsis.model import SoftSphere
-from tsis.virtual.direct_contact import FINE
+from tsis.virtual.direct_contact import DIRECT_CONTACT_RESOLUTION
 
 PROBE = tsis.load_probe("tsis-direct")
 
@@ -21,8 +21,8 @@ PROBE = tsis.load_probe("tsis-direct")
 def test_an_interpolated_press_is_the_solved_one() -> None:
     bank = SolvedSphere(probe=PROBE, radius_mm=3.0, poisson=0.48, young_kpa=(188.0, 200.0, 214.0), forces_n=(0.4, 0.7))
     sphere, forces = SoftSphere(radius_mm=3.0, young_kpa=193.0, poisson=0.48), [0.39, 0.72]
-    kept = bank(PROBE, sphere, forces_n=forces, resolution=FINE)
-    solved = press_fields(PROBE, sphere, forces_n=forces, resolution=FINE)
+    kept = bank(PROBE, sphere, forces_n=forces, resolution=DIRECT_CONTACT_RESOLUTION)
+    solved = press_fields(PROBE, sphere, forces_n=forces, resolution=DIRECT_CONTACT_RESOLUTION)
     for one, other in zip(kept, solved, strict=True):
         # The mesh's own ripple is some thousandths; what interpolation adds hides in it.
         assert hertzian_radius_mm(one) == pytest.approx(hertzian_radius_mm(other), rel=2e-3)

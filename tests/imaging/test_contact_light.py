@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from tsis import Calibration, PressField
 from tsis.imaging.contact_edge import contact_edges, coverage
-from tsis.imaging.contact_light import Curvature, Rough, Smooth, named_model, rough_contact
+from tsis.imaging.contact_light import CurvatureLoss, RoughContact, SmoothContact, as_contact_model, rough_contact
 from tsis.imaging.sensor import Sensor
 from tsis.model.errors import InputError
 
@@ -47,33 +47,33 @@ def counted_share(index: float, slope: float) -> float:
 def test_what_curvature_lets_out_is_what_is_counted(index: float, slope: float) -> None:
     counted = min(counted_share(index, slope), 1.0)
     deviation = np.sqrt(counted / 1e6) / (1 - 1 / index**2)
-    assert share_of(Curvature(refractive_index=index), slope=slope) == pytest.approx(counted, abs=5 * deviation)
+    assert share_of(CurvatureLoss(refractive_index=index), slope=slope) == pytest.approx(counted, abs=5 * deviation)
 
 
 @given(index=st.floats(1.05, 3.9), slope=st.floats(1e-6, 1e-3))
 def test_a_gentle_slope_lets_out_in_proportion(index: float, slope: float) -> None:
     expected = 2 / np.pi / np.sqrt(index**2 - 1) * slope  # tan(critical) = 1 / sqrt(n**2 - 1)
-    assert share_of(Curvature(refractive_index=index), slope=slope) == pytest.approx(expected, rel=0.01)
+    assert share_of(CurvatureLoss(refractive_index=index), slope=slope) == pytest.approx(expected, rel=0.01)
 
 
 @given(index=st.floats(1.01, 4.0), slope=st.floats(0.0, 1e3), steeper=st.floats(1.0, 2.0))
 def test_a_steeper_slope_lets_out_more_whatever_its_sign(index: float, slope: float, steeper: float) -> None:
-    model = Curvature(refractive_index=index)
+    model = CurvatureLoss(refractive_index=index)
     assert 0.0 <= share_of(model, slope=slope) <= share_of(model, slope=steeper * slope) + 1e-12 <= 1.0 + 1e-12
     assert share_of(model, slope=-slope) == share_of(model, slope=slope)
 
 
 def test_only_the_quantity_of_its_model_matters() -> None:
-    assert share_of(Rough(), pressure=3.0, slope=0.0) == share_of(Rough(), pressure=3.0, slope=1.0) > 0
-    assert share_of(Smooth(), pressure=3.0) == share_of(Smooth(), pressure=1e-6) == 1.0
-    assert share_of(Smooth(), pressure=0.0, slope=1.0) == 0.0
-    assert share_of(Curvature(), pressure=3.0, slope=0.2) == share_of(Curvature(), pressure=0.0, slope=0.2) > 0
+    assert share_of(RoughContact(), pressure=3.0, slope=0.0) == share_of(RoughContact(), pressure=3.0, slope=1.0) > 0
+    assert share_of(SmoothContact(), pressure=3.0) == share_of(SmoothContact(), pressure=1e-6) == 1.0
+    assert share_of(SmoothContact(), pressure=0.0, slope=1.0) == 0.0
+    assert share_of(CurvatureLoss(), pressure=3.0, slope=0.2) == share_of(CurvatureLoss(), pressure=0.0, slope=0.2) > 0
 
 
 def test_the_rough_share_is_the_grey_level_over_that_of_full_contact() -> None:
     answer = Calibration(gain_grey_per_kpa=50.0, saturation_kpa=20.0)
     pressure = np.linspace(-1.0, 80.0, 50)
-    share = Rough().share(pressure, slope=0 * pressure, saturation_kpa=20.0)
+    share = RoughContact().share(pressure, slope=0 * pressure, saturation_kpa=20.0)
     np.testing.assert_allclose(rough_contact(pressure, answer), 1000.0 * share, rtol=1e-14)
 
 
@@ -87,13 +87,13 @@ def test_the_rough_share_is_the_grey_level_over_that_of_full_contact() -> None:
 )
 def test_what_is_no_contact_model(model: Any, phrase: str) -> None:
     with pytest.raises(InputError, match=phrase):
-        named_model(model)
+        as_contact_model(model)
 
 
 @pytest.mark.parametrize("index", [1.0, float("nan"), 5.0])
 def test_an_index_that_guides_nothing_is_refused(index: float) -> None:
     with pytest.raises(InputError, match=r"refractive_index must lie in \[1.01, 4\]"):
-        Curvature(refractive_index=index)
+        CurvatureLoss(refractive_index=index)
 
 
 @given(edge=st.floats(0.2, 2.9))

@@ -11,9 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tsis import Calibration, PressField
-from tsis.imaging.contact_light import Curvature
-from tsis.imaging.lost_light import find_losses
-from tsis.imaging.plain_render import render_plainly
+from tsis.imaging.contact_light import CurvatureLoss
+from tsis.imaging.lost_light import find_lost_light
+from tsis.imaging.plain_render import render_reference
 from tsis.imaging.render import render
 from tsis.imaging.sensor import Sensor
 from tsis.model import LightMap
@@ -66,7 +66,7 @@ def test_the_fast_picture_is_the_formula_as_written(model: str, blur_mm: float, 
     sensor = replace(SENSOR, field_angle_deg=20.0)
     fast, plain = (
         draw(dented(), sensor, ANSWER, blur_mm=blur_mm, contact_model=model, light=light)
-        for draw in (render, render_plainly)
+        for draw in (render, render_reference)
     )
     assert np.abs(fast - plain).max() < 1e-4 * plain.max(), "of radii 2.5 um apart"
     assert fast.sum() == pytest.approx(plain.sum(), rel=1e-6)
@@ -78,7 +78,7 @@ def test_so_it_is_on_any_sensor_under_any_light(seed: int, columns: int, rows: i
     sensor = Sensor(columns=columns, rows=rows, mm_per_pixel=(0.2, 0.13))
     fast, plain = (
         draw(dented(), sensor, ANSWER, contact_model="curvature", light=uneven_light(seed))
-        for draw in (render, render_plainly)
+        for draw in (render, render_reference)
     )
     assert np.abs(fast - plain).max() <= 1e-4 * plain.max()
 
@@ -138,7 +138,7 @@ def test_smooth_contact_sums_to_its_area_and_rough_to_its_force() -> None:
 
 
 def test_curvature_is_dark_in_the_middle_and_shines_beyond_the_contact() -> None:
-    picture = render(dented(), SENSOR, ANSWER, blur_mm=0.0, contact_model=Curvature(refractive_index=1.5))
+    picture = render(dented(), SENSOR, ANSWER, blur_mm=0.0, contact_model=CurvatureLoss(refractive_index=1.5))
     row = picture[SENSOR.rows // 2, SENSOR.columns // 2 :]
     x = SENSOR.axes_mm()[0][SENSOR.columns // 2 :]
     assert row[0] < 0.05 * row.max()
@@ -178,7 +178,7 @@ def test_what_a_narrow_frame_crops_is_integrated_in_closed_form(half_width_mm: f
     """Half-ellipsoid of pressure cut by two parallel lines: a fraction (3 t - t**3) / 2 lies between them."""
     pixel = 2 * half_width_mm / 100
     narrow = Sensor(columns=100, rows=400, mm_per_pixel=(pixel, 0.05))
-    lost = find_losses(dented(), narrow, replace(ANSWER, saturation_kpa=1e4))
+    lost = find_lost_light(dented(), narrow, replace(ANSWER, saturation_kpa=1e4))
     part = half_width_mm / 2.0
     # A section of the half-ellipsoid at x has the area pi / 2 b**2 / a, b**2 = a**2 - x**2.
     expected = 1 - (3 * part - part**3) / 2
@@ -193,7 +193,7 @@ def test_what_a_narrow_frame_crops_is_integrated_in_closed_form(half_width_mm: f
 def test_clipping_counts_pixels_and_light_above_full_scale() -> None:
     sensor = replace(SENSOR, background_grey=8.0)
     bright = replace(ANSWER, gain_grey_per_kpa=100.0)
-    lost = find_losses(dented(), sensor, bright, contact_model="smooth", blur_mm=0.0)
+    lost = find_lost_light(dented(), sensor, bright, contact_model="smooth", blur_mm=0.0)
     area = np.pi * 2.0**2 / (SENSOR.columns * SENSOR.rows * 0.04 * 0.05)
     assert lost.pixels_clipped == pytest.approx(area, rel=0.02)
     assert lost.light_clipped == pytest.approx(1 - (255 - 8) / 2000, rel=0.01)
@@ -202,7 +202,7 @@ def test_clipping_counts_pixels_and_light_above_full_scale() -> None:
 
 def test_nothing_is_lost_without_contact() -> None:
     silent = replace(dented(), pressure_kpa=0 * dented().radius_mm)
-    lost = find_losses(silent, SENSOR, ANSWER)
+    lost = find_lost_light(silent, SENSOR, ANSWER)
     assert (lost.force_outside, lost.light_outside, lost.pixels_clipped, lost.light_clipped) == (0.0, 0.0, 0.0, 0.0)
 
 

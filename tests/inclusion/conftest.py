@@ -8,13 +8,13 @@ from threadpoolctl import threadpool_limits
 
 import tsis
 from tsis.inclusion import InclusionPrior
-from tsis.mechanics import build_covered_surrogate, build_surrogate
+from tsis.mechanics import build_full_contact_surrogate, build_surrogate
 from tsis.model import disk_cache
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from tsis.mechanics import CoveredSurrogate, PressSurrogate
+    from tsis.mechanics import FullContactSurrogate, PressSurrogate
 
 T = TypeVar("T")
 
@@ -28,8 +28,8 @@ def one_thread_a_worker() -> Iterator[None]:
 
 def built_once(build: Callable[[], T]) -> T:
     """Solved by one worker on all cores while the others wait for it."""
-    disk_cache.folder().mkdir(parents=True, exist_ok=True)
-    with (disk_cache.folder() / "lock").open("w") as lock:
+    disk_cache.cache_folder().mkdir(parents=True, exist_ok=True)
+    with (disk_cache.cache_folder() / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         return build()
 
@@ -41,12 +41,12 @@ def surrogate() -> PressSurrogate:
 
 
 @pytest.fixture(scope="session")
-def flat() -> CoveredSurrogate:
+def flat() -> FullContactSurrogate:
     """Every press of the flat probe."""
-    return built_once(lambda: build_covered_surrogate(tsis.load_probe("tsis-2011"), InclusionPrior().box()))
+    return built_once(lambda: build_full_contact_surrogate(tsis.load_probe("tsis-2011"), InclusionPrior().box()))
 
 
 @pytest.fixture(scope="session")
-def domed() -> CoveredSurrogate:
+def domed() -> FullContactSurrogate:
     """Every press of the domed probe that covers its face."""
-    return built_once(lambda: build_covered_surrogate(tsis.load_probe("tsis-domed"), InclusionPrior().box()))
+    return built_once(lambda: build_full_contact_surrogate(tsis.load_probe("tsis-domed"), InclusionPrior().box()))

@@ -23,10 +23,10 @@ from benchmarks.simulation_based_calibration import (
 from scipy.stats import kstest
 
 from tsis.inclusion import PARAMETERS, InclusionPrior
-from tsis.inclusion.exploration import explore
+from tsis.inclusion.exploration import explore_inclusion
 from tsis.inclusion.forward import SHARED, THICKNESS
 from tsis.inclusion.frames import ring_edges
-from tsis.inclusion.likelihood import Likelihood
+from tsis.inclusion.likelihood import InclusionLikelihood
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -153,8 +153,8 @@ def test_a_faint_inclusion_is_not_moved_to_where_nothing_was_compared() -> None:
     experiment = Experiment.of(PROTOCOLS["domed"], prior)
     rng = np.random.default_rng(np.random.SeedSequence(2, spawn_key=(111,)))
     truth, data = draw(experiment, rng)
-    likelihood = Likelihood(experiment.model, data)
-    found = explore(likelihood, prior)
+    likelihood = InclusionLikelihood(experiment.model, data)
+    found = explore_inclusion(likelihood, prior)
     exact, _ = exact_mean(likelihood, prior, found, rng)
     assert (np.abs(found.middle - truth) < 4 * found.samples.std(axis=0)).all()
     assert (np.abs(found.samples.mean(axis=0) - exact) < 0.5 * found.samples.std(axis=0)).all()

@@ -10,18 +10,18 @@ import pytest
 
 import tsis
 from tsis.inclusion import InclusionPrior, estimate
-from tsis.inclusion.exploration import explore
-from tsis.inclusion.force_range import check_forces
-from tsis.inclusion.posterior import reading_of
-from tsis.inclusion.verdict import DISTRUSTED
-from tsis.mechanics import Degrees, build_covered_surrogate
+from tsis.inclusion.exploration import explore_inclusion
+from tsis.inclusion.force_range import require_valid_forces
+from tsis.inclusion.posterior import read_frames
+from tsis.inclusion.verdict import UNTRUSTED_FLAGS
+from tsis.mechanics import Degrees, build_full_contact_surrogate
 from tsis.model import LightMap
 from tsis.model.errors import InputError, NotCalibratedError
 from tsis.virtual import VirtualProbe
 
 if TYPE_CHECKING:
     from tsis import Estimate, Phantom, TactileImage
-    from tsis.mechanics import CoveredSurrogate
+    from tsis.mechanics import FullContactSurrogate
 
 pytestmark = pytest.mark.usefixtures("flat", "domed")
 
@@ -81,15 +81,15 @@ def test_what_is_told_is_said_in_one_sentence(told: Estimate) -> None:
     assert "modulus is not identifiable" in alone.identifiability
 
 
-def test_the_bayes_factor_is_the_integral_of_the_likelihood(domed: CoveredSurrogate) -> None:
+def test_the_bayes_factor_is_the_integral_of_the_likelihood(domed: FullContactSurrogate) -> None:
     """Of a faint inclusion, over the prior, by plain Monte Carlo."""
     faint = replace(PLAIN, inclusion=tsis.Inclusion(diameter_mm=1.5, depth_mm=6.0, young_kpa=80.0))
     targets, references = pressed(faint, seed=5)
     narrow = InclusionPrior(diameter_mm=(1.0, 3.0))
-    likelihood = reading_of(
+    likelihood = read_frames(
         targets, references, domed, probe=DOMED, calibration=bench().calibration, prior=narrow
     ).likelihood
-    found = explore(likelihood, narrow)
+    found = explore_inclusion(likelihood, narrow)
     nuisance = likelihood.within(found.fit.nuisance[0])
     draws = np.random.default_rng(1).uniform(narrow.low, narrow.high, (6000, 3))
     log_evidence = np.concatenate([likelihood(part, nuisance).log_evidence for part in np.array_split(draws, 20)])
@@ -116,7 +116,7 @@ def test_presses_of_two_inclusions_contradict_each_other(lump: Frames) -> None:
 def test_tissue_much_stiffer_than_believed_is_noticed() -> None:
     stiff = replace(LUMP, young_kpa=8.0)
     result = found_in(pressed(stiff, site=replace(PLAIN, young_kpa=8.0)))
-    assert DISTRUSTED & set(result.flags)
+    assert UNTRUSTED_FLAGS & set(result.flags)
     assert not result.trusted
 
 
@@ -169,9 +169,9 @@ def test_strips_are_refused(lump: Frames) -> None:
 
 def test_a_dome_that_no_force_presses_as_a_whole_is_said_to_be_so() -> None:
     steep = replace(DOMED, face_curvature_mm=14.0, name="steep")
-    few = build_covered_surrogate(steep, PRIOR.box(), degrees=FEW, cached=False)
+    few = build_full_contact_surrogate(steep, PRIOR.box(), degrees=FEW, cached=False)
     with pytest.raises(InputError, match=r"no force serves this probe .*: use a flatter dome or stiffer tissue"):
-        check_forces([replace(bench().no_contact(), force_n=1.0)], few, probe=steep, prior=PRIOR)
+        require_valid_forces([replace(bench().no_contact(), force_n=1.0)], few, probe=steep, prior=PRIOR)
 
 
 def test_light_that_answers_to_nothing_tells_nothing(lump: Frames) -> None:

@@ -17,27 +17,27 @@ from tsis import Calibration
 from tsis.imaging.sensor import Sensor
 from tsis.inclusion import (
     InclusionPrior,
-    Information,
     PlannedPress,
     Protocol,
-    alternatives,
-    compare,
+    ProtocolInformation,
+    compare_designs,
     default_protocols,
+    design_alternatives,
+    dissertation_inclusions,
     even_inclusions,
-    information,
-    optimise,
+    optimise_design,
+    protocol_information,
     protocol_of,
-    ranked,
-    source_inclusions,
+    rank_designs,
 )
 from tsis.inclusion import design_information as made_ready
 from tsis.inclusion.design_alternatives import ASPECTS, calibration_for, with_moduli
 from tsis.inclusion.design_information import PlannedView, information_of, planned_view, view_of
 from tsis.inclusion.design_limits import covering_n, largest_force_of, limits_of
 from tsis.inclusion.design_search import at_forces
-from tsis.inclusion.exploration import explore
+from tsis.inclusion.exploration import explore_inclusion
 from tsis.mechanics import press
-from tsis.mechanics.covered_surrogate import DEGREES
+from tsis.mechanics.covered_surrogate import FULL_CONTACT_DEGREES
 from tsis.mechanics.strain_limit import STRAIN_LIMIT, nominal_strain
 from tsis.model.errors import InputError, NotCalibratedError, UnknownNameError
 from tsis.plots import design_errors
@@ -46,7 +46,7 @@ from tsis.virtual.probe import nominal_calibration
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.mechanics import CoveredSurrogate
+    from tsis.mechanics import FullContactSurrogate
 
 FLAT, DOMED = tsis.load_probe("tsis-2011"), tsis.load_probe("tsis-domed")
 PRIOR, SENSOR = InclusionPrior(), Sensor()
@@ -56,14 +56,14 @@ SOFT, STIFF = np.array([10.0, 5.0, 40.0]), np.array([10.0, 5.0, 100.0])
 
 
 @pytest.fixture(scope="module")
-def views(flat: CoveredSurrogate, domed: CoveredSurrogate) -> dict[str, PlannedView]:
+def views(flat: FullContactSurrogate, domed: FullContactSurrogate) -> dict[str, PlannedView]:
     return {
         protocol.name: ready(protocol, flat if protocol.probe is ALONE.probe else domed)
         for protocol in default_protocols()
     }
 
 
-def ready(protocol: Protocol, surrogate: CoveredSurrogate, calibration: Calibration = ANSWER) -> PlannedView:
+def ready(protocol: Protocol, surrogate: FullContactSurrogate, calibration: Calibration = ANSWER) -> PlannedView:
     return view_of(protocol, surrogate, prior=PRIOR, calibration=calibration, sensor=SENSOR)
 
 
@@ -102,7 +102,7 @@ def test_information_is_the_curvature_of_the_likelihood(views: dict[str, Planned
 
 @pytest.mark.parametrize("frames", [2, 5])
 def test_the_mean_of_repeats_says_what_the_repeats_say(
-    domed: CoveredSurrogate, monkeypatch: pytest.MonkeyPatch, frames: int
+    domed: FullContactSurrogate, monkeypatch: pytest.MonkeyPatch, frames: int
 ) -> None:
     monkeypatch.setattr(made_ready, "MODEL_ERROR", 0.0)  # which no repeat averages away
     at_once = ready(replace(TWO_FORCES, frames_each=frames), domed)
@@ -129,7 +129,7 @@ def least_gain(more: NDArray[np.float64], less: NDArray[np.float64]) -> float:
     factor=st.floats(1.05, 5.0),
 )
 def test_more_presses_and_less_noise_never_tell_less(
-    domed: CoveredSurrogate, unit: tuple[float, ...], force: float, frames: int, error: str, factor: float
+    domed: FullContactSurrogate, unit: tuple[float, ...], force: float, frames: int, error: str, factor: float
 ) -> None:
     at = PRIOR.low + np.array(unit) * (PRIOR.high - PRIOR.low)
     planned = protocol_of(DOMED, (force,), with_reference=False)
@@ -146,7 +146,9 @@ def test_more_presses_and_less_noise_never_tell_less(
     assert least_gain(start, ready(planned, domed, noisier).information(at)) > -1e-6
 
 
-def test_two_forces_tell_the_modulus_under_a_dome_alone(flat: CoveredSurrogate, domed: CoveredSurrogate) -> None:
+def test_two_forces_tell_the_modulus_under_a_dome_alone(
+    flat: FullContactSurrogate, domed: FullContactSurrogate
+) -> None:
     """A flat press at another force is a repeat; a dome loads the tissue in another way."""
 
     def least_sd(protocol: Protocol) -> float:
@@ -166,12 +168,12 @@ def test_expected_errors_are_those_of_a_posterior(views: dict[str, PlannedView],
     """Of noiseless frames, that an estimate explores without taking anything as normal."""
     view, inclusion = views[TWO_FORCES.name], np.array(at)
     expected = information_of(view, inclusion[None]).expected_sd[0]
-    found = explore(view.likelihood(inclusion), PRIOR)
+    found = explore_inclusion(view.likelihood(inclusion), PRIOR)
     np.testing.assert_allclose(found.samples.std(axis=0), expected, rtol=0.25)
 
 
-def told_by(matrix: NDArray[np.float64], at: NDArray[np.float64]) -> Information:
-    return Information(inclusions=np.tile(at, (len(matrix), 1)), matrix=matrix, prior=PRIOR)
+def told_by(matrix: NDArray[np.float64], at: NDArray[np.float64]) -> ProtocolInformation:
+    return ProtocolInformation(inclusions=np.tile(at, (len(matrix), 1)), matrix=matrix, prior=PRIOR)
 
 
 def test_expected_errors_of_sharp_presses_are_those_of_a_normal_posterior() -> None:
@@ -205,8 +207,8 @@ def test_inclusions_are_spread_evenly() -> None:
     for column in found.T:
         np.testing.assert_allclose(np.sort(column), (np.arange(64) + 0.5) / 64, atol=1e-9)
     assert np.abs(np.corrcoef(found.T) - np.eye(3)).max() < 0.05
-    assert ((source_inclusions() >= PRIOR.low) & (source_inclusions() <= PRIOR.high)).all()
-    assert len(np.unique(source_inclusions(), axis=0)) == 9
+    assert ((dissertation_inclusions() >= PRIOR.low) & (dissertation_inclusions() <= PRIOR.high)).all()
+    assert len(np.unique(dissertation_inclusions(), axis=0)) == 9
 
 
 def test_limits_are_those_of_a_press(views: dict[str, PlannedView]) -> None:
@@ -237,7 +239,7 @@ def test_clipped_rings_tell_nothing(views: dict[str, PlannedView]) -> None:
 
 @pytest.mark.parametrize("aspect", ASPECTS)
 def test_alternatives_change_one_thing(aspect: str) -> None:
-    found = alternatives(TWO_FORCES, aspect)  # type: ignore[arg-type]
+    found = design_alternatives(TWO_FORCES, aspect)  # type: ignore[arg-type]
     assert len({one.name for one in found}) == len(found) > 0
 
     def parts(one: Protocol) -> dict[str, object]:
@@ -256,7 +258,7 @@ def test_alternatives_change_one_thing(aspect: str) -> None:
 
 
 def test_layers_of_one_modulus_give_way_as_the_graded_ones() -> None:
-    even = alternatives(REFERRED, "layers")[0].probe
+    even = design_alternatives(REFERRED, "layers")[0].probe
     assert sum(one.thickness_mm / one.young_kpa for one in even.layers) == pytest.approx(
         sum(one.thickness_mm / one.young_kpa for one in FLAT.layers)
     )
@@ -272,18 +274,18 @@ def test_a_stiffer_skin_saturates_later() -> None:
 @pytest.mark.usefixtures("domed")
 def test_the_best_come_first_and_broken_ones_last() -> None:
     calls: list[tuple[int, int]] = []
-    planned = [TWO_FORCES, *alternatives(TWO_FORCES, "forces"), *alternatives(TWO_FORCES, "frames")]
-    found = compare(
+    planned = [TWO_FORCES, *design_alternatives(TWO_FORCES, "forces"), *design_alternatives(TWO_FORCES, "frames")]
+    found = compare_designs(
         planned,
         of=DOMED,
         prior=PRIOR,
         calibration=ANSWER,
-        degrees=DEGREES,  # those of the fixture, which is on disk
+        degrees=FULL_CONTACT_DEGREES,  # those of the fixture, which is on disk
         progress=lambda done, total: calls.append((done, total)),
     )
     assert [one.protocol for one in found] == planned
     assert calls[-1] == (len(planned), len(planned))
-    order = ranked(found, "depth_mm")
+    order = rank_designs(found, "depth_mm")
     broken = [bool(one.limits.broken) for one in order]
     assert broken == sorted(broken)
     assert any(broken)
@@ -292,9 +294,9 @@ def test_the_best_come_first_and_broken_ones_last() -> None:
     assert order[0].protocol.frames_each == 16
 
 
-def test_few_degrees_tell_what_many_tell(flat: CoveredSurrogate) -> None:
+def test_few_degrees_tell_what_many_tell(flat: FullContactSurrogate) -> None:
     some = even_inclusions(PRIOR, 16)
-    coarse = information(REFERRED, prior=PRIOR, calibration=ANSWER, inclusions=some).rmse
+    coarse = protocol_information(REFERRED, prior=PRIOR, calibration=ANSWER, inclusions=some).rmse
     fine = information_of(ready(REFERRED, flat), some).rmse
     assert list(coarse.values()) == pytest.approx(list(fine.values()), rel=0.05)
 
@@ -303,7 +305,7 @@ def test_few_degrees_tell_what_many_tell(flat: CoveredSurrogate) -> None:
 def test_the_search_betters_the_plan_within_the_limits() -> None:
     planned = protocol_of(FLAT, (0.3,))
     calls: list[tuple[int, int]] = []
-    found = optimise(
+    found = optimise_design(
         planned,
         prior=PRIOR,
         calibration=ANSWER,
@@ -330,27 +332,27 @@ def test_wrong_input_is_refused_in_one_sentence() -> None:
     with pytest.raises(InputError, match=r"^frames_each must lie in \[1, 1000\]; got 0$"):
         replace(ALONE, frames_each=0)
     with pytest.raises(InputError, match="inclusions must hold diameter, depth and modulus within the prior's ranges"):
-        information(ALONE, prior=PRIOR, calibration=ANSWER, inclusions=np.array([[20.0, 5.0, 50.0]]))
+        protocol_information(ALONE, prior=PRIOR, calibration=ANSWER, inclusions=np.array([[20.0, 5.0, 50.0]]))
     with pytest.raises(NotCalibratedError, match=r"calibration must be a Calibration, .*; got None"):
-        information(ALONE, prior=PRIOR, calibration=None)  # type: ignore[arg-type]
+        protocol_information(ALONE, prior=PRIOR, calibration=None)  # type: ignore[arg-type]
     with pytest.raises(NotCalibratedError, match="calibration must be that of the probe 'tsis-2011'"):
         planned_view(ALONE, prior=PRIOR, calibration=replace(ANSWER, probe="tsis-domed"))
     with pytest.raises(UnknownNameError, match="no aspect is called 'colour'"):
-        alternatives(ALONE, "colour")  # type: ignore[arg-type]
+        design_alternatives(ALONE, "colour")  # type: ignore[arg-type]
     with pytest.raises(UnknownNameError, match="no criterion is called 'speed'"):
-        optimise(ALONE, prior=PRIOR, calibration=ANSWER, criterion="speed")
+        optimise_design(ALONE, prior=PRIOR, calibration=ANSWER, criterion="speed")
     with pytest.raises(InputError, match=r"evaluations must lie in \[1, 25\]; got 26"):
-        optimise(ALONE, prior=PRIOR, calibration=ANSWER, evaluations=26)
+        optimise_design(ALONE, prior=PRIOR, calibration=ANSWER, evaluations=26)
 
 
 @pytest.mark.usefixtures("domed")
 def test_designs_are_drawn_where_their_errors_are() -> None:
-    found = compare(
-        [TWO_FORCES, *alternatives(TWO_FORCES, "forces")],
+    found = compare_designs(
+        [TWO_FORCES, *design_alternatives(TWO_FORCES, "forces")],
         of=DOMED,
         prior=PRIOR,
         calibration=ANSWER,
-        degrees=DEGREES,
+        degrees=FULL_CONTACT_DEGREES,
     )
     ax = Figure().subplots()
     assert design_errors(found, ("depth_mm", "young_kpa"), ax) is ax

@@ -13,10 +13,10 @@ import tsis
 from tsis import Layer, Probe, TactileImage
 from tsis.imaging.sensor import Sensor
 from tsis.inclusion import InclusionPrior, estimate, posterior
-from tsis.inclusion.exploration import explore
+from tsis.inclusion.exploration import explore_inclusion
 from tsis.inclusion.frames import ring_edges, ring_profiles
-from tsis.inclusion.posterior import reading_of
-from tsis.mechanics import Degrees, build_covered_surrogate
+from tsis.inclusion.posterior import read_frames
+from tsis.mechanics import Degrees, build_full_contact_surrogate
 from tsis.model import LightMap
 from tsis.model.errors import ImageMismatchError, InputError, NotCalibratedError
 from tsis.virtual import VirtualProbe, nominal_calibration
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from tsis import Estimate, Phantom
-    from tsis.mechanics import CoveredSurrogate
+    from tsis.mechanics import FullContactSurrogate
 
 pytestmark = pytest.mark.usefixtures("flat", "domed")
 
@@ -51,7 +51,7 @@ def lump() -> tuple[TactileImage, TactileImage]:
 
 
 @pytest.fixture(scope="module")
-def found(lump: tuple[TactileImage, TactileImage], flat: CoveredSurrogate) -> Estimate:
+def found(lump: tuple[TactileImage, TactileImage], flat: FullContactSurrogate) -> Estimate:
     assert flat.key, "built once before anything is estimated"
     return estimate(lump[0], probe=PROBE, calibration=ANSWER, reference=lump[1])
 
@@ -89,13 +89,13 @@ def test_so_they_are_under_the_uneven_light_of_lamps(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["size-2", "hardness-100", "depth-12", "plain"])
 @pytest.mark.parametrize("with_reference", [True, False])
-def test_the_grid_against_brute_force(name: str, *, with_reference: bool, flat: CoveredSurrogate) -> None:
+def test_the_grid_against_brute_force(name: str, *, with_reference: bool, flat: FullContactSurrogate) -> None:
     """The same likelihood on one dense grid of inclusions; also at the prior's edge and for next to no signal."""
     image, reference = presses(tsis.load_phantom(name))
-    likelihood = reading_of(
+    likelihood = read_frames(
         [image], [reference] if with_reference else [], flat, probe=PROBE, calibration=ANSWER, prior=PRIOR
     ).likelihood
-    found = explore(likelihood, PRIOR)
+    found = explore_inclusion(likelihood, PRIOR)
     samples, nuisance = found.samples, likelihood.within(found.fit.nuisance[0])
     reach = np.array([samples.min(axis=0), samples.max(axis=0)])
     margin = 0.1 * (reach[1] - reach[0])
@@ -159,7 +159,7 @@ def test_a_prior_of_ones_own_is_respected(
     lump: tuple[TactileImage, TactileImage], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     few = Degrees(diameter=4, depth=3, contrast=2, tissue=2, thickness=2, plain=3)  # enough for so small a box
-    monkeypatch.setattr(posterior, "build_covered_surrogate", partial(build_covered_surrogate, degrees=few))
+    monkeypatch.setattr(posterior, "build_full_contact_surrogate", partial(build_full_contact_surrogate, degrees=few))
     narrow = InclusionPrior(diameter_mm=(8.0, 12.0), depth_mm=(4.0, 7.0), young_kpa=(90.0, 110.0))
     result = estimate(lump[0], probe=PROBE, calibration=ANSWER, reference=lump[1], prior=narrow)
     for name, low, high in zip(PARAMETERS, narrow.low, narrow.high, strict=True):

@@ -15,17 +15,17 @@ from tsis.imaging.render import rough_contact
 from tsis.inclusion.forward import POISSON, SHARED, SITE, THICKNESS, TISSUE, ForwardModel
 from tsis.inclusion.forward import PROBE as PROBE_STIFFNESS
 from tsis.inclusion.frames import ring_edges
-from tsis.inclusion.likelihood import Likelihood, Profiles, noise_covariance
+from tsis.inclusion.likelihood import InclusionLikelihood, Profiles, noise_covariance
 from tsis.inclusion.prior import InclusionPrior
 from tsis.inclusion.rings import ring_answers, ring_correlation, ring_means
 from tsis.inclusion.shading import RingShading
 from tsis.mechanics import press
-from tsis.virtual.probe import FINE
+from tsis.virtual.probe import FINE_RESOLUTION
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.mechanics import CoveredSurrogate
+    from tsis.mechanics import FullContactSurrogate
 
 PROBE = tsis.load_probe("tsis-2011")
 ANSWER = Calibration(gain_grey_per_kpa=60.0, saturation_kpa=20.0)
@@ -40,7 +40,7 @@ NUISANCES = 16  # seven and three terms of shading, then two of each of three fr
 INCLUSIONS = np.array([[10.0, 5.0, 100.0], [3.0, 8.0, 60.0], [14.0, 4.5, 45.0], [1.5, 11.0, 119.0]])
 
 
-def model_of(surrogate: CoveredSurrogate) -> ForwardModel:
+def model_of(surrogate: FullContactSurrogate) -> ForwardModel:
     return ForwardModel(
         rings=ring_answers(surrogate, ring_edges(PROBE), LEVEL, offset_mm=0.5),
         level=LEVEL,
@@ -55,7 +55,7 @@ def model_of(surrogate: CoveredSurrogate) -> ForwardModel:
 
 
 @pytest.fixture(params=["flat", "domed"])
-def model(request: pytest.FixtureRequest, flat: CoveredSurrogate, domed: CoveredSurrogate) -> ForwardModel:
+def model(request: pytest.FixtureRequest, flat: FullContactSurrogate, domed: FullContactSurrogate) -> ForwardModel:
     return model_of({"flat": flat, "domed": domed}[request.param])
 
 
@@ -112,7 +112,7 @@ def test_rings_err_alike_as_those_of_drawn_patterns_do() -> None:
 @pytest.mark.parametrize("seed", [None, 1])
 def test_evidence_is_the_dense_normal_density(model: ForwardModel, data: Profiles, seed: int | None) -> None:
     """Up to a constant, with covariance N + J P J' around the linearised profiles."""
-    likelihood = Likelihood(model, data)
+    likelihood = InclusionLikelihood(model, data)
     mean_grey = np.array([row[use].mean() for row, use in zip(data.grey * LEVEL, data.usable, strict=True)])
     sd = model.nuisance_sd(mean_grey)
     at = np.zeros(len(sd)) if seed is None else sd * np.random.default_rng(seed).standard_normal(len(sd))
@@ -133,7 +133,7 @@ def test_evidence_is_the_dense_normal_density(model: ForwardModel, data: Profile
 
 
 def test_best_nuisances_and_misfit_minimise_the_penalised_squares(model: ForwardModel, data: Profiles) -> None:
-    likelihood = Likelihood(model, data)
+    likelihood = InclusionLikelihood(model, data)
     sd = model.nuisance_sd(np.array([row[use].mean() for row, use in zip(data.grey * LEVEL, data.usable, strict=True)]))
     fit = likelihood(INCLUSIONS[:1], np.zeros(len(sd)))
     use = np.flatnonzero(data.usable.ravel())
@@ -156,7 +156,7 @@ def test_a_nuisance_that_is_known_exactly(model: ForwardModel, data: Profiles) -
     fits = []
     for sd in (0.0, 1e-7):
         answer = replace(ANSWER, gain_sd=sd, force_sd=sd, offset_sd=sd, site_sd=sd, shading_sd=sd, probe_young_sd=sd)
-        fits.append(Likelihood(replace(model, calibration=answer), data)(INCLUSIONS, np.zeros(NUISANCES)))
+        fits.append(InclusionLikelihood(replace(model, calibration=answer), data)(INCLUSIONS, np.zeros(NUISANCES)))
     exact, nearly = fits
     np.testing.assert_allclose(exact.misfit, nearly.misfit, rtol=1e-4)
     assert not exact.nuisance[:, [0, 3, 4, *range(7, NUISANCES)]].any()
@@ -175,7 +175,7 @@ def test_slopes_are_derivatives(model: ForwardModel, place: int) -> None:
 
 
 @pytest.mark.parametrize("name", ["tsis-2011", "tsis-domed"])
-def test_profiles_are_the_light_of_a_press(name: str, flat: CoveredSurrogate, domed: CoveredSurrogate) -> None:
+def test_profiles_are_the_light_of_a_press(name: str, flat: FullContactSurrogate, domed: FullContactSurrogate) -> None:
     """Nuisances and all, against a press on another mesh."""
     probe, edges = tsis.load_probe(name), ring_edges(PROBE)
     model = replace(
@@ -197,7 +197,7 @@ def test_profiles_are_the_light_of_a_press(name: str, flat: CoveredSurrogate, do
     for row, slab, force in zip(
         found, (lump, lump, site), model.force_n * np.exp(at[SHARED : SHARED + 3]), strict=True
     ):
-        field = press(stiffer, slab, force_n=float(force), resolution=FINE)
+        field = press(stiffer, slab, force_n=float(force), resolution=FINE_RESOLUTION)
         grid = np.linspace(0.0, edges[-1], 20 * 24 + 1)
         middle = (grid[1:] + grid[:-1]) / 2
 
@@ -221,7 +221,7 @@ def test_profiles_are_the_light_of_a_press(name: str, flat: CoveredSurrogate, do
 def test_the_fast_likelihood_is_exact_where_it_is_linearised(
     model: ForwardModel, data: Profiles, seed: int | None
 ) -> None:
-    likelihood = Likelihood(model, data)
+    likelihood = InclusionLikelihood(model, data)
     sd = model.nuisance_sd(np.array([row[use].mean() for row, use in zip(data.grey * LEVEL, data.usable, strict=True)]))
     at = (
         np.zeros(len(sd))
@@ -241,7 +241,7 @@ def test_information_is_the_curvature_of_the_fast_likelihood(model: ForwardModel
     """Without noise in the data, by finite differences of the log evidence with the nuisances' slopes held."""
     at, inclusion = np.zeros(NUISANCES), INCLUSIONS[0]
     exact = replace(data, grey=model.grey(inclusion[None], at)[0])
-    likelihood = Likelihood(model, exact)
+    likelihood = InclusionLikelihood(model, exact)
     nearby, step = likelihood.near(inclusion, at), np.diag([0.02, 0.01, 1.0])
     fit, found = likelihood.with_information(inclusion, at)
     assert fit.log_evidence[0] == pytest.approx(likelihood(inclusion[None], at).log_evidence[0])
@@ -253,7 +253,7 @@ def test_information_is_the_curvature_of_the_fast_likelihood(model: ForwardModel
             assert found[i, j] == pytest.approx(curvature, abs=0.02 * scale)
 
 
-def test_slopes_of_the_rings_are_those_of_a_press(flat: CoveredSurrogate) -> None:
+def test_slopes_of_the_rings_are_those_of_a_press(flat: FullContactSurrogate) -> None:
     field = press(PROBE, PHANTOM, force_n=1.0)
     rings = ring_answers(flat, ring_edges(PROBE), np.ones(20))
     found = rings.on(PHANTOM.young_kpa, PHANTOM.thickness_mm, np.array([[10.0, 5.0, 100.0]]))[0, 40:]
@@ -262,7 +262,7 @@ def test_slopes_of_the_rings_are_those_of_a_press(flat: CoveredSurrogate) -> Non
     np.testing.assert_allclose(found[2:], rise[2:], atol=0.02 * np.abs(rise).max())
 
 
-def test_ring_means_are_means_over_the_rings_area(flat: CoveredSurrogate) -> None:
+def test_ring_means_are_means_over_the_rings_area(flat: FullContactSurrogate) -> None:
     matrix = ring_means(flat, np.array([0.0, 3.0, 8.0]))
     # r over a ring: 2 (b**3 - a**3) / (3 (b**2 - a**2)).
     np.testing.assert_allclose(matrix @ flat.radius_mm, [2.0, 2 * (8.0**3 - 3.0**3) / (3 * 55.0)], rtol=1e-9)

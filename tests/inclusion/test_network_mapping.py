@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import linregress
 
-from tsis.inclusion import fit_mapping, mapped_without_itself
+from tsis.inclusion import fit_mapping, leave_one_out_mapping
 from tsis.model.errors import InputError
 
 
@@ -31,18 +31,18 @@ def test_an_inclusions_own_simulation_does_not_move_its_mapped_outputs(
     tables: tuple[np.ndarray, np.ndarray],
 ) -> None:
     measured, simulated = tables
-    before = mapped_without_itself(measured, simulated)
+    before = leave_one_out_mapping(measured, simulated)
     assert_allclose(before[2], fit_mapping(np.delete(measured, 2, 0), np.delete(simulated, 2, 0))(measured[[2]])[0])
     changed = simulated.copy()
     changed[2] += 1000.0
-    after = mapped_without_itself(measured, changed)
+    after = leave_one_out_mapping(measured, changed)
     assert_allclose(after[2], before[2])
     assert (np.abs(np.delete(after - before, 2, axis=0)) > 1e-3).all()
 
 
 def test_points_on_a_line_come_back(tables: tuple[np.ndarray, np.ndarray]) -> None:
     line = 3.0 - 2.0 * tables[0]
-    assert_allclose(mapped_without_itself(tables[0], line), line)
+    assert_allclose(leave_one_out_mapping(tables[0], line), line)
     assert_allclose(fit_mapping(tables[0], line).r_squared, 1.0)
 
 
@@ -52,4 +52,4 @@ def test_tables_that_fit_no_line_are_refused() -> None:
     with pytest.raises(InputError, match="must vary"):
         fit_mapping([[1.0], [1.0]], [[1.0], [2.0]])
     with pytest.raises(InputError, match="three rows"):
-        mapped_without_itself([[1.0], [2.0]], [[1.0], [2.0]])
+        leave_one_out_mapping([[1.0], [2.0]], [[1.0], [2.0]])

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import ive
 
-from tsis.inclusion.off_axis_rings import FARTHEST, MOVES, moved_profile
+from tsis.inclusion.off_axis_rings import FARTHEST, MOVES, off_axis_profile
 from tsis.model.errors import InputError
 
 EDGE = 12.0
@@ -23,7 +23,7 @@ def test_a_bell_becomes_its_mean_around_the_axis(width: float, offset: float) ->
     growth = 1 / (1 - (offset / EDGE) ** 2)
     inside = MOVES * EDGE - offset > RADIUS  # farther out the bell's foot is held level
     straight = STEP**2 / 8 / width**2  # error of lines between radii
-    found = moved_profile(RADIUS, offset) @ bell
+    found = off_axis_profile(RADIUS, offset) @ bell
     np.testing.assert_allclose(found[inside], growth * mean[inside], atol=2 * growth * straight)
 
 
@@ -31,24 +31,24 @@ def test_a_bell_becomes_its_mean_around_the_axis(width: float, offset: float) ->
 def test_a_bowl_is_raised_by_the_square_of_the_offset(offset: float) -> None:
     """The mean of ``|x - offset|**2`` around the axis is ``r**2 + offset**2``: a quarter of the Laplacian."""
     inside = MOVES * EDGE - offset > RADIUS
-    found = moved_profile(RADIUS, offset) @ RADIUS**2
+    found = off_axis_profile(RADIUS, offset) @ RADIUS**2
     expected = (RADIUS**2 + offset**2) / (1 - (offset / EDGE) ** 2)
     np.testing.assert_allclose(found[inside], expected[inside], atol=STEP**2 / 2)
 
 
 def test_nothing_moves_at_offset_zero() -> None:
-    np.testing.assert_allclose(moved_profile(RADIUS, 0.0), np.eye(len(RADIUS)), atol=1e-12)
+    np.testing.assert_allclose(off_axis_profile(RADIUS, 0.0), np.eye(len(RADIUS)), atol=1e-12)
 
 
 def test_what_happens_at_the_rim_stays_there() -> None:
     spike = np.where(RADIUS > MOVES * EDGE, RADIUS - MOVES * EDGE, 0.0)
-    np.testing.assert_allclose(moved_profile(RADIUS, 3.0) @ spike, spike, atol=1e-12)
+    np.testing.assert_allclose(off_axis_profile(RADIUS, 3.0) @ spike, spike, atol=1e-12)
 
 
 @pytest.mark.parametrize("offset", [-0.1, FARTHEST * EDGE + 0.1, float("nan")])
 def test_offsets_outside_the_face_are_refused(offset: float) -> None:
     with pytest.raises(InputError, match="offset_mm must lie in"):
-        moved_profile(RADIUS, offset)
+        off_axis_profile(RADIUS, offset)
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ from tsis.imaging.sensor import Sensor, expose
 from tsis.inclusion.harmonics import harmonic, unevenness
 from tsis.inclusion.roundness import harmonic_variance, roundness, roundness_findings
 from tsis.inclusion.sectors import RINGS, SECTORS, Sectors, sector_means
-from tsis.inclusion.tilt import lean, tilt_findings
+from tsis.inclusion.tilt import tilt_evidence, tilt_findings
 from tsis.model import LightMap, PressMap
 from tsis.virtual import VirtualProbe, nominal_calibration
 
@@ -181,7 +181,7 @@ def test_ordinary_presses_under_traced_light_are_round_and_square(probe: str) ->
 @pytest.mark.parametrize("share", [0.05, -0.1])
 def test_a_probe_that_leans_is_named_with_the_size_of_it(share: float) -> None:
     plain = seen(bumps(lean=share))
-    finding = lean(plain, ANSWER)
+    finding = tilt_evidence(plain, ANSWER)
     assert finding is not None
     at_rim = abs(share) * BASE_KPA * ANSWER.gain_grey_per_kpa
     assert finding.size_grey == pytest.approx(at_rim * finding.radius_mm / PROBE.radius_mm, rel=0.05)

@@ -53,7 +53,7 @@ class ScriptedCamera:
         return (Setting(name="gain", value=self.gain, low=0.0, high=24.0, unit="dB"),)
 
     def adjust(self, name: str, value: float) -> None:
-        check.known("setting", name, ["gain"])
+        check.require_one_of("setting", name, ["gain"])
         self.gain = self.settings()[0].checked(value)
 
     def start(self, mode: Mode | None = None) -> None:

@@ -10,7 +10,7 @@ import pytest
 
 from tsis.instrument import Camera, ImageFiles, OpenCVDevice, VideoFile
 from tsis.instrument.discovery import LIVE_SOURCES, connect, find_cameras
-from tsis.instrument.found import FoundCamera
+from tsis.instrument.found import CameraInfo
 from tsis.instrument.sources import opencv_search
 from tsis.model.errors import InputError, UnknownNameError
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-ONE = FoundCamera(source="pylon", identity="7", maker="Basler")
+ONE = CameraInfo(source="pylon", identity="7", maker="Basler")
 
 
 def source(found: Callable[[], Any], missing: str | None = None) -> Any:
@@ -114,13 +114,13 @@ def test_linux_lists_the_cameras_that_opencv_could_open(tmp_path: Path) -> None:
         (tmp_path / device / "name").write_text(name + "\n")
     (tmp_path / "video4").mkdir()  # tells nothing of itself
     (tmp_path / "videodev").mkdir()
-    assert opencv_search.found(devices=tmp_path, platform="linux") == (
-        FoundCamera(source="opencv", identity="2", model="Webcam", note="/dev/video2"),
-        FoundCamera(source="opencv", identity="4", note="/dev/video4"),
-        FoundCamera(source="opencv", identity="10", model="Probe?[2J", note="/dev/video10"),
+    assert opencv_search.find_cameras_here(devices=tmp_path, platform="linux") == (
+        CameraInfo(source="opencv", identity="2", model="Webcam", note="/dev/video2"),
+        CameraInfo(source="opencv", identity="4", note="/dev/video4"),
+        CameraInfo(source="opencv", identity="10", model="Probe?[2J", note="/dev/video10"),
     )
-    assert opencv_search.found(devices=tmp_path / "absent", platform="linux") == ()
-    assert opencv_search.missing() is None
+    assert opencv_search.find_cameras_here(devices=tmp_path / "absent", platform="linux") == ()
+    assert opencv_search.missing_requirement() is None
 
 
 def test_elsewhere_the_first_indices_are_tried(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -130,6 +130,6 @@ def test_elsewhere_the_first_indices_are_tried(monkeypatch: pytest.MonkeyPatch) 
         return SimpleNamespace(isOpened=lambda: index in (0, 2, 9), release=lambda: released.append(index))
 
     monkeypatch.setattr("cv2.VideoCapture", capture)
-    found = opencv_search.found(platform="darwin")
+    found = opencv_search.find_cameras_here(platform="darwin")
     assert [camera.spec for camera in found] == ["opencv:0", "opencv:2"]
     assert released == [0, 1, 2, 3]

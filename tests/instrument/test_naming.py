@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.instrument.naming import plain_name, snapshot_stems, target_folder
+from tsis.instrument.naming import require_file_stem, snapshot_stems, target_folder
 from tsis.model.errors import InputError
 
 PRINTED = "Target1-020411-131112"  # the source's example: target 1 on 4 February 2011 at 13:11:12
@@ -34,13 +34,13 @@ def test_a_name_tells_target_and_time(target: int, when: datetime) -> None:
 )
 def test_names_with_parts_of_a_path_are_refused(name: object) -> None:
     with pytest.raises(InputError, match="name must be a letter followed"):
-        plain_name(name)
+        require_file_stem(name)
 
 
 @given(name=st.text(max_size=60))
 def test_an_accepted_name_is_one_part_of_a_path_on_every_system(name: str) -> None:
     try:
-        plain_name(name)
+        require_file_stem(name)
     except InputError:
         return
     assert PurePosixPath(name).parts == PureWindowsPath(name).parts == (name,)

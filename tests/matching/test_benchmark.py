@@ -14,13 +14,13 @@ from benchmarks.matching import (
 )
 
 from tsis.matching.fit import UNMATCHED
-from tsis.matching.trial_rows import Row
+from tsis.matching.trial_rows import TrialRow
 from tsis.matching.trial_summary import summarise, summarise_pooled
 
 
-def rows_of(name: str, method: str, errors: list[float], *, seconds: float = 0.1) -> list[Row]:
+def rows_of(name: str, method: str, errors: list[float], *, seconds: float = 0.1) -> list[TrialRow]:
     return [
-        Row(trial=f"{name}/{number}", method=method, seed=0, error=error, seconds=seconds, reliable="", refused="")
+        TrialRow(trial=f"{name}/{number}", method=method, seed=0, error=error, seconds=seconds, reliable="", refused="")
         for number, error in enumerate(errors)
     ]
 

@@ -4,26 +4,26 @@ import numpy as np
 import pytest
 
 from tsis.matching import register
-from tsis.matching.contenders import OWN, RIVALS, Contender
+from tsis.matching.contenders import OWN_METHODS, RIVAL_METHODS, BenchmarkMethod
 from tsis.matching.trials import generated_trials
 from tsis.model.errors import InputError
 
 
-@pytest.mark.parametrize("name", OWN)
+@pytest.mark.parametrize("name", OWN_METHODS)
 def test_a_method_is_judged_by_what_the_entry_answers(name: str) -> None:
     (trial,) = generated_trials(shape="strokes", family="deformation", level=1, count=1, points=40)
     found = register(trial.source, trial.target, method=name, rng=np.random.default_rng(1))
-    judged = Contender(name=name)(trial.source, trial.target, rng=np.random.default_rng(1))
+    judged = BenchmarkMethod(name=name)(trial.source, trial.target, rng=np.random.default_rng(1))
     assert found.reliable
     assert judged.reliable
     np.testing.assert_allclose(judged.moved, found.moved, atol=1e-12)
-    assert Contender(name=name).absent() == ""
+    assert BenchmarkMethod(name=name).absent() == ""
 
 
 def test_an_answer_that_the_entry_withholds_is_judged_all_the_same() -> None:
     rng = np.random.default_rng(2)
     source, target = rng.uniform(size=(40, 2)), rng.uniform(size=(4000, 2))
-    judged = Contender(name="cpd")(source, target, rng=rng)
+    judged = BenchmarkMethod(name="cpd")(source, target, rng=rng)
     assert not register(source, target, method="cpd").reliable
     assert judged.reliable is False
     assert not np.allclose(judged.moved, source)
@@ -31,5 +31,5 @@ def test_an_answer_that_the_entry_withholds_is_judged_all_the_same() -> None:
 
 def test_names_that_do_not_exist_are_refused() -> None:
     with pytest.raises(InputError, match="did you mean 'pycpd'"):
-        Contender(name="pycdp")
-    assert "cpd" in RIVALS
+        BenchmarkMethod(name="pycdp")
+    assert "cpd" in RIVAL_METHODS

@@ -31,7 +31,7 @@ def _textbook(source: np.ndarray, target: np.ndarray, rounds: int) -> tuple[np.n
 
 def test_low_rank_sums_equal_the_textbook(warped: Warped) -> None:
     target = np.vstack([warped.target[:60], [np.full(warped.source.shape[1], 1.5)]])
-    move, variance = cpd.drift(warped.source, target, rounds=8, settled=0.0)
+    move, variance = cpd.fit_displacement(warped.source, target, rounds=8, settled=0.0)
     moved, expected = _textbook(warped.source, target, 8)
     np.testing.assert_allclose(move(warped.source), moved, atol=1e-8)
     assert variance == pytest.approx(expected, rel=1e-7)
@@ -39,7 +39,7 @@ def test_low_rank_sums_equal_the_textbook(warped: Warped) -> None:
 
 def test_equals_pycpd(warped: Warped) -> None:
     peer = pytest.importorskip("pycpd", reason="pycpd, the peer that this is compared with, is not installed")
-    move, _ = cpd.drift(warped.source, warped.target, rounds=12, settled=0.0)
+    move, _ = cpd.fit_displacement(warped.source, warped.target, rounds=12, settled=0.0)
     there, _ = peer.DeformableRegistration(
         X=warped.target, Y=warped.source, alpha=2, beta=2, w=cpd.OUTLIERS, max_iterations=12, tolerance=0.0
     ).register()

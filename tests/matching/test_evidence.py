@@ -10,7 +10,7 @@ from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
 from tsis.matching.evidence import explained, log_evidence, upright_prior
-from tsis.matching.frame import Frame
+from tsis.matching.frame import NormalFrame
 from tsis.matching.spline import spline_basis
 
 if TYPE_CHECKING:
@@ -83,7 +83,7 @@ def test_unrelated_even_clouds_say_little(warped: Warped) -> None:
     dimension = warped.source.shape[1]
     for seed in range(6):
         clouds = np.random.default_rng(seed).uniform(-1, 1, (2, len(warped.source), dimension))
-        here, there = (Frame.of(one).inward(one) for one in clouds)
+        here, there = (NormalFrame.of(one).inward(one) for one in clouds)
         chance = spline_basis(here)
         assert log_evidence(chance, chance.rest, there) < 0.05 * true
 

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from tsis.matching.frame import Frame
+from tsis.matching.frame import NormalFrame
 from tsis.matching.poses import Pose, agreed, poses, rotations, rounded_poses
 from tsis.matching.shapes import even_texture, strokes
 
@@ -32,7 +32,7 @@ def _away(pose: Pose, source: np.ndarray, truth: np.ndarray) -> float:
 
 
 def _inside(points: np.ndarray) -> np.ndarray:
-    return Frame.of(points).inward(points)
+    return NormalFrame.of(points).inward(points)
 
 
 @settings(max_examples=15, derandomize=True)

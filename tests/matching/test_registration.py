@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tsis.matching import METHODS, Registration, fit, guess, register, registration
-from tsis.matching.fit import UNMATCHED, Fit
+from tsis.matching import METHODS, Registration, fit, match_points, register, registration
+from tsis.matching.fit import UNMATCHED, MatchFit
 from tsis.matching.shapes import even_texture, tactile_surface
 from tsis.model.errors import InputError, UnknownNameError
 
@@ -277,9 +277,9 @@ def test_masked_values_are_refused_rather_than_used() -> None:
 
 
 def test_an_answer_without_matches_is_not_reliable(monkeypatch: pytest.MonkeyPatch) -> None:
-    def nothing(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator) -> Fit:
+    def nothing(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator) -> MatchFit:
         del target, rng
-        return Fit(move=lambda points, /: points, matches=np.full(len(source), -1), trust=np.zeros(len(source)))
+        return MatchFit(move=lambda points, /: points, matches=np.full(len(source), -1), trust=np.zeros(len(source)))
 
     monkeypatch.setattr(registration, "METHODS", {"nothing": nothing})
     points = np.random.default_rng(0).uniform(size=(40, 2))
@@ -298,7 +298,7 @@ def test_unrelated_clouds_are_not_matched(dimension: int) -> None:
 
 def test_what_is_withheld_can_be_asked_for() -> None:
     clouds = [np.random.default_rng(seed).normal(size=(60, 2)) for seed in (0, 1)]
-    withheld, found = register(*clouds), guess(*clouds)
+    withheld, found = register(*clouds), match_points(*clouds)
     assert not withheld.reliable
     np.testing.assert_array_equal(withheld.moved, clouds[0])
     assert found.confidence == withheld.confidence

@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from tsis.matching.trial_rows import HEAD, Row, read_rows
-from tsis.matching.trial_runs import Matched, run_trials
+from tsis.matching.trial_rows import TRIAL_ROW_HEAD, TrialRow, read_trial_rows
+from tsis.matching.trial_runs import MatchOutcome, run_trials
 from tsis.matching.trials import generated_trials, matching_error
 from tsis.model.errors import FileInputError, InputError
 
@@ -18,21 +18,21 @@ if TYPE_CHECKING:
     from tsis.matching.distort import Trial
 
 
-def still(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator) -> Matched:
+def still(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator) -> MatchOutcome:
     del target, rng
-    return Matched(moved=source, reliable=False)
+    return MatchOutcome(moved=source, reliable=False)
 
 
-def shifted(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator) -> Matched:
-    return Matched(moved=source + target.mean(axis=0) - source.mean(axis=0) + rng.normal(0, 0.01), reliable=True)
+def shifted(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator) -> MatchOutcome:
+    return MatchOutcome(moved=source + target.mean(axis=0) - source.mean(axis=0) + rng.normal(0, 0.01), reliable=True)
 
 
-def broken(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator) -> Matched:
+def broken(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator) -> MatchOutcome:
     raise ZeroDivisionError("no,\nnot today")
 
 
-def endless(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator) -> Matched:
-    return Matched(moved=np.full_like(source, np.inf), reliable=None)
+def endless(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator) -> MatchOutcome:
+    return MatchOutcome(moved=np.full_like(source, np.inf), reliable=None)
 
 
 METHODS = {"still": still, "shifted": shifted}
@@ -42,7 +42,7 @@ def trials(count: int = 4) -> list[Trial]:
     return list(generated_trials(shape="curve", family="deformation", level=3, count=count, points=20))
 
 
-def without_time(rows: list[Row]) -> list[tuple[str, str, float, str]]:
+def without_time(rows: list[TrialRow]) -> list[tuple[str, str, float, str]]:
     return [(row.trial, row.method, row.error, row.reliable) for row in rows]
 
 
@@ -80,7 +80,7 @@ def test_a_file_is_resumed_and_ends_as_though_never_interrupted(tmp_path: Path) 
     whole, parts = tmp_path / "whole.csv", tmp_path / "new" / "parts.csv"
     expected = without_time(run_trials(trials(), METHODS, file=whole))
     run_trials(trials(2), {"still": still}, file=parts)
-    kept = read_rows(parts)
+    kept = read_trial_rows(parts)
     with parts.open("a") as file:
         file.write("curve/deformation/3/2,still,0,0.1")  # a run that was killed in the middle of a line
     seen: list[tuple[int, int]] = []
@@ -88,14 +88,14 @@ def test_a_file_is_resumed_and_ends_as_though_never_interrupted(tmp_path: Path) 
     assert without_time(rows) == expected
     assert rows[0] == kept[0]  # not run again
     assert seen == [(1, 4), (2, 4), (3, 4), (4, 4)]
-    assert sorted(without_time(read_rows(parts))) == sorted(expected)
+    assert sorted(without_time(read_trial_rows(parts))) == sorted(expected)
     again = run_trials(trials(), METHODS, file=parts, resume=True, progress=lambda *done: pytest.fail(str(done)))
     assert again == rows
 
 
 def test_reasons_with_commas_come_back_from_the_file(tmp_path: Path) -> None:
     rows = run_trials(trials(1), {"broken": broken}, file=tmp_path / "rows.csv")
-    assert read_rows(tmp_path / "rows.csv") == rows
+    assert read_trial_rows(tmp_path / "rows.csv") == rows
 
 
 @pytest.mark.parametrize(
@@ -104,12 +104,12 @@ def test_reasons_with_commas_come_back_from_the_file(tmp_path: Path) -> None:
         ("something else\n", "first line is another"),
         ("", "must hold data"),
         ("\n", "first line is another"),
-        (",".join(HEAD) + "\n" + "x" * 200_000 + "\n", "field larger than field limit"),
-        (",".join(HEAD) + "\na/b/1/2,still,0,abc,1,,\n", "could not convert"),
-        (",".join(HEAD) + "\na/b/1/2,still,0,nan,1,,\n", "one row a trial"),
-        (",".join(HEAD) + "\na/b/1/2,still,0\n", "not enough values"),
-        (",".join(HEAD) + "\nslashes,still,0,1,1,,\n", "one row a trial"),
-        (",".join(HEAD) + "\na/b/1/2,still,7,1,1,,\n", "begun with the seed 0; got 7"),
+        (",".join(TRIAL_ROW_HEAD) + "\n" + "x" * 200_000 + "\n", "field larger than field limit"),
+        (",".join(TRIAL_ROW_HEAD) + "\na/b/1/2,still,0,abc,1,,\n", "could not convert"),
+        (",".join(TRIAL_ROW_HEAD) + "\na/b/1/2,still,0,nan,1,,\n", "one row a trial"),
+        (",".join(TRIAL_ROW_HEAD) + "\na/b/1/2,still,0\n", "not enough values"),
+        (",".join(TRIAL_ROW_HEAD) + "\nslashes,still,0,1,1,,\n", "one row a trial"),
+        (",".join(TRIAL_ROW_HEAD) + "\na/b/1/2,still,7,1,1,,\n", "begun with the seed 0; got 7"),
     ],
 )
 def test_files_that_hold_something_else_are_refused_and_kept(tmp_path: Path, text: str, message: str) -> None:
@@ -138,4 +138,4 @@ def test_values_out_of_range_are_refused(arguments: dict[str, int]) -> None:
 def test_processes_find_what_one_finds(tmp_path: Path) -> None:
     rows = run_trials(trials(), METHODS, workers=2, file=tmp_path / "rows.csv")
     assert without_time(rows) == without_time(run_trials(trials(), METHODS))
-    assert len(read_rows(tmp_path / "rows.csv")) == 8
+    assert len(read_trial_rows(tmp_path / "rows.csv")) == 8

@@ -3,14 +3,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tsis.matching.trial_rows import Row
+from tsis.matching.trial_rows import TrialRow
 from tsis.matching.trial_summary import ratio_of_means, summarise, summarise_pooled
 from tsis.model.errors import InputError
 
 
-def rows_of(group: str, level: int, method: str, errors: list[float], *, reliable: str = "") -> list[Row]:
+def rows_of(group: str, level: int, method: str, errors: list[float], *, reliable: str = "") -> list[TrialRow]:
     return [
-        Row(
+        TrialRow(
             trial=f"{group}/{level}/{number}",
             method=method,
             seed=0,

@@ -12,9 +12,9 @@ from scipy.sparse.linalg import splu
 from tsis import Layer, Probe
 from tsis.mechanics import Resolution, bodies, mesh, slab
 from tsis.mechanics.bodies import face_of
-from tsis.mechanics.condensed import EMPTY, FIXED, Condensate, sweep
+from tsis.mechanics.condensed import EMPTY, FIXED, Condensate, condense_layers
 from tsis.mechanics.element import stiffness
-from tsis.mechanics.on_axis import sphere
+from tsis.mechanics.on_axis import sphere_on_axis
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -66,10 +66,10 @@ def swept(monkeypatch: pytest.MonkeyPatch) -> list[Part]:
 
     def record(body: mesh.LayeredMesh, dofs: NDArray[np.int64], **given: Any) -> Condensate:
         parts.append((body, dofs.copy(), given["young_kpa"], given["poisson"]))
-        return sweep(body, dofs, **given)
+        return condense_layers(body, dofs, **given)
 
     for module in (bodies, slab):
-        monkeypatch.setattr(module, "sweep", record)
+        monkeypatch.setattr(module, "condense_layers", record)
     return parts
 
 
@@ -78,7 +78,7 @@ def assert_same(compliance: NDArray[np.float64], expected: NDArray[np.float64]) 
 
 
 FACE = face_of(12.0, COARSE)
-BALL = sphere(10.0, 5.0)
+BALL = sphere_on_axis(10.0, 5.0)
 
 
 @pytest.mark.parametrize("curvature", [None, 40.0])

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import tsis
 from tsis import Inclusion, Phantom
-from tsis.mechanics import Box, Degrees, Resolution, build_covered_surrogate, build_surrogate, press
+from tsis.mechanics import Box, Degrees, Resolution, build_full_contact_surrogate, build_surrogate, press
 from tsis.mechanics.bodies import face_of
 from tsis.mechanics.face import ring_points
 from tsis.mechanics.small_strain import PressKernel
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis import Probe
-    from tsis.mechanics import CoveredAnswers, CoveredParts, CoveredSurrogate, Surrogate
+    from tsis.mechanics import FullContactParts, FullContactProfiles, FullContactSurrogate, Surrogate
 
 FLAT, DOMED = tsis.load_probe("tsis-2011"), tsis.load_probe("tsis-domed")
 BOX = Box(
@@ -46,8 +46,8 @@ SPOTS = [(7.0, 4.5, 70.0, 4.6, 29.3), (9.3, 7.1, 110.0, 5.4, 30.8), (6.2, 5.9, 6
 
 
 @cache
-def covered(probe: Probe) -> CoveredSurrogate:
-    return build_covered_surrogate(probe, BOX, degrees=FEW, cached=False)
+def covered(probe: Probe) -> FullContactSurrogate:
+    return build_full_contact_surrogate(probe, BOX, degrees=FEW, cached=False)
 
 
 def at(surrogate: Surrogate, spot: tuple[float, ...]) -> NDArray[np.float64]:
@@ -63,7 +63,7 @@ def phantom(spot: tuple[float, ...], poisson: float = 0.49) -> Phantom:
 
 
 def press_of(
-    parts: CoveredSurrogate | CoveredParts, name: str, spot: tuple[float, ...], force_n: float
+    parts: FullContactSurrogate | FullContactParts, name: str, spot: tuple[float, ...], force_n: float
 ) -> NDArray[np.float64]:
     """``shape + force * unit`` of one kind of answer."""
     unit = at(getattr(parts.unit, name), spot)
@@ -158,11 +158,13 @@ def test_only_the_ratios_of_moduli_and_force_matter(factor: float, domed: bool) 
     )
     small = Degrees(diameter=2, depth=1, contrast=2, tissue=2, thickness=1, plain=2)
     first, second = (
-        build_covered_surrogate(one, box, degrees=small, resolution=COARSE, cached=False)
+        build_full_contact_surrogate(one, box, degrees=small, resolution=COARSE, cached=False)
         for one, box in ((probe, BOX), (replace(probe, layers=layers), stiffer))
     )
 
-    def same(here: CoveredAnswers | None, there: CoveredAnswers | None, pressure: float, displacement: float) -> None:
+    def same(
+        here: FullContactProfiles | None, there: FullContactProfiles | None, pressure: float, displacement: float
+    ) -> None:
         assert (here is None) == (there is None) == (not domed)
         if here is None or there is None:
             return
@@ -207,7 +209,7 @@ def test_the_error_is_what_fresh_solves_meet(probe: Probe) -> None:
 @pytest.mark.parametrize("probe", [FLAT, DOMED], ids=["flat", "domed"])
 def test_error_over_the_default_box(probe: Probe) -> None:
     calls: list[tuple[int, int]] = []
-    surrogate = build_covered_surrogate(probe, progress=lambda *call: calls.append(call), cached=False)
+    surrogate = build_full_contact_surrogate(probe, progress=lambda *call: calls.append(call), cached=False)
     assert 0 < surrogate.error < 3e-4
     assert calls == [(done, len(calls)) for done in range(1, len(calls) + 1)]
     rng, box, worst = np.random.default_rng(9), Box(), 0.0
@@ -226,11 +228,11 @@ def test_error_over_the_default_box(probe: Probe) -> None:
 
 def test_it_is_kept_on_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TSIS_CACHE_DIR", str(tmp_path))
-    first = build_covered_surrogate(DOMED, BOX, degrees=TINY, resolution=COARSE)
+    first = build_full_contact_surrogate(DOMED, BOX, degrees=TINY, resolution=COARSE)
     stored = tmp_path / "covered" / first.key
     assert stored.is_file()
     monkeypatch.setattr("tsis.mechanics.covered_surrogate.solve_all", None)  # nothing is solved again
-    again = build_covered_surrogate(DOMED, BOX, degrees=TINY, resolution=COARSE)
+    again = build_full_contact_surrogate(DOMED, BOX, degrees=TINY, resolution=COARSE)
     assert again.error == first.error
     assert again.shape is not None
     assert first.shape is not None
@@ -241,7 +243,7 @@ def test_it_is_kept_on_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
 def test_the_key_follows_the_content(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("TSIS_CACHE_DIR", str(tmp_path))
     keys = {
-        build_covered_surrogate(probe, box, degrees=TINY, resolution=COARSE, poisson_step=step).key
+        build_full_contact_surrogate(probe, box, degrees=TINY, resolution=COARSE, poisson_step=step).key
         for probe in (FLAT, DOMED)
         for box in (BOX, replace(BOX, poisson=0.495))
         for step in (0.004, 0.002)
@@ -251,7 +253,7 @@ def test_the_key_follows_the_content(tmp_path: Path, monkeypatch: pytest.MonkeyP
 
 def test_a_step_that_is_no_step_is_refused() -> None:
     with pytest.raises(InputError, match="poisson_step must lie in"):
-        build_covered_surrogate(FLAT, BOX, poisson_step=0.0)
+        build_full_contact_surrogate(FLAT, BOX, poisson_step=0.0)
 
 
 def test_faces_of_one_mesh_are_one() -> None:

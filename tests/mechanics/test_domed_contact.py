@@ -22,7 +22,7 @@ from tsis.mechanics.small_strain import PressKernel
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.mechanics.face_contact import Touch
+    from tsis.mechanics.face_contact import PartialContact
 
 DOMED = tsis.load_probe("tsis-domed")
 PLAIN = Phantom(young_kpa=5.0, thickness_mm=30.0)
@@ -84,7 +84,7 @@ def kernel_of(probe: Probe, resolution: Resolution | None = None) -> PressKernel
     return PressKernel(probe, thickness_mm=30.0, poisson=0.49, resolution=resolution)
 
 
-def touch_of(kernel: PressKernel, force_mn: float) -> tuple[Touch, NDArray[np.float64]]:
+def touch_of(kernel: PressKernel, force_mn: float) -> tuple[PartialContact, NDArray[np.float64]]:
     """Contact on plain tissue of 5 kPa, and the compliance of both bodies."""
     both = kernel.probe_compliance + kernel._slab.compliance / 5.0
     return kernel.contact.touch(both, force_mn, kernel.split(both, 5.0)), both

@@ -9,7 +9,7 @@ import pytest
 
 from tsis.mechanics import mesh
 from tsis.mechanics.closed_form import oedometric_modulus_kpa
-from tsis.mechanics.element import lagrange, lame_constants, lobatto_points, reference, stiffness
+from tsis.mechanics.element import lagrange, lame_constants, lobatto_points, reference_element, stiffness
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -107,7 +107,7 @@ def test_hooke() -> None:
 
 @pytest.mark.parametrize("order", ORDERS)
 def test_stiffness_is_the_sum_over_points_that_anyone_can_read(order: int) -> None:
-    nodes, ref, law = quadrilateral(order)[0], reference(order), hooke(5.0, 0.3)
+    nodes, ref, law = quadrilateral(order)[0], reference_element(order), hooke(5.0, 0.3)
     total = np.zeros((2 * len(nodes), 2 * len(nodes)))
     for value, slope_a, slope_b, weight in zip(ref.value, ref.slope_a, ref.slope_b, ref.weight, strict=True):
         jacobian = np.array([slope_a @ nodes, slope_b @ nodes])
@@ -156,7 +156,7 @@ def test_refined_lines_keep_the_lines() -> None:
 
 
 def test_a_layer_is_refined_towards_both_faces() -> None:
-    lines = mesh.both_ends(4.0, finest=0.1, growth=2.0, largest=1.0)
+    lines = mesh.two_sided_lines(4.0, finest=0.1, growth=2.0, largest=1.0)
     np.testing.assert_allclose(lines, 4.0 - lines[::-1], atol=1e-14)
     assert lines[1] <= 0.1
     assert 2.0 in lines
@@ -168,8 +168,8 @@ def test_the_mesh_around_a_spheroid_joins_boundary_and_spheroid(half_width: floa
     boundary = np.concatenate([np.column_stack([side, 0 * side]), np.column_stack([6 + 0 * side, 1.5 * side])[1:]])
     boundary = np.concatenate([boundary, np.column_stack([side[::-1], 9 + 0 * side])[1:]])
     shape = mesh.Spheroid(centre_depth=4.0, half_width=half_width, half_height=half_height)
-    outer = mesh.around(boundary, shape, 2, layers=3)
-    inner = mesh.inside(boundary, shape, 2, layers=1)
+    outer = mesh.mesh_around(boundary, shape, 2, layers=3)
+    inner = mesh.mesh_inside(boundary, shape, 2, layers=1)
     np.testing.assert_allclose(outer.nodes[:, 0], boundary, atol=1e-12)
     r, z = outer.nodes[:, -1].T
     np.testing.assert_allclose((r / half_width) ** 2 + ((z - 4.0) / half_height) ** 2, 1.0, rtol=1e-12)

@@ -11,7 +11,7 @@ import pytest
 from tsis import Layer, Probe
 from tsis.mechanics import Resolution, closed_form, mesh
 from tsis.mechanics.bodies import face_of, probe_compliance
-from tsis.mechanics.condensed import FIXED, sweep
+from tsis.mechanics.condensed import FIXED, condense_layers
 from tsis.mechanics.contact import unilateral_contact
 from tsis.mechanics.slab import Slab
 
@@ -35,7 +35,7 @@ def test_a_stack_that_may_slide_has_the_effective_modulus() -> None:
 def test_confined_compression_of_the_stack() -> None:
     layers = [Layer(thickness_mm=t, young_kpa=e, poisson=0.49) for t, e in LAYERS]
     depth = np.cumsum([0.0, *(layer.thickness_mm for layer in layers)])
-    body = mesh.rectangle(np.linspace(0.0, RADIUS, 4), depth, 3, a_is_radius=True)
+    body = mesh.mesh_rectangle(np.linspace(0.0, RADIUS, 4), depth, 3, a_is_radius=True)
     rows, columns, _ = body.nodes.shape
     dofs = 1 + np.arange(rows * columns * 2).reshape(rows, columns, 2)
     dofs[:, 0, 1] = 0  # the upper face moves as one
@@ -43,7 +43,7 @@ def test_confined_compression_of_the_stack() -> None:
     dofs[[0, -1], :, 0] = FIXED  # the axis, and walls that hold the side
     young, poisson = (np.array([getattr(layer, name) for layer in layers]) for name in ("young_kpa", "poisson"))
     top = np.array([0])
-    stiffness = sweep(body, dofs, keep=top, young_kpa=young, poisson=poisson).keep(top).stiffness[0, 0]
+    stiffness = condense_layers(body, dofs, keep=top, young_kpa=young, poisson=poisson).keep(top).stiffness[0, 0]
     modulus = stiffness * 10.0 / (np.pi * RADIUS**2)
     assert modulus == pytest.approx(860.7, rel=1e-4)
     assert modulus == pytest.approx(closed_form.confined_modulus_kpa(layers), rel=1e-9)
@@ -122,8 +122,8 @@ def pulled_cylinder(contrast: float, poisson: float) -> Ball:
         ]
     )
     ball_shape = mesh.Spheroid(centre_depth=half, half_width=1.0, half_height=1.0)
-    outer = mesh.around(boundary, ball_shape, order, layers=7)
-    inner = mesh.inside(boundary, ball_shape, order, layers=1)
+    outer = mesh.mesh_around(boundary, ball_shape, order, layers=7)
+    inner = mesh.mesh_inside(boundary, ball_shape, order, layers=1)
     count, layers, _ = outer.nodes.shape
     dofs = 1 + np.arange(count * layers * 2).reshape(count, layers, 2)
     dofs[boundary[:, 1] == 0.0, 0, 1] = 0
@@ -138,14 +138,14 @@ def pulled_cylinder(contrast: float, poisson: float) -> Ball:
         return np.full(layers, value)
 
     top_dof = np.array([0])
-    around = sweep(
+    around = condense_layers(
         outer,
         dofs,
         keep=top_dof,
         young_kpa=material(1.0, outer.layers),
         poisson=material(poisson, outer.layers),
     )
-    ball = sweep(
+    ball = condense_layers(
         inner,
         core,
         keep=np.zeros(0, dtype=np.int64),

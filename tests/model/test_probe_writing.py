@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tsis import Layer, Probe, load_probe
-from tsis.model.catalog import list_probes, probe_of_entry
+from tsis.model.catalog import list_probes, parse_probe
 from tsis.model.catalog.writing import probe_toml
 from tsis.model.light import Glass, Led
 
@@ -39,7 +39,7 @@ probes = st.builds(
 
 def read(text: str) -> Probe:
     ((name, entry),) = tomllib.loads(text).items()
-    return probe_of_entry(name, entry)
+    return parse_probe(name, entry)
 
 
 @given(probes)

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from tsis.model import Estimate
-from tsis.model.estimate import INTERVAL
-from tsis.model.quantities import NO_UNIT, UNITS, unit_of, words_of
+from tsis.model.estimate import INTERVAL_LEVEL
+from tsis.model.quantities import NO_UNIT, UNITS, label_of, unit_of
 
 
 @pytest.mark.parametrize(
@@ -18,7 +18,7 @@ from tsis.model.quantities import NO_UNIT, UNITS, unit_of, words_of
     ],
 )
 def test_the_ending_says_the_unit_and_the_rest_the_words(name: str, words: str, unit: str) -> None:
-    assert (words_of(name), unit_of(name)) == (words, unit)
+    assert (label_of(name), unit_of(name)) == (words, unit)
 
 
 def test_no_ending_hides_another() -> None:
@@ -27,4 +27,4 @@ def test_no_ending_hides_another() -> None:
 
 def test_the_interval_that_is_told_is_the_one_that_an_estimate_gives_unasked() -> None:
     estimate = Estimate(samples={"depth_mm": np.array([0.0, 5.0, 10.0, 20.0])}, prior_sd={"depth_mm": 2.0})
-    assert estimate.interval() == estimate.interval(INTERVAL) != estimate.interval(0.8)
+    assert estimate.interval() == estimate.interval(INTERVAL_LEVEL) != estimate.interval(0.8)

@@ -8,19 +8,19 @@ import pytest
 
 from tsis.model import list_phantoms, load_phantom, load_probe
 from tsis.model.errors import InputError, UnknownNameError
-from tsis.model.variants import chosen_phantom, chosen_probe
+from tsis.model.variants import phantom_variant, probe_variant
 
 
 def test_what_is_not_changed_is_the_catalogs() -> None:
     for name in list_phantoms():
-        assert chosen_phantom(name, None, None, None) == load_phantom(name)
-    assert chosen_probe("tsis-domed", None, None, None) == load_probe("tsis-domed")
+        assert phantom_variant(name, None, None, None) == load_phantom(name)
+    assert probe_variant("tsis-domed", None, None, None) == load_probe("tsis-domed")
 
 
 @pytest.mark.parametrize("field", ["diameter_mm", "depth_mm", "young_kpa"])
 def test_one_value_of_the_inclusion_changes_alone(field: str) -> None:
     start, values = load_phantom("size-8"), {"diameter_mm": 6.5, "depth_mm": 4.5, "young_kpa": 77.0}
-    changed = chosen_phantom("size-8", **{name: value if name == field else None for name, value in values.items()})
+    changed = phantom_variant("size-8", **{name: value if name == field else None for name, value in values.items()})
     assert start.inclusion is not None
     assert changed.inclusion is not None
     for name, value in values.items():
@@ -30,7 +30,7 @@ def test_one_value_of_the_inclusion_changes_alone(field: str) -> None:
 
 
 def test_all_lamps_change_together() -> None:
-    start, changed = load_probe("tsis-2011"), chosen_probe("tsis-2011", 30.0, 11.5, -5.0)
+    start, changed = load_probe("tsis-2011"), probe_variant("tsis-2011", 30.0, 11.5, -5.0)
     assert len(changed.leds) == len(start.leds) > 0
     assert {(led.half_angle_deg, led.height_mm, led.aim_deg) for led in changed.leds} == {(30.0, 11.5, -5.0)}
     assert changed.name == "tsis-2011 (lamps changed)"
@@ -39,6 +39,6 @@ def test_all_lamps_change_together() -> None:
 
 def test_unknown_names_and_impossible_values_are_refused() -> None:
     with pytest.raises(UnknownNameError, match="size-9"):
-        chosen_phantom("size-9", None, None, None)
+        phantom_variant("size-9", None, None, None)
     with pytest.raises(InputError, match="half_angle_deg must lie in"):
-        chosen_probe("tsis-2011", 95.0, None, None)
+        probe_variant("tsis-2011", 95.0, None, None)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from tsis.model.durable import Disk
-from tsis.model.whole import add_files, new_file, new_folder
+from tsis.model.whole import add_files, atomic_file, atomic_folder
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -54,9 +54,9 @@ def fill(draft: Path) -> None:
 
 
 def test_the_users_mask_says_who_may_read(tmp_path: Path, mask: int) -> None:
-    with new_folder(tmp_path / "folder") as draft:
+    with atomic_folder(tmp_path / "folder") as draft:
         fill(draft)
-    with new_file(tmp_path / "file") as draft:
+    with atomic_file(tmp_path / "file") as draft:
         draft.write_bytes(b"1")
     add_files(tmp_path / "added", {"one": b"1"})
     add_files(tmp_path / "added", {"two": b"2"})
@@ -66,7 +66,7 @@ def test_the_users_mask_says_who_may_read(tmp_path: Path, mask: int) -> None:
 
 def test_all_is_synced_before_it_gets_its_name(tmp_path: Path) -> None:
     disk = FullDisk()
-    with new_folder(tmp_path / "folder", disk=disk) as draft:
+    with atomic_folder(tmp_path / "folder", disk=disk) as draft:
         fill(draft)
         assert not (tmp_path / "folder").exists()
     assert sorted(disk.steps[:-1]) == ["sync one", "sync two"]
@@ -76,14 +76,14 @@ def test_all_is_synced_before_it_gets_its_name(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("at", [1, 2, 3])
 def test_a_folder_that_fails_at_any_step_is_not_there(tmp_path: Path, at: int) -> None:
-    with pytest.raises(OSError, match="No space left"), new_folder(tmp_path / "folder", disk=FullDisk(at)) as draft:
+    with pytest.raises(OSError, match="No space left"), atomic_folder(tmp_path / "folder", disk=FullDisk(at)) as draft:
         fill(draft)
     assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("at", [1, 2])
 def test_a_file_that_fails_at_any_step_is_not_there(tmp_path: Path, at: int) -> None:
-    with pytest.raises(OSError, match="No space left"), new_file(tmp_path / "file", disk=FullDisk(at)) as draft:
+    with pytest.raises(OSError, match="No space left"), atomic_file(tmp_path / "file", disk=FullDisk(at)) as draft:
         draft.write_bytes(b"1")
     assert list(tmp_path.iterdir()) == []
 
@@ -93,7 +93,7 @@ def test_whatever_ends_the_block_leaves_nothing(tmp_path: Path) -> None:
         fill(draft)
         raise KeyboardInterrupt
 
-    with pytest.raises(KeyboardInterrupt), new_folder(tmp_path / "a" / "folder") as draft:
+    with pytest.raises(KeyboardInterrupt), atomic_folder(tmp_path / "a" / "folder") as draft:
         stop(draft)
     assert list((tmp_path / "a").iterdir()) == []
 
@@ -103,7 +103,7 @@ def test_a_folder_that_came_meanwhile_is_left(tmp_path: Path) -> None:
         fill(draft)
         (tmp_path / "it").mkdir()
 
-    with pytest.raises(FileExistsError), new_folder(tmp_path / "it") as draft:
+    with pytest.raises(FileExistsError), atomic_folder(tmp_path / "it") as draft:
         race(draft)
     assert list(tmp_path.rglob("*")) == [tmp_path / "it"]
 
@@ -113,7 +113,7 @@ def test_a_file_that_came_meanwhile_is_left(tmp_path: Path) -> None:
         draft.write_bytes(b"1")
         (tmp_path / "it").write_bytes(b"mine")
 
-    with pytest.raises(FileExistsError), new_file(tmp_path / "it") as draft:
+    with pytest.raises(FileExistsError), atomic_file(tmp_path / "it") as draft:
         race(draft)
     assert [(path.name, path.read_bytes()) for path in tmp_path.iterdir()] == [("it", b"mine")]
 

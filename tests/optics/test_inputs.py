@@ -18,11 +18,11 @@ from tsis.optics import inputs
 )
 def test_a_wavelength_in_another_unit_is_named(value: float, cure: str) -> None:
     with pytest.raises(InputError, match=cure):
-        inputs.wavelength(value)
+        inputs.require_wavelength(value)
 
 
 def test_a_wavelength_in_micrometres_passes() -> None:
-    assert inputs.wavelength(0.55) == 0.55
+    assert inputs.require_wavelength(0.55) == 0.55
 
 
 @pytest.mark.parametrize(
@@ -38,4 +38,4 @@ def test_a_wavelength_in_micrometres_passes() -> None:
 )
 def test_a_stack_that_is_none_is_refused(index: list[complex], thickness: list[float], sentence: str) -> None:
     with pytest.raises(InputError, match=sentence):
-        inputs.stack(index, thickness)
+        inputs.require_stack(index, thickness)

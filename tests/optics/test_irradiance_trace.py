@@ -15,8 +15,8 @@ from tsis.model.light import FOUR_LEDS
 from tsis.optics import Irradiance, irradiance, trace_rays
 from tsis.optics import irradiance_trace as room
 from tsis.optics.irradiance_fit import powers, slope_terms, smooth, symmetries, watched_slopes
-from tsis.optics.irradiance_leaving import leaving
-from tsis.optics.rays_face import hertz_dent, raised_face
+from tsis.optics.irradiance_leaving import leaving_light
+from tsis.optics.rays_face import evenly_raised_face, hertz_dent
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -33,13 +33,13 @@ def test_it_predicts_what_leaves_a_dent_that_no_fit_has_seen(light: Irradiance) 
     # Twice as blunt as any dent of the fit, beside the axis, and in partial contact.
     dent = hertz_dent(12.0, tip_radius_mm=18.0, depth_mm=0.5, peak_pressure_kpa=15.0, offset_mm=(-2.0, 1.0))
     traced = trace_rays(PROBE, dent, rays=1.5e6, seed=99)
-    model, _ = leaving(light, dent, saturation_kpa=20.0, bins=24)
+    model, _ = leaving_light(light, dent, saturation_kpa=20.0, bins=24)
     touched = traced.coupled > 0.3 * traced.coupled.max()
     error = model[touched] / traced.coupled[touched] - 1
     noise = traced.coupled_error[touched] / traced.coupled[touched]
     assert abs(error.mean()) < 0.04
     assert np.sqrt((error**2).mean() - (noise**2).mean()) < 0.05
-    even, _ = leaving(light, dent, saturation_kpa=20.0, bins=24, by=LightMap.uniform())
+    even, _ = leaving_light(light, dent, saturation_kpa=20.0, bins=24, by=LightMap.uniform())
     error_of_even = even[touched] / traced.coupled[touched] - 1
     assert np.sqrt((error_of_even**2).mean()) > 5 * np.sqrt((error**2).mean()), "what it is good for"
 
@@ -67,7 +67,7 @@ def test_four_lamps_make_light_of_their_symmetry(light: Irradiance) -> None:
 
 
 def test_a_raised_face_is_the_traced_one(light: Irradiance) -> None:
-    traced = trace_rays(PROBE, raised_face(12.0, 0.4), rays=1e6, seed=3, bins=6)
+    traced = trace_rays(PROBE, evenly_raised_face(12.0, 0.4), rays=1e6, seed=3, bins=6)
     side = np.linspace(-12.0, 12.0, 241)[:-1] + 0.05
     model = light.mean_per_mm2 * 0.01 * light.at(side, side, displacement_mm=0.4) / np.exp(light.lift_per_mm * 0.4)
     middle = model.reshape(6, 40, 6, 40).sum(axis=(1, 3))[2:4, 2:4]
@@ -125,7 +125,7 @@ def test_light_is_kept_on_disk_and_damage_is_noticed(monkeypatch: pytest.MonkeyP
         for other in others:
             with pytest.raises(AssertionError, match="traced again"):
                 irradiance(PROBE, **other)
-    (file,) = (disk_cache.folder() / "irradiance").iterdir()
+    (file,) = (disk_cache.cache_folder() / "irradiance").iterdir()
     file.write_bytes(file.read_bytes()[:-7])
     again = irradiance(PROBE, **few)
     np.testing.assert_array_equal(again.terms, first.terms)

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from tsis import Layer, Probe, load_probe
 from tsis.model import Glass
 from tsis.optics import fresnel
-from tsis.optics.rays_face import raised_face
+from tsis.optics.rays_face import evenly_raised_face
 from tsis.optics.rays_meeting import mirrored, reflectance, refracted
 from tsis.optics.rays_path import follow_path
 from tsis.optics.rays_scene import Scene, scene
@@ -113,7 +113,7 @@ def test_a_flat_stack_keeps_index_times_sine(data: st.DataObject) -> None:
 def test_a_dented_stack_bends_at_displaced_interfaces() -> None:
     # Layers keep their shares of the thickness under an even displacement: the interface lies at 2 + 0.5 u.
     probe = stack(1.41, 1.45, glass=1.45)
-    view = scene(probe, raised_face(12.0, 1.0))._replace(weak=0.0)
+    view = scene(probe, evenly_raised_face(12.0, 1.0))._replace(weak=0.0)
     down = np.array([-np.cos(0.5), 0.0, np.sin(0.5)])
     path = follow_path(view, (12.0, 0.0, 1.5), down)
     assert path[2, 2] == pytest.approx(2.5, abs=1e-9)

@@ -13,7 +13,7 @@ from tsis.model.light import FOUR_LEDS
 from tsis.optics import trace_rays
 from tsis.optics.rays_face import hertz_dent
 from tsis.optics.rays_path import follow_path
-from tsis.optics.rays_reference import WAYS_OUT, Photon, plain_probe, trace_photons
+from tsis.optics.rays_reference import WAYS_OUT, Photon, reference_probe, trace_photons
 from tsis.optics.rays_scene import scene
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def test_single_rays_take_the_same_way(untouched: PressField | None, tolerance: 
         direction = np.array([-np.cos(azimuth) * np.cos(elevation), np.sin(azimuth) * np.cos(elevation), 0.0])
         direction[2] = np.sin(elevation)
         fast = follow_path(view, (12.0, 0.0, 4.0), direction)[:8, :3]
-        plain = plain_probe(CLEAR, untouched)
+        plain = reference_probe(CLEAR, untouched)
         chance: Any = Scripted()
         followed = _points(plain, Photon(position=np.array([12.0, 0.0, 4.0]), direction=direction), chance)
         same = min(len(fast), len(followed), 5)

@@ -14,7 +14,7 @@ from tsis import Glass, Layer, Led, PressField, Probe, load_probe
 from tsis.model.errors import InputError
 from tsis.model.light import FOUR_LEDS
 from tsis.optics import trace_paths, trace_rays
-from tsis.optics.rays_face import hertz_dent, raised_face
+from tsis.optics.rays_face import evenly_raised_face, hertz_dent
 
 PROBE = replace(load_probe("tsis-2011"), leds=FOUR_LEDS)  # level lamps at half height
 DENT = hertz_dent(12.0, tip_radius_mm=8.0, depth_mm=1.2, peak_pressure_kpa=25.0)
@@ -102,7 +102,7 @@ def test_absorption_is_exact_along_a_diameter() -> None:
 
 
 def test_full_contact_takes_all_that_arrives() -> None:
-    full = replace(raised_face(12.0, 0.0), pressure_kpa=np.full(9, 1e4))
+    full = replace(evenly_raised_face(12.0, 0.0), pressure_kpa=np.full(9, 1e4))
     found = trace_rays(PROBE, full, rays=20_000)
     np.testing.assert_allclose(found.coupled, found.arriving, rtol=1e-12)
     half = replace(full, pressure_kpa=np.full(9, 20.0 * 0.476936276 / 0.886226925))  # erf(0.4769...) is one half
@@ -163,7 +163,7 @@ def test_errors_shrink_with_rays() -> None:
         ({"absorption_per_mm": -1.0}, "absorption_per_mm must lie in"),
         ({"numerical_aperture": 2.0}, "numerical_aperture must lie in"),
         ({"threads": 0}, "threads must lie in"),
-        ({"pressed": raised_face(12.0, 9.9)}, "must leave 5% of the layers' 10 mm"),
+        ({"pressed": evenly_raised_face(12.0, 9.9)}, "must leave 5% of the layers' 10 mm"),
     ],
 )
 def test_bad_input_is_refused_in_one_sentence(given: dict[str, Any], phrase: str) -> None:

@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 from tsis import Layer, Probe, load_probe
 from tsis.model.errors import InputError
 from tsis.model.light import Led
-from tsis.optics import accepted, critical_angle_deg, fresnel, refraction_deg
-from tsis.optics.end_face import faced_layer
+from tsis.optics import acceptance, critical_angle_deg, fresnel, refraction_deg
+from tsis.optics.end_face import layer_facing_lamp
 
 INDEX, ANGLE = st.floats(1.0, 2.5), st.floats(0.0, 89.9)
 PRINTED = [1.16, 1.15, 1.14, 1.13]
@@ -79,7 +79,7 @@ def test_the_phase_of_total_reflection() -> None:
 
 
 def test_acceptance_of_the_printed_indices() -> None:
-    found = accepted(PRINTED)
+    found = acceptance(PRINTED)
     np.testing.assert_allclose(found.acceptance_deg, [36.01, 34.60, 33.19, 31.75], atol=0.005)
     assert not found.unlimited.any()
     assert found.blind_deg.tolist() == pytest.approx([0, 0, 0, 0]), "the index falls away from the face"
@@ -87,34 +87,34 @@ def test_acceptance_of_the_printed_indices() -> None:
 
 @given(index=st.floats(1.0, 1.4142))
 def test_the_edge_of_acceptance_is_the_critical_ray(index: float) -> None:
-    found = accepted([index])
+    found = acceptance([index])
     inside = refraction_deg(found.acceptance_deg[0], index_from=1.0, index_to=index)
     assert 90 - float(inside) == pytest.approx(found.critical_deg[0], abs=2e-5)
 
 
 def test_acceptance_of_real_silicone_and_glass_has_no_limit_to_speak_of() -> None:
-    found = accepted([1.397, 1.43, 1.515])
+    found = acceptance([1.397, 1.43, 1.515])
     assert found.acceptance_deg[0] == pytest.approx(77.3, abs=0.1)
     assert found.acceptance_deg[1:].tolist() == [90.0, 90.0]
     assert found.unlimited.tolist() == [False, True, True]
 
 
 def test_light_in_the_glass_that_never_reaches_the_face() -> None:
-    found = accepted([1.41, 1.515])
+    found = acceptance([1.41, 1.515])
     inside = refraction_deg(found.blind_deg[1], index_from=1.0, index_to=1.515)
     assert 90 - float(inside) == pytest.approx(critical_angle_deg(index_from=1.515, index_to=1.41), abs=1e-9)
     stays = 90 - critical_angle_deg(index_from=1.515, index_to=1.0)
     assert found.blind_share[1] == pytest.approx(float(inside) / stays)
     assert found.blind_deg[0] == found.blind_share[0] == 0.0
-    one_thin_layer_bars_all_behind_it = accepted([1.5, 1.3, 1.4])
+    one_thin_layer_bars_all_behind_it = acceptance([1.5, 1.3, 1.4])
     assert (one_thin_layer_bars_all_behind_it.blind_deg > 0).tolist() == [False, False, True]
 
 
 def test_the_layer_that_a_lamp_faces() -> None:
     probe = load_probe("tsis-2011")
-    assert [faced_layer(probe, Led(height_mm=height)) for height in (0.5, 3.0, 7.0, 11.0)] == [0, 1, 2, 3]
+    assert [layer_facing_lamp(probe, Led(height_mm=height)) for height in (0.5, 3.0, 7.0, 11.0)] == [0, 1, 2, 3]
     single = Probe(radius_mm=12.0, layers=(Layer(thickness_mm=10.0, young_kpa=50.0),))
-    assert faced_layer(single, Led()) == 0
+    assert layer_facing_lamp(single, Led()) == 0
 
 
 @pytest.mark.parametrize("angle", [-1.0, 90.5, np.nan, [10.0, 95.0]])
@@ -127,6 +127,6 @@ def test_bad_indices() -> None:
     with pytest.raises(InputError, match="index_to"):
         refraction_deg(10.0, index_from=1.0, index_to=0.5)
     with pytest.raises(InputError, match=r"index\[1\]"):
-        accepted([1.4, -1.4])
+        acceptance([1.4, -1.4])
     with pytest.raises(InputError, match="index"):
-        accepted([1.4 + 0.1j])
+        acceptance([1.4 + 0.1j])

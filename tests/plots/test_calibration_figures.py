@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 
 from tsis.calibration.force.line import ForceLine
 from tsis.calibration.force.loading import Loading, loading_forces
-from tsis.calibration.measured import Measured
+from tsis.calibration.measured import MeasuredValue
 from tsis.model import TactileImage
 from tsis.model.errors import InputError
 from tsis.plots.calibration_figures import cross_sections, force_residuals, force_sums, hysteresis_loops
@@ -34,12 +34,12 @@ def loading(tip_mm: float, loop: float, *, unloaded: bool = True) -> Loading:
 
 def line() -> ForceLine:
     return ForceLine(
-        intercept_grey=Measured(value=0.0, sd=100.0),
-        slope_grey_per_n=Measured(value=SLOPE, sd=1000.0),
+        intercept_grey=MeasuredValue(value=0.0, sd=100.0),
+        slope_grey_per_n=MeasuredValue(value=SLOPE, sd=1000.0),
         unit_covariance=(1e4, 0.0, 1e6),
         units=3,
-        residual_grey=Measured(value=100.0, sd=1.0),
-        residual_share=Measured(value=0.002, sd=0.0),
+        residual_grey=MeasuredValue(value=100.0, sd=1.0),
+        residual_share=MeasuredValue(value=0.002, sd=0.0),
         least_n=0.1,
         most_n=2.0,
         pixels=55296,

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from tsis.matching.trial_summary import Summary
+from tsis.matching.trial_summary import TrialSummary
 from tsis.plots.matching import curves_over_levels, point_sets
 
 
@@ -41,8 +41,8 @@ def test_of_many_points_a_part_is_drawn_and_all_are_counted() -> None:
     assert legend.get_texts()[0].get_text() == "source (12000)"
 
 
-def summary(method: str, level: str, *, median: float, mean: float) -> Summary:
-    return Summary(
+def summary(method: str, level: str, *, median: float, mean: float) -> TrialSummary:
+    return TrialSummary(
         group="fish/noise",
         level=level,
         method=method,

@@ -5,7 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from tsis import Estimate, TactileImage
-from tsis.imaging import features, radial_profile, surface
+from tsis.imaging import features, height_surface, radial_profile
 from tsis.plots import grey_sums, marginal, relief, ring_profile, tactile_image, trade_off
 
 
@@ -46,7 +46,7 @@ def test_without_a_scale_axes_are_in_pixels(bump: TactileImage) -> None:
 
 def test_the_relief_has_the_signal_as_height(bump: TactileImage) -> None:
     ax = Figure().add_subplot(projection="3d")
-    assert relief(surface(bump), ax) is ax
+    assert relief(height_surface(bump), ax) is ax
     low, high = ax.get_zlim()
     assert low < 1.0
     assert high == pytest.approx(80.0, rel=0.1)

@@ -5,8 +5,8 @@ import pytest
 from matplotlib.figure import Figure
 
 from tsis import TactileImage
-from tsis.calibration import Measured
-from tsis.calibration.scale import DotDiagnostics, Scale
+from tsis.calibration import MeasuredValue
+from tsis.calibration.scale import DotDiagnostics, PixelScale
 from tsis.plots.scale_figures import dot_board
 
 CELLS = np.array([(i, j) for j in range(3) for i in range(4)], dtype=float)
@@ -63,8 +63,8 @@ def test_the_longest_residual_is_a_third_of_the_dots_distance() -> None:
 
 
 def test_image_and_scale_are_drawn_too() -> None:
-    size = Measured(value=0.05, sd=0.0002, unit="mm/px")
-    scale = Scale(
+    size = MeasuredValue(value=0.05, sd=0.0002, unit="mm/px")
+    scale = PixelScale(
         mm_per_pixel_x=size, mm_per_pixel_y=size, shape=(180, 240), at_px=(90.0, 100.0), method="dots", count=12
     )
     figure = Figure()

@@ -6,23 +6,23 @@ from matplotlib.collections import EllipseCollection
 from matplotlib.figure import Figure
 
 from tsis.detection import ScanPlan
-from tsis.plots.scan_plan import scan_plan
+from tsis.plots.scan_plan import draw_scan_plan
 
 PLAN = ScanPlan(width_mm=60.0, height_mm=40.0, strips=3, presses_a_strip=4, radius_mm=12.0)
 
 
 def test_each_press_has_its_face_and_its_reach() -> None:
     ax = Figure().subplots()
-    assert scan_plan(PLAN, ax, reach_mm=5.0) is ax
+    assert draw_scan_plan(PLAN, ax, reach_mm=5.0) is ax
     discs = [one for one in ax.collections if isinstance(one, EllipseCollection)]
     assert np.concatenate([np.atleast_1d(one.get_widths()) for one in discs]).tolist() == [10.0, 24.0]
     for one in discs:
         assert np.asarray(one.get_offsets()) == pytest.approx(PLAN.positions_mm)
-    assert len(scan_plan(PLAN, Figure().subplots()).collections) == 1
+    assert len(draw_scan_plan(PLAN, Figure().subplots()).collections) == 1
 
 
 def test_the_marked_place_is_farthest_from_every_press() -> None:
-    ax = scan_plan(PLAN, Figure().subplots())
+    ax = draw_scan_plan(PLAN, Figure().subplots())
     (mark,) = (line for line in ax.lines if line.get_marker() == "x")
     at = np.array([mark.get_xdata(), mark.get_ydata()]).ravel()
     distances = np.hypot(*(PLAN.positions_mm - at).T)

@@ -15,7 +15,7 @@ from tests.records.sample import WHEN, levels, sample_calibration, sample_estima
 from tsis.model import TactileImage
 from tsis.model.durable import UNFINISHED, Disk
 from tsis.model.errors import RecordsError
-from tsis.records import engines, open_store, verify
+from tsis.records import engines, open_store, verify_store
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -179,7 +179,7 @@ def failing_openings(folder: Path, reason: int, *, lasting: bool) -> Tally:
         found.points += 1
         with open_store(place, actor="bench") as store:
             store.add_press(store.add_target(), image(1), taken=WHEN)
-            found.wrong += verify(store).faults
+            found.wrong += verify_store(store).faults
     raise AssertionError("opening has no end")
 
 
@@ -234,13 +234,13 @@ def _judge(store: Store, call: Callable[[Store], None], found: Tally, *, refused
 
 
 def _sound(store: Store, found: Tally) -> None:
-    found.wrong += verify(store).faults
+    found.wrong += verify_store(store).faults
     found.wrong += [f"left: {path.name}" for path in store.folder.rglob(f"*{UNFINISHED}")]
     store.levels(store.presses(store.target(1))[0].frame)
 
 
 def _entries(store: Store) -> int:
-    return verify(store).head.number
+    return verify_store(store).head.number
 
 
 def filled(folder: Path, ballast: int) -> Iterator[tuple[int, Tally]]:
@@ -269,7 +269,7 @@ def filled(folder: Path, ballast: int) -> Iterator[tuple[int, Tally]]:
                 found.wrong.append("it never was full")
             if {press.id for press in store.presses(target)} != set(acknowledged):
                 found.wrong.append("presses are not those that were acknowledged")
-            found.wrong += verify(store).faults
+            found.wrong += verify_store(store).faults
             if not freed:
                 (folder / "ballast").unlink()
             yield len(acknowledged), found

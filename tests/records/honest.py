@@ -13,7 +13,7 @@ from tests.records.place import Place
 from tests.records.tampered import fill
 
 from tsis.model.errors import RecordsError
-from tsis.records import open_store, verify
+from tsis.records import open_store, verify_store
 
 if TYPE_CHECKING:
     import random
@@ -45,7 +45,7 @@ def two_writers(folder: Path, rng: random.Random) -> None:
         writer.start()
     with open_store(folder) as store:
         while any(writer.is_alive() for writer in writers):
-            faults += verify(store).faults
+            faults += verify_store(store).faults
     if faults:
         raise AssertionError(f"a store that was written to meanwhile had the faults {faults}")
 

@@ -17,7 +17,7 @@ from tests.records.sample import WHEN, levels, sample_calibration, sample_estima
 from tsis.model import TactileImage
 from tsis.model.durable import UNFINISHED, Disk
 from tsis.model.errors import RecordsError, TsisError
-from tsis.records import open_store, verify
+from tsis.records import open_store, verify_store
 from tsis.records.anchor import read_anchor
 from tsis.records.audit import has_entry
 
@@ -38,7 +38,7 @@ class Found:
     acknowledged: int = 0
     lost: list[str] = field(default_factory=list)  # acknowledged, and not there or not whole
     torn: list[str] = field(default_factory=list)  # files whose content is not what their name says, anchors too
-    faults: list[str] = field(default_factory=list)  # of `verify`, or stores that could not be opened
+    faults: list[str] = field(default_factory=list)  # of `verify_store`, or stores that could not be opened
     lagging: int = 0  # how often the anchor was behind
     unnamed: int = 0  # files that no row names, at the end
 
@@ -167,7 +167,7 @@ def _look(store: Store, told: list[dict[str, Any]], found: Found) -> None:
 
 
 def _look_at_all(store: Store, found: Found) -> None:
-    verified = verify(store)
+    verified = verify_store(store)
     found.faults += verified.faults
     found.unnamed = verified.unnamed
     for name, ending in store.blobs.names():

@@ -15,9 +15,9 @@ from tests.records.power_loss_scenarios import PLACE, image
 from tests.records.sample import WHEN
 
 from tsis.model.errors import RecordsError
-from tsis.records import Press, StoredEstimate, Target, open_store, verify
-from tsis.records.anchor import FILE as ANCHOR
-from tsis.records.database import FILE
+from tsis.records import StoredEstimate, StoredPress, Target, open_store, verify_store
+from tsis.records.anchor import ANCHOR_FILE as ANCHOR
+from tsis.records.database import DATABASE_FILE
 from tsis.records.plain import estimate_to_plain
 
 if TYPE_CHECKING:
@@ -158,19 +158,19 @@ def reopened(state: State, run: Run, kept: list[Kept]) -> list[str]:
         for path, content in state.files.items():
             (root / path).write_bytes(content)
         if state.commit > 0:
-            (root / PLACE / FILE).write_bytes(run.trace.commits[state.commit])
+            (root / PLACE / DATABASE_FILE).write_bytes(run.trace.commits[state.commit])
         try:
             with open_store(root / PLACE, create=not kept, actor="after") as store:
                 found = _missing(store, kept) if kept else []
                 found += _faults(store, state)
                 store.add_press(store.add_target(), image(1), taken=WHEN)
-                return found + list(verify(store).faults)
+                return found + list(verify_store(store).faults)
         except RecordsError as error:
             return [str(error)]
 
 
 def _faults(store: Store, state: State) -> list[str]:
-    faults = verify(store).faults
+    faults = verify_store(store).faults
     if f"{PLACE}/{ANCHOR}" not in state.files:  # judged apart: it may be lost on its way
         return [fault for fault in faults if "anchor" not in fault]
     return list(faults)
@@ -183,10 +183,10 @@ def _missing(store: Store, kept: list[Kept]) -> list[str]:
     estimates = {each.id: each for target in targets.values() for each in store.estimates(target)}
     for record in (each.record for each in kept):
         if isinstance(record, Target):
-            here: Target | Press | None = targets.get(record.id)
+            here: Target | StoredPress | None = targets.get(record.id)
             if here is None or (here.version <= record.version and here != record):
                 found.append(f"target {record.number}")
-        elif isinstance(record, Press):
+        elif isinstance(record, StoredPress):
             here = presses.get(record.id)
             if here is None or (here.version <= record.version and here != record):
                 found.append(f"press {record.id}")

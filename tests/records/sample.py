@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.calibration import ProbeCalibration
-from tsis.calibration.file import identity
+from tsis.calibration.file import calibration_sha256
 from tsis.model import Calibration, Estimate
-from tsis.records import Dossier, Press, StoredEstimate, Target
+from tsis.records import StoredEstimate, StoredPress, Target, TargetRecord
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -58,7 +58,7 @@ def sample_estimate(*, trusted: bool = True) -> Estimate:
     )
 
 
-def sample_dossier(*, full_scale: float = 255.0, kind: str = "phantom", estimated: bool = True) -> Dossier:
+def sample_dossier(*, full_scale: float = 255.0, kind: str = "phantom", estimated: bool = True) -> TargetRecord:
     """Two presses on a target and two on plain tissue, with a calibration and an estimate."""
     known = sample_calibration()
     frames: dict[str, NDArray[Any]] = {}
@@ -68,7 +68,7 @@ def sample_dossier(*, full_scale: float = 255.0, kind: str = "phantom", estimate
         name = hashlib.sha256(pixels.tobytes()).hexdigest()
         frames[name] = pixels
         presses.append(
-            Press(
+            StoredPress(
                 role=role,
                 taken=WHEN + timedelta(seconds=20 * i),
                 frame=name,
@@ -79,7 +79,7 @@ def sample_dossier(*, full_scale: float = 255.0, kind: str = "phantom", estimate
                 mm_per_pixel=(0.12, 0.14),
                 axis_px=(74.5, 47.5),
                 probe="tsis-2011",
-                calibration=identity(known),
+                calibration=calibration_sha256(known),
                 flags=("moving",) if i == 1 else (),
                 settings={"exposure_ms": 10.0, "gain": 1.0},
                 name=f"{role}-{force:g}N.png",
@@ -93,18 +93,18 @@ def sample_dossier(*, full_scale: float = 255.0, kind: str = "phantom", estimate
         made=WHEN + timedelta(minutes=2),
         probe="tsis-2011",
         presses=tuple(press.id for press in presses),
-        calibration=identity(known),
+        calibration=calibration_sha256(known),
         options={"prior": {}},
         environment={"tsis": "0.1.0", "numpy": "2.4.6"},
         id="estimate-a",
         target="target-a",
     )
     truth = {"diameter_mm": 10.0, "depth_mm": 5.0, "young_kpa": 80.0} if kind == "phantom" else {}
-    return Dossier(
+    return TargetRecord(
         target=Target(number=3, kind=kind, name="size-10", note="bench", truth=truth, made=WHEN, id="target-a"),
         presses=tuple(presses),
         read=frames.__getitem__,
         estimates=(estimate,) if estimated else (),
-        calibrations={identity(known): known},
+        calibrations={calibration_sha256(known): known},
         secret=SECRET,
     )

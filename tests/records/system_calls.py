@@ -21,8 +21,8 @@ from tests.records.power_loss_scenarios import image
 from tests.records.sample import WHEN
 
 from tsis.model.errors import RecordsError
-from tsis.records import open_store, verify
-from tsis.records.anchor import FILE as ANCHOR
+from tsis.records import open_store, verify_store
+from tsis.records.anchor import ANCHOR_FILE as ANCHOR
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -244,7 +244,7 @@ def _missing(place: Path, disk: Disk) -> list[str]:
     anchored = (place / ANCHOR).exists()
     try:
         with open_store(place, create=False, actor="after") as store:
-            verified = verify(store)
+            verified = verify_store(store)
             with store.database.reading() as connection:
                 query = "SELECT id FROM presses UNION SELECT id FROM estimates UNION SELECT id FROM targets"
                 here = set(connection.exec_driver_sql(query).scalars())

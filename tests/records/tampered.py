@@ -1,4 +1,4 @@
-"""Stores to tamper with, and what `tsis.records.verify` makes of them."""
+"""Stores to tamper with, and what `tsis.records.verify_store` makes of them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from tests.records.sample import WHEN, levels, sample_calibration, sample_estima
 
 from tsis.model import TactileImage
 from tsis.model.errors import RecordsError
-from tsis.records import open_store, verify
+from tsis.records import open_store, verify_store
 
 if TYPE_CHECKING:
     import random
@@ -108,4 +108,4 @@ def judged(folder: Path) -> Judgement:
 
 def _opened(folder: Path, kind: str) -> Judgement:
     with open_store(folder, kind=kind, create=False) as store:
-        return Judgement(faults=verify(store).faults)
+        return Judgement(faults=verify_store(store).faults)

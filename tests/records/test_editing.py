@@ -11,7 +11,7 @@ from tests.records.sample import WHEN, levels, sample_dossier
 
 from tsis.model import TactileImage
 from tsis.model.errors import InputError, StaleRecordError
-from tsis.records import verify
+from tsis.records import verify_store
 
 if TYPE_CHECKING:
     from tsis.records import Store
@@ -34,7 +34,7 @@ def test_an_edit_of_what_somebody_else_has_changed_is_refused(store: Store) -> N
     with pytest.raises(StaleRecordError):
         store.edit_press(press, note="late")
     assert store.presses(read_by_both) == (edited,)
-    assert verify(store).sound
+    assert verify_store(store).sound
 
 
 def test_what_may_not_be_changed_is_not(store: Store) -> None:
@@ -56,7 +56,7 @@ def test_only_what_was_named_is_changed(store: Store) -> None:
         with pytest.raises(InputError, match="must change something; got nothing"):
             edit()
     assert store.target(1).version == 2
-    assert verify(store).sound
+    assert verify_store(store).sound
 
 
 @pytest.mark.parametrize(
@@ -95,4 +95,4 @@ def test_what_earlier_releases_accepted_stays_readable_and_can_be_mended(store: 
     noted = store.edit_target(read, note="mend its truth")
     mended = store.edit_target(noted, truth={"diameter_mm": 1.0}, name="one line")
     assert (mended.note, mended.name) == ("mend its truth", "one line")
-    assert verify(store).sound
+    assert verify_store(store).sound

@@ -25,7 +25,7 @@ from tests.records.full_disk import (
 from tests.records.sample import WHEN
 
 from tsis.model.errors import RecordsError
-from tsis.records import open_store, verify
+from tsis.records import open_store, verify_store
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -72,11 +72,11 @@ def test_an_anchor_that_finds_no_room_lags_until_the_next_record(tmp_path: Path)
         assert disk.failed
         disk.arm(None)
         assert store.target(target.number) == target
-        behind = verify(store)
+        behind = verify_store(store)
         assert behind.sound
         assert behind.unanchored == 1
         store.add_target()
-        assert verify(store).unanchored == 0
+        assert verify_store(store).unanchored == 0
 
 
 def test_the_sentence_says_what_and_why(tmp_path: Path) -> None:

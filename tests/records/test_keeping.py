@@ -11,8 +11,8 @@ from tests.records.sample import levels, sample_calibration, sample_estimate
 
 from tsis.model import TactileImage
 from tsis.model.errors import InputError, RecordsError
-from tsis.records import open_store, verify
-from tsis.records.keeping import Keepable, keep, kept_notes, require_keepable
+from tsis.records import open_store, verify_store
+from tsis.records.keeping import SavableResult, require_savable, save_results, saved_notes
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -22,8 +22,8 @@ def frame(number: int, name: str = "") -> TactileImage:
     return TactileImage(grey=levels(number), force_n=1.0, mm_per_pixel=(0.1, 0.1), name=name)
 
 
-def keepable() -> Keepable:
-    return Keepable(
+def keepable() -> SavableResult:
+    return SavableResult(
         kind="inclusion",
         estimate=sample_estimate(),
         probe="tsis-2011",
@@ -38,7 +38,7 @@ def keepable() -> Keepable:
 def test_presses_calibration_and_estimate_come_back_as_they_were(tmp_path: Path) -> None:
     kept = keepable()
     with open_store(tmp_path / "records") as store:
-        said = keep(store, kept)
+        said = save_results(store, kept)
         target = store.target(said["target"])
         presses = store.presses(target)
         assert [press.role for press in presses] == ["target", "target", "plain", "untouched"]
@@ -51,12 +51,12 @@ def test_presses_calibration_and_estimate_come_back_as_they_were(tmp_path: Path)
         assert stored.options == kept.options
         assert (target.name, dict(target.truth)) == ("knot", {"diameter_mm": 10.0})
         assert said["store"] == str((tmp_path / "records").resolve())
-        assert verify(store).sound
+        assert verify_store(store).sound
 
 
 def test_a_subject_gets_no_truth(tmp_path: Path) -> None:
     with open_store(tmp_path / "subjects", kind="subject") as store:
-        said = keep(store, replace(keepable(), name=""))
+        said = save_results(store, replace(keepable(), name=""))
         assert dict(store.target(said["target"]).truth) == {}
         assert said["notes"] == []
 
@@ -65,10 +65,10 @@ def test_keeping_under_a_phantom_with_another_truth_says_so(tmp_path: Path) -> N
     with open_store(tmp_path / "records") as store:
         store.add_target(number=7, truth={"diameter_mm": 3.0})
         for number, notes in ((7, 1), (8, 0), (8, 0)):
-            kept = keep(store, keepable(), number=number)
+            kept = save_results(store, keepable(), number=number)
             assert kept["target"] == number
             assert len(kept["notes"]) == notes
-            first, *more = kept_notes(kept)
+            first, *more = saved_notes(kept)
             assert first == f"Kept as target {number} in {tmp_path / 'records'}."
             assert more == kept["notes"]
         assert [(dict(each.target.truth), each.estimates) for each in store.targets()] == [
@@ -82,15 +82,15 @@ def test_what_could_not_be_stored_as_a_whole_says_how_much_was(tmp_path: Path) -
     broken = replace(kept, frames={"target": [frame(0)], "palin": [frame(1)]})
     with open_store(tmp_path / "records") as store:
         with pytest.raises(RecordsError, match=r"; 1 of 2 presses are stored in target 5$"):
-            keep(store, broken, number=5)
+            save_results(store, broken, number=5)
         assert len(store.presses(store.target(5))) == 1
         assert store.estimates(store.target(5)) == ()
 
 
 def test_frames_that_no_store_takes_are_refused_before_anything_is_computed() -> None:
-    require_keepable([frame(0, "a" * 200)])
+    require_savable([frame(0, "a" * 200)])
     with pytest.raises(InputError, match=r"must have at most 200 characters, to be kept; 'a{40}'\.\.\. has 201"):
-        require_keepable([frame(0), frame(0, "a" * 201)])
+        require_savable([frame(0), frame(0, "a" * 201)])
     between = replace(frame(0, "coloured"), grey=levels(0) * 0.5 + 0.25)
     with pytest.raises(InputError, match="'coloured' must hold the grey levels that the camera gave"):
-        require_keepable([between])
+        require_savable([between])

@@ -23,11 +23,11 @@ from tests.records.old_store import ENTRIES, HEAD, IDENTITY, make_old
 from tests.records.place import Place
 from tests.records.sample import WHEN, levels, sample_calibration
 
-from tsis.calibration.file import identity
+from tsis.calibration.file import calibration_sha256
 from tsis.model import TactileImage, durable
 from tsis.model.errors import RecordsError
-from tsis.records import tables, verify
-from tsis.records.audit import Head
+from tsis.records import tables, verify_store
+from tsis.records.audit import AuditHead
 from tsis.records.database import Database
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def test_every_old_record_reads_as_it_was(old: Place) -> None:
         plain, pressed = store.presses(target)
         assert (plain.role, plain.force_n, plain.full_scale, plain.calibration) == ("plain", 0.1, 255.0, None)
         assert (pressed.role, pressed.force_n, pressed.full_scale) == ("target", 1.1, 4095.0)
-        assert pressed.calibration == identity(sample_calibration())
+        assert pressed.calibration == calibration_sha256(sample_calibration())
         assert pressed.settings == {"exposure_ms": 1 / 3, "until": math.inf, "name": "é"}
         assert (pressed.taken, pressed.mm_per_pixel, pressed.axis_px) == (
             WHEN + timedelta(seconds=1),
@@ -106,9 +106,9 @@ def test_every_old_record_reads_as_it_was(old: Place) -> None:
         assert estimate.presses == (plain.id, pressed.id)
         assert estimate.options == {"prior": {"depth_mm": [4.0, 12.0]}}
         assert [values.size for values in estimate.estimate.samples.values()] == [5, 5, 5]
-        found = verify(store)
+        found = verify_store(store)
         assert found.faults == ()
-        assert found.head == Head(number=ENTRIES, hash=HEAD)
+        assert found.head == AuditHead(number=ENTRIES, hash=HEAD)
 
 
 def test_a_migrated_store_takes_new_records(old: Place) -> None:
@@ -120,7 +120,7 @@ def test_a_migrated_store_takes_new_records(old: Place) -> None:
     with old.open() as store:
         assert kept in store.presses(target)
         assert [each.note for each in store.presses(target)].count("seen again") == 1
-        assert verify(store).sound
+        assert verify_store(store).sound
 
 
 def test_a_copy_of_the_old_file_stays_and_a_second_opening_changes_nothing(old_file: Place) -> None:
@@ -142,8 +142,8 @@ def test_a_program_that_is_killed_while_it_migrates_leaves_the_old_schema(old_fi
     assert ended.returncode == -signal.SIGKILL
     assert schema(old_file.folder) == OLD
     with old_file.open() as store:
-        assert verify(store).head == Head(number=ENTRIES, hash=HEAD)
-        assert verify(store).sound
+        assert verify_store(store).head == AuditHead(number=ENTRIES, hash=HEAD)
+        assert verify_store(store).sound
     assert schema(old_file.folder) == NEW
     assert schema(old_file.folder, COPY) == OLD
     assert sorted(path.name for path in old_file.folder.glob(".*")) == []
@@ -167,7 +167,7 @@ def test_a_step_that_fails_leaves_the_old_schema(old: Place, at: int, monkeypatc
     if old.database is None:
         assert schema(old.folder) == OLD
     with old.open() as store:
-        assert verify(store).sound
+        assert verify_store(store).sound
         assert len(store.presses(store.target(4))) == 2
 
 
@@ -193,7 +193,7 @@ def test_a_copy_that_cannot_be_finished_leaves_no_draft(
     assert schema(old_file.folder) == OLD
     assert list(old_file.folder.glob(".*")) == []
     with old_file.open() as store:
-        assert verify(store).sound
+        assert verify_store(store).sound
     assert schema(old_file.folder, COPY) == OLD
 
 
@@ -221,7 +221,7 @@ def test_programs_that_migrate_at_the_same_moment(old: Place) -> None:
         assert schema(old.folder, COPY) == OLD
     with old.open() as store:
         assert sorted(each.presses for each in store.targets()) == [2, 3, 3]
-        assert verify(store).sound
+        assert verify_store(store).sound
 
 
 def test_the_migrations_make_what_the_tables_say(place: Place) -> None:

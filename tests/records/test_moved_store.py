@@ -10,9 +10,9 @@ from tests.records.sample import WHEN, levels
 
 from tsis.model import TactileImage
 from tsis.model.errors import RecordsError
-from tsis.records import open_store, verify
+from tsis.records import open_store, verify_store
 from tsis.records.blobs import Blobs
-from tsis.records.database import FILE
+from tsis.records.database import DATABASE_FILE
 from tsis.records.store import FILES
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tsis.records import Store
-    from tsis.records.values import Press, Target
+    from tsis.records.values import StoredPress, Target
 
 MOVED = r"the store in '.*opened' was moved or replaced since it was opened; nothing was stored"
 
@@ -41,7 +41,7 @@ def store(folder: Path) -> Iterator[Store]:
 
 
 @pytest.fixture
-def held(store: Store) -> tuple[Target, Press]:
+def held(store: Store) -> tuple[Target, StoredPress]:
     target = store.add_target(name="before")
     return target, store.add_press(target, _image(1), taken=WHEN)
 
@@ -75,7 +75,7 @@ def _replaced_by_another_store(folder: Path) -> None:
 
 @pytest.mark.parametrize("end", [_renamed, _deleted, _emptied, _replaced_by_a_copy, _replaced_by_another_store])
 def test_nothing_is_acknowledged_once_the_folder_is_gone(
-    store: Store, held: tuple[Target, Press], folder: Path, end: Callable[[Path], None]
+    store: Store, held: tuple[Target, StoredPress], folder: Path, end: Callable[[Path], None]
 ) -> None:
     target, press = held
     end(folder)
@@ -89,7 +89,7 @@ def test_nothing_is_acknowledged_once_the_folder_is_gone(
     assert sorted(folder.rglob("*")) == files  # nor was anything left in what took its place
 
 
-def test_put_back_it_goes_on(store: Store, held: tuple[Target, Press], folder: Path) -> None:
+def test_put_back_it_goes_on(store: Store, held: tuple[Target, StoredPress], folder: Path) -> None:
     away = _away(folder)
     with pytest.raises(RecordsError, match=MOVED):
         store.edit_target(held[0], name="lost")
@@ -98,11 +98,11 @@ def test_put_back_it_goes_on(store: Store, held: tuple[Target, Press], folder: P
     assert store.edit_target(held[0], name="kept").name == "kept"
     with open_store(folder, create=False) as again:
         assert (again.target(1).name, len(again.presses(again.target(1)))) == ("kept", 2)
-        assert verify(again).sound
+        assert verify_store(again).sound
 
 
 def test_a_folder_that_goes_while_it_is_written_to_is_noticed_before_the_commit(
-    store: Store, held: tuple[Target, Press], folder: Path
+    store: Store, held: tuple[Target, StoredPress], folder: Path
 ) -> None:
     with pytest.raises(RecordsError, match=MOVED), store.database.writing():
         away = _away(folder)
@@ -111,13 +111,13 @@ def test_a_folder_that_goes_while_it_is_written_to_is_noticed_before_the_commit(
 
 
 def test_no_connection_is_kept_to_the_file_that_took_its_place(
-    store: Store, held: tuple[Target, Press], folder: Path
+    store: Store, held: tuple[Target, StoredPress], folder: Path
 ) -> None:
     away = _away(folder)
     folder.mkdir()
     with store.database.reading(), pytest.raises(RecordsError, match=MOVED), store.database.reading():
         pass  # the second needs a connection of its own
-    assert not (folder / FILE).exists()
+    assert not (folder / DATABASE_FILE).exists()
     folder.rmdir()
     away.rename(folder)
     with store.database.reading():
@@ -127,7 +127,7 @@ def test_no_connection_is_kept_to_the_file_that_took_its_place(
 
 
 def test_missing_files_are_told_and_their_folder_is_not_made_anew(
-    store: Store, held: tuple[Target, Press], folder: Path
+    store: Store, held: tuple[Target, StoredPress], folder: Path
 ) -> None:
     shutil.rmtree(folder / FILES)
     with pytest.raises(RecordsError, match="must be written into"):

@@ -15,7 +15,7 @@ from tests.records.sample import sample_dossier
 
 from tsis.model import Estimate
 from tsis.model.errors import FileInputError, InputError
-from tsis.records import Press, StoredEstimate, Target
+from tsis.records import StoredEstimate, StoredPress, Target
 from tsis.records.plain import (
     estimate_of_plain,
     estimate_to_plain,
@@ -83,7 +83,7 @@ def test_a_target_comes_back_bit_for_bit(target: Target) -> None:
 @SETTINGS
 @given(
     st.builds(
-        Press,
+        StoredPress,
         role=st.sampled_from(("target", "plain", "untouched", "ball")),
         taken=MOMENTS,
         frame=st.binary(min_size=32, max_size=32).map(bytes.hex),
@@ -104,7 +104,7 @@ def test_a_target_comes_back_bit_for_bit(target: Target) -> None:
         version=st.integers(1, 2**53),
     )
 )
-def test_a_press_comes_back_bit_for_bit(press: Press) -> None:
+def test_a_press_comes_back_bit_for_bit(press: StoredPress) -> None:
     assert_same(press, press_of_plain(through_json(press_to_plain(press))))
 
 

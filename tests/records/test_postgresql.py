@@ -17,7 +17,7 @@ from tests.records.sample import WHEN, levels
 
 from tsis.model import TactileImage
 from tsis.model.errors import MissingExtraError, RecordsError
-from tsis.records import engines, open_store, verify
+from tsis.records import engines, open_store, verify_store
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -79,7 +79,7 @@ def test_a_server_that_is_killed_while_saving_has_lost_nothing_that_was_acknowle
             stored = {press.id for press in store.presses(store.target(1))}
             assert acknowledged <= stored
             assert len(stored - acknowledged) <= 1
-            assert verify(store).sound
+            assert verify_store(store).sound
 
 
 def test_a_server_that_stops_is_one_sentence_and_the_store_goes_on_when_it_is_back(tmp_path: Path) -> None:
@@ -99,7 +99,7 @@ def test_a_server_that_stops_is_one_sentence_and_the_store_goes_on_when_it_is_ba
             own.start()
             kept = store.add_press(target, image(), taken=WHEN)
             assert store.presses(target) == (kept,)
-            assert verify(store).sound
+            assert verify_store(store).sound
 
 
 @pytest.mark.parametrize(
@@ -187,7 +187,7 @@ def test_a_server_whose_defaults_differ_is_written_to_all_the_same(tmp_path: Pat
         assert [each.presses for each in store.targets()] == [5, 5, 5]
         assert {press.force_n for each in store.targets() for press in store.presses(each.target)} == {1 / 3}
         assert store.target(1).name == "c:\\новый 'ñ'"
-        assert verify(store).sound
+        assert verify_store(store).sound
 
 
 def test_one_who_waits_too_long_for_another_is_told(
@@ -230,7 +230,7 @@ def test_presses_keep_their_order_whatever_the_collation(tmp_path: Path, postgre
             for seconds in offsets:
                 store.add_press(target, image(), taken=WHEN + timedelta(seconds=seconds, microseconds=seconds % 7))
             listed.append([press.taken for press in store.presses(target)])
-            assert verify(store).sound
+            assert verify_store(store).sound
     assert listed[0] == listed[1] == sorted(listed[0])
 
 
@@ -245,4 +245,4 @@ def test_the_audit_is_append_only(in_postgres: Store, database: str, statement: 
     in_postgres.add_target()
     with psycopg.connect(database) as other, pytest.raises(psycopg.errors.RaiseException, match="append-only"):
         other.execute(statement)
-    assert verify(in_postgres).sound
+    assert verify_store(in_postgres).sound

@@ -12,7 +12,7 @@ from tests.records.sample import WHEN, levels, sample_dossier
 
 from tsis.model import TactileImage
 from tsis.model.errors import RecordsError
-from tsis.records import open_store, tables, verify
+from tsis.records import open_store, tables, verify_store
 from tsis.records.dicom import dicom_files
 from tsis.records.export import csv_files, fhir_observations, read_bundle, write_bundle, write_hdf5, write_zarr
 from tsis.records.pseudonym import hidden, pseudonym, shown_identity
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
 
     from tests.records.place import Place
 
-    from tsis.records import Dossier, Store
+    from tsis.records import Store, TargetRecord
 
 
-def filled(store: Store) -> Dossier:
+def filled(store: Store) -> TargetRecord:
     target = store.add_target(name="size-10")
     store.add_press(target, TactileImage(grey=levels(0), full_scale=255.0, force_n=0.7), taken=WHEN)
     return store.dossier(target)
@@ -69,7 +69,7 @@ def test_no_export_holds_the_secret(tmp_path: Path) -> None:
         write_bundle(dossier, tmp_path / "out" / "bundle")
         write_hdf5(dossier, tmp_path / "out" / "one.h5")
         write_zarr(dossier, tmp_path / "out" / "one.zarr")
-        assert verify(store).sound
+        assert verify_store(store).sound
     contents = [path.read_bytes() for path in (tmp_path / "out").rglob("*") if path.is_file()]
     contents += csv_files(dossier).values()
     for identified in (False, True):
@@ -88,12 +88,12 @@ def test_an_older_store_gets_one_once_and_its_audit_says_so(place: Place) -> Non
     with place.open() as store:
         assert secret_of(store) is None
         (summary, *_) = store.targets()
-        first, head = store.dossier(summary.target), verify(store).head
-        assert verify(store).sound
+        first, head = store.dossier(summary.target), verify_store(store).head
+        assert verify_store(store).sound
         assert secret_of(store) is not None
     with place.open() as store:
         assert pseudonym(store.dossier(summary.target)) == pseudonym(first)
-        assert verify(store).head == head
+        assert verify_store(store).head == head
 
 
 def test_a_secret_that_was_taken_out_is_not_made_anew(tmp_path: Path) -> None:
@@ -104,7 +104,7 @@ def test_a_secret_that_was_taken_out_is_not_made_anew(tmp_path: Path) -> None:
                 connection.execute(change.where(tables.store.c.name == TERM))
             with pytest.raises(RecordsError, match="secret of the store, from which pseudonyms follow"):
                 store.dossier(store.target(1))
-            assert not verify(store).sound
+            assert not verify_store(store).sound
 
 
 def test_what_stands_for_an_identity_tells_kinds_apart() -> None:

@@ -19,7 +19,7 @@ from tests.records.tampered import fill
 
 from tsis.model import TactileImage
 from tsis.model.errors import RecordsError
-from tsis.records import open_store, verify
+from tsis.records import open_store, verify_store
 
 ROOT = Path(__file__).parents[2]
 READ = """
@@ -66,7 +66,7 @@ def test_it_is_read_and_verified_and_nothing_is_touched(sealed: Path, create: bo
         dossier = store.dossier(store.target(1))
         assert [dossier.levels(press).shape for press in dossier.presses] == [(16, 20)] * 4
         assert len(dossier.estimates) == 1
-        found = verify(store)
+        found = verify_store(store)
         assert (found.faults, found.notes) == ((), ())
         assert found.rows > 10
         with pytest.raises(RecordsError, match=r"to be added to.*copy the whole folder"):
@@ -80,7 +80,7 @@ def test_tampering_shows_there_as_well(sealed: Path) -> None:
     with closing(sqlite3.connect(sealed / "records.sqlite3")) as connection, connection:
         connection.execute("UPDATE presses SET force_n = 9")
     with open_store(sealed, create=False) as store:
-        assert any("this row is not as it was stored" in fault for fault in verify(store).faults)
+        assert any("this row is not as it was stored" in fault for fault in verify_store(store).faults)
 
 
 def test_what_is_in_the_log_is_seen(sealed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -95,7 +95,7 @@ def test_what_is_in_the_log_is_seen(sealed: Path, monkeypatch: pytest.MonkeyPatc
             assert store.target(target.number).name == "logged"
             later = writing.add_target()
             assert store.target(later.number) == later
-            assert verify(store).sound
+            assert verify_store(store).sound
 
 
 def test_a_store_of_an_old_schema_is_not_migrated_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -130,7 +130,7 @@ def read_on_a_medium(folder: Path, out: Path) -> dict[str, object]:
 def test_a_real_medium(tmp_path: Path) -> None:
     with open_store(tmp_path / "store") as store:
         fill(store, 1)
-        rows = verify(store).rows
+        rows = verify_store(store).rows
     before = content(tmp_path / "store")
     told = read_on_a_medium(tmp_path / "store", tmp_path / "bundle")
     assert (told["targets"], told["faults"], told["rows"]) == (1, [], rows)

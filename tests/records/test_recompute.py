@@ -17,8 +17,8 @@ from tsis.hardness.likelihood import DRIFT_SD
 from tsis.hardness.reading import BLUR_MM
 from tsis.model import Estimate, TactileImage
 from tsis.model.errors import InputError, RecordsError
-from tsis.records import environment, open_store, verify
-from tsis.records.estimation import taken_over
+from tsis.records import environment, open_store, verify_store
+from tsis.records.estimation import migrate_options
 from tsis.records.recompute import recompute
 
 if TYPE_CHECKING:
@@ -86,7 +86,7 @@ def test_another_estimator_is_told_with_how_far_it_moved_and_why(store: Store, m
     assert second.supersedes == first.id
     assert second.id == again.after.id
     assert second.environment["libraries"]["numpy"] == "99.1"
-    assert verify(store).sound
+    assert verify_store(store).sound
 
 
 def test_the_same_result_of_other_code_is_the_same_and_not_stored(
@@ -164,12 +164,12 @@ def test_a_press_that_is_no_longer_one_on_the_target_is_left_out(store: Store) -
 
 def test_a_dry_run_stores_nothing(store: Store, monkeypatch: pytest.MonkeyPatch) -> None:
     target = stored_object(store)
-    head = verify(store).head
+    head = verify_store(store).head
     changed_estimator(monkeypatch, by_kpa=5.0)
     (again,) = recompute(store, target, dry_run=True)
     assert not again.same
     assert not again.stored
-    assert verify(store).head == head
+    assert verify_store(store).head == head
 
 
 def test_a_calibration_that_expired_since_is_used_and_said(store: Store) -> None:
@@ -212,7 +212,7 @@ def test_every_field_of_todays_prior_is_taken_over() -> None:
     from tsis.inclusion import InclusionPrior
 
     options = {"prior": asdict(InclusionPrior(tissue_young_kpa=6.0))}
-    assert taken_over("inclusion", options) == (options, ())
+    assert migrate_options("inclusion", options) == (options, ())
 
 
 def test_wrong_values_of_a_stored_prior_are_one_sentence(store: Store) -> None:

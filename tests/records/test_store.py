@@ -17,10 +17,10 @@ from hypothesis.extra import numpy as arrays
 from sqlalchemy import insert, select
 from tests.records.sample import WHEN, levels, sample_calibration, sample_dossier, sample_estimate
 
-from tsis.calibration.file import identity
+from tsis.calibration.file import calibration_sha256
 from tsis.model import TactileImage
 from tsis.model.errors import InputError, RecordsError
-from tsis.records import engines, environment, open_store, tables, verify
+from tsis.records import engines, environment, open_store, tables, verify_store
 from tsis.report.page import html
 from tsis.report.target import target_page
 
@@ -62,9 +62,9 @@ def test_a_press_comes_back_after_reopening(place: Place) -> None:
         (press,) = store.presses(store.target(1))
         assert press == kept
         np.testing.assert_array_equal(store.levels(press.frame), levels(0, full_scale=4095.0))
-        assert identity(store.calibration(press.calibration or "")) == identity(known)
+        assert calibration_sha256(store.calibration(press.calibration or "")) == calibration_sha256(known)
         assert store.target(1) == target
-        assert verify(store).sound
+        assert verify_store(store).sound
 
 
 @settings(max_examples=30, suppress_health_check=[HealthCheck.function_scoped_fixture])
@@ -97,7 +97,7 @@ def test_an_estimate_comes_back_with_every_sample(store: Store) -> None:
     assert found.estimates[0].environment == environment()
     for name, values in made.samples.items():
         np.testing.assert_array_equal(found.estimates[0].estimate.samples[name], values)
-    assert list(found.calibrations) == [identity(known)]
+    assert list(found.calibrations) == [calibration_sha256(known)]
     assert found.image(found.presses[1]).force_n == 0.7
 
 
@@ -141,7 +141,7 @@ def test_two_that_write_at_once_both_keep_everything(place: Place) -> None:
         thread.join()
     with place.open() as store:
         assert [each.presses for each in store.targets()] == [8, 8, 8]
-        assert verify(store).sound
+        assert verify_store(store).sound
 
 
 def test_a_number_is_taken_once(store: Store) -> None:
@@ -225,7 +225,7 @@ def test_text_and_numbers_come_back_exactly(
     (found,) = store.presses(target)
     assert found == kept
     assert (found.force_n, found.axis_px, found.note, dict(found.settings)) == (force, axis, note, free)
-    assert verify(store).sound
+    assert verify_store(store).sound
 
 
 def test_what_a_database_cannot_hold_is_one_sentence_and_nothing_is_stored(store: Store) -> None:
@@ -234,7 +234,7 @@ def test_what_a_database_cannot_hold_is_one_sentence_and_nothing_is_stored(store
         with pytest.raises(InputError, match="must be printable"):
             store.add_press(target, small_image(), taken=WHEN, **values)
     assert store.presses(target) == ()
-    assert verify(store).sound
+    assert verify_store(store).sound
 
 
 @pytest.mark.parametrize("name", ["half a letter \udcff", "a\0b"])
@@ -248,7 +248,7 @@ def test_an_estimate_of_an_unspeakable_probe_is_one_sentence(store: Store, name:
         connection.execute(insert(tables.store).values(name=name, value=b"\xff".decode("utf-8", "surrogateescape")))
     assert "\n" not in str(caught.value)
     assert store.estimates(target) == ()
-    assert verify(store).sound
+    assert verify_store(store).sound
 
 
 def test_huge_settings_come_back(store: Store) -> None:
@@ -257,7 +257,7 @@ def test_huge_settings_come_back(store: Store) -> None:
     store.add_press(target, small_image(settings=free), taken=WHEN)
     (found,) = store.presses(target)
     assert found.settings == free
-    assert verify(store).sound
+    assert verify_store(store).sound
 
 
 @pytest.mark.parametrize(

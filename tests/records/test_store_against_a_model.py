@@ -18,7 +18,7 @@ from tests.records.sample import WHEN, sample_calibration, sample_estimate
 
 from tsis.model import TactileImage
 from tsis.model.errors import InputError, StaleRecordError
-from tsis.records import Press, StoredEstimate, Target, open_store, verify
+from tsis.records import StoredEstimate, StoredPress, Target, open_store, verify_store
 
 WORDS = st.text(st.characters(categories=("L", "N", "P", "S")), max_size=8)
 CALIBRATIONS = tuple(replace(sample_calibration(), name=name) for name in ("one", "two"))
@@ -29,7 +29,7 @@ class Held:
     """What the model knows of a target."""
 
     target: Target
-    presses: dict[str, tuple[Press, np.ndarray[Any, Any]]] = field(default_factory=dict)
+    presses: dict[str, tuple[StoredPress, np.ndarray[Any, Any]]] = field(default_factory=dict)
     estimates: list[StoredEstimate] = field(default_factory=list)
 
 
@@ -71,7 +71,9 @@ class StoreMachine(RuleBasedStateMachine):
         note=WORDS,
         force=st.none() | st.floats(0, 100),
     )
-    def add_press(self, of: Target, seed: int, seconds: int, calibration: Any, note: str, force: float | None) -> Press:
+    def add_press(
+        self, of: Target, seed: int, seconds: int, calibration: Any, note: str, force: float | None
+    ) -> StoredPress:
         grey = np.random.default_rng(seed).integers(0, 256, (3, 4))
         image = TactileImage(grey=grey.astype(float), full_scale=255.0, force_n=force, settings={"seed": seed})
         taken = WHEN + timedelta(seconds=seconds)
@@ -110,7 +112,7 @@ class StoreMachine(RuleBasedStateMachine):
         return held.target
 
     @rule(target=presses, of=consumes(presses), force=st.floats(0, 9), flags=st.lists(WORDS, max_size=2).map(tuple))
-    def edit_press(self, of: Press, force: float, flags: tuple[str, ...]) -> Any:
+    def edit_press(self, of: StoredPress, force: float, flags: tuple[str, ...]) -> Any:
         held = self.held[of.target].presses
         edited = self.store.edit_press(of, force_n=force, flags=flags)
         held[of.id] = (edited, held[of.id][1])
@@ -125,7 +127,7 @@ class StoreMachine(RuleBasedStateMachine):
 
     @rule()
     def verify(self) -> None:
-        found = verify(self.store)
+        found = verify_store(self.store)
         assert found.faults == ()
         assert (found.unnamed, found.unanchored) == (0, 0)
 

@@ -13,17 +13,17 @@ from sqlalchemy import select
 from tests.records.sample import sample_dossier
 
 from tsis.model.errors import RecordsError
-from tsis.records import open_store, tables, verify
+from tsis.records import open_store, tables, verify_store
 from tsis.records.export import read_bundle, write_bundle
 from tsis.records.plain import estimate_to_plain, press_to_plain, target_to_plain
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.records import Dossier, Store
+    from tsis.records import Store, TargetRecord
 
 
-def require_equal(one: Dossier, other: Dossier, *, but_frames: bool = False) -> None:
+def require_equal(one: TargetRecord, other: TargetRecord, *, but_frames: bool = False) -> None:
     assert target_to_plain(one.target) == target_to_plain(other.target)
     for mine, theirs in zip(one.presses, other.presses, strict=True):
         np.testing.assert_array_equal(one.levels(mine), other.levels(theirs))
@@ -42,7 +42,7 @@ def test_everything_keeps_its_identity_and_value(store: Store, full_scale: float
     taken = store.take_in(given)
     assert (taken.new, taken.presses, taken.estimates, taken.present, taken.differing) == (True, 4, 1, 0, 0)
     require_equal(given, store.dossier(store.target(3)), but_frames=True)
-    found = verify(store)
+    found = verify_store(store)
     assert found.sound
     assert found.unnamed == 0
 
@@ -53,15 +53,15 @@ def test_a_bundle_of_one_store_is_the_same_target_in_another(tmp_path: Path, sto
     with open_store(tmp_path / "other") as other:
         taken = other.take_in(read_bundle(tmp_path / "target-3.zip"))
         require_equal(store.dossier(target), other.dossier(taken.target))
-        assert verify(other).sound
+        assert verify_store(other).sound
 
 
 def test_a_second_time_nothing_is_added(store: Store) -> None:
     store.take_in(sample_dossier())
-    before = verify(store).head
+    before = verify_store(store).head
     taken = store.take_in(sample_dossier())
     assert (taken.new, taken.presses, taken.estimates, taken.present) == (False, 0, 0, 5)
-    assert verify(store).head == before
+    assert verify_store(store).head == before
 
 
 def test_what_came_later_finds_its_place_and_what_was_edited_here_stays(store: Store) -> None:
@@ -73,7 +73,7 @@ def test_what_came_later_finds_its_place_and_what_was_edited_here_stays(store: S
     assert (taken.new, taken.presses, taken.estimates, taken.present, taken.differing) == (False, 1, 1, 3, 1)
     assert taken.target.name == "mine"
     assert [press.force_n for press in store.presses(store.target(3))] == [0.75, 1.0, 0.7, 1.0]
-    assert verify(store).sound
+    assert verify_store(store).sound
 
 
 def test_frames_that_another_library_packed_otherwise_are_the_same(
@@ -86,7 +86,7 @@ def test_frames_that_another_library_packed_otherwise_are_the_same(
     monkeypatch.setattr("tsis.records.frame_file.QUICK", [cv2.IMWRITE_PNG_COMPRESSION, 9])
     taken = store.take_in(given)
     assert (taken.new, taken.presses, taken.present, taken.differing) == (False, 0, 5, 0)
-    assert verify(store).unnamed == 0
+    assert verify_store(store).unnamed == 0
     with open_store(tmp_path / "other") as other:
         first = other.take_in(given)
         monkeypatch.setattr("tsis.records.frame_file.QUICK", [cv2.IMWRITE_PNG_COMPRESSION, 1])
@@ -95,7 +95,7 @@ def test_frames_that_another_library_packed_otherwise_are_the_same(
         )
         again = other.take_in(given)
         assert (again.presses, again.present, again.differing) == (0, 5, 0)
-        found = verify(other)
+        found = verify_store(other)
         assert (found.sound, found.unnamed) == (True, 0)
         require_equal(given, other.dossier(first.target), but_frames=True)
 
@@ -146,7 +146,7 @@ def test_all_of_it_or_nothing(store: Store) -> None:
     with pytest.raises(RecordsError):
         store.take_in(replace(given, estimates=(replace(estimate, supersedes="of another store"),)))
     assert store.targets() == ()
-    assert verify(store).sound
+    assert verify_store(store).sound
 
 
 def test_an_identity_that_is_another_targets_here_is_refused(store: Store) -> None:

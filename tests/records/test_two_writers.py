@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tsis.records import verify
+from tsis.records import verify_store
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -47,7 +47,7 @@ def test_four_programs_that_create_and_fill_a_store_at_once(place: Place) -> Non
     with place.open(create=False) as store:
         targets = [each.target for each in store.targets()]
         assert {press.id for target in targets for press in store.presses(target)} == acknowledged
-        found = verify(store)
+        found = verify_store(store)
     assert found.sound
     assert found.unnamed == 0
 
@@ -69,6 +69,6 @@ def test_programs_killed_while_they_save_lose_nothing_that_was_acknowledged(plac
         stored = {press.id for target in targets for press in store.presses(target)}
         assert acknowledged <= stored
         assert len(stored - acknowledged) <= 3  # each may have been killed before it could say so
-        assert verify(store).sound
+        assert verify_store(store).sound
         store.add_target()
-        assert verify(store).sound
+        assert verify_store(store).sound

@@ -19,7 +19,7 @@ from tests.records.tampered import Judgement, fill, judged, make_stores, tampere
 from tests.records.tamperings import KINDS
 
 from tsis.model.errors import RecordsError, TsisError
-from tsis.records import open_store, verify
+from tsis.records import open_store, verify_store
 from tsis.records.audit import has_entry
 
 if TYPE_CHECKING:
@@ -80,7 +80,7 @@ def test_every_column_is_watched(template: Stores, tmp_path: Path, table: str) -
             change = f'UPDATE {table} SET "{name}" = ? WHERE rowid = (SELECT rowid FROM {table} WHERE id = ?)'
             connection.execute(change, (other, first["id"]))
         with open_store(tmp_path / "store") as store:
-            assert any(table in fault for fault in verify(store).faults), name
+            assert any(table in fault for fault in verify_store(store).faults), name
         with closing(sqlite3.connect(tmp_path / "store" / "records.sqlite3")) as connection, connection:
             shown = first["id"] if name != "id" else other
             connection.execute(f'UPDATE {table} SET "{name}" = ? WHERE id = ?', (value, shown))
@@ -94,7 +94,7 @@ def test_nothing_is_added_to_an_audit_that_was_rewritten(template: Stores, tmp_p
     with open_store(stores.store) as store:
         with pytest.raises(RecordsError, match="it was cut off or rewritten"):
             store.add_target()
-        assert not verify(store).sound
+        assert not verify_store(store).sound
     assert (stores.store / "audit-anchor.json").read_bytes() == before
 
 
@@ -111,11 +111,11 @@ def test_the_head_that_was_written_down_shows_that_all_was_put_back(template: St
     """The whole folder, anchor and all, is the one thing that a store cannot know of itself."""
     shutil.copytree(template.store, tmp_path / "store")
     with open_store(tmp_path / "store") as store:
-        written_down = verify(store).head
+        written_down = verify_store(store).head
     shutil.rmtree(tmp_path / "store")
     shutil.copytree(template.earlier, tmp_path / "store")
     with open_store(tmp_path / "store") as store:
-        found = verify(store)
+        found = verify_store(store)
         assert found.sound
         assert found.head.number < written_down.number
         with store.database.reading() as connection:
@@ -128,11 +128,11 @@ def test_a_lost_anchor_leaves_a_trace(template: Stores, tmp_path: Path) -> None:
     shutil.copytree(template.store, folder)
     (folder / "audit-anchor.json").unlink()
     with open_store(folder, actor="me") as store:
-        lost = verify(store)
+        lost = verify_store(store)
         assert not lost.sound
         store.add_target()
         store.add_target()
-        found = verify(store)
+        found = verify_store(store)
         assert found.sound
         assert found.head.number == lost.head.number + 3  # two targets, and once that it was missing
         (note,) = found.notes
@@ -146,7 +146,7 @@ def test_a_damaged_anchor_is_told_and_nothing_is_added(template: Stores, tmp_pat
     shutil.copytree(template.store, folder)
     (folder / "audit-anchor.json").write_text(content)
     with open_store(folder, create=False) as store:
-        assert any("the anchor of the audit" in fault for fault in verify(store).faults)
+        assert any("the anchor of the audit" in fault for fault in verify_store(store).faults)
         assert store.targets()
         before = len(store.targets())
         with pytest.raises(RecordsError, match=r"must be there and whole.*move it away") as caught:
@@ -155,8 +155,8 @@ def test_a_damaged_anchor_is_told_and_nothing_is_added(template: Stores, tmp_pat
         assert len(store.targets()) == before
         (folder / "audit-anchor.json").unlink()
         store.add_target()
-        assert verify(store).sound
-        assert len(verify(store).notes) == 1
+        assert verify_store(store).sound
+        assert len(verify_store(store).notes) == 1
 
 
 def test_without_the_audits_head_nothing_is_added(template: Stores, tmp_path: Path) -> None:
@@ -166,7 +166,7 @@ def test_without_the_audits_head_nothing_is_added(template: Stores, tmp_path: Pa
     with open_store(tmp_path / "store") as store:
         with pytest.raises(RecordsError, match=r"which entry of the audit is the last.*tsis records verify"):
             store.add_target()
-        assert any("the audit must end at" in fault for fault in verify(store).faults)
+        assert any("the audit must end at" in fault for fault in verify_store(store).faults)
 
 
 @pytest.mark.parametrize("also", [(), ("DELETE FROM audit_head",)])
@@ -189,18 +189,18 @@ def test_an_edit_does_not_vouch_for_what_was_tampered_with(template: Stores, tmp
         (press, *_) = store.presses(store.target(1))
         with pytest.raises(RecordsError, match="changed behind the program's back"):
             store.edit_press(press, note="x")
-        assert any(press.id in fault for fault in verify(store).faults)
+        assert any(press.id in fault for fault in verify_store(store).faults)
 
 
 def test_the_hashes_are_what_the_documentation_says(template: Stores, tmp_path: Path) -> None:
     """A chain that another program writes anew from the same entries ends in the same hash."""
     shutil.copytree(template.store, tmp_path / "store")
     with open_store(tmp_path / "store") as store:
-        head = verify(store).head
+        head = verify_store(store).head
     with forging(tmp_path / "store", random.Random(1)) as forger:
         forger.rechain(forger.rows("audit"))
     with open_store(tmp_path / "store") as store:
-        found = verify(store)
+        found = verify_store(store)
     assert found.sound
     assert found.head == head
 
@@ -249,7 +249,7 @@ def test_who_verifies_while_another_writes_sees_one_state(tmp_path: Path) -> Non
     heads = []
     with open_store(tmp_path) as store:
         while not done.is_set():
-            found = verify(store)
+            found = verify_store(store)
             assert found.faults == ()
             heads.append(found.head.number)
     writer.join()
@@ -287,13 +287,13 @@ def test_tampering_in_postgresql_is_found(tmp_path: Path, postgres: Server, stat
     assert place.database is not None
     with place.open() as store:
         fill(store, 1)
-        assert verify(store).sound
+        assert verify_store(store).sound
     with psycopg.connect(place.database, autocommit=True) as other:
         for statement in statements:
             other.execute(statement)
     try:
         with place.open(create=False) as store:
-            sentences = verify(store).faults
+            sentences = verify_store(store).faults
     except RecordsError as error:
         sentences = (str(error),)
     assert any(said in sentence for sentence in sentences), sentences

@@ -10,9 +10,9 @@ from benchmarks.calibration_force import PROBE, SENSOR
 from tests.report.test_pages import Reader
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.calibration.file import identity
+from tsis.calibration.file import calibration_sha256
 from tsis.calibration.response.value import Saturation
-from tsis.calibration.session import SessionFolder, SessionTerms, calibrate
+from tsis.calibration.session import SessionFolder, SessionSetup, calibrate
 from tsis.report.calibration import (
     calibration_document,
     calibration_notes,
@@ -25,18 +25,18 @@ from tsis.virtual.calibration_bench import VirtualBench
 
 if TYPE_CHECKING:
     from tsis.calibration.file import ProbeCalibration
-    from tsis.calibration.session import SessionFindings
+    from tsis.calibration.session import SessionResult
 
 BEGAN = datetime(2026, 11, 22, 10, 0, tzinfo=UTC)
 HOSTILE = "<script>alert(1)</script> [bold]"
 
 
 @pytest.fixture(scope="module")
-def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[ProbeCalibration, SessionFindings]:
+def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[ProbeCalibration, SessionResult]:
     bench = VirtualBench(PROBE, rng=np.random.default_rng(6), sensor=SENSOR, pitch_mm=1.5)
     session = SessionFolder(tmp_path_factory.mktemp("report") / "frames")
     session.begin(
-        SessionTerms(
+        SessionSetup(
             name=HOSTILE,
             probe=PROBE.name,
             camera="small",
@@ -52,7 +52,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> tuple[ProbeCalibration, Se
     return calibrate(session, days=10)
 
 
-def test_the_page_is_whole_and_safe(made: tuple[ProbeCalibration, SessionFindings]) -> None:
+def test_the_page_is_whole_and_safe(made: tuple[ProbeCalibration, SessionResult]) -> None:
     page = calibration_report(*made, provenance={"session": HOSTILE})
     read = Reader(page)
     assert "script" not in read.tags
@@ -68,7 +68,7 @@ def test_the_page_is_whole_and_safe(made: tuple[ProbeCalibration, SessionFinding
     assert "2026-12-02" in text
 
 
-def test_the_rows_hold_what_was_measured(made: tuple[ProbeCalibration, SessionFindings]) -> None:
+def test_the_rows_hold_what_was_measured(made: tuple[ProbeCalibration, SessionResult]) -> None:
     known, findings = made
     rows = {name: (value, interval) for name, value, interval in calibration_rows(known, findings)}
     assert known.force_line is not None
@@ -79,7 +79,7 @@ def test_the_rows_hold_what_was_measured(made: tuple[ProbeCalibration, SessionFi
     assert rows["setting gain"][0] == "3"
     assert rows["made"][0] == "2026-11-22 10:00"
     assert rows["good until"][0] == "2026-12-02"
-    assert rows["identity"][0] == identity(known)[:12]
+    assert rows["identity"][0] == calibration_sha256(known)[:12]
     hysteresis = findings.line.hysteresis
     assert hysteresis is not None
     assert float(rows["hysteresis"][0].split()[0]) == pytest.approx(100 * hysteresis.value, abs=0.006)
@@ -90,7 +90,7 @@ def test_the_rows_hold_what_was_measured(made: tuple[ProbeCalibration, SessionFi
     assert (simulated["made"], simulated["good until"]) == ("simulated", "does not age")
 
 
-def test_programs_read_the_same(made: tuple[ProbeCalibration, SessionFindings]) -> None:
+def test_programs_read_the_same(made: tuple[ProbeCalibration, SessionResult]) -> None:
     known, findings = made
     document = calibration_document(known, findings, provenance={})
     assert known.scale is not None
@@ -100,11 +100,11 @@ def test_programs_read_the_same(made: tuple[ProbeCalibration, SessionFindings]) 
         "interval_95": list(known.scale.mm_per_pixel_y.interval()),
         "unit": known.scale.mm_per_pixel_y.unit,
     }
-    assert document["sha256"] == identity(known)
+    assert document["sha256"] == calibration_sha256(known)
     assert document["expires"] == "2026-12-02T10:00:00+00:00"
 
 
-def test_the_notes_say_what_was_not_measured(made: tuple[ProbeCalibration, SessionFindings]) -> None:
+def test_the_notes_say_what_was_not_measured(made: tuple[ProbeCalibration, SessionResult]) -> None:
     known, findings = made
     whole = " ".join(calibration_notes(known, findings))
     assert known.reference is not None
@@ -136,7 +136,7 @@ def test_the_notes_say_what_was_not_measured(made: tuple[ProbeCalibration, Sessi
     assert rows["saturation"].endswith("to open above")
 
 
-def test_the_sheet_shows_every_row_and_none_without_one(made: tuple[ProbeCalibration, SessionFindings]) -> None:
+def test_the_sheet_shows_every_row_and_none_without_one(made: tuple[ProbeCalibration, SessionResult]) -> None:
     known, _ = made
     rows = {row[0]: row[1:] for row in specification_rows(known)}
     assert rows["frame rate"][0].startswith("30 1/s")

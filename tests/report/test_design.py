@@ -6,7 +6,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from tsis import load_probe
-from tsis.inclusion import InclusionPrior, compare, protocol_of
+from tsis.inclusion import InclusionPrior, compare_designs, protocol_of
 from tsis.model.errors import InputError
 from tsis.report.design import HEADINGS, design_document, design_page, design_rows
 from tsis.report.design_question import DesignAnswer, DesignQuestion, answered, compared_designs, design_calibration
@@ -32,7 +32,7 @@ def test_designs_come_in_the_order_of_the_criterion(answer: DesignAnswer) -> Non
 
 def test_the_planned_design_is_that_of_the_library(answer: DesignAnswer) -> None:
     once = protocol_of(load_probe("tsis-2011"), (0.8,))
-    (alone,) = compare([once], of=once.probe, prior=InclusionPrior(), calibration=design_calibration())
+    (alone,) = compare_designs([once], of=once.probe, prior=InclusionPrior(), calibration=design_calibration())
     assert answer.planned.information.rmse == pytest.approx(alone.information.rmse)
 
 

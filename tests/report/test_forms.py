@@ -12,7 +12,7 @@ from tests.records.sample import sample_dossier
 from tsis.model.errors import FileInputError
 from tsis.records.export import fhir_observations
 from tsis.report import target_page
-from tsis.report.forms import ENDINGS, MASKED, PAGES, require_free, write_form
+from tsis.report.forms import ENDINGS, MASKED, PAGES, require_absent, write_form
 from tsis.report.page import html
 
 if TYPE_CHECKING:
@@ -41,11 +41,11 @@ def test_nothing_is_written_over(tmp_path: Path) -> None:
     link.symlink_to(tmp_path / "nowhere")
     for path in (taken, link, tmp_path, tmp_path / ".."):
         with pytest.raises(FileInputError, match="must be a new name"):
-            require_free(path)
+            require_absent(path)
     with pytest.raises(FileInputError):
         write_form("html", sample_dossier(), taken, identified=False)
     assert taken.read_text() == "mine"
-    require_free(tmp_path / "new")
+    require_absent(tmp_path / "new")
 
 
 def test_forms_that_mask_or_are_pages_are_forms() -> None:

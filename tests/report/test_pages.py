@@ -16,8 +16,8 @@ from tsis.cli.estimate_output import estimate_table
 from tsis.inclusion import InclusionPrior
 from tsis.plots import ring_profile
 from tsis.report import contact_report, inclusion_report
-from tsis.report.contact import find, finding_notes
-from tsis.report.document import estimate_document, json_bytes, shown_probability, spread
+from tsis.report.contact import analyse_image, finding_notes
+from tsis.report.document import estimate_document, json_bytes, probability_text, sd_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -154,7 +154,7 @@ def test_pages_are_whole_and_safe(an_estimate: Estimate, with_reference: bool) -
 
 
 def test_a_contact_page_of_hostile_names_is_safe() -> None:
-    finding = find(a_press(HOSTILE, 40.0), a_press("untouched", 0.0), invert=False)
+    finding = analyse_image(a_press(HOSTILE, 40.0), a_press("untouched", 0.0), invert=False)
     page = contact_report([finding], refused=[("force", "needs <b>something</b>")], provenance={"a": [{"b": HOSTILE}]})
     read = Reader(page)
     assert "script" not in read.tags
@@ -186,7 +186,7 @@ def test_nan_never_reaches_a_file() -> None:
 
 @pytest.mark.parametrize(("value", "words"), [(0.05642, "0.056"), (99.4, "99"), (159.8, "160"), (1e9, "1e+09")])
 def test_a_spread_has_two_digits(value: float, words: str) -> None:
-    assert spread(value) == words
+    assert sd_text(value) == words
 
 
 @pytest.mark.parametrize(
@@ -194,7 +194,7 @@ def test_a_spread_has_two_digits(value: float, words: str) -> None:
     [(1.0, "above 0.999"), (0.99905, "above 0.999"), (0.97512, "0.975"), (1e-9, "below 0.001"), (0.002, "0.002")],
 )
 def test_no_probability_is_shown_as_certain(value: float, words: str) -> None:
-    assert shown_probability(value) == words
+    assert probability_text(value) == words
 
 
 @pytest.mark.parametrize("sign", [1, -1])
@@ -205,6 +205,6 @@ def test_light_that_changes_the_other_way_is_noted(sign: int, *, invert: bool) -
     radius = np.hypot(x - 192, y - 123)
     change = sign * (60.0 * (radius < 30) - 20.0 * ((radius >= 30) & (radius < 60)))
     untouched = TactileImage(grey=np.full(change.shape, 120.0))
-    finding = find(TactileImage(grey=untouched.grey + change, name="press"), untouched, invert=invert)
+    finding = analyse_image(TactileImage(grey=untouched.grey + change, name="press"), untouched, invert=invert)
     wrong = (sign > 0) == invert
     assert ("by 60 against 20 grey levels" in " ".join(finding_notes(finding))) == wrong

@@ -11,7 +11,7 @@ from matplotlib.ft2font import FT2Font
 from reportlab.platypus import Paragraph
 
 from tsis.report.paper_style import CODE, NOTE
-from tsis.report.paper_text import BOLD, MONO, SANS, in_drawn_order, markup, pieces, shown, width
+from tsis.report.paper_text import BOLD, MONO, SANS, drawable_text, in_drawn_order, markup, pieces, width
 
 TEXTS = st.text(alphabet=st.characters(), max_size=80)  # control characters and lone surrogates too
 GLYPHS = {
@@ -23,19 +23,19 @@ GLYPHS = {
 
 @given(TEXTS, st.sampled_from([SANS, BOLD, MONO]))
 def test_only_what_the_font_holds_is_drawn(text: str, font: str) -> None:
-    assert all(ord(letter) in GLYPHS[font] for letter in shown(text, font).replace("\n", ""))
+    assert all(ord(letter) in GLYPHS[font] for letter in drawable_text(text, font).replace("\n", ""))
 
 
 @given(TEXTS)
 def test_markup_says_the_text_and_nothing_else(text: str) -> None:
     read = ElementTree.fromstring(f"<p>{markup(text)}</p>")
     assert {each.tag for each in read.iter()} <= {"p", "br"}
-    assert (read.text or "") + "".join("\n" + (each.tail or "") for each in read) == shown(text)
+    assert (read.text or "") + "".join("\n" + (each.tail or "") for each in read) == drawable_text(text)
 
 
 @pytest.mark.parametrize("text", ["²", "± µ – × ° …", "Łukasz Ångström", "Ωμέγα", "Жук", "m² → mm"])
 def test_letters_of_laboratories_are_drawn_as_they_are(text: str) -> None:
-    assert shown(text) == shown(text, BOLD) == shown(text, MONO) == text
+    assert drawable_text(text) == drawable_text(text, BOLD) == drawable_text(text, MONO) == text
 
 
 @pytest.mark.parametrize(
@@ -50,14 +50,14 @@ def test_letters_of_laboratories_are_drawn_as_they_are(text: str) -> None:
     ],
 )
 def test_what_cannot_be_drawn_is_named(text: str, drawn: str) -> None:
-    assert shown(text) == drawn
+    assert drawable_text(text) == drawn
 
 
 @given(TEXTS, st.sampled_from([NOTE, CODE]), st.floats(30, 500), st.integers(1, 40))
 def test_pieces_hold_the_whole_text_and_are_as_low_as_promised(
     text: str, kind: object, within: float, lines: int
 ) -> None:
-    drawn = shown(text, kind.fontName)  # type: ignore[attr-defined]
+    drawn = drawable_text(text, kind.fontName)  # type: ignore[attr-defined]
     cut = list(pieces(drawn, kind.fontName, kind.fontSize, within=within, lines=lines))  # type: ignore[attr-defined]
     assert "".join(cut) == drawn
     for piece in cut:

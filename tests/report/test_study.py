@@ -15,7 +15,7 @@ from tsis.model.errors import FileInputError
 from tsis.report.page import html
 from tsis.report.study import study_files, study_page
 from tsis.report.study_publishing import publish_study
-from tsis.study import analyse, open_study, unblind, verify
+from tsis.study import analyse, open_study, unblind, verify_study
 from tsis.study.table import import_table
 
 if TYPE_CHECKING:
@@ -147,16 +147,16 @@ def test_a_report_is_entered_with_its_hashes_and_found_when_it_is_changed(tmp_pa
         "report.html",
         "report.pdf",
     ]
-    assert verify(study.folder).sound
+    assert verify_study(study.folder).sound
     (done.folder / "report.html").write_bytes(b"better")
-    assert [fault.file for fault in verify(study.folder).faults] == ["analysis/report.html"]
+    assert [fault.file for fault in verify_study(study.folder).faults] == ["analysis/report.html"]
 
 
 def test_the_name_of_a_report_that_is_gone_is_not_given_again(tmp_path: Path) -> None:
     done = publish_study(read_study(tmp_path), by="Ada")
     shutil.rmtree(done.folder)
     assert publish_study(done.study, by="Ada").folder.name == "analysis-2"
-    assert {fault.file.split("/")[0] for fault in verify(done.study.folder).faults} == {"analysis"}
+    assert {fault.file.split("/")[0] for fault in verify_study(done.study.folder).faults} == {"analysis"}
 
 
 def test_a_report_elsewhere_is_entered_without_its_place(tmp_path: Path) -> None:

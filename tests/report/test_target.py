@@ -17,7 +17,7 @@ from tsis import Estimate
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.calibration.guard import FLAGS
 from tsis.model.errors import RecordsError
-from tsis.records import Dossier, StoredEstimate
+from tsis.records import StoredEstimate, TargetRecord
 from tsis.report import target_page
 from tsis.report.page import Page, Table, html
 from tsis.report.pdf import pdf
@@ -45,7 +45,7 @@ def pictures(page: Page) -> list[str]:
     return [picture.title for picture in page.pictures]
 
 
-def other_presses(dossier: Dossier, **changes: Any) -> Dossier:
+def other_presses(dossier: TargetRecord, **changes: Any) -> TargetRecord:
     return replace(dossier, presses=tuple(replace(press, **changes) for press in dossier.presses))
 
 
@@ -121,7 +121,7 @@ def unreadable(name: str) -> NDArray[Any]:
     raise RecordsError(f"frame {name[:4]} must be what was stored; got other bytes (restore it from a copy)")
 
 
-def poor_dossiers() -> dict[str, Dossier]:
+def poor_dossiers() -> dict[str, TargetRecord]:
     """Targets of which much is not known."""
     whole = sample_dossier(estimated=False)
     bare = other_presses(whole, mm_per_pixel=None, force_n=None, calibration=None, probe="", name="")
@@ -187,7 +187,7 @@ def test_the_prior_that_was_used_is_drawn(known_from: str) -> None:
     assert (low, high) == pytest.approx((4.0, 9.0), abs=0.2)
 
 
-def hardness_dossier() -> Dossier:
+def hardness_dossier() -> TargetRecord:
     dossier = sample_dossier()
     estimate = Estimate(
         samples={"young_kpa": np.random.default_rng(0).normal(300, 20, 400)},
@@ -264,7 +264,7 @@ def test_both_kinds_of_estimate_are_in_force() -> None:
     assert target_page(replace(dossier, estimates=(*dossier.estimates, newer))).cards[0].title.startswith("Young")
 
 
-def hostile_dossier() -> Dossier:
+def hostile_dossier() -> TargetRecord:
     dossier = sample_dossier()
     stored = dossier.estimates[0]
     estimate = replace(stored.estimate, notes=(HOSTILE,), provenance={HOSTILE: [{HOSTILE: HOSTILE}]})

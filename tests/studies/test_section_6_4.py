@@ -19,7 +19,7 @@ import tsis
 from tsis.detection import newcombe_interval
 from tsis.mechanics import press
 from tsis.virtual import VirtualProbe
-from tsis.virtual.probe import FINE
+from tsis.virtual.probe import FINE_RESOLUTION
 
 
 def test_what_the_printed_numbers_can_mean_is_so_for_every_ranking_of_eight_and_eight() -> None:
@@ -65,8 +65,8 @@ def test_a_press_between_those_solved_is_as_one_solved_there(probe: str, force: 
     name, log_softer, other = "detection-7", 0.083, 0.975 * force
     found = between(probe, name, nominal_n=force, log_softer=log_softer, force_n=other)
     phantom = scaled(tsis.load_phantom(name), np.exp(log_softer))
-    direct = press(tsis.load_probe(probe), phantom, force_n=other, resolution=FINE)
-    plain = press(tsis.load_probe(probe), phantom.without_inclusion(), force_n=other, resolution=FINE)
+    direct = press(tsis.load_probe(probe), phantom, force_n=other, resolution=FINE_RESOLUTION)
+    plain = press(tsis.load_probe(probe), phantom.without_inclusion(), force_n=other, resolution=FINE_RESOLUTION)
     change = np.abs(direct.pressure_kpa - plain.pressure_kpa)[:200].max()
     assert np.abs(found.pressure_kpa - direct.pressure_kpa)[:200].max() < 3e-4 * change
     moved = np.abs(direct.face_displacement_mm - plain.face_displacement_mm).max()

@@ -15,7 +15,7 @@ from tsis import detection
 from tsis.model.errors import RecordsError
 from tsis.study import analyse, enter_readings, export_readings, open_study, unblind
 from tsis.study.folder import read_seal
-from tsis.study.reading import Reading
+from tsis.study.reading import DeviceReading
 from tsis.study.table import import_table
 
 if TYPE_CHECKING:
@@ -159,7 +159,7 @@ def test_rounded_scores_are_told_apart_by_their_ranks(tmp_path: Path) -> None:
     present = np.array([truths[code].has_inclusion for code in study.plan.codes])
     ranks = np.random.default_rng(5).normal(60 + 20 * present, 15)
     readings = [
-        Reading(code=code, device="sure", operator="Cleo", repeat=1, score=1.0, rank=float(rank))
+        DeviceReading(code=code, device="sure", operator="Cleo", repeat=1, score=1.0, rank=float(rank))
         for code, rank in zip(study.plan.codes, ranks, strict=True)
     ]
     one = analysed(enter_readings(study, readings, actor="Cleo")).devices[0]

@@ -7,7 +7,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from tsis.records.canonical import canonical, digest
-from tsis.study.chain import FIRST, Chain, Draft, joined, read_chain
+from tsis.study.chain import FIRST, Chain, Draft, link_entries, read_chain
 
 WHEN = datetime(2026, 1, 1, tzinfo=UTC)
 EMPTY = Chain(entries=(), lines=0, breaks={})
@@ -17,7 +17,7 @@ WORDS = st.lists(st.text(max_size=8), min_size=2, max_size=7)
 def written(words: list[str]) -> list[bytes]:
     said = [{"word": word, "at": place} for place, word in enumerate(words)]
     drafts = [Draft(actor="Ada", action="said", content=each) for each in said]
-    return [entry.line().encode() for entry in joined(EMPTY, drafts, WHEN)]
+    return [entry.line().encode() for entry in link_entries(EMPTY, drafts, WHEN)]
 
 
 def content(lines: list[bytes]) -> bytes:

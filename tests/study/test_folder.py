@@ -10,7 +10,7 @@ import pytest
 from tests.study.made import made_study, read_study
 
 from tsis.model.errors import InputError, RecordsError
-from tsis.study import Reading, enter_readings, new_study, open_study, printed_targets, random_targets, unblind
+from tsis.study import DeviceReading, enter_readings, new_study, open_study, printed_targets, random_targets, unblind
 from tsis.study.folder import read_seal
 
 if TYPE_CHECKING:
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 import numpy as np
 
 
-def reading(code: str, **changed: object) -> Reading:
+def reading(code: str, **changed: object) -> DeviceReading:
     values: dict[str, object] = {"code": code, "device": "feeler", "operator": "Cleo", "repeat": 1, "score": 0.7}
-    return Reading(**(values | changed))  # type: ignore[arg-type]
+    return DeviceReading(**(values | changed))  # type: ignore[arg-type]
 
 
 def test_the_plan_holds_the_hash_of_the_truth_and_nothing_else_of_it(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from tests.study.made import made_study
 from tsis.model.durable import Disk
 from tsis.model.errors import RecordsError
 from tsis.study.chain import Draft
-from tsis.study.log import LOG, append, read_log
+from tsis.study.log import LOG_FILE, append_log, read_log
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -53,18 +53,18 @@ def note(chain: Chain) -> list[Draft]:
 @pytest.mark.parametrize("step", ["create", "write", "sync", "rename"])
 def test_a_full_disk_at_any_step_leaves_the_log_as_it_was(tmp_path: Path, step: str) -> None:
     folder = made_study(tmp_path / "study").folder
-    before = (folder / LOG).read_bytes()
+    before = (folder / LOG_FILE).read_bytes()
     with pytest.raises(RecordsError, match="No space left"):
-        append(folder, note, disk=FailingDisk(step))
-    assert (folder / LOG).read_bytes() == before
-    append(folder, note)
-    assert (folder / LOG).read_bytes().startswith(before)
+        append_log(folder, note, disk=FailingDisk(step))
+    assert (folder / LOG_FILE).read_bytes() == before
+    append_log(folder, note)
+    assert (folder / LOG_FILE).read_bytes().startswith(before)
     assert sorted(path.name for path in folder.iterdir()) == ["log.jsonl", "sealed.json", "study.json"]
 
 
 def test_lines_of_many_writers_are_all_there(tmp_path: Path) -> None:
     folder = made_study(tmp_path / "study").folder
-    threads = [threading.Thread(target=append, args=(folder, note)) for _ in range(12)]
+    threads = [threading.Thread(target=append_log, args=(folder, note)) for _ in range(12)]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -76,8 +76,8 @@ def test_lines_of_many_writers_are_all_there(tmp_path: Path) -> None:
 
 def test_nothing_is_added_to_a_log_that_does_not_fit(tmp_path: Path) -> None:
     folder = made_study(tmp_path / "study").folder
-    changed = (folder / LOG).read_bytes().replace(b"maker", b"faker")
-    (folder / LOG).write_bytes(changed)
+    changed = (folder / LOG_FILE).read_bytes().replace(b"maker", b"faker")
+    (folder / LOG_FILE).write_bytes(changed)
     with pytest.raises(RecordsError, match="line 1 was changed"):
-        append(folder, note)
-    assert (folder / LOG).read_bytes() == changed
+        append_log(folder, note)
+    assert (folder / LOG_FILE).read_bytes() == changed

@@ -11,7 +11,7 @@ from tests.study.made import made_study
 
 from tsis.model.errors import InputError, RecordsError
 from tsis.records import open_store
-from tsis.study import enter_readings, open_study, press_study, pressing, unblind, verify
+from tsis.study import enter_readings, open_study, press_study, pressing, unblind, verify_study
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -46,7 +46,7 @@ def test_inclusions_score_above_blanks(whole: Study) -> None:
         odds = each.score / (1 - each.score) if each.score < 1 else float("inf")
         assert min(odds, 1e12) == pytest.approx(min(math.exp(min(each.rank, 700)), 1e12), rel=1e-3)
         assert each.device == "virtual tsis-2011"
-    assert verify(whole.folder).sound
+    assert verify_study(whole.folder).sound
 
 
 def test_neither_the_log_nor_the_store_is_told_of_the_truth(whole: Study) -> None:

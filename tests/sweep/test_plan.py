@@ -14,9 +14,9 @@ from hypothesis import strategies as st
 from tests.sweep.conftest import QUANTITIES, small_plan
 
 from tsis.model.errors import FileInputError, InputError
-from tsis.sweep import EXAMPLE, Plan, Range, load_plan, parse_plan
+from tsis.sweep import EXAMPLE, Plan, Range, load_plan, parse_plan_text
 from tsis.sweep.plan import COLUMNS
-from tsis.sweep.plan_file import plan_document, plan_of
+from tsis.sweep.plan_file import plan_document, plan_from_document
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -99,7 +99,7 @@ GRID = {"probe": "tsis-2011", "sample": "grid", "ranges": {"tissue_young_kpa": 5
 )
 def test_a_wrong_plan_is_one_sentence(document: dict[str, Any], sentence: str) -> None:
     with pytest.raises(InputError) as refused:
-        plan_of(document)
+        plan_from_document(document)
     assert sentence in str(refused.value)
     assert "\n" not in str(refused.value)
 
@@ -108,17 +108,17 @@ def test_a_huge_grid_is_refused_before_it_is_built() -> None:
     values = [float(k) for k in range(1, 3000)]
     axes = {"diameter_mm": [0.001 * k + 1 for k in range(3000)], "depth_mm": [0.001 * k + 1 for k in range(3000)]}
     with pytest.raises(InputError, match="at most 10000000 presses; got 26991000000 phantoms"):
-        plan_of(GRID | {"grid": {**axes, "young_kpa": values}, "batch": 10_000})
+        plan_from_document(GRID | {"grid": {**axes, "young_kpa": values}, "batch": 10_000})
 
 
 def test_unfit_phantoms_may_be_kept() -> None:
-    plan = plan_of(ranges(thickness_mm=[20.0, 40.0]) | {"unfit": "keep"})
+    plan = plan_from_document(ranges(thickness_mm=[20.0, 40.0]) | {"unfit": "keep"})
     assert plan.presses == 1024
 
 
 def test_a_grid_has_a_phantom_for_each_combination() -> None:
     grid = {"diameter_mm": [4, 8], "depth_mm": [6, 8, 12], "young_kpa": [50, 100]}
-    plan = plan_of(GRID | {"grid": grid, "forces_n": [0.5, 1.0]})
+    plan = plan_from_document(GRID | {"grid": grid, "forces_n": [0.5, 1.0]})
     assert (plan.samples, plan.presses) == (12, 24)
 
 
@@ -147,7 +147,7 @@ def test_a_plan_survives_its_document(
         quantities=quantities, count=count, seed=seed, batch=batch, forces_n=tuple(forces), columns=tuple(columns)
     )
     document = plan_document(plan)
-    again: Plan = plan_of(json.loads(json.dumps(document)))
+    again: Plan = plan_from_document(json.loads(json.dumps(document)))
     # What was assumed, and what lights the probe, moves no number.
     assert again == replace(plan, probe=replace(plan.probe.unlit(), assumed=()))
     assert plan_document(again) == document
@@ -169,13 +169,13 @@ _VALUES: st.SearchStrategy[Any] = st.recursive(
 @given(changes=st.dictionaries(_KEYS, _VALUES, min_size=1, max_size=2))
 def test_no_value_of_any_kind_breaks_the_reading_of_a_plan(changes: dict[str, Any]) -> None:
     with suppress(InputError):
-        assert plan_of(changed(**changes)).presses >= 1
+        assert plan_from_document(changed(**changes)).presses >= 1
 
 
 @pytest.mark.parametrize("text", ["", "probe = ", "[" * 3000, 'probe = "tsis-2011"\nprobe = 1', "\x00"])
 def test_text_that_is_no_plan_is_one_sentence(text: str) -> None:
     with pytest.raises(InputError) as refused:
-        parse_plan(text)
+        parse_plan_text(text)
     assert "\n" not in str(refused.value)
 
 

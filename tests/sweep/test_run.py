@@ -16,7 +16,7 @@ from tests.sweep.conftest import content, small_plan
 from tests.sweep.stand_ins import MARKER, deadly, deadly_once, faulty, quick, refusing
 
 from tsis.model.errors import FileInputError, InputError, MissingExtraError, SweepError, UnknownNameError
-from tsis.sweep import read, run_sweep, verify
+from tsis.sweep import read_data_set, run_sweep, verify_data_set
 from tsis.sweep.folder import begun
 from tsis.sweep.manifest import head
 
@@ -51,7 +51,7 @@ def test_interrupted_and_resumed_with_other_workers(undisturbed: Path, tmp_path:
         run_sweep(small_plan(), folder, workers=2, press=quick, progress=stop_after(2))
     assert not json.loads((folder / "manifest.json").read_text())["complete"]
     with pytest.raises(FileInputError, match="must hold a complete data set; tsis sweep run with its plan finishes it"):
-        verify(folder)
+        verify_data_set(folder)
     done = run_sweep(small_plan(), folder, workers=1, press=quick)
     assert done.kept >= 2
     assert done.kept + done.computed == 6
@@ -86,14 +86,14 @@ def test_damaged_cut_foreign_and_missing_files_are_computed_again(undisturbed: P
     for name, data in changed.items():
         (folder / name).write_bytes(data)
     with pytest.raises(FileInputError, match=r"got 6 wrong files: part-000000.parquet \(damaged\)"):
-        verify(folder)
+        verify_data_set(folder)
     with pytest.raises(FileInputError, match="its SHA-256 differs"):
-        read(folder)
+        read_data_set(folder)
     done = run_sweep(small_plan(), folder, workers=1, press=quick)
     assert done.repaired == tuple(f"part-00000{k}.parquet" for k in (0, 1, 2, 4))
     assert (done.computed, done.kept) == (5, 1)
     assert content(folder) == files
-    verify(folder)
+    verify_data_set(folder)
 
 
 @pytest.mark.system
@@ -173,24 +173,24 @@ def test_a_folder_that_disappears_is_told(tmp_path: Path) -> None:
 @pytest.mark.system
 def test_refused_presses_are_rows_that_are_counted(tmp_path: Path) -> None:
     done = run_sweep(small_plan(), tmp_path / "data", workers=1, press=refusing)
-    found = read(tmp_path / "data")
+    found = read_data_set(tmp_path / "data")
     assert 0 < done.refused < 60
     np.testing.assert_array_equal(found["error"] != "", found["young_kpa"] > 150)
     np.testing.assert_array_equal(np.isnan(found["approach_mm"]), found["young_kpa"] > 150)
-    assert verify(tmp_path / "data")["refused"] == done.refused
+    assert verify_data_set(tmp_path / "data")["refused"] == done.refused
 
 
 def test_arrays_come_back(undisturbed: Path) -> None:
-    found = read(undisturbed)
+    found = read_data_set(undisturbed)
     assert found["pressure_kpa"].shape == (60, 3)
     assert found["radius_mm"].tolist() == [0.0, 3.0, 12.0]
     assert found["sample"].tolist() == list(range(60))
     assert (found["error"] == "").all()
-    some = read(undisturbed, ["depth_mm"])
+    some = read_data_set(undisturbed, ["depth_mm"])
     assert set(some) == {"radius_mm", "depth_mm"}
     np.testing.assert_array_equal(some["depth_mm"], found["depth_mm"])
     with pytest.raises(UnknownNameError, match="did you mean 'depth_mm'"):
-        read(undisturbed, ["dept_mm"])
+        read_data_set(undisturbed, ["dept_mm"])
 
 
 @pytest.mark.parametrize(
@@ -210,7 +210,7 @@ def test_a_changed_manifest_is_refused(undisturbed: Path, tmp_path: Path, old: s
     text = (tmp_path / "manifest.json").read_text()
     assert old in text
     (tmp_path / "manifest.json").write_text(text.replace(old, new, 1))
-    for look in (verify, read):
+    for look in (verify_data_set, read_data_set):
         with pytest.raises(FileInputError, match=sentence):
             look(tmp_path)
 
@@ -255,7 +255,7 @@ def test_a_killed_sweep_is_resumed_with_real_presses(tmp_path: Path) -> None:
     assert done.kept >= 1
     run_sweep(small_plan(count=40, batch=2), peaceful, workers=2)
     assert content(disturbed) == content(peaceful)
-    assert read(peaceful)["pressure_kpa"].min() > 0
+    assert read_data_set(peaceful)["pressure_kpa"].min() > 0
 
 
 @pytest.mark.slow
@@ -265,6 +265,6 @@ def test_the_finite_strain_model_is_swept(tmp_path: Path) -> None:
     assert (done.presses, done.refused) == (2, 0)
     small = run_sweep(small_plan(count=2, batch=1), tmp_path / "small", workers=2)
     assert small.refused == 0
-    finite_mm, small_mm = (read(tmp_path / name)["approach_mm"] for name in ("data", "small"))
+    finite_mm, small_mm = (read_data_set(tmp_path / name)["approach_mm"] for name in ("data", "small"))
     np.testing.assert_allclose(finite_mm, small_mm, rtol=0.3)
     assert (finite_mm != small_mm).all()

@@ -13,7 +13,7 @@ from scipy.stats import qmc
 from tests.sweep.conftest import QUANTITIES, small_plan
 
 from tsis.sweep import Range
-from tsis.sweep.samples import batches
+from tsis.sweep.samples import sweep_batches
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def all_values(plan: Plan) -> dict[str, NDArray[np.float64]]:
-    parts = [batch.values for batch in batches(plan)]
+    parts = [batch.values for batch in sweep_batches(plan)]
     return {name: np.concatenate([part[name] for part in parts]) for name in plan.quantities}
 
 
@@ -62,7 +62,7 @@ def test_they_stay_in_range_and_repeat(
     assert found["depth_mm"].max() <= depth.high
     for name, values in all_values(plan).items():
         np.testing.assert_array_equal(values, found[name])
-    assert [batch.shard for batch in batches(plan)] == list(range(plan.shards))
+    assert [batch.shard for batch in sweep_batches(plan)] == list(range(plan.shards))
 
 
 def test_a_grid_is_every_combination_once() -> None:
@@ -74,5 +74,5 @@ def test_a_grid_is_every_combination_once() -> None:
 
 def test_a_million_samples_are_not_held() -> None:
     plan = small_plan(count=10_000_000, batch=100)
-    first = list(itertools.islice(batches(plan), 3))
+    first = list(itertools.islice(sweep_batches(plan), 3))
     assert [batch.first for batch in first] == [0, 100, 200]

@@ -10,19 +10,19 @@ from tests.sweep.conftest import small_plan
 from tests.sweep.stand_ins import quick, refusing
 
 from tsis.sweep.presses import press_all
-from tsis.sweep.samples import batches
-from tsis.sweep.shards import decode, encode, is_whole, receipt_of, sha256
+from tsis.sweep.samples import sweep_batches
+from tsis.sweep.shards import decode_shard, encode_shard, is_whole, receipt_of, sha256
 
 PLAN = small_plan(forces_n=(0.5, 1.0))
-ROWS = press_all(PLAN, next(batches(PLAN)), quick)
+ROWS = press_all(PLAN, next(sweep_batches(PLAN)), quick)
 KEY = "a" * 64
-CONTENT = encode(ROWS, shard=3, data_set=KEY)
+CONTENT = encode_shard(ROWS, shard=3, data_set=KEY)
 
 
 def test_equal_rows_are_equal_bytes() -> None:
-    again = encode(press_all(PLAN, next(batches(PLAN)), quick), shard=3, data_set=KEY)
+    again = encode_shard(press_all(PLAN, next(sweep_batches(PLAN)), quick), shard=3, data_set=KEY)
     assert again == CONTENT
-    assert encode(ROWS, shard=4, data_set=KEY) != CONTENT
+    assert encode_shard(ROWS, shard=4, data_set=KEY) != CONTENT
 
 
 def test_a_receipt_names_what_is_in_the_file() -> None:
@@ -55,7 +55,7 @@ def test_any_other_bytes_are_no_file(data: bytes) -> None:
 
 
 def test_what_was_encoded_is_decoded() -> None:
-    table = decode(CONTENT)
+    table = decode_shard(CONTENT)
     assert table.column("sample").to_pylist() == [k // 2 for k in range(20)]
     assert table.column("force_n").to_pylist() == [0.5, 1.0] * 10
     profile = np.array(table.column("pressure_kpa").to_pylist())
@@ -65,8 +65,8 @@ def test_what_was_encoded_is_decoded() -> None:
 
 def test_a_refused_press_is_a_row_that_says_why() -> None:
     plan = small_plan(quantities={**PLAN.quantities, "young_kpa": 160.0})
-    rows = press_all(plan, next(batches(plan)), refusing)
-    receipt = receipt_of(encode(rows, shard=0, data_set=KEY), shard=0, data_set=KEY)
+    rows = press_all(plan, next(sweep_batches(plan)), refusing)
+    receipt = receipt_of(encode_shard(rows, shard=0, data_set=KEY), shard=0, data_set=KEY)
     assert receipt is not None
     assert (receipt.rows, receipt.refused) == (10, 10)
     assert rows.error[0] == "MechanicsError: young_kpa must be at most 150; got 160"
@@ -76,7 +76,7 @@ def test_a_refused_press_is_a_row_that_says_why() -> None:
 
 def test_an_inclusion_that_does_not_fit_is_such_a_row() -> None:
     plan = small_plan(quantities={**PLAN.quantities, "thickness_mm": 20.0}, unfit="keep", batch=60)
-    rows = press_all(plan, next(batches(plan)), quick)
+    rows = press_all(plan, next(sweep_batches(plan)), quick)
     bottom = rows.numbers["depth_mm"] + rows.numbers["diameter_mm"]
     assert [bool(text) for text in rows.error] == (bottom >= 20.0).tolist()
     assert 0 < rows.refused < 60
@@ -87,12 +87,12 @@ def test_a_fault_of_the_program_is_no_row() -> None:
         raise TypeError
 
     with pytest.raises(TypeError):
-        press_all(PLAN, next(batches(PLAN)), wrong)  # type: ignore[arg-type]
+        press_all(PLAN, next(sweep_batches(PLAN)), wrong)  # type: ignore[arg-type]
 
 
 def test_the_change_is_that_against_plain_tissue() -> None:
     plan = small_plan(columns=("change_by_inclusion_mm",))
-    batch = next(batches(plan))
+    batch = next(sweep_batches(plan))
     rows = press_all(plan, batch, quick)
     phantom = plan.phantom({name: float(values[0]) for name, values in batch.values.items()})
     with_it, without = (

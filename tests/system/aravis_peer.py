@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.waiting import HANGS_S
 
-from tsis.instrument.sources.aravis import missing
+from tsis.instrument.sources.aravis import missing_requirement
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -32,7 +32,9 @@ _pause = threading.Event()
 def loopback_camera_port() -> Iterator[None]:
     """Wait until no other run of these tests has a camera on the loopback interface; skip where none can be had."""
     fcntl = pytest.importorskip("fcntl", reason="cameras on the loopback interface are kept apart by locks of Unix")
-    reason = missing() or (None if shutil.which(PROGRAM) else f"{PROGRAM} is absent; apt install aravis-tools")
+    reason = missing_requirement() or (
+        None if shutil.which(PROGRAM) else f"{PROGRAM} is absent; apt install aravis-tools"
+    )
     if reason:
         pytest.skip(reason)
     with Path(tempfile.gettempdir(), "tsis-loopback-camera.lock").open("w") as lock:

@@ -19,7 +19,7 @@ from tests.system.aravis_peer import LOOPBACK, fake_camera, loopback_camera_port
 from tests.waiting import HANGS_S
 
 from tsis.instrument.camera import Mode
-from tsis.instrument.sources.aravis import AravisCamera, found
+from tsis.instrument.sources.aravis import AravisCamera, find_cameras_here
 from tsis.model.errors import CameraError, InputError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ def test_frames_sequence_time_and_settings() -> None:
 
 def test_a_search_names_it_and_an_unknown_name_says_what_was_found() -> None:
     with fake_camera("TSISB"):
-        (camera,) = (camera for camera in found() if camera.identity == "Aravis-Fake-TSISB")
+        (camera,) = (camera for camera in find_cameras_here() if camera.identity == "Aravis-Fake-TSISB")
         assert (camera.spec, camera.maker, camera.model) == ("aravis:Aravis-Fake-TSISB", "Aravis", "Fake")
         assert LOOPBACK in camera.note
         named = AravisCamera(camera.identity)

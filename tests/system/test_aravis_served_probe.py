@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 from tests.system.aravis_peer import FOREIGN_CLIENT, LOOPBACK, loopback_camera_port, served_probe
 
-from tsis.instrument.sources.aravis import AravisCamera, found
+from tsis.instrument.sources.aravis import AravisCamera, find_cameras_here
 from tsis.model import load_probe
 from tsis.model.errors import CameraError
-from tsis.model.variants import chosen_phantom
+from tsis.model.variants import phantom_variant
 from tsis.virtual import VirtualProbe
 from tsis.virtual.camera import VirtualCamera
 from tsis.virtual.gige import GigEServer
@@ -42,7 +42,7 @@ def served() -> Iterator[subprocess.Popen[str]]:
 def light() -> NDArray[np.float64]:
     """Expected grey levels above the background at 20 ms and 0 dB."""
     rig = VirtualProbe(load_probe("tsis-2011"), rng=np.random.default_rng(SEED))
-    return rig.light(chosen_phantom("hardness-100", None, None, None), force_n=FORCE_N)
+    return rig.light(phantom_variant("hardness-100", None, None, None), force_n=FORCE_N)
 
 
 def _taken(*, exposure_ms: float = 20.0, gain: float = 0.0) -> list[Frame]:
@@ -62,7 +62,7 @@ def _mean(frames: list[Frame]) -> NDArray[np.float64]:
 
 
 def test_programs_find_it_by_its_name(served: subprocess.Popen[str]) -> None:
-    (camera,) = (camera for camera in found() if camera.identity == f"tsis-VirtualProbe-{SERIAL}")
+    (camera,) = (camera for camera in find_cameras_here() if camera.identity == f"tsis-VirtualProbe-{SERIAL}")
     assert (camera.maker, camera.model) == ("tsis", "VirtualProbe")
 
 
@@ -134,7 +134,7 @@ def test_sixteen_bits_hold_the_same_grey_levels(served: subprocess.Popen[str]) -
 def test_a_second_one_on_the_same_interface_is_refused(served: subprocess.Popen[str]) -> None:
     rng = np.random.default_rng(0)
     rig = VirtualProbe(load_probe("tsis-2011"), rng=rng)
-    camera = VirtualCamera(rig, chosen_phantom("plain", None, None, None), rng=rng)
+    camera = VirtualCamera(rig, phantom_variant("plain", None, None, None), rng=rng)
     with pytest.raises(CameraError, match=r"another program serves a camera on 127\.0\.0\.1"):
         GigEServer(camera, serial="TSIS02").__enter__()
     camera.stop()

@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
     from pathlib import Path
 
-    from tsis.records import Dossier
+    from tsis.records import TargetRecord
     from tsis.records.dicom import DicomFile
 
 pytestmark = [pytest.mark.system, pytest.mark.skipif(bool(missing()), reason=missing() or "Orthanc is here")]
 
 
-def of_its_own(dossier: Dossier, identity: str) -> Dossier:
+def of_its_own(dossier: TargetRecord, identity: str) -> TargetRecord:
     """With a target that no other dossier has, so that each is a study."""
     return replace(dossier, target=replace(dossier.target, id=identity))
 
@@ -51,7 +51,7 @@ def read(content: bytes) -> Any:
     return pydicom.dcmread(BytesIO(content))
 
 
-def check_same(dossier: Dossier, files: Iterable[DicomFile], back: Iterable[Any]) -> None:
+def check_same(dossier: TargetRecord, files: Iterable[DicomFile], back: Iterable[Any]) -> None:
     """What came back is what was sent, and its frames are those that the camera gave."""
     found = {str(each.SOPInstanceUID): each for each in back}
     levels: list[Any] = []

@@ -18,7 +18,7 @@ from tsis.records.dicom import write_dicom
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.records import Dossier
+    from tsis.records import TargetRecord
 
 pytestmark = pytest.mark.system
 PLAIN = sample_dossier()
@@ -58,7 +58,7 @@ def remarks(path: Path) -> list[str]:
 @pytest.mark.parametrize("identified", [False, True], ids=["de-identified", "identified"])
 @pytest.mark.parametrize("kind", KINDS)
 def test_dciodvfy_finds_no_error(kind: str, identified: bool, tmp_path: Path) -> None:
-    dossier: Dossier = KINDS[kind]
+    dossier: TargetRecord = KINDS[kind]
     for path in write_dicom(dossier, tmp_path, identified=identified):
         said = remarks(path)
         assert [line for line in said if not any(known in line for known in KNOWN)] == [], path.name

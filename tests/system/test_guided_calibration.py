@@ -16,7 +16,7 @@ from tests.system.aravis_peer import LOOPBACK, fake_camera, loopback_camera_port
 from tests.system.gauge_peer import GaugeInTerminal
 from tests.waiting import HANGS_S
 
-from tsis.calibration.session import SessionFolder, plan
+from tsis.calibration.session import SessionFolder, plan_steps
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -203,7 +203,7 @@ def test_a_loading_by_gauge_is_whole_or_absent(guide: Callable[..., Guided], tmp
 
 
 def session_steps() -> tuple[str, ...]:
-    return tuple(step.name for step in plan((2.0,)))
+    return tuple(step.name for step in plan_steps((2.0,)))
 
 
 LOST_IN_MID_LOADING = """

@@ -22,7 +22,7 @@ from tests.waiting import HANGS_S
 from tsis.instrument import Mode
 from tsis.instrument.discovery import connect, find_cameras
 from tsis.instrument.sources import vimba
-from tsis.instrument.sources.genicam import HarvestersCamera, found
+from tsis.instrument.sources.genicam import HarvestersCamera, find_cameras_here
 from tsis.instrument.sources.maker_library import maker_library
 from tsis.instrument.sources.vimba import VimbaCamera
 from tsis.model.errors import CameraError, InputError, MissingExtraError, UnknownNameError
@@ -118,7 +118,7 @@ def test_the_cameras_of_vimba_are_found_and_reached(vimba_system: Any) -> None:
 def test_vimba_without_transport_layers_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
     pytest.importorskip("vmbpy", reason="the extra camera-vimba is not installed")
     monkeypatch.delenv("GENICAM_GENTL64_PATH", raising=False)
-    sentence = vimba.missing()
+    sentence = vimba.missing_requirement()
     if sentence is None:
         pytest.skip("Vimba X is installed here")
     assert sentence == (
@@ -204,7 +204,7 @@ def test_a_search_does_not_disturb_a_running_camera(producer: Path) -> None:
     camera.start()
     frames = camera.frames()
     next(frames)
-    assert RED in {one.identity for one in found()}
+    assert RED in {one.identity for one in find_cameras_here()}
     assert next(frames).sequence == 1
     camera.stop()
 
@@ -224,7 +224,7 @@ def test_no_producer_and_a_broken_one(producer: Path, monkeypatch: pytest.Monkey
         HarvestersCamera().open()
     assert "'broken.cti' cannot be loaded" in find_cameras(["genicam"]).missing["genicam"]
     monkeypatch.setenv("GENICAM_GENTL64_PATH", os.pathsep.join([str(tmp_path), str(producer.parent)]))
-    assert len(found()) == 3  # the broken one is passed over
+    assert len(find_cameras_here()) == 3  # the broken one is passed over
     camera = HarvestersCamera(GREEN)
     camera.open()
     camera.stop()

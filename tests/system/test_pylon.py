@@ -15,14 +15,17 @@ from tests.waiting import HANGS_S
 from tsis.instrument import Mode
 from tsis.instrument.discovery import connect, find_cameras
 from tsis.instrument.sources.maker_library import maker_library
-from tsis.instrument.sources.pylon import PylonCamera, found, missing
+from tsis.instrument.sources.pylon import PylonCamera, find_cameras_here, missing_requirement
 from tsis.model.errors import CameraError, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-pytestmark = [pytest.mark.system, pytest.mark.skipif(missing() is not None, reason=str(missing()))]
+pytestmark = [
+    pytest.mark.system,
+    pytest.mark.skipif(missing_requirement() is not None, reason=str(missing_requirement())),
+]
 
 SIZE = Mode(width_px=768, height_px=492, frames_per_s=100.0, pixel_format="Mono8")
 
@@ -57,7 +60,7 @@ def test_emulated_cameras_are_found_and_reached_by_their_number(monkeypatch: pyt
     assert second.name == f"pylon camera {findings.found[1].identity}"
     second.stop()
     monkeypatch.setenv("PYLON_CAMEMU", "0")
-    assert all(camera.model != "Emulation" for camera in found())
+    assert all(camera.model != "Emulation" for camera in find_cameras_here())
     with pytest.raises(CameraError, match="no pylon camera is called 'nobody'"):
         connect("pylon:nobody").open()
 

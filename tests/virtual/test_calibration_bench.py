@@ -5,12 +5,12 @@ import pytest
 from benchmarks.calibration_force import PROBE, SENSOR
 
 from tsis.calibration.force.loading import loading_forces
-from tsis.calibration.session import Step, plan
+from tsis.calibration.session import CalibrationStep, plan_steps
 from tsis.calibration.session.steps import BOARD, BOARD_UNTOUCHED, DARK, EDGE, UNTOUCHED
 from tsis.model.errors import InputError
 from tsis.virtual.calibration_bench import FRAMES_PER_S, VirtualBench
 
-STEPS = {step.name: step for step in plan((10.0,))}
+STEPS = {step.name: step for step in plan_steps((10.0,))}
 
 
 def bench(seed: int = 1) -> VirtualBench:
@@ -65,4 +65,4 @@ def test_a_seed_gives_the_same_bench_and_another_one_another() -> None:
 
 def test_a_step_of_no_plan_is_refused() -> None:
     with pytest.raises(InputError, match="step must be one of a calibration's plan; got 'flat-9'"):
-        list(bench().shots(Step(name="flat-9", instruction="", frames=1)))
+        list(bench().shots(CalibrationStep(name="flat-9", instruction="", frames=1)))

@@ -13,7 +13,7 @@ from tsis.model import LightMap, load_phantom, load_probe
 from tsis.model.errors import CameraError, InputError, MissingExtraError
 from tsis.virtual import VirtualProbe
 from tsis.virtual.camera import VirtualCamera
-from tsis.virtual.gige import GigEServer, laid_out, require_free
+from tsis.virtual.gige import GigEServer, region_bytes, require_free_address
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -43,10 +43,10 @@ def test_a_region_is_laid_out_row_by_row(
     for row in range(*region[0].indices(100)):
         for column in range(*region[1].indices(100)):
             expected.append(pixels[row, column] if row < size[0] and column < size[1] else 0)
-    assert laid_out(pixels, region, MONO_8) == bytes(expected)
-    deep = np.frombuffer(laid_out(pixels, region, MONO_16), dtype="<u2")
+    assert region_bytes(pixels, region, MONO_8) == bytes(expected)
+    deep = np.frombuffer(region_bytes(pixels, region, MONO_16), dtype="<u2")
     np.testing.assert_array_equal(deep, np.frombuffer(bytes(expected), dtype=np.uint8).astype(int) * 65535 // 255)
-    coloured = laid_out(pixels, region, RGB_8)
+    coloured = region_bytes(pixels, region, RGB_8)
     assert all(coloured[channel::3] == bytes(expected) for channel in range(3))
 
 
@@ -63,9 +63,9 @@ def test_what_cannot_be_served_is_refused(camera: VirtualCamera) -> None:
     with pytest.raises(InputError, match="camera must be a VirtualCamera"):
         GigEServer("camera")  # type: ignore[arg-type]
     with pytest.raises(InputError, match="interface must be an IPv4 address"):
-        require_free("lo; reboot")
+        require_free_address("lo; reboot")
     with pytest.raises(CameraError, match=r"interface must be an address of this machine; got 192\.0\.2\.77"):
-        require_free("192.0.2.77")  # reserved for documentation
+        require_free_address("192.0.2.77")  # reserved for documentation
 
 
 def test_a_missing_library_is_one_sentence(camera: VirtualCamera) -> None:

@@ -6,17 +6,17 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from tsis.calibration.force import ForceLine, total_grey
-from tsis.calibration.reference import Reference
+from tsis.calibration.reference import CameraReference
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tsis.calibration.file import ProbeCalibration
-    from tsis.calibration.measured import Measured
+    from tsis.calibration.measured import MeasuredValue
     from tsis.model import Calibration, TactileImage
 
 
-def applied(
+def apply_calibration(
     known: ProbeCalibration, frames: Sequence[TactileImage], *, identity: str
 ) -> tuple[list[TactileImage], Calibration]:
     """Frames ready for an estimate, and the response with the doubt of the forces.
@@ -54,7 +54,7 @@ def applied(
     return ready, replace(response, force_sd=max(response.force_sd, doubt))
 
 
-def _force(known: ProbeCalibration, frame: TactileImage) -> Measured:
+def _force(known: ProbeCalibration, frame: TactileImage) -> MeasuredValue:
     line = known.need(ForceLine, "a force without --force-n")
-    reference = known.need(Reference, "a force without --force-n")
+    reference = known.need(CameraReference, "a force without --force-n")
     return line.force_n(total_grey(frame, reference, method=line.method))

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
-from tsis.calibration.applied import applied
-from tsis.calibration.file import ProbeCalibration, identity, parse_calibration, read_calibration
+from tsis.calibration.applied import apply_calibration
+from tsis.calibration.file import ProbeCalibration, calibration_sha256, parse_calibration, read_calibration
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CitedCalibration:
+class UsableCalibration:
     """A calibration with the identity under which results name it."""
 
     known: ProbeCalibration
@@ -30,8 +30,8 @@ class CitedCalibration:
         return self.known.known_response(self.identity)
 
     def pressed(self, frames: Sequence[TactileImage]) -> tuple[list[TactileImage], Calibration]:
-        """Frames ready for an estimate, and the response with the doubt of the forces; errors as `applied`."""
-        return applied(self.known, frames, identity=self.identity)
+        """Frames ready for an estimate, and the response with the doubt of the forces; errors as `apply_calibration`."""
+        return apply_calibration(self.known, frames, identity=self.identity)
 
     def require_camera(self, acquisition: Acquisition, *, stored: bool) -> None:
         """Refuse to use it with another camera, or at other settings; stored frames tell neither."""
@@ -50,16 +50,16 @@ class CitedCalibration:
         }
 
 
-def cited(path: Path) -> CitedCalibration:
+def read_usable_calibration(path: Path) -> UsableCalibration:
     """Read a calibration file that may be used today; else `CalibrationError` or `FileInputError`."""
     return _usable(read_calibration(path))
 
 
-def cited_content(content: bytes, name: str) -> CitedCalibration:
+def parse_usable_calibration(content: bytes, name: str) -> UsableCalibration:
     """The same from the content of such a file, as somebody uploaded it under a name."""
     return _usable(parse_calibration(content, name))
 
 
-def _usable(known: ProbeCalibration) -> CitedCalibration:
+def _usable(known: ProbeCalibration) -> UsableCalibration:
     known.require_usable(datetime.now(UTC))
-    return CitedCalibration(known=known, identity=identity(known))
+    return UsableCalibration(known=known, identity=calibration_sha256(known))

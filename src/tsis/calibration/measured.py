@@ -12,7 +12,7 @@ from tsis.model.errors import InputError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Measured:
+class MeasuredValue:
     """A number and its standard uncertainty.
 
     Parameters
@@ -33,7 +33,7 @@ class Measured:
 
     Examples
     --------
-    >>> low, high = Measured(value=2.0, sd=0.1, degrees_of_freedom=9).interval(0.95)
+    >>> low, high = MeasuredValue(value=2.0, sd=0.1, degrees_of_freedom=9).interval(0.95)
     >>> round(low, 3), round(high, 3)
     (1.774, 2.226)
     """
@@ -44,14 +44,14 @@ class Measured:
     unit: str = ""
 
     def __post_init__(self) -> None:
-        check.number("value", self.value, -1e300, 1e300, hint=self.unit)
-        check.number("sd", self.sd, 0.0, 1e300, hint=self.unit)
+        check.require_number("value", self.value, -1e300, 1e300, hint=self.unit)
+        check.require_number("sd", self.sd, 0.0, 1e300, hint=self.unit)
         if not self.degrees_of_freedom >= 1:
             raise InputError(f"degrees_of_freedom must be at least 1; got {self.degrees_of_freedom!r}")
-        check.kind("unit", self.unit, str)
+        check.require_type("unit", self.unit, str)
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
         """Ends of the interval of Student's t around the value that holds the truth with probability ``level``."""
-        check.number("level", level, 1e-6, 1 - 1e-9, hint="a probability")
+        check.require_number("level", level, 1e-6, 1 - 1e-9, hint="a probability")
         half = float(scipy.stats.t.ppf(0.5 + level / 2, self.degrees_of_freedom)) * self.sd
         return self.value - half, self.value + half

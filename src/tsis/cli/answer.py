@@ -29,7 +29,7 @@ Out = Annotated[
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Answer:
+class CommandResult:
     """What a command found; a figure is a call that draws it, made only when somebody asked for a folder."""
 
     document: Mapping[str, Any]
@@ -38,7 +38,7 @@ class Answer:
     figures: Mapping[str, Callable[[], Figure]] = field(default_factory=dict)
 
 
-def show(answer: Answer, out: Path | None, *, as_json: bool) -> None:
+def show_result(answer: CommandResult, out: Path | None, *, as_json: bool) -> None:
     """Write the folder when one is named, and print the answer; its document carries the notes too."""
     document = {**answer.document, "notes": list(answer.notes)}
     folder = None

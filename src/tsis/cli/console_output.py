@@ -41,7 +41,7 @@ def print_notice(console: Console) -> None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Outcome:
+class CommandOutcome:
     """What a command found: for programs, for the folder, and for people."""
 
     document: Mapping[str, Any]
@@ -51,18 +51,18 @@ class Outcome:
     files: Mapping[str, bytes] = field(default_factory=dict)
 
 
-def publish(outcome: Outcome, out: Path, *, as_json: bool) -> None:
+def publish(outcome: CommandOutcome, out: Path, *, as_json: bool) -> None:
     """Write the folder ``out`` (or the next free name) and print what is in it."""
     print_outcome(outcome, write_outcome(outcome, out), as_json=as_json)
 
 
-def write_outcome(outcome: Outcome, out: Path) -> Path:
+def write_outcome(outcome: CommandOutcome, out: Path) -> Path:
     """Write the folder ``out`` (or the next free name), whole or not at all; which one it is."""
     files = {**outcome.files, RESULT: json_bytes(outcome.document), "index.html": outcome.page}
     return write_folder(free_folder(out), files)
 
 
-def print_outcome(outcome: Outcome, folder: Path, *, as_json: bool) -> None:
+def print_outcome(outcome: CommandOutcome, folder: Path, *, as_json: bool) -> None:
     """Print what was found, and where it is."""
     if as_json:
         print_json({**outcome.document, "folder": str(folder)})

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import numpy as np
 import typer
 
-from tsis.calibration.file import FILE_NAME, ProbeCalibration, calibration_bytes
-from tsis.cli.console_output import Outcome, progress_bar
+from tsis.calibration.file import CALIBRATION_FILE, ProbeCalibration, calibration_bytes
+from tsis.cli.console_output import CommandOutcome, progress_bar
 from tsis.cli.estimate_output import estimate_table, estimate_with_progress
 from tsis.cli.keeping import Keep, KeepFolder, KeepTarget, chosen_destination, publish_and_keep
 from tsis.cli.probe_file import given_probe, require_no_file
@@ -19,10 +19,10 @@ from tsis.inclusion import PARAMETERS, InclusionPrior, ring_edges
 from tsis.instrument import png_bytes
 from tsis.model import check
 from tsis.model.errors import InputError
-from tsis.model.variants import chosen_phantom
+from tsis.model.variants import phantom_variant
 from tsis.optics import irradiance
 from tsis.report import inclusion_report
-from tsis.report.document import envelope, estimate_document, sentences
+from tsis.report.document import envelope, estimate_document, estimate_messages
 from tsis.virtual import VirtualProbe
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ def demo(
     Each force is pressed twice, on plain tissue and on the phantom. The estimator knows neither the true forces, the
     true gain, the probe's true stiffness nor the mesh of the virtual probe.
     """
-    target = chosen_phantom(phantom, diameter_mm, depth_mm, young_kpa)
+    target = phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
     truth, forces = _truth(target), _named(force_n)
     if keep:
         require_no_file("--keep", probe)
@@ -77,10 +77,10 @@ def demo(
         truth=truth,
         provenance=provenance,
     )
-    from tsis.records.keeping import Keepable  # loads the libraries of records
+    from tsis.records.keeping import SavableResult  # loads the libraries of records
 
     known = ProbeCalibration(name=virtual.calibration.name, probe=chosen.name, response=virtual.calibration)
-    keepable = Keepable(
+    keepable = SavableResult(
         kind="inclusion",
         estimate=result,
         probe=chosen.name,
@@ -90,15 +90,15 @@ def demo(
         name=target.name,
         truth=truth or {},
     )
-    outcome = Outcome(
+    outcome = CommandOutcome(
         document=envelope("demo", **provenance, estimate=estimate_document(result, truth)),
         page=page,
         tables=(estimate_table(result, title=f"{target.name}; {pressed}", truth=truth),),
-        notes=(*sentences(result), *_outside_the_prior(truth or {}, prior)),
+        notes=(*estimate_messages(result), *_outside_the_prior(truth or {}, prior)),
         files={
             **{frame.name: png_bytes(frame) for frame in (*images, *references)},
             "untouched.png": png_bytes(untouched),
-            FILE_NAME: calibration_bytes(known),
+            CALIBRATION_FILE: calibration_bytes(known),
         },
     )
     publish_and_keep(outcome, out, destination, keepable, as_json=as_json)

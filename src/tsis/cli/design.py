@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
-from tsis.cli.answer import Answer, Out, show
+from tsis.cli.answer import CommandResult, Out, show_result
 from tsis.cli.console_output import progress_bar
 from tsis.cli.probe_file import given_probe
 from tsis.cli.targets import AsJson, ProbeGiven
@@ -98,8 +98,8 @@ def design(
         with progress_bar("searching layers and forces") as progress:
             best = searched_design(question, progress=progress)
     answer = answered(question, found, best)
-    show(
-        Answer(
+    show_result(
+        CommandResult(
             document=design_document(answer),
             tables=(_table(answer),),
             notes=design_notes(answer),

@@ -9,9 +9,9 @@ from rich.table import Table
 
 from tsis.cli.console_output import progress_bar
 from tsis.inclusion import InclusionPrior, estimate
-from tsis.mechanics import build_covered_surrogate
-from tsis.model.estimate import INTERVAL
-from tsis.report.document import doubt_of, spread
+from tsis.mechanics import build_full_contact_surrogate
+from tsis.model.estimate import INTERVAL_LEVEL
+from tsis.report.document import sd_text, withheld_reason
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -29,7 +29,7 @@ def estimate_with_progress(
 ) -> Estimate:
     """Estimate; the first time for a probe its surrogate is built, which takes seconds and is kept."""
     with progress_bar("solving the press for this probe (kept for next time)") as progress:
-        build_covered_surrogate(probe, prior.box(), progress=progress)
+        build_full_contact_surrogate(probe, prior.box(), progress=progress)
     return estimate(images, probe=probe, calibration=calibration, reference=reference, prior=prior)
 
 
@@ -46,15 +46,15 @@ def estimate_table(result: Estimate, *, title: str, truth: Mapping[str, float] |
 
 def _numbers(result: Estimate, name: str) -> tuple[str, ...]:
     """Cells of one parameter; of an estimate that is not to be trusted only what was believed before."""
-    prior_sd = spread(result.prior_sd[name])
+    prior_sd = sd_text(result.prior_sd[name])
     if not result.trusted:
-        return doubt_of(result, name), "", "", prior_sd, ""
-    low, high = result.interval(INTERVAL)[name]
+        return withheld_reason(result, name), "", "", prior_sd, ""
+    low, high = result.interval(INTERVAL_LEVEL)[name]
     bound = result.cramer_rao_sd.get(name)  # of a hardness nobody computes it
     return (
-        doubt_of(result, name) or f"{result.mean[name]:.3g}",
+        withheld_reason(result, name) or f"{result.mean[name]:.3g}",
         f"{low:.3g} to {high:.3g}",
-        spread(result.sd[name]),
+        sd_text(result.sd[name]),
         prior_sd,
-        "" if bound is None else spread(bound),
+        "" if bound is None else sd_text(bound),
     )

@@ -11,8 +11,8 @@ from rich.markup import escape
 from rich.table import Table
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.calibration.cited import cited
-from tsis.cli.console_output import Outcome, publish
+from tsis.calibration.cited import read_usable_calibration
+from tsis.cli.console_output import CommandOutcome, publish
 from tsis.cli.estimate_output import estimate_table, estimate_with_progress
 from tsis.cli.given_scale import chosen_scale
 from tsis.cli.keeping import Keep, KeepFolder, KeepKind, KeepTarget, chosen_destination, publish_and_keep
@@ -24,8 +24,8 @@ from tsis.inclusion import InclusionPrior, ring_edges
 from tsis.instrument import read_image
 from tsis.model.errors import InputError
 from tsis.report import contact_report, inclusion_report
-from tsis.report.contact import find, finding_notes, finding_rows
-from tsis.report.document import envelope, estimate_document, features_document, sentences
+from tsis.report.contact import analyse_image, finding_notes, finding_rows
+from tsis.report.document import envelope, estimate_document, estimate_messages, features_document
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -105,7 +105,7 @@ def examine(
         raise InputError("--force-n needs --calibration: without it a force tells nothing")
     if keep and calibration is None:
         raise InputError("--keep needs --calibration: without it there is no estimate to keep")
-    known = None if calibration is None else cited(calibration)
+    known = None if calibration is None else read_usable_calibration(calibration)
     scale = chosen_scale(known, scale_mm)
     by_line = known is not None and not force_n and known.known.force_line is not None
     if known is not None and (scale is None or not (force_n or by_line)):
@@ -129,13 +129,13 @@ def examine(
     if known is None:
         publish(_contacts(frames, untouched, provenance, invert=invert, match=match_lamps), out, as_json=as_json)
     else:
-        from tsis.records.keeping import Keepable, require_keepable  # loads the libraries of records
+        from tsis.records.keeping import SavableResult, require_savable  # loads the libraries of records
 
         plain = plain or []
         plain_force = [None] * len(plain) if by_line else plain_forces(plain_force_n or (), force_n or (), len(plain))
         plain_frames = _read(plain, plain_force, scale)
         if keep:
-            require_keepable([*frames, *plain_frames])
+            require_savable([*frames, *plain_frames])
         destination = chosen_destination(keep, store, kind, number)
         pressed, response = known.pressed(frames)
         on_plain, plain_response = known.pressed(plain_frames)
@@ -145,7 +145,7 @@ def examine(
         by, prior = chosen or calibrated_probe(response.probe, unnamed=UNNAMED), InclusionPrior()
         result = estimate_with_progress(pressed, probe=by, calibration=response, reference=on_plain, prior=prior)
         outcome = _inclusion(result, pressed, on_plain, by, prior, provenance)
-        keepable = Keepable(
+        keepable = SavableResult(
             kind="inclusion",
             estimate=result,
             probe=by.name,
@@ -169,9 +169,9 @@ def _contacts(
     *,
     invert: bool,
     match: bool,
-) -> Outcome:
+) -> CommandOutcome:
     findings = [
-        find(
+        analyse_image(
             frame,
             match_light(untouched, frame) if match and untouched is not None else untouched,
             invert=invert,
@@ -195,7 +195,7 @@ def _contacts(
     notes = [note for each in findings for note in finding_notes(each)]
     notes += [f"Not estimated: {name}: {reason}." for name, reason in REFUSED]
     page = contact_report(findings, refused=REFUSED, provenance=provenance)
-    return Outcome(document=document, page=page, tables=tuple(tables), notes=tuple(notes))
+    return CommandOutcome(document=document, page=page, tables=tuple(tables), notes=tuple(notes))
 
 
 def _inclusion(
@@ -205,7 +205,7 @@ def _inclusion(
     probe: Probe,
     prior: InclusionPrior,
     provenance: dict[str, Any],
-) -> Outcome:
+) -> CommandOutcome:
     names = ", ".join(f"{frame.name} ({frame.force_n:g} N)" for frame in frames)
     page = inclusion_report(
         result,
@@ -219,4 +219,4 @@ def _inclusion(
     )
     document = envelope("examine", estimate=estimate_document(result), provenance=provenance)
     table = estimate_table(result, title=names)
-    return Outcome(document=document, page=page, tables=(table,), notes=sentences(result))
+    return CommandOutcome(document=document, page=page, tables=(table,), notes=estimate_messages(result))

@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from tsis.model.errors import InputError
-from tsis.model.image import pixel_scale
+from tsis.model.image import require_pixel_scale
 
 if TYPE_CHECKING:
-    from tsis.calibration.cited import CitedCalibration
+    from tsis.calibration.cited import UsableCalibration
 
 
-def chosen_scale(calibration: CitedCalibration | None, given: str | None) -> tuple[float, float] | None:
+def chosen_scale(calibration: UsableCalibration | None, given: str | None) -> tuple[float, float] | None:
     """Millimetres per pixel: the calibration's, or ``--scale-mm`` where it holds none."""
     held = None if calibration is None else calibration.known.scale
     if held is not None and given is not None:
@@ -29,4 +29,4 @@ def scale_of(text: str) -> tuple[float, float]:
         parts = []
     if len(parts) not in (1, 2):
         raise InputError(f"--scale-mm must be one number or x,y in millimetres per pixel; got {text!r}")
-    return pixel_scale((parts[0], parts[-1]))
+    return require_pixel_scale((parts[0], parts[-1]))

@@ -12,9 +12,9 @@ from rich.markup import escape
 from rich.table import Table
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.calibration.cited import cited
-from tsis.calibration.file import FILE_NAME, ProbeCalibration, calibration_bytes
-from tsis.cli.console_output import Outcome, progress_bar, waiting
+from tsis.calibration.cited import read_usable_calibration
+from tsis.calibration.file import CALIBRATION_FILE, ProbeCalibration, calibration_bytes
+from tsis.cli.console_output import CommandOutcome, progress_bar, waiting
 from tsis.cli.given_scale import chosen_scale
 from tsis.cli.keeping import Keep, KeepFolder, KeepKind, KeepTarget, chosen_destination, publish_and_keep
 from tsis.cli.press_forces import target_forces
@@ -100,7 +100,7 @@ def hardness(
         return
     if not paths:
         raise InputError("give the images of two presses, or --demo for a run without hardware")
-    known = None if calibration is None else cited(calibration)
+    known = None if calibration is None else read_usable_calibration(calibration)
     scale = chosen_scale(known, scale_mm)
     if known is None or scale is None or not (force_n or known.known.force_line):
         raise InputError(
@@ -115,10 +115,10 @@ def hardness(
     if len(ball_force_n or ()) != len(balls):
         raise InputError(f"--ball-force-n must be given once for each --ball; got it {len(ball_force_n or ())} times")
     raw_balls = _read(balls, ball_force_n or (), scale)
-    from tsis.records.keeping import Keepable, require_keepable  # loads the libraries of records
+    from tsis.records.keeping import SavableResult, require_savable  # loads the libraries of records
 
     if keep:
-        require_keepable([*raw, *raw_balls])
+        require_savable([*raw, *raw_balls])
     destination = chosen_destination(keep, store, kind, number)
     options = {
         "radius_mm": radius_mm,
@@ -128,7 +128,7 @@ def hardness(
         **_defaults(),
     }
     outcome, found = _outcome(frames, chosen, response, options, cites=known.citation())
-    keepable = Keepable(
+    keepable = SavableResult(
         kind="hardness",
         estimate=found,
         probe=chosen.name,
@@ -164,17 +164,17 @@ def _virtual(
     rig = DirectContactRig(probe, rng=np.random.default_rng(seed))
     with waiting(f"squeezing {name} with the virtual rig"):
         frames = rig.press_path(sphere, forces_n=forces)
-    from tsis.records.keeping import Keepable  # loads the libraries of records
+    from tsis.records.keeping import SavableResult  # loads the libraries of records
 
     simulated_probe = ProbeCalibration(name=rig.calibration.name, probe=probe.name, response=rig.calibration)
-    files = {FILE_NAME: calibration_bytes(simulated_probe)}
+    files = {CALIBRATION_FILE: calibration_bytes(simulated_probe)}
     files |= {f"press-{frame.force_n:g}N.png": png_bytes(frame) for frame in frames}
     simulated = {"seed": seed, "sphere": asdict(sphere), "command": "tsis hardness"}
     options = _defaults()
     outcome, found = _outcome(
         frames, probe, rig.calibration, options, truth_kpa=sphere.young_kpa, simulated=simulated, files=files
     )
-    keepable = Keepable(
+    keepable = SavableResult(
         kind="hardness",
         estimate=found,
         probe=probe.name,
@@ -197,7 +197,7 @@ def _outcome(
     simulated: dict[str, Any] | None = None,
     files: dict[str, bytes] | None = None,
     cites: dict[str, Any] | None = None,
-) -> tuple[Outcome, Estimate]:
+) -> tuple[CommandOutcome, Estimate]:
     with progress_bar("solving the contact of this probe (kept for next time)") as progress:
         table = build_contact_table(probe, progress=progress)
     found = estimate(frames, probe=probe, calibration=calibration, **options)
@@ -209,7 +209,7 @@ def _outcome(
     provenance = {"notice": RESEARCH_USE_ONLY, "tsis": __version__, "simulated": simulated, "calibration": cites}
     truth = None if truth_kpa is None else {"young_kpa": truth_kpa}
     readings = asdict(shore(found.mean["young_kpa"])) if found.trusted else None
-    outcome = Outcome(
+    outcome = CommandOutcome(
         document=envelope(
             "hardness",
             estimate=estimate_document(found, truth),

@@ -17,9 +17,9 @@ from tsis.model.errors import InputError, TsisError
 from tsis.report.document import json_bytes
 
 if TYPE_CHECKING:
-    from tsis.cli.console_output import Outcome
+    from tsis.cli.console_output import CommandOutcome
     from tsis.records import Store
-    from tsis.records.keeping import Keepable
+    from tsis.records.keeping import SavableResult
 
 NOT_KEPT = 1  # exit code of a command whose results are in their folder and not in the store
 
@@ -82,7 +82,7 @@ def chosen_destination(
 
 
 def publish_and_keep(
-    outcome: Outcome, out: Path, destination: Destination | None, keepable: Keepable, *, as_json: bool
+    outcome: CommandOutcome, out: Path, destination: Destination | None, keepable: SavableResult, *, as_json: bool
 ) -> None:
     """Write the folder of results, then keep what they rest on, and print both.
 
@@ -92,14 +92,14 @@ def publish_and_keep(
     if destination is None:
         publish(outcome, out, as_json=as_json)
         return
-    from tsis.records.keeping import keep, kept_notes  # loads the libraries of records
+    from tsis.records.keeping import save_results, saved_notes  # loads the libraries of records
 
     folder = write_outcome(outcome, out)
     try:
         with destination.opened() as store:
-            kept = keep(store, keepable, number=destination.number)
+            kept = save_results(store, keepable, number=destination.number)
         outcome = replace(
-            outcome, document={**outcome.document, "kept": kept}, notes=(*outcome.notes, *kept_notes(kept))
+            outcome, document={**outcome.document, "kept": kept}, notes=(*outcome.notes, *saved_notes(kept))
         )
         write_durably(folder / RESULT, json_bytes(outcome.document))
     except TsisError as error:

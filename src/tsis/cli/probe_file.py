@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.instrument.file_bytes import one_line, read_parsed
 from tsis.model import Layer, check, list_probes, load_probe
-from tsis.model.catalog import probe_of_entry
+from tsis.model.catalog import parse_probe
 from tsis.model.errors import InputError, NotCalibratedError
 from tsis.model.light import Glass, Led
-from tsis.model.variants import chosen_probe
+from tsis.model.variants import probe_variant
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -65,7 +65,7 @@ def calibrated_probe(name: str, *, unnamed: str) -> Probe:
 def given_lit_probe(probe: str, half_angle_deg: float | None, height_mm: float | None, aim_deg: float | None) -> Probe:
     """The probe that ``--probe`` names, with the given values of all lamps replaced where it is one of the catalog."""
     if not is_file(probe):
-        return chosen_probe(probe, half_angle_deg, height_mm, aim_deg)
+        return probe_variant(probe, half_angle_deg, height_mm, aim_deg)
     if (half_angle_deg, height_mm, aim_deg) != (None, None, None):
         raise InputError(
             f"--half-angle-deg, --height-mm and --aim-deg change the lamps of a probe of the catalog; got {probe}: "
@@ -105,7 +105,7 @@ def _parsed(text: str) -> Probe:
         )
     if name in list_probes():
         raise InputError(f"the name {name!r} is that of a probe of the catalog; choose another, as [my-{name}]")
-    return probe_of_entry(name, _checked(entry))
+    return parse_probe(name, _checked(entry))
 
 
 def _require_short_keys(text: str) -> None:
@@ -139,7 +139,7 @@ def _checked(entry: Mapping[str, Any]) -> dict[str, Any]:
 def _known(what: str, table: Mapping[str, Any], names: Iterable[str]) -> None:
     names = tuple(names)
     for key in table:
-        check.known(f"value of {what}", key, names)
+        check.require_one_of(f"value of {what}", key, names)
 
 
 def _tables(name: str, value: Any, most: int) -> list[dict[str, Any]]:

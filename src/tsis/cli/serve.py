@@ -13,7 +13,7 @@ from tsis.cli.interrupt import ended_by
 from tsis.cli.targets import DepthMm, DiameterMm, ForceN, PhantomName, ProbeName, YoungKpa
 from tsis.model import check, load_probe
 from tsis.model.errors import CameraError
-from tsis.model.variants import chosen_phantom
+from tsis.model.variants import phantom_variant
 from tsis.virtual import VirtualProbe
 from tsis.virtual.camera import VirtualCamera
 from tsis.virtual.gige import GigEServer
@@ -40,7 +40,7 @@ def serve(
     Any program that reads such cameras sees it, and the exposure and gain that it sets change the image.
     """
     rng = np.random.default_rng(seed)
-    target = chosen_phantom(phantom, diameter_mm, depth_mm, young_kpa)
+    target = phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
     with waiting("tracing the light of the lamps"):
         rig = VirtualProbe(load_probe(probe), rng=rng)
     camera = VirtualCamera(rig, target, rng=rng, force_n=force_n, frames_per_s=SLOWEST)

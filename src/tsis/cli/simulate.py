@@ -14,7 +14,7 @@ from tsis.cli.probe_file import given_probe
 from tsis.cli.targets import AsJson, DepthMm, DiameterMm, ForceN, PhantomName, ProbeGiven, YoungKpa
 from tsis.mechanics import press
 from tsis.model import list_phantoms, list_probes, load_phantom, load_probe
-from tsis.model.variants import chosen_phantom
+from tsis.model.variants import phantom_variant
 from tsis.report.document import envelope
 
 SHOWN_RADII = 13
@@ -45,7 +45,7 @@ def simulate(
     if show_catalog:
         _catalog(as_json=as_json)
         return
-    pressed = chosen_phantom(phantom, diameter_mm, depth_mm, young_kpa)
+    pressed = phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
     chosen = given_probe(probe)
     with waiting(f"pressing at {strain} strain"):
         field = press(chosen, pressed, force_n=force_n, strain=strain)

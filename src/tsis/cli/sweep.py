@@ -15,7 +15,7 @@ from tsis.cli import INTERRUPTED
 from tsis.cli.console_output import people, print_json, print_notice, progress_bar
 from tsis.cli.targets import AsJson
 from tsis.report.document import envelope
-from tsis.sweep import EXAMPLE, Plan, load_plan, run_sweep, seconds_per_press, verify, worker_count
+from tsis.sweep import EXAMPLE, Plan, load_plan, run_sweep, seconds_per_press, verify_data_set, worker_count
 from tsis.sweep.read import first_few
 
 app = typer.Typer(
@@ -84,7 +84,7 @@ def run(
 @app.command("verify", epilog="Example: tsis sweep verify data")
 def verify_folder(*, folder: DataFolder, as_json: AsJson = False) -> None:
     """Check every file of a data set against the SHA-256 in its manifest."""
-    manifest = verify(folder)
+    manifest = verify_data_set(folder)
     found = {key: manifest[key] for key in ("data_set", "plan_sha256", "presses", "refused")}
     if as_json:
         print_json(envelope("sweep verify", folder=str(folder.resolve()), shards=len(manifest["shards"]), **found))

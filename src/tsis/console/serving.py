@@ -68,7 +68,7 @@ class ConsoleTerms:
     new_token: bool = False
 
     def __post_init__(self) -> None:
-        check.whole("port", self.port, 0, LARGEST_PORT)
+        check.require_integer("port", self.port, 0, LARGEST_PORT)
         for name in self.names:
             if not name or name_of(name) != name.lower():
                 raise InputError(f"name of a host must be a name without a port; got {name!r:.80}")

@@ -226,7 +226,7 @@ def bland_altman(first: ArrayLike, second: ArrayLike) -> BlandAltman:
 
 
 def _normal(coverage: float) -> float:
-    share = check.number("coverage", coverage, 1e-6, 1 - 1e-9, hint="a share of differences, such as 0.95")
+    share = check.require_number("coverage", coverage, 1e-6, 1 - 1e-9, hint="a share of differences, such as 0.95")
     return float(ndtri(0.5 + share / 2))
 
 

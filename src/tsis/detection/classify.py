@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.detection.classify_classes import Split
-from tsis.detection.classify_readings import TargetEvidence, Training
+from tsis.detection.classify_classes import ClassSplit
+from tsis.detection.classify_readings import TargetEvidence, TrainingSet
 from tsis.detection.inputs import choice
 from tsis.model import check
 from tsis.model.errors import InputError
@@ -58,12 +58,12 @@ class ClassifierSettings:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "penalty", check.number("penalty", self.penalty, 1e-3, 100.0))
+        object.__setattr__(self, "penalty", check.require_number("penalty", self.penalty, 1e-3, 100.0))
         if self.width is not None:
-            object.__setattr__(self, "width", check.number("width", self.width, 1e-3, 100.0))
+            object.__setattr__(self, "width", check.require_number("width", self.width, 1e-3, 100.0))
         choice("calibration", self.calibration, CALIBRATIONS)
-        object.__setattr__(self, "folds", check.whole("folds", self.folds, 2, 20))
-        object.__setattr__(self, "seed", check.whole("seed", self.seed, 0, 2**32 - 1))
+        object.__setattr__(self, "folds", check.require_integer("folds", self.folds, 2, 20))
+        object.__setattr__(self, "seed", check.require_integer("seed", self.seed, 0, 2**32 - 1))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -106,15 +106,15 @@ class Classifier:
         What its reader must know, e.g. that another version of scikit-learn fits it otherwise.
     """
 
-    split: Split
+    split: ClassSplit
     settings: ClassifierSettings
-    training: Training
+    training: TrainingSet
     notes: tuple[str, ...] = ()
     model: Any = field(default=None, repr=False)
 
     def probabilities(self, features: ArrayLike) -> NDArray[np.float64]:
-        """Probability of each class, shape (n, 3), at given features, shape (n, 4), as in `Training`."""
-        told: NDArray[np.float64] = self.model.predict_proba(check.array("features", features, ndim=2))
+        """Probability of each class, shape (n, 3), at given features, shape (n, 4), as in `TrainingSet`."""
+        told: NDArray[np.float64] = self.model.predict_proba(check.require_array("features", features, ndim=2))
         return told
 
     def classify(self, reading: TargetEvidence) -> Classified:
@@ -125,7 +125,7 @@ class Classifier:
         reading
             As `measured` takes it from an estimate.
         """
-        check.kind("reading", reading, TargetEvidence)
+        check.require_type("reading", reading, TargetEvidence)
         mean, single = (self.probabilities(rows).mean(axis=0) for rows in (reading.rows, reading.at_mean[None]))
         names = self.split.names
         return Classified(
@@ -134,7 +134,9 @@ class Classifier:
         )
 
 
-def train_classifier(training: Training, split: Split, settings: ClassifierSettings | None = None) -> Classifier:
+def train_classifier(
+    training: TrainingSet, split: ClassSplit, settings: ClassifierSettings | None = None
+) -> Classifier:
     """Fit a classifier: standardised features, support vectors, probabilities calibrated by cross-validation.
 
     Parameters
@@ -152,14 +154,14 @@ def train_classifier(training: Training, split: Split, settings: ClassifierSetti
         When a class has too few targets.
     """
     settings = ClassifierSettings() if settings is None else settings
-    check.kind("training", training, Training)
-    check.kind("split", split, Split)
-    check.kind("settings", settings, ClassifierSettings)
+    check.require_type("training", training, TrainingSet)
+    check.require_type("split", split, ClassSplit)
+    check.require_type("settings", settings, ClassifierSettings)
     enough(training.labels, split, settings.folds)
     return Classifier(split=split, settings=settings, training=training, model=_fitted(training, settings))
 
 
-def enough(labels: NDArray[np.int64], split: Split, least: int) -> None:
+def enough(labels: NDArray[np.int64], split: ClassSplit, least: int) -> None:
     """Refuse labels of which a class has fewer than ``least``."""
     for label, name in enumerate(split.names):
         number = int(np.count_nonzero(labels == label))
@@ -170,7 +172,7 @@ def enough(labels: NDArray[np.int64], split: Split, least: int) -> None:
             )
 
 
-def _fitted(training: Training, settings: ClassifierSettings) -> Any:
+def _fitted(training: TrainingSet, settings: ClassifierSettings) -> Any:
     from sklearn.calibration import CalibratedClassifierCV
     from sklearn.model_selection import StratifiedKFold
     from sklearn.pipeline import make_pipeline

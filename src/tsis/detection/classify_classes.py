@@ -22,7 +22,7 @@ SIDES = {  # unit, name of what lies on the wanted side, and on the other
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Split:
+class ClassSplit:
     """What parts one kind of inclusion from the rest.
 
     The third class is what is stiffer than ``young_kpa``, larger than ``diameter_mm`` and shallower than ``depth_mm``,
@@ -40,11 +40,11 @@ class Split:
 
     Examples
     --------
-    >>> Split(young_kpa=60).names
+    >>> ClassSplit(young_kpa=60).names
     ('none', 'softer than 60 kPa', 'stiffer than 60 kPa')
-    >>> Split(young_kpa=60, diameter_mm=5).names[1:]
+    >>> ClassSplit(young_kpa=60, diameter_mm=5).names[1:]
     ('not stiffer than 60 kPa and larger than 5 mm', 'stiffer than 60 kPa and larger than 5 mm')
-    >>> Split(young_kpa=60).label(Inclusion(diameter_mm=5, depth_mm=5, young_kpa=100)), Split(young_kpa=60).label(None)
+    >>> ClassSplit(young_kpa=60).label(Inclusion(diameter_mm=5, depth_mm=5, young_kpa=100)), ClassSplit(young_kpa=60).label(None)
     (2, 0)
     """
 
@@ -54,7 +54,7 @@ class Split:
 
     def __post_init__(self) -> None:
         for name, limit in self.limits.items():
-            object.__setattr__(self, name, check.number(name, limit, *INCLUSION_RANGES[name]))
+            object.__setattr__(self, name, check.require_number(name, limit, *INCLUSION_RANGES[name]))
         if not self.limits:
             raise InputError(f"a split needs at least one of {', '.join(SIDES)}; got none")
 
@@ -77,7 +77,7 @@ class Split:
         """The class of a target by its truth: 0, 1 or 2; what lies on a limit is of class 1."""
         if inclusion is None:
             return NONE
-        check.kind("inclusion", inclusion, Inclusion)
+        check.require_type("inclusion", inclusion, Inclusion)
         above = (
             (limit - value if name == "depth_mm" else value - limit) > 0
             for name, limit in self.limits.items()
@@ -90,4 +90,4 @@ class Split:
         return [self.label(one) for one in truth]
 
 
-__all__ = ["CLASSES", "NONE", "OTHER", "WANTED", "Split"]
+__all__ = ["CLASSES", "NONE", "OTHER", "WANTED", "ClassSplit"]

@@ -15,9 +15,9 @@ import numpy as np
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.detection.classify import Classifier, ClassifierSettings, train_classifier
-from tsis.detection.classify_classes import CLASSES, Split
-from tsis.detection.classify_readings import MOST_TARGETS, Training
-from tsis.instrument.file_bytes import as_path, read_object, shown
+from tsis.detection.classify_classes import CLASSES, ClassSplit
+from tsis.detection.classify_readings import MOST_TARGETS, TrainingSet
+from tsis.instrument.file_bytes import as_path, printable_path, read_object
 from tsis.model import check
 from tsis.model.durable import write_durably
 from tsis.model.errors import FileInputError, InputError
@@ -54,7 +54,7 @@ def write_classifier(classifier: Classifier, path: str | os.PathLike[str]) -> Pa
     FileInputError
         When it cannot be written there.
     """
-    check.kind("classifier", classifier, Classifier)
+    check.require_type("classifier", classifier, Classifier)
     path, training = as_path(path), classifier.training
     content = {
         "format": FORMAT,
@@ -72,7 +72,7 @@ def write_classifier(classifier: Classifier, path: str | os.PathLike[str]) -> Pa
     try:
         write_durably(path, _spelled(content | {"sha256": _digest(content)}))
     except OSError as error:
-        raise FileInputError(f"{shown(path)} must be writable; got: {error.strerror}") from error
+        raise FileInputError(f"{printable_path(path)} must be writable; got: {error.strerror}") from error
     return path
 
 
@@ -98,15 +98,15 @@ def read_classifier(path: str | os.PathLike[str]) -> Classifier:
     _check_form(content, path)
     try:
         classifier = train_classifier(
-            _training(content["targets"]), Split(**content["split"]), ClassifierSettings(**content["settings"])
+            _training(content["targets"]), ClassSplit(**content["split"]), ClassifierSettings(**content["settings"])
         )
-        kept = check.array("probabilities", content["probabilities"], ndim=2)
+        kept = check.require_array("probabilities", content["probabilities"], ndim=2)
     except (InputError, TypeError) as error:
-        raise FileInputError(f"{shown(path)} must hold a classifier; {_reason(error)}") from error
+        raise FileInputError(f"{printable_path(path)} must hold a classifier; {_reason(error)}") from error
     found = _few(classifier)
     if kept.shape != found.shape:
         raise FileInputError(
-            f"{shown(path)} must hold {found.shape[0]} rows of {CLASSES} probabilities; got shape {kept.shape}"
+            f"{printable_path(path)} must hold {found.shape[0]} rows of {CLASSES} probabilities; got shape {kept.shape}"
         )
     apart = float(np.abs(kept - found).max())
     if apart <= SAME:
@@ -114,7 +114,7 @@ def read_classifier(path: str | os.PathLike[str]) -> Classifier:
     made, here = content["made_with"], _versions()
     if made == here:
         raise FileInputError(
-            f"{shown(path)} must give the probabilities that it holds; they differ by up to {apart:.2g}, though the "
+            f"{printable_path(path)} must give the probabilities that it holds; they differ by up to {apart:.2g}, though the "
             "same versions made it: train the classifier again"
         )
     versions = ", ".join(f"{name} {made[name]} then and {here[name]} now" for name in here if made[name] != here[name])
@@ -154,32 +154,37 @@ def _digest(content: dict[str, Any]) -> str:
 def _check_form(content: dict[str, Any], path: Path) -> None:
     if content.get("format") != FORMAT or content.get("version") != VERSION:
         raise FileInputError(
-            f"{shown(path)} must be a {FORMAT!r} of version {VERSION}; got {content.get('format')!r:.40} of version "
+            f"{printable_path(path)} must be a {FORMAT!r} of version {VERSION}; got {content.get('format')!r:.40} of version "
             f"{content.get('version')!r:.20}"
         )
     if set(content) != KEYS:
         other = min(set(content) ^ KEYS)
-        raise FileInputError(f"{shown(path)} must hold {', '.join(sorted(KEYS))}; {other!r:.40} is missing or unknown")
+        raise FileInputError(
+            f"{printable_path(path)} must hold {', '.join(sorted(KEYS))}; {other!r:.40} is missing or unknown"
+        )
     made = content["made_with"]
     told = isinstance(made, dict) and set(made) == set(_versions())
     if not told or not all(isinstance(one, str) and len(one) < 40 and one.isprintable() for one in made.values()):
-        raise FileInputError(f"{shown(path)} must name the versions it was made with; got {made!r:.80}")
+        raise FileInputError(f"{printable_path(path)} must name the versions it was made with; got {made!r:.80}")
     try:
         same = _digest({name: value for name, value in content.items() if name != "sha256"}) == content["sha256"]
     except (ValueError, RecursionError):  # numbers that JSON has not
         same = False
     if not same:
-        raise FileInputError(f"{shown(path)} must be as it was written; it does not match its own hash: it was changed")
+        raise FileInputError(
+            f"{printable_path(path)} must be as it was written; it does not match its own hash: it was changed"
+        )
 
 
-def _training(targets: Any) -> Training:
+def _training(targets: Any) -> TrainingSet:
     """Targets of the file, checked before they become arrays."""
     rows = isinstance(targets, list) and 0 < len(targets) <= MOST_TARGETS
     if not rows or not all(isinstance(row, list) and len(row) == 5 for row in targets):
         raise InputError(f"targets must be 1 to {MOST_TARGETS} rows of 5 numbers; got something else")
-    labels = [check.whole("a target's class", row[-1], 0, CLASSES - 1) for row in targets]
-    return Training(
-        features=np.array(check.array("targets", [row[:-1] for row in targets], ndim=2)), labels=np.array(labels)
+    labels = [check.require_integer("a target's class", row[-1], 0, CLASSES - 1) for row in targets]
+    return TrainingSet(
+        features=np.array(check.require_array("targets", [row[:-1] for row in targets], ndim=2)),
+        labels=np.array(labels),
     )
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.detection.classify_classes import CLASSES, Split
+from tsis.detection.classify_classes import CLASSES, ClassSplit
 from tsis.detection.presence import presence
 from tsis.inclusion import PARAMETERS
 from tsis.model import Estimate, check
@@ -48,14 +48,14 @@ class TargetEvidence:
     log_ratio: float
 
     def __post_init__(self) -> None:
-        samples = check.array("samples", self.samples, ndim=2)
+        samples = check.require_array("samples", self.samples, ndim=2)
         if samples.shape[1] != len(PARAMETERS) or samples.min() <= 0 or samples.max() > LARGEST:
             raise InputError(
                 f"samples must hold {', '.join(PARAMETERS)} a row, above 0 and at most 1e6; got shape {samples.shape} "
                 f"from {samples.min():g} to {samples.max():g}"
             )
         object.__setattr__(self, "samples", samples)
-        log_ratio = check.number("log_ratio", self.log_ratio, -LARGEST_EVIDENCE, LARGEST_EVIDENCE)
+        log_ratio = check.require_number("log_ratio", self.log_ratio, -LARGEST_EVIDENCE, LARGEST_EVIDENCE)
         object.__setattr__(self, "log_ratio", log_ratio)
 
     @property
@@ -74,7 +74,7 @@ class TargetEvidence:
         return np.column_stack([self.samples, np.full(len(self.samples), self.told)])
 
 
-def measured(estimate: Estimate, *, draws: int = DRAWS, prior: float | None = None) -> TargetEvidence:
+def target_evidence(estimate: Estimate, *, draws: int = DRAWS, prior: float | None = None) -> TargetEvidence:
     """Take from an estimate what a classifier needs.
 
     Parameters
@@ -92,7 +92,7 @@ def measured(estimate: Estimate, *, draws: int = DRAWS, prior: float | None = No
         When it has no probability of an inclusion, or no samples of diameter, depth and modulus.
     """
     found = presence(estimate, prior=prior)
-    draws = check.whole("draws", draws, 1, 10**6)
+    draws = check.require_integer("draws", draws, 1, 10**6)
     missing = [name for name in PARAMETERS if name not in estimate.samples]
     if missing:
         raise InputError(f"estimate must hold samples of {', '.join(PARAMETERS)}; it has none of {', '.join(missing)}")
@@ -102,7 +102,7 @@ def measured(estimate: Estimate, *, draws: int = DRAWS, prior: float | None = No
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Training:
+class TrainingSet:
     """Targets whose class is known.
 
     Parameters
@@ -122,8 +122,8 @@ class Training:
     labels: NDArray[np.int64]
 
     def __post_init__(self) -> None:
-        features = check.array("features", self.features, ndim=2)
-        labels = check.array("labels", self.labels, ndim=1, dtype=int)
+        features = check.require_array("features", self.features, ndim=2)
+        labels = check.require_array("labels", self.labels, ndim=1, dtype=int)
         if features.shape != (len(labels), 4) or len(labels) > MOST_TARGETS:
             raise InputError(
                 f"features must hold 4 numbers for each of at most {MOST_TARGETS} labels; got shape {features.shape} "
@@ -140,9 +140,11 @@ class Training:
         object.__setattr__(self, "labels", labels)
 
     @classmethod
-    def of(cls, readings: Sequence[TargetEvidence], truth: Sequence[Inclusion | None], split: Split) -> Training:
+    def of(
+        cls, readings: Sequence[TargetEvidence], truth: Sequence[Inclusion | None], split: ClassSplit
+    ) -> TrainingSet:
         """From readings and what was there, one of each a target."""
-        check.kind("split", split, Split)
+        check.require_type("split", split, ClassSplit)
         if len(readings) != len(truth) or not readings:
             raise InputError(
                 f"readings and truth must be equally many, one a target; got {len(readings)} and {len(truth)}"
@@ -152,4 +154,4 @@ class Training:
         )
 
 
-__all__ = ["TargetEvidence", "Training", "measured"]
+__all__ = ["TargetEvidence", "TrainingSet", "target_evidence"]

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.detection.classify import ClassifierSettings, enough, train_classifier
-from tsis.detection.classify_classes import CLASSES, Split
-from tsis.detection.classify_readings import TargetEvidence, Training
+from tsis.detection.classify_classes import CLASSES, ClassSplit
+from tsis.detection.classify_readings import TargetEvidence, TrainingSet
 from tsis.detection.proportion import Proportion
 from tsis.model import check
 from tsis.model.errors import InputError
@@ -40,7 +40,7 @@ class Validation:
         Those of its posterior's mean, shape (targets, 3).
     """
 
-    split: Split
+    split: ClassSplit
     labels: NDArray[np.int64]
     probabilities: NDArray[np.float64]
     at_mean: NDArray[np.float64]
@@ -59,8 +59,10 @@ class Validation:
 
     def share(self, truth: int, decided: int) -> Proportion:
         """How many targets of class ``truth`` were called ``decided``; its ``interval()`` is Wilson's."""
-        row = self.confusion[check.whole("truth", truth, 0, CLASSES - 1)]
-        return Proportion(successes=int(row[check.whole("decided", decided, 0, CLASSES - 1)]), trials=int(row.sum()))
+        row = self.confusion[check.require_integer("truth", truth, 0, CLASSES - 1)]
+        return Proportion(
+            successes=int(row[check.require_integer("decided", decided, 0, CLASSES - 1)]), trials=int(row.sum())
+        )
 
     @property
     def accuracy(self) -> Proportion:
@@ -98,7 +100,7 @@ def brier(probabilities: NDArray[np.float64], labels: NDArray[np.int64]) -> floa
 def cross_validate(
     readings: Sequence[TargetEvidence],
     truth: Sequence[Inclusion | None],
-    split: Split,
+    split: ClassSplit,
     settings: ClassifierSettings | None = None,
     *,
     folds: int = 5,
@@ -127,8 +129,8 @@ def cross_validate(
         When the input is bad, or a class has too few targets for parts within parts.
     """
     settings = ClassifierSettings() if settings is None else settings
-    folds = check.whole("folds", folds, 2, 20)
-    training = Training.of(readings, truth, split)
+    folds = check.require_integer("folds", folds, 2, 20)
+    training = TrainingSet.of(readings, truth, split)
     enough(training.labels, split, -(-settings.folds * folds // (folds - 1)))  # what is left holds one a part
     from sklearn.model_selection import StratifiedKFold
 
@@ -136,7 +138,7 @@ def cross_validate(
     mean, single = np.empty((2, len(readings), CLASSES))
     for done, (kept, out) in enumerate(parts.split(training.features, training.labels)):
         fitted = train_classifier(
-            Training(features=training.features[kept], labels=training.labels[kept]), split, settings
+            TrainingSet(features=training.features[kept], labels=training.labels[kept]), split, settings
         )
         single[out] = fitted.probabilities(training.features[out])
         rows = [readings[index].rows for index in out]

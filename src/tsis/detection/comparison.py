@@ -58,7 +58,7 @@ class Comparison:
     remark: str = ""
 
 
-def compare(first: ArrayLike, second: ArrayLike, present: ArrayLike, *, level: float = LEVEL) -> Comparison:
+def compare_detectors(first: ArrayLike, second: ArrayLike, present: ArrayLike, *, level: float = LEVEL) -> Comparison:
     """Compare two methods by DeLong's paired test.
 
     The test leans on the normal law: below some 30 targets of each kind it is rough.
@@ -80,7 +80,7 @@ def compare(first: ArrayLike, second: ArrayLike, present: ArrayLike, *, level: f
     Examples
     --------
     >>> truth = [False, False, False, True, True, True]
-    >>> found = compare([1, 2, 4, 3, 5, 6], [3, 1, 5, 2, 4, 6], truth)
+    >>> found = compare_detectors([1, 2, 4, 3, 5, 6], [3, 1, 5, 2, 4, 6], truth)
     >>> round(found.difference, 3), round(found.z, 3)
     (0.222, 1.414)
     """
@@ -96,7 +96,7 @@ def compare(first: ArrayLike, second: ArrayLike, present: ArrayLike, *, level: f
     return _compared(one, two, truth, spread, interval)
 
 
-def bootstrap_compare(
+def bootstrap_compare_detectors(
     first: ArrayLike,
     second: ArrayLike,
     present: ArrayLike,
@@ -113,7 +113,7 @@ def bootstrap_compare(
     Parameters
     ----------
     first, second, present, level
-        As for `compare`; one target of each kind is enough.
+        As for `compare_detectors`; one target of each kind is enough.
     rng
         Source of the draws.
     draws
@@ -129,7 +129,7 @@ def bootstrap_compare(
     Examples
     --------
     >>> truth = [False, False, False, True, True, True]
-    >>> same = bootstrap_compare([1, 2, 4, 3, 5, 6], [1, 2, 4, 3, 5, 6], truth, rng=np.random.default_rng(0))
+    >>> same = bootstrap_compare_detectors([1, 2, 4, 3, 5, 6], [1, 2, 4, 3, 5, 6], truth, rng=np.random.default_rng(0))
     >>> same.difference, same.p, same.remark[:39]
     (0.0, None, 'the difference does not vary from targe')
     """
@@ -145,7 +145,7 @@ def _pair(
     first: ArrayLike, second: ArrayLike, present: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
     one, truth = scored(first, present, name="first")
-    two = check.array("second", second, ndim=1)
+    two = check.require_array("second", second, ndim=1)
     same_length("second", two, "present", truth)
     return one, two, truth
 
@@ -169,4 +169,4 @@ def _compared(
     )
 
 
-__all__ = ["NO_SPREAD", "Comparison", "bootstrap_compare", "compare"]
+__all__ = ["NO_SPREAD", "Comparison", "bootstrap_compare_detectors", "compare_detectors"]

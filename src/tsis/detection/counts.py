@@ -9,7 +9,7 @@ import numpy as np
 
 from tsis.detection.inputs import booleans, same_length
 from tsis.detection.proportion import MOST_TRIALS, Proportion
-from tsis.detection.two_proportions import Difference, Ratio
+from tsis.detection.two_proportions import ProportionDifference, ProportionRatio
 from tsis.model import check
 from tsis.model.errors import InputError
 
@@ -54,7 +54,7 @@ class Counts:
 
     def __post_init__(self) -> None:
         for name in ("true_positives", "false_positives", "true_negatives", "false_negatives"):
-            object.__setattr__(self, name, check.whole(name, getattr(self, name), 0, MOST_TRIALS // 4))
+            object.__setattr__(self, name, check.require_integer(name, getattr(self, name), 0, MOST_TRIALS // 4))
         if self.targets == 0:
             raise InputError("counts must hold at least one target; got 0 of every kind")
 
@@ -131,22 +131,22 @@ class Counts:
         return _share("negative_predictive_value", self.true_negatives, said, "target said to hold no inclusion")
 
     @property
-    def positive_likelihood_ratio(self) -> Ratio:
+    def positive_likelihood_ratio(self) -> ProportionRatio:
         """By what a finding multiplies the odds of an inclusion: sensitivity / (1 - specificity)."""
         missed = self.specificity.trials - self.specificity.successes
-        return Ratio(first=self.sensitivity, second=Proportion(successes=missed, trials=self.absent))
+        return ProportionRatio(first=self.sensitivity, second=Proportion(successes=missed, trials=self.absent))
 
     @property
-    def negative_likelihood_ratio(self) -> Ratio:
+    def negative_likelihood_ratio(self) -> ProportionRatio:
         """By what finding none multiplies the odds of an inclusion: (1 - sensitivity) / specificity."""
         missed = self.sensitivity.trials - self.sensitivity.successes
-        return Ratio(first=Proportion(successes=missed, trials=self.present), second=self.specificity)
+        return ProportionRatio(first=Proportion(successes=missed, trials=self.present), second=self.specificity)
 
     @property
-    def youden(self) -> Difference:
+    def youden(self) -> ProportionDifference:
         """Youden's index, sensitivity + specificity - 1: 1 is faultless, 0 is chance."""
         false = self.specificity.trials - self.specificity.successes
-        return Difference(first=self.sensitivity, second=Proportion(successes=false, trials=self.absent))
+        return ProportionDifference(first=self.sensitivity, second=Proportion(successes=false, trials=self.absent))
 
 
 def _share(name: str, successes: int, trials: int, wanted: str) -> Proportion:

@@ -69,7 +69,7 @@ def auc_covariance(scores: ArrayLike, present: ArrayLike) -> AucCovariance:
     >>> found.auc.tolist()
     [1.0, 0.5]
     """
-    values, truth = check.array("scores", scores, ndim=2), booleans("present", present)
+    values, truth = check.require_array("scores", scores, ndim=2), booleans("present", present)
     if values.shape[1] != len(truth):
         raise InputError(f"scores must have one column a target, {len(truth)} in all; got shape {values.shape}")
     m, n = both_classes(truth, least=2, needed_by="a variance")

@@ -48,7 +48,7 @@ class Interval:
 
 def checked_level(level: float) -> float:
     """Return a level of confidence, or say that it is none."""
-    return check.number("level", level, 1e-6, 1 - 1e-9, hint="a probability, such as 0.95")
+    return check.require_number("level", level, 1e-6, 1 - 1e-9, hint="a probability, such as 0.95")
 
 
 __all__ = ["LEVEL", "Interval", "checked_level"]

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.special import expit, logit
 
-from tsis.inclusion.verdict import DISTRUSTED
+from tsis.inclusion.verdict import UNTRUSTED_FLAGS
 from tsis.model import Estimate, check
 from tsis.model.errors import InputError
 from tsis.model.estimate import LARGEST_EVIDENCE
@@ -22,11 +22,11 @@ LEAST_PREVALENCE = 1e-9
 NEAREST_TO_ONE = 2.0**-53  # a probability that is nearer to 1 is told as 1
 NEAREST_TO_NONE = 5e-324
 LARGEST_EXPONENT = 709.0  # beyond it an exponential is no finite number
-ABSENCE = "no_inclusion"  # distrusts the numbers of an inclusion, not that there is none
+ABSENCE_FLAG = "no_inclusion"  # distrusts the numbers of an inclusion, not that there is none
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Presence:
+class PresenceProbability:
     """How likely an inclusion is, and what that rests on.
 
     Parameters
@@ -48,7 +48,7 @@ class Presence:
 
     Examples
     --------
-    >>> found = Presence(probability=0.9, prior=0.5)
+    >>> found = PresenceProbability(probability=0.9, prior=0.5)
     >>> round(found.likelihood_ratio, 9)
     9.0
     >>> round(found.at_prevalence(0.01).probability, 4)  # 9 : 99
@@ -61,12 +61,14 @@ class Presence:
     evidence: float | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "probability", check.number("probability", self.probability, 0, 1))
-        prior = check.number("prior", self.prior, LEAST_PREVALENCE, 1 - LEAST_PREVALENCE, hint="a share of targets")
+        object.__setattr__(self, "probability", check.require_number("probability", self.probability, 0, 1))
+        prior = check.require_number(
+            "prior", self.prior, LEAST_PREVALENCE, 1 - LEAST_PREVALENCE, hint="a share of targets"
+        )
         object.__setattr__(self, "prior", prior)
-        check.kind("doubts", self.doubts, tuple)
+        check.require_type("doubts", self.doubts, tuple)
         if self.evidence is not None:
-            check.number("evidence", self.evidence, -LARGEST_EVIDENCE, LARGEST_EVIDENCE)
+            check.require_number("evidence", self.evidence, -LARGEST_EVIDENCE, LARGEST_EVIDENCE)
 
     @property
     def is_bound(self) -> bool:
@@ -90,7 +92,7 @@ class Presence:
         """By what the frames multiply the odds of an inclusion, at most e**709; a bound where `is_bound`."""
         return float(np.exp(np.minimum(self.log_likelihood_ratio, LARGEST_EXPONENT)))
 
-    def at_prevalence(self, prevalence: float) -> Presence:
+    def at_prevalence(self, prevalence: float) -> PresenceProbability:
         """The same frames where another share of targets holds an inclusion.
 
         Sizes, depths and moduli are still those of the estimate's prior: where other inclusions occur, press and
@@ -106,14 +108,16 @@ class Presence:
         InputError
             When it is no such share.
         """
-        check.number("prevalence", prevalence, LEAST_PREVALENCE, 1 - LEAST_PREVALENCE, hint="a share of targets")
+        check.require_number(
+            "prevalence", prevalence, LEAST_PREVALENCE, 1 - LEAST_PREVALENCE, hint="a share of targets"
+        )
         moved = float(expit(self.log_likelihood_ratio + float(logit(prevalence))))
         if self.is_bound:  # what was certain stays so: the ratio behind it is larger than is known
             moved = self.probability
         return replace(self, probability=moved, prior=prevalence)
 
 
-def presence(estimate: Estimate, *, prior: float | None = None) -> Presence:
+def presence(estimate: Estimate, *, prior: float | None = None) -> PresenceProbability:
     """Read the probability of an inclusion off an estimate.
 
     Parameters
@@ -138,7 +142,7 @@ def presence(estimate: Estimate, *, prior: float | None = None) -> Presence:
     >>> round(presence(made).at_prevalence(0.2).probability, 9)
     0.5
     """
-    check.kind("estimate", estimate, Estimate)
+    check.require_type("estimate", estimate, Estimate)
     if estimate.presence is None:
         raise InputError(
             "estimate must hold the probability of an inclusion, presence; got None: take one that "
@@ -152,8 +156,8 @@ def presence(estimate: Estimate, *, prior: float | None = None) -> Presence:
         )
     if prior is not None and stated is not None and prior != stated:
         raise InputError(f"prior must be that of the estimate, {stated:g}; got {prior!r:.60}: leave it out")
-    doubts = tuple(flag for flag in estimate.flags if flag in DISTRUSTED and flag != ABSENCE)
-    return Presence(
+    doubts = tuple(flag for flag in estimate.flags if flag in UNTRUSTED_FLAGS and flag != ABSENCE_FLAG)
+    return PresenceProbability(
         probability=estimate.presence,
         prior=stated if prior is None else prior,  # type: ignore[arg-type]
         doubts=doubts,
@@ -167,4 +171,4 @@ def _stated_prior(provenance: Mapping[str, Any]) -> float | None:
     return value if isinstance(value, float) else None
 
 
-__all__ = ["Presence", "presence"]
+__all__ = ["PresenceProbability", "presence"]

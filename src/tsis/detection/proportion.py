@@ -47,8 +47,8 @@ class Proportion:
     trials: int
 
     def __post_init__(self) -> None:
-        trials = check.whole("trials", self.trials, 1, MOST_TRIALS)
-        successes = check.whole("successes", self.successes, 0, trials, hint=f"of {trials} trials")
+        trials = check.require_integer("trials", self.trials, 1, MOST_TRIALS)
+        successes = check.require_integer("successes", self.successes, 0, trials, hint=f"of {trials} trials")
         object.__setattr__(self, "trials", trials)
         object.__setattr__(self, "successes", successes)
 

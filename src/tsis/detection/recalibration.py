@@ -23,7 +23,7 @@ CONVERGED = 1e-12  # of Newton's step, in logits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fitted:
+class FittedValue:
     """A number that a likelihood was largest at.
 
     Attributes
@@ -68,9 +68,9 @@ class Recalibration:
         Intercept where the slope is held at 1: positive where inclusions are more frequent than the probabilities say.
     """
 
-    slope: Fitted
-    intercept: Fitted
-    in_the_large: Fitted
+    slope: FittedValue
+    intercept: FittedValue
+    in_the_large: FittedValue
 
 
 def recalibration(probabilities: ArrayLike, present: ArrayLike) -> Recalibration:
@@ -108,8 +108,8 @@ def recalibration(probabilities: ArrayLike, present: ArrayLike) -> Recalibration
     scale = float(np.abs(logits).max())
     joint, errors = _line(logits / scale, truth)
     return Recalibration(
-        slope=Fitted(value=joint[1] / scale, standard_error=errors[1] / scale),
-        intercept=Fitted(value=joint[0], standard_error=errors[0]),
+        slope=FittedValue(value=joint[1] / scale, standard_error=errors[1] / scale),
+        intercept=FittedValue(value=joint[0], standard_error=errors[0]),
         in_the_large=_shift(logits, truth),
     )
 
@@ -153,7 +153,7 @@ def _curvature(design: NDArray[Any], at: NDArray[np.float64]) -> NDArray[np.floa
     return bent
 
 
-def _shift(logits: NDArray[Any], truth: NDArray[np.bool_]) -> Fitted:
+def _shift(logits: NDArray[Any], truth: NDArray[np.bool_]) -> FittedValue:
     """What must be added to every logit for the expected number of inclusions to be the number seen."""
     seen = int(truth.sum())
     low, high = logit(seen / len(truth)) - logits.max(), logit(seen / len(truth)) - logits.min()
@@ -163,7 +163,7 @@ def _shift(logits: NDArray[Any], truth: NDArray[np.bool_]) -> Fitted:
 
     shift = float(brentq(excess, low - 1, high + 1, xtol=1e-13))
     chance = expit(logits + shift)
-    return Fitted(value=shift, standard_error=float(1 / np.sqrt((chance * (1 - chance)).sum())))
+    return FittedValue(value=shift, standard_error=float(1 / np.sqrt((chance * (1 - chance)).sum())))
 
 
-__all__ = ["Fitted", "Recalibration", "recalibration"]
+__all__ = ["FittedValue", "Recalibration", "recalibration"]

@@ -93,7 +93,7 @@ def reliability_curve(
     0.167
     """
     values, truth = probabilities_and_truth(probabilities, present)
-    shares = np.linspace(0.0, 1.0, check.whole("bins", bins, 1, MOST_BINS) + 1)
+    shares = np.linspace(0.0, 1.0, check.require_integer("bins", bins, 1, MOST_BINS) + 1)
     widths = choice("widths", widths, ("equal-count", "equal-width"))
     ends = shares if widths == "equal-width" else np.quantile(values, shares)
     place = np.searchsorted(ends[1:-1], values)

@@ -116,7 +116,7 @@ class Roc:
         InputError
             When there is no such threshold.
         """
-        index = check.whole("index", index, 0, len(self.thresholds) - 1)
+        index = check.require_integer("index", index, 0, len(self.thresholds) - 1)
         found, false = int(self.true_positives[index]), int(self.false_positives[index])
         return Counts(
             true_positives=found,

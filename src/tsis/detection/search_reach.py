@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.detection.inputs import booleans, same_length
-from tsis.instrument.file_bytes import as_path, one_line, read_bytes, shown
+from tsis.instrument.file_bytes import as_path, one_line, printable_path, read_bytes
 from tsis.model import check
 from tsis.model.errors import FileInputError, InputError
-from tsis.model.grid import ascending
+from tsis.model.grid import require_ascending
 from tsis.model.phantom import INCLUSION_RANGES
 
 if TYPE_CHECKING:
@@ -67,8 +67,8 @@ class ReachTable:
 
     def __post_init__(self) -> None:
         for name in ("diameter_mm", "depth_mm"):
-            object.__setattr__(self, name, ascending(name, getattr(self, name)))
-        reach = check.array("reach_mm", self.reach_mm, ndim=2)
+            object.__setattr__(self, name, require_ascending(name, getattr(self, name)))
+        reach = check.require_array("reach_mm", self.reach_mm, ndim=2)
         shape = (len(self.diameter_mm), len(self.depth_mm))
         if reach.shape != shape or reach.min() < 0 or reach.max() > FARTHEST_MM:
             raise InputError(
@@ -76,12 +76,12 @@ class ReachTable:
                 f"{reach.shape}, {reach.min():g} to {reach.max():g}"
             )
         object.__setattr__(self, "reach_mm", reach)
-        object.__setattr__(self, "probability", check.number("probability", self.probability, 1e-6, 1 - 1e-6))
+        object.__setattr__(self, "probability", check.require_number("probability", self.probability, 1e-6, 1 - 1e-6))
 
     def __call__(self, diameter_mm: float, depth_mm: float) -> float:
         """Reach of one inclusion, mm."""
-        diameter = check.number("diameter_mm", diameter_mm, *INCLUSION_RANGES["diameter_mm"])
-        depth = check.number("depth_mm", depth_mm, *INCLUSION_RANGES["depth_mm"])
+        diameter = check.require_number("diameter_mm", diameter_mm, *INCLUSION_RANGES["diameter_mm"])
+        depth = check.require_number("depth_mm", depth_mm, *INCLUSION_RANGES["depth_mm"])
         if diameter < self.diameter_mm[0] or depth > self.depth_mm[-1]:
             return 0.0
         by_size = [float(np.interp(depth, self.depth_mm, row)) for row in self.reach_mm]
@@ -118,12 +118,12 @@ def reach_of_trials(offset_mm: ArrayLike, found: ArrayLike, *, probability: floa
     >>> reach_of_trials([0, 1, 2, 3, 4, 5], [True, True, True, False, True, False], probability=0.5)
     4.0
     """
-    away = check.array("offset_mm", offset_mm, ndim=1)
+    away = check.require_array("offset_mm", offset_mm, ndim=1)
     seen = booleans("found", found)
     same_length("offset_mm", away, "found", seen)
     if away.min() < 0:
         raise InputError(f"offset_mm must not be negative; got {away.min():g}")
-    check.number("probability", probability, 1e-6, 1 - 1e-6)
+    check.require_number("probability", probability, 1e-6, 1 - 1e-6)
     from sklearn.isotonic import IsotonicRegression
 
     fitted = IsotonicRegression(increasing=False).fit(away, seen.astype(float))
@@ -148,19 +148,19 @@ def read_reach(path: str | os.PathLike[str], *, probability: float = 0.9) -> Rea
         When it is no such table.
     """
     path = as_path(path)
-    rows = _numbers(read_bytes(path, most=LARGEST_BYTES), shown(path))
+    rows = _numbers(read_bytes(path, most=LARGEST_BYTES), printable_path(path))
     sizes, depths = (np.unique([row[axis] for row in rows]) for axis in (0, 1))
     cells = {(row[0], row[1]): row[2] for row in rows}
     if len(cells) != len(rows) or len(rows) != len(sizes) * len(depths):
         raise FileInputError(
-            f"{shown(path)} must hold each of its {len(sizes)} sizes with each of its {len(depths)} depths once; got "
+            f"{printable_path(path)} must hold each of its {len(sizes)} sizes with each of its {len(depths)} depths once; got "
             f"{len(rows)} rows"
         )
     reach = [[cells[float(size), float(depth)] for depth in depths] for size in sizes]
     try:
         return ReachTable(diameter_mm=sizes, depth_mm=depths, reach_mm=np.array(reach), probability=probability)
     except InputError as error:
-        raise FileInputError(f"{shown(path)}: {error}") from error
+        raise FileInputError(f"{printable_path(path)}: {error}") from error
 
 
 def measured_reach(probe: str) -> ReachTable | None:

@@ -20,7 +20,7 @@ SMALLEST_RATIO, LARGEST_RATIO = 1e-40, 1e15  # between which ends are looked for
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ratio:
+class ProportionRatio:
     """One share over another, such as a likelihood ratio.
 
     Parameters
@@ -36,7 +36,7 @@ class Ratio:
     Examples
     --------
     >>> from tsis.detection import Proportion
-    >>> ratio = Ratio(first=Proportion(successes=6, trials=8), second=Proportion(successes=1, trials=8))
+    >>> ratio = ProportionRatio(first=Proportion(successes=6, trials=8), second=Proportion(successes=1, trials=8))
     >>> ratio.value
     6.0
     >>> [f"{end:.2f}" for end in ratio.interval()]
@@ -91,7 +91,7 @@ class Ratio:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Difference:
+class ProportionDifference:
     """One share less another, such as Youden's index.
 
     Parameters
@@ -102,7 +102,7 @@ class Difference:
     Examples
     --------
     >>> from tsis.detection import Proportion
-    >>> youden = Difference(first=Proportion(successes=6, trials=8), second=Proportion(successes=1, trials=8))
+    >>> youden = ProportionDifference(first=Proportion(successes=6, trials=8), second=Proportion(successes=1, trials=8))
     >>> youden.value
     0.625
     >>> [f"{end:.2f}" for end in youden.interval()]
@@ -151,7 +151,7 @@ def score_of_ratio(first: Proportion, second: Proportion, ratio: float) -> float
     InputError
         When the ratio is not positive.
     """
-    check.number("ratio", ratio, 1e-300, 1e300)
+    check.require_number("ratio", ratio, 1e-300, 1e300)
     m, n, x, y = first.trials, second.trials, first.successes, second.successes
     # The likelihood under that ratio is largest where a quadratic in the first share vanishes.
     linear = ratio * (m + y) + x + n
@@ -165,4 +165,4 @@ def score_of_ratio(first: Proportion, second: Proportion, ratio: float) -> float
     return away / math.sqrt(variance)
 
 
-__all__ = ["Difference", "Ratio", "score_of_ratio"]
+__all__ = ["ProportionDifference", "ProportionRatio", "score_of_ratio"]

@@ -1,7 +1,7 @@
 """How stiff a touched object is: contact mechanics without the probe's own compliance."""
 
 from tsis.hardness.contact_table import ContactTable
-from tsis.hardness.frames import check_radius
+from tsis.hardness.frames import require_radius
 from tsis.hardness.posterior import estimate
 from tsis.hardness.printed import PrintedHardness, printed_estimate
 from tsis.hardness.prior import HardnessPrior
@@ -18,11 +18,11 @@ __all__ = [
     "ShoreHardness",
     "axial_strain",
     "build_contact_table",
-    "check_radius",
     "estimate",
     "lagrangian_strain",
     "printed_axial_strain",
     "printed_estimate",
     "read_contact",
+    "require_radius",
     "shore",
 ]

@@ -51,7 +51,7 @@ class ContactTable:
 
     def __post_init__(self) -> None:
         for name in ("coefficients", "softness", "deepest", "error"):
-            object.__setattr__(self, name, check.array(name, getattr(self, name), ndim=1))
+            object.__setattr__(self, name, check.require_array(name, getattr(self, name), ndim=1))
 
     def log_radius(
         self, young_kpa: Any, poisson: Any, radius_mm: Any, force_n: Any, *, probe_factor: Any = 1.0

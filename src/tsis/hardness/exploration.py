@@ -11,7 +11,7 @@ from scipy.special import logsumexp
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.hardness.likelihood import Likelihood
+    from tsis.hardness.likelihood import HardnessLikelihood
     from tsis.hardness.prior import HardnessPrior
 
 COARSE, FINE = 120, 240  # moduli on the grid
@@ -22,7 +22,7 @@ SMALLEST_RADIUS_MM = 1.0  # of a sphere of unknown radius
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class RadiusBelief:
+class RadiusPrior:
     """What is known of the sphere's radius: a value with its standard deviation, or only that it lies in a range.
 
     Attributes
@@ -50,7 +50,7 @@ class RadiusBelief:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Posterior:
+class HardnessPosterior:
     """The modulus, and how well the best sphere explains the frames.
 
     Attributes
@@ -68,7 +68,7 @@ class Posterior:
     best: tuple[float, float, float]
 
 
-def explore(likelihood: Likelihood, prior: HardnessPrior, radius: RadiusBelief) -> Posterior:
+def explore_modulus(likelihood: HardnessLikelihood, prior: HardnessPrior, radius: RadiusPrior) -> HardnessPosterior:
     """Integrate over Poisson's ratio and radius on nodes, and draw the modulus from a grid in its logarithm."""
     place, weight = np.polynomial.legendre.leggauss(RATIOS)
     low, high = prior.poisson
@@ -85,7 +85,7 @@ def explore(likelihood: Likelihood, prior: HardnessPrior, radius: RadiusBelief) 
     log_young = _where_it_matters(coarse, logsumexp(at(coarse)[0], axis=(1, 2)))
     found, misfit = at(log_young)
     best = np.unravel_index(int(np.argmin(misfit)), misfit.shape)
-    return Posterior(
+    return HardnessPosterior(
         young_kpa=np.exp(_quantiles(log_young, logsumexp(found, axis=(1, 2)))),
         misfit=float(misfit.min()),
         best=(float(np.exp(log_young[best[0]])), float(ratios[best[1]]), float(radii[best[2]])),

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tsis.hardness.exploration import RadiusBelief
-from tsis.hardness.seen_sphere import check_size
+from tsis.hardness.exploration import RadiusPrior
+from tsis.hardness.seen_sphere import require_small_sphere
 from tsis.hardness.table_build import WIDEST_SHARE
 from tsis.model import check
 from tsis.model.errors import ImageMismatchError, InputError
@@ -17,7 +17,7 @@ RADIUS_SD_MM = 0.03  # of a radius that somebody measured without saying how wel
 BALL_SD_MM = 0.003  # of a rigid ball without a stated one: bearing balls are rounder
 
 
-def check_of_probe(frames: list[TactileImage], probe: Probe) -> None:
+def require_frames_of_probe(frames: list[TactileImage], probe: Probe) -> None:
     """Refuse frames that say they were taken with another probe."""
     for frame in frames:
         other = frame.settings.get("probe")
@@ -27,26 +27,26 @@ def check_of_probe(frames: list[TactileImage], probe: Probe) -> None:
             )
 
 
-def radius_belief(
+def radius_prior(
     probe: Probe, frames: list[TactileImage], radius_mm: float | None, radius_sd_mm: float | None
-) -> RadiusBelief:
+) -> RadiusPrior:
     """What is known of the object's radius, by the caller or else by the frames."""
     largest = WIDEST_SHARE * probe.radius_mm
     if radius_mm is None:
         radius_mm, written_sd = _written(frames)
         radius_sd_mm = written_sd if radius_sd_mm is None else radius_sd_mm
     if radius_mm is None:
-        return RadiusBelief(radius_mm=None, sd_mm=0.0, largest_mm=largest)
+        return RadiusPrior(radius_mm=None, sd_mm=0.0, largest_mm=largest)
     sd = RADIUS_SD_MM if radius_sd_mm is None else radius_sd_mm
-    check_radius("radius_mm", probe, radius_mm)
-    check.number(
+    require_radius("radius_mm", probe, radius_mm)
+    check.require_number(
         "radius_sd_mm",
         sd,
         0.0,
         radius_mm / 10,
         hint="millimetres, up to a tenth of the radius; leave both out where it is unknown",
     )
-    return RadiusBelief(radius_mm=radius_mm, sd_mm=sd, largest_mm=largest)
+    return RadiusPrior(radius_mm=radius_mm, sd_mm=sd, largest_mm=largest)
 
 
 def ball_radius(probe: Probe, balls: list[TactileImage], radius_mm: float | None) -> tuple[float, float]:
@@ -56,14 +56,14 @@ def ball_radius(probe: Probe, balls: list[TactileImage], radius_mm: float | None
         radius_mm, sd_mm = _written(balls)
     if radius_mm is None:
         raise InputError("reference_radius_mm must be given, the radius of the rigid ball; no frame says it")
-    check_radius("reference_radius_mm", probe, radius_mm)
+    require_radius("reference_radius_mm", probe, radius_mm)
     return radius_mm, (BALL_SD_MM if sd_mm is None else sd_mm) / radius_mm
 
 
-def check_radius(name: str, probe: Probe, radius_mm: float) -> None:
+def require_radius(name: str, probe: Probe, radius_mm: float) -> None:
     """Refuse what is no radius of an object that this probe can measure, in mm; `InputError` names it."""
-    check.number(name, radius_mm, 1.0, 50.0, hint="millimetres")
-    check_size(probe, radius_mm)
+    check.require_number(name, radius_mm, 1.0, 50.0, hint="millimetres")
+    require_small_sphere(probe, radius_mm)
 
 
 def _written(frames: list[TactileImage]) -> tuple[float | None, float | None]:
@@ -75,7 +75,7 @@ def _written(frames: list[TactileImage]) -> tuple[float | None, float | None]:
         )
     radius, sd = said.pop()
     if radius is not None:
-        radius = check.number("radius_mm of the settings", radius, 1e-3, 1e3)
+        radius = check.require_number("radius_mm of the settings", radius, 1e-3, 1e3)
     if sd is not None:
-        sd = check.number("radius_sd_mm of the settings", sd, 0.0, 1e3)
+        sd = check.require_number("radius_sd_mm of the settings", sd, 0.0, 1e3)
     return radius, sd

@@ -23,7 +23,7 @@ RIGID_KPA, RIGID_POISSON = 1e8, 0.3  # of a ball of steel: all of the compliance
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Press:
+class ContactPress:
     """One press as gauge and camera tell it.
 
     Attributes
@@ -42,7 +42,7 @@ class Press:
     ball_radius_sd: float = 0.0
 
 
-class Likelihood:
+class HardnessLikelihood:
     """Normal errors of the logarithms of radius and light, with all nuisances but three integrated out.
 
     The logarithm of a contact radius errs by the image, by the table, and by force and probe modulus through the
@@ -51,7 +51,7 @@ class Likelihood:
     """
 
     def __init__(
-        self, presses: Sequence[Press], *, table: ContactTable, calibration: Calibration, drift_sd: float
+        self, presses: Sequence[ContactPress], *, table: ContactTable, calibration: Calibration, drift_sd: float
     ) -> None:
         self.presses, self.table = tuple(presses), table
         self._calibration, self._drift_sd = calibration, drift_sd

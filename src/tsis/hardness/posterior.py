@@ -7,16 +7,16 @@ from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.hardness.exploration import explore
-from tsis.hardness.frames import ball_radius, check_of_probe, radius_belief
-from tsis.hardness.likelihood import DRIFT_SD, Likelihood, Press
+from tsis.hardness.exploration import explore_modulus
+from tsis.hardness.frames import ball_radius, radius_prior, require_frames_of_probe
+from tsis.hardness.likelihood import DRIFT_SD, ContactPress, HardnessLikelihood
 from tsis.hardness.prior import HardnessPrior
 from tsis.hardness.reading import BLUR_MM, read_contact
 from tsis.hardness.table_build import build_contact_table
-from tsis.hardness.verdict import DISTRUSTED, findings, identifiability
+from tsis.hardness.verdict import UNTRUSTED_FLAGS, findings, identifiability
 from tsis.model import Calibration, Estimate, Probe, TactileImage, check
 from tsis.model.errors import InputError
-from tsis.model.image_series import as_frames, check_belonging, check_frames
+from tsis.model.image_series import as_images, require_image_series, require_same_probe
 from tsis.model.threads import one_blas_thread
 
 if TYPE_CHECKING:
@@ -91,21 +91,21 @@ def estimate(
         When images differ in scale, shape, axis or range of values, were taken with another probe, or carry different
         radii.
     """
-    frames, balls = as_frames("images", images), as_frames("reference", reference)
+    frames, balls = as_images("images", images), as_images("reference", reference)
     if not frames:
         raise InputError("images must hold at least one TactileImage; got none")
-    check_belonging(probe, calibration)
+    require_same_probe(probe, calibration)
     prior = HardnessPrior() if prior is None else prior
-    check.kind("prior", prior, HardnessPrior)
-    check.number("blur_mm", blur_mm, 0.0, 1.0, hint="millimetres")
-    check.number("drift_sd", drift_sd, 0.0, 0.5, hint="a share of one")
-    digests = check_frames(frames + balls)
-    check_of_probe(frames + balls, probe)
-    radius = radius_belief(probe, frames, radius_mm, radius_sd_mm)
+    check.require_type("prior", prior, HardnessPrior)
+    check.require_number("blur_mm", blur_mm, 0.0, 1.0, hint="millimetres")
+    check.require_number("drift_sd", drift_sd, 0.0, 0.5, hint="a share of one")
+    digests = require_image_series(frames + balls)
+    require_frames_of_probe(frames + balls, probe)
+    radius = radius_prior(probe, frames, radius_mm, radius_sd_mm)
     ball_mm, ball_sd = ball_radius(probe, balls, reference_radius_mm) if balls else (None, 0.0)
     seen = [read_contact(frame, probe=probe, calibration=calibration, blur_mm=blur_mm) for frame in frames + balls]
     presses = [
-        Press(
+        ContactPress(
             force_n=frame.force_n or 0.0,
             seen=one,
             ball_radius_mm=ball_mm if place >= len(frames) else None,
@@ -115,15 +115,15 @@ def estimate(
     ]
     table = _table(probe) if progress is None else build_contact_table(probe, progress=progress)
     with one_blas_thread():
-        likelihood = Likelihood(presses, table=table, calibration=calibration, drift_sd=drift_sd)
-        found = explore(likelihood, prior, radius)
+        likelihood = HardnessLikelihood(presses, table=table, calibration=calibration, drift_sd=drift_sd)
+        found = explore_modulus(likelihood, prior, radius)
     said = findings(presses, likelihood, found, prior, radius)
     return Estimate(
         samples={"young_kpa": found.young_kpa},
         prior_sd={"young_kpa": prior.young_sd_kpa},
         identifiability=identifiability(found, prior),
         prior=str(prior),
-        trusted=not DISTRUSTED.intersection(flag for flag, _ in said),
+        trusted=not UNTRUSTED_FLAGS.intersection(flag for flag, _ in said),
         flags=tuple(flag for flag, _ in said),
         notes=tuple(note for _, note in said),
         provenance={

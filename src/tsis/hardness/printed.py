@@ -22,8 +22,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from tsis.hardness.strain import axial_strain, printed_axial_strain
-from tsis.imaging import features, surface
-from tsis.matching import fit_spline, guess
+from tsis.imaging import features, height_surface
+from tsis.matching import fit_spline, match_points
 from tsis.matching.spline import spread_out
 from tsis.model import TactileImage, check
 from tsis.model.errors import InputError
@@ -78,7 +78,7 @@ class PrintedHardness:
 
     def __post_init__(self) -> None:
         for name, ndim in (("strain", 1), ("before", 2), ("after", 2)):
-            object.__setattr__(self, name, check.array(name, getattr(self, name), ndim=ndim))
+            object.__setattr__(self, name, check.require_array(name, getattr(self, name), ndim=ndim))
 
 
 def printed_estimate(
@@ -144,16 +144,16 @@ def printed_estimate(
     True
     """
     first, second = _pair(images)
-    check.known("stress", stress, STRESSES)
-    strain_of = FORMULAS[check.known("formula", formula, FORMULAS)]
-    check.known("spline", spline, SPLINES)
-    count = check.whole("points", points, 10, 2000)
+    check.require_one_of("stress", stress, STRESSES)
+    strain_of = FORMULAS[check.require_one_of("formula", formula, FORMULAS)]
+    check.require_one_of("spline", spline, SPLINES)
+    count = check.require_integer("points", points, 10, 2000)
     depth = first.scale()[0] if depth_mm_per_grey is None else depth_mm_per_grey
-    check.number("depth_mm_per_grey", depth, 1e-6, 1e3, hint="millimetres a grey level")
+    check.require_number("depth_mm_per_grey", depth, 1e-6, 1e3, hint="millimetres a grey level")
     before, area_before = _lit_surface(first, depth, count)
     after, area_after = _lit_surface(second, depth, count)
     # Two smooth round caps match however they are turned: no match of theirs is reliable, and the source asks for none.
-    found = guess(before, after, method=method, rng=rng)
+    found = match_points(before, after, method=method, rng=rng)
     pairs = ~found.outliers if spline == "matches" else np.ones(len(before), dtype=bool)
     targets = after[found.matches[pairs]] if spline == "matches" else found.moved
     strain = strain_of(fit_spline(before[pairs], targets).gradient(before))
@@ -181,7 +181,7 @@ def _pair(images: Sequence[TactileImage]) -> tuple[TactileImage, TactileImage]:
     if len(given) != 2:
         raise InputError(f"images must hold two frames, the lighter press first; got {len(given)}")
     for image in given:
-        check.kind("each of images", image, TactileImage)
+        check.require_type("each of images", image, TactileImage)
     first, second = given
     if not (first.force_n and second.force_n and first.force_n < second.force_n):
         raise InputError(
@@ -197,7 +197,7 @@ def _lit_surface(image: TactileImage, depth_mm_per_grey: float, count: int) -> t
     seen = features(image)
     if not seen.contact:
         raise InputError(f"images must show a contact; in {image.name or 'an image'!r} nothing stands out of the noise")
-    lifted = surface(image, max_points=SURFACE_POINTS, height_per_grey=depth_mm_per_grey)
+    lifted = height_surface(image, max_points=SURFACE_POINTS, height_per_grey=depth_mm_per_grey)
     (width, height), (column, row) = image.scale(), image.axis()
     columns = np.round(lifted.x_mm / width + column).astype(int)
     rows = np.round(lifted.y_mm / height + row).astype(int)

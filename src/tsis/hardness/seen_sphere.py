@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.mechanics.finite_strain import load_path
-from tsis.mechanics.finite_strain.pressing import check_forces, refuse_light
+from tsis.mechanics.finite_strain.pressing import require_ascending_forces, require_enough_force
 from tsis.mechanics.finite_strain.probe_on_slab import SPRING as PULL
 from tsis.mechanics.finite_strain.squeezed_sphere import LIGHTEST, TOUCH, WIDEST, SphereOnProbe
 from tsis.model import PressField, Probe, check
@@ -60,15 +60,15 @@ def press_fields(
     MechanicsError
         When a force cannot be reached on any of four meshes.
     """
-    check.kind("probe", probe, Probe)
-    check_size(probe, sphere.radius_mm)
-    check_forces(forces_n)
+    check.require_type("probe", probe, Probe)
+    require_small_sphere(probe, sphere.radius_mm)
+    require_ascending_forces(forces_n)
     softer = min(sphere.young_kpa, probe.layers[0].young_kpa)
-    refuse_light(forces_n[0], softer, sphere.radius_mm, lightest=LIGHTEST)
+    require_enough_force(forces_n[0], softer, sphere.radius_mm, lightest=LIGHTEST)
     failure: MechanicsError | None = None
     with one_blas_thread():
         for mesh in (resolution, *_neighbours(resolution)):
-            press = SeenSphere(probe, sphere.radius_mm, sphere.young_kpa, sphere.poisson, mesh)
+            press = SphereOnDeformedFace(probe, sphere.radius_mm, sphere.young_kpa, sphere.poisson, mesh)
             try:
                 return press.fields(forces_n, stop_at_limit=stop_at_limit)
             except MechanicsError as error:
@@ -87,7 +87,7 @@ def _neighbours(resolution: SphereResolution) -> list[SphereResolution]:
     ]
 
 
-def check_size(probe: Probe, radius_mm: float) -> None:
+def require_small_sphere(probe: Probe, radius_mm: float) -> None:
     """Refuse an object larger than the probe can measure: its contact would reach the rim."""
     if radius_mm > WIDEST * probe.radius_mm:
         raise InputError(
@@ -96,15 +96,17 @@ def check_size(probe: Probe, radius_mm: float) -> None:
         )
 
 
-class SeenSphere(SphereOnProbe):
+class SphereOnDeformedFace(SphereOnProbe):
     """The sphere's mechanics, read at the places that the face has moved to."""
 
     def fields(self, forces_n: Sequence[float], *, stop_at_limit: bool) -> tuple[PressField, ...]:
         """Fields at ascending forces in newtons, as far as they can be reached."""
         forces, found = [force * MN_PER_N for force in forces_n], list[PressField]()
         with suppress(MechanicsError) if stop_at_limit else nullcontext():
-            first = load_path.touch(self.potential, self._moved, TOUCH * self._radius, PULL, below_mn=forces[0] / 2)
-            states = load_path.walk(self.potential, first, forces, refuse=self._refuse)
+            first = load_path.find_first_contact(
+                self.potential, self._moved, TOUCH * self._radius, PULL, below_mn=forces[0] / 2
+            )
+            states = load_path.follow_load_path(self.potential, first, forces, refuse=self._refuse)
             for state, force in zip(states, forces_n, strict=True):
                 found.append(self._seen(state, force))
         if not found:
@@ -115,10 +117,10 @@ class SeenSphere(SphereOnProbe):
         field = self.read(state, force_n).field
         weights = self.face.face.weights(self.shape.arc_at(field.radius_mm))[:, 0]
         outward = weights @ self.potential.displacements(state.unknowns)[self.face.nodes, 0]
-        return carried(field, np.asarray(outward))
+        return to_deformed_radius(field, np.asarray(outward))
 
 
-def carried(field: PressField, outward_mm: NDArray[np.float64]) -> PressField:
+def to_deformed_radius(field: PressField, outward_mm: NDArray[np.float64]) -> PressField:
     """A field over the undeformed radius, when each point of the face has moved ``outward_mm`` along the radius."""
     radius = field.radius_mm
     moved = np.maximum.accumulate(np.where(radius > 0, radius + outward_mm, 0.0))

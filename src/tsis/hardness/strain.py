@@ -101,7 +101,7 @@ def _displacement_gradient(gradient: ArrayLike) -> NDArray[np.float64]:
 
 
 def _gradient(gradient: ArrayLike) -> NDArray[np.float64]:
-    checked = check.array("gradient", gradient, ndim=3)
+    checked = check.require_array("gradient", gradient, ndim=3)
     if checked.shape[1] != checked.shape[2]:
         raise InputError(f"gradient must be a square matrix at each place; got shape {checked.shape}")
     return checked

@@ -20,7 +20,7 @@ from tsis.hardness.contact_table import (
 )
 from tsis.hardness.seen_sphere import hertzian_radius_mm, press_fields
 from tsis.mechanics import SphereResolution
-from tsis.mechanics.surrogate_solves import probe_content, remembered
+from tsis.mechanics.surrogate_solves import cached_arrays, mechanical_content
 from tsis.model import Probe, SoftSphere, check, disk_cache
 from tsis.model.press import MN_PER_N
 
@@ -102,13 +102,13 @@ def build_contact_table(
     >>> f"{float(np.exp(table.log_radius(103.0, 0.49, 3.0, 0.7))):.2f} mm"
     '2.77 mm'
     """
-    check.kind("probe", probe, Probe)
-    check.kind("resolution", resolution, SphereResolution)
+    check.require_type("probe", probe, Probe)
+    check.require_type("resolution", resolution, SphereResolution)
     unit = _with_skin(probe, SKIN_KPA)
     key = disk_cache.content_key(
         {
             "format": FORMAT_VERSION,
-            "probe": _rounded(probe_content(unit)),
+            "probe": _rounded(mechanical_content(unit)),
             "resolution": asdict(resolution),
             "loads": LOADS.tolist(),
         }
@@ -117,7 +117,7 @@ def build_contact_table(
     def solved() -> dict[str, NDArray[np.float64]]:
         return _solve(unit, resolution, progress)
 
-    arrays = (_shipped(key) or remembered(KIND, key, solved)) if cached else solved()
+    arrays = (_shipped(key) or cached_arrays(KIND, key, solved)) if cached else solved()
     return ContactTable(
         coefficients=arrays["coefficients"],
         softness=arrays["softness"],

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from tsis.model.estimate import NOT_IDENTIFIED, UNLIKELY, chance_below
+from tsis.model.estimate import IMPROBABLE, NOT_IDENTIFIED, probability_bound
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tsis.hardness.exploration import Posterior, RadiusBelief
-    from tsis.hardness.likelihood import Likelihood, Press
+    from tsis.hardness.exploration import HardnessPosterior, RadiusPrior
+    from tsis.hardness.likelihood import ContactPress, HardnessLikelihood
     from tsis.hardness.prior import HardnessPrior
 
     Finding = tuple[str, str]
@@ -24,11 +24,15 @@ CLIPPED = 1e-3  # share of the contact's pixels
 NOT_ROUND = 1.1  # long over short axis: a sphere on a round probe lights a round patch
 BEYOND = 0.05  # share of the moduli for which a press lies outside the table
 SAME_FORCE = 0.02  # relative difference of forces that are one force
-DISTRUSTED = frozenset(("model_does_not_fit", "saturated", "not_round", "outside_table"))
+UNTRUSTED_FLAGS = frozenset(("model_does_not_fit", "saturated", "not_round", "outside_table"))
 
 
 def findings(
-    presses: Sequence[Press], likelihood: Likelihood, found: Posterior, prior: HardnessPrior, radius: RadiusBelief
+    presses: Sequence[ContactPress],
+    likelihood: HardnessLikelihood,
+    found: HardnessPosterior,
+    prior: HardnessPrior,
+    radius: RadiusPrior,
 ) -> list[Finding]:
     """Everything to be said about an estimate."""
     objects = [press for press in presses if press.ball_radius_mm is None]
@@ -41,7 +45,7 @@ def findings(
     ]
 
 
-def identifiability(found: Posterior, prior: HardnessPrior) -> str:
+def identifiability(found: HardnessPosterior, prior: HardnessPrior) -> str:
     """One sentence on what the data tell."""
     low, high = np.quantile(found.young_kpa, [0.05, 0.95])
     narrowing = float(found.young_kpa.std()) / prior.young_sd_kpa
@@ -51,7 +55,7 @@ def identifiability(found: Posterior, prior: HardnessPrior) -> str:
     )
 
 
-def _about_frames(presses: Sequence[Press]) -> list[Finding]:
+def _about_frames(presses: Sequence[ContactPress]) -> list[Finding]:
     said = []
     clipped = max(press.seen.clipped_share for press in presses)
     if clipped > CLIPPED:
@@ -73,7 +77,7 @@ def _about_frames(presses: Sequence[Press]) -> list[Finding]:
     return said
 
 
-def _about_modulus(found: Posterior, prior: HardnessPrior) -> list[Finding]:
+def _about_modulus(found: HardnessPosterior, prior: HardnessPrior) -> list[Finding]:
     low, high = np.quantile(found.young_kpa, [0.05, 0.95])
     said = []
     if found.young_kpa.std() > NOT_IDENTIFIED * prior.young_sd_kpa or high > WIDE * low:
@@ -99,7 +103,7 @@ def _about_modulus(found: Posterior, prior: HardnessPrior) -> list[Finding]:
     return said
 
 
-def _about_presses(objects: Sequence[Press], radius: RadiusBelief) -> list[Finding]:
+def _about_presses(objects: Sequence[ContactPress], radius: RadiusPrior) -> list[Finding]:
     said = []
     forces = [press.force_n for press in objects]
     if max(forces) < (1 + SAME_FORCE) * min(forces):
@@ -120,7 +124,9 @@ def _about_presses(objects: Sequence[Press], radius: RadiusBelief) -> list[Findi
     return said
 
 
-def _about_table(objects: Sequence[Press], likelihood: Likelihood, found: Posterior) -> list[Finding]:
+def _about_table(
+    objects: Sequence[ContactPress], likelihood: HardnessLikelihood, found: HardnessPosterior
+) -> list[Finding]:
     _, poisson, radius = found.best
     table = likelihood.table
     outside = 0.0
@@ -138,15 +144,15 @@ def _about_table(objects: Sequence[Press], likelihood: Likelihood, found: Poster
     ]
 
 
-def _about_fit(presses: Sequence[Press], found: Posterior, radius: RadiusBelief) -> list[Finding]:
+def _about_fit(presses: Sequence[ContactPress], found: HardnessPosterior, radius: RadiusPrior) -> list[Finding]:
     fitted = 2 if radius.radius_mm is None else 1
     chance = float(scipy.stats.chi2.sf(found.misfit, 2 * len(presses) - fitted))
-    if chance >= UNLIKELY:
+    if chance >= IMPROBABLE:
         return []
     return [
         (
             "model_does_not_fit",
-            f"Forces, light and contact radii contradict each other (chance below {chance_below(chance)}): this is no "
+            f"Forces, light and contact radii contradict each other (chance below {probability_bound(chance)}): this is no "
             "homogeneous sphere of that radius, or force, calibration or probe are wrong.",
         )
     ]

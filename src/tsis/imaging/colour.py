@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from tsis.imaging.correct import check_image
+from tsis.imaging.correct import require_image
 from tsis.imaging.patch import segment
 from tsis.model import TactileImage, check
 from tsis.model.errors import ImageMismatchError, InputError
@@ -57,8 +57,8 @@ def change_magnitude(
     >>> change_magnitude(pressed, untouched).tolist()
     [[5.0]]
     """
-    frame = check.array("frame_rgb", frame_rgb, ndim=3)
-    reference = check.array("reference_rgb", reference_rgb, ndim=3)
+    frame = check.require_array("frame_rgb", frame_rgb, ndim=3)
+    reference = check.require_array("reference_rgb", reference_rgb, ndim=3)
     if frame.shape != reference.shape:
         raise ImageMismatchError(f"reference_rgb must have the frame's shape {frame.shape}; got {reference.shape}")
     change = frame - reference
@@ -106,10 +106,10 @@ def colour_map(
     InputError
         When ``high`` does not exceed ``low``.
     """
-    check_image("image", image)
-    check.known("colour map", name, COLOUR_MAPS)
+    require_image("image", image)
+    check.require_one_of("colour map", name, COLOUR_MAPS)
     top = image.full_scale if high is None else high
-    low, top = check.number("low", low, -1e9, 1e9), check.number("high", top, -1e9, 1e9)
+    low, top = check.require_number("low", low, -1e9, 1e9), check.require_number("high", top, -1e9, 1e9)
     if top <= low:
         raise InputError(f"high must exceed low = {low:g}; got {top:g}")
     levels = np.rint(np.clip((image.grey - low) / (top - low), 0.0, 1.0) * 255.0).astype(np.uint8)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.imaging.colour import change_magnitude
-from tsis.imaging.correct import check_image
+from tsis.imaging.correct import require_image
 from tsis.imaging.edge_circle import SlopeField, steepest_circle, steepest_radius
 from tsis.imaging.patch import Patch, segment
 from tsis.imaging.symmetry import symmetry_centre
@@ -18,7 +18,7 @@ from tsis.model.errors import InputError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-METHODS = ("symmetry", "edge")
+CONTACT_METHODS = ("symmetry", "edge")
 BLUR = 0.1  # of the patch's radius, for the centre: all noise goes, and what is symmetric stays so
 EDGE_BLUR_PX = 1.5  # for the radius: a wider blur draws the foot of a rounded hill inwards by 1.5 times its width
 LEAST_RADIUS_PX = 2.0  # below it a patch is a few pixels, whose edge has no radius
@@ -78,8 +78,8 @@ def find_contact(image: TactileImage, *, patch: Patch | None = None, method: str
     >>> [round(value, 1) for value in contact.centre_px]
     [42.3, 36.8]
     """
-    check_image("image", image)
-    check.known("contact method", method, METHODS)
+    require_image("image", image)
+    check.require_one_of("contact method", method, CONTACT_METHODS)
     patch = segment(image) if patch is None else patch
     if patch.mask.shape != image.grey.shape:
         raise InputError(f"patch must have the image's shape {image.grey.shape}; got {patch.mask.shape}")

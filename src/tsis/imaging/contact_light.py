@@ -1,7 +1,7 @@
 """Which share of the light on the face leaves it where it is pressed: three models, so that the choice can be tested.
 
-``Rough`` is the one that measurements bear out: light leaves where asperities touch, so it follows the pressure.
-``Smooth`` and ``Curvature`` are its rivals.
+``RoughContact`` is the one that measurements bear out: light leaves where asperities touch, so it follows the pressure.
+``SmoothContact`` and ``CurvatureLoss`` are its rivals.
 """
 
 from __future__ import annotations
@@ -22,12 +22,12 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Rough:
+class RoughContact:
     """Light leaves through the real contact of asperities, which grows with the pressure: ``erf(0.886 p / p_sat)``.
 
     Examples
     --------
-    >>> Rough().share(np.array([0.0, 1.0, 100.0]), slope=np.zeros(3), saturation_kpa=20.0).round(3).tolist()
+    >>> RoughContact().share(np.array([0.0, 1.0, 100.0]), slope=np.zeros(3), saturation_kpa=20.0).round(3).tolist()
     [0.0, 0.05, 1.0]
     """
 
@@ -40,7 +40,7 @@ class Rough:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Smooth:
+class SmoothContact:
     """Light leaves wherever smooth surfaces touch, whatever the pressure: it follows the area of the contact."""
 
     def share(
@@ -52,7 +52,7 @@ class Smooth:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Curvature:
+class CurvatureLoss:
     """Light leaves without contact, where the dent tilts the face so far that it no longer reflects totally.
 
     Guided light of even radiance fills all directions beyond the critical angle from the undented face's normal. The
@@ -66,14 +66,14 @@ class Curvature:
 
     Examples
     --------
-    >>> Curvature().share(np.ones(3), slope=np.array([0.0, 0.01, 0.5]), saturation_kpa=20.0).round(3).tolist()
+    >>> CurvatureLoss().share(np.ones(3), slope=np.array([0.0, 0.01, 0.5]), saturation_kpa=20.0).round(3).tolist()
     [0.0, 0.006, 0.337]
     """
 
     refractive_index: float = 1.41
 
     def __post_init__(self) -> None:
-        check.number("refractive_index", self.refractive_index, 1.01, 4.0)
+        check.require_number("refractive_index", self.refractive_index, 1.01, 4.0)
 
     def share(
         self, pressure_kpa: NDArray[np.float64], *, slope: NDArray[np.float64], saturation_kpa: float
@@ -93,14 +93,18 @@ class Curvature:
         return np.asarray(np.minimum((cut + whole) / (np.pi * cosine**2), 1.0))
 
 
-ContactModel = Rough | Smooth | Curvature
-CONTACT_MODELS: dict[str, ContactModel] = {"rough": Rough(), "smooth": Smooth(), "curvature": Curvature()}
+ContactModel = RoughContact | SmoothContact | CurvatureLoss
+CONTACT_MODELS: dict[str, ContactModel] = {
+    "rough": RoughContact(),
+    "smooth": SmoothContact(),
+    "curvature": CurvatureLoss(),
+}
 
 
-def named_model(model: ContactModel | str) -> ContactModel:
+def as_contact_model(model: ContactModel | str) -> ContactModel:
     """The model of that name, or the model itself."""
     if isinstance(model, str):
-        return CONTACT_MODELS[check.known("contact_model", model, CONTACT_MODELS)]
+        return CONTACT_MODELS[check.require_one_of("contact_model", model, CONTACT_MODELS)]
     if not isinstance(model, ContactModel):
         raise InputError(f"contact_model must be one of {', '.join(CONTACT_MODELS)} or a model; got {model!r:.80}")
     return model

@@ -41,7 +41,7 @@ def subtract_dark(image: TactileImage, dark: TactileImage) -> TactileImage:
     ImageMismatchError
         When size, scale or full scale differ.
     """
-    check_same_frame(image, dark, "dark")
+    require_same_frame(image, dark, "dark")
     return replace(image, grey=image.grey - dark.grey)
 
 
@@ -67,7 +67,7 @@ def flatten(image: TactileImage, flat: TactileImage) -> TactileImage:
     InputError
         When the flat field has dark pixels, which nothing can be divided by.
     """
-    check_same_frame(image, flat, "flat")
+    require_same_frame(image, flat, "flat")
     floor = SMALLEST_LIGHT * float(np.median(flat.grey))
     unlit = int(np.count_nonzero(flat.grey <= max(floor, 0.0)))
     if unlit:
@@ -85,7 +85,7 @@ def subtract_background(image: TactileImage, reference: TactileImage) -> Tactile
     ImageMismatchError
         When size, scale or full scale differ.
     """
-    check_same_frame(image, reference, "reference")
+    require_same_frame(image, reference, "reference")
     return replace(image, grey=image.grey - reference.grey)
 
 
@@ -121,7 +121,7 @@ def match_light(reference: TactileImage, image: TactileImage) -> TactileImage:
     >>> float(match_light(untouched, warmed_up).grey.max())
     104.0
     """
-    check_same_frame(image, reference, "reference")
+    require_same_frame(image, reference, "reference")
     lit = reference.grey > max(SMALLEST_LIGHT * reference.full_scale, 0.0)
     if 2 * np.count_nonzero(lit) < lit.size:
         raise InputError("reference must be lit in at least half of its pixels to compare lamps; got a dark frame")
@@ -160,7 +160,7 @@ def signal(image: TactileImage, reference: TactileImage | None = None, *, invert
     >>> signal(pressed, untouched, invert=True).grey.tolist()
     [[0.0, 30.0], [0.0, 0.0]]
     """
-    check_image("image", image)
+    require_image("image", image)
     if reference is None:
         if invert:
             raise InputError("invert needs a reference, the level that the light falls from; got None")
@@ -174,16 +174,16 @@ def _negative(grey: NDArray[np.float64]) -> NDArray[np.float64]:
     return 0.0 - grey
 
 
-def check_image(name: str, image: object) -> None:
+def require_image(name: str, image: object) -> None:
     """Refuse anything that is not a TactileImage, an array for instance."""
     if not isinstance(image, TactileImage):
         raise InputError(f"{name} must be a TactileImage; got {type(image).__name__} (wrap it: TactileImage(grey=...))")
 
 
-def check_same_frame(image: TactileImage, other: TactileImage, name: str) -> None:
+def require_same_frame(image: TactileImage, other: TactileImage, name: str) -> None:
     """Refuse a companion frame whose size, scale or full scale is not that of ``image``."""
-    check_image("image", image)
-    check_image(name, other)
+    require_image("image", image)
+    require_image(name, other)
     if image.grey.shape != other.grey.shape:
         raise ImageMismatchError(
             f"{name} must have the image's shape {image.grey.shape}; got {other.grey.shape} (record both in one mode)"

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from tsis.imaging.correct import check_image
+from tsis.imaging.correct import require_image
 from tsis.model import check
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Surface:
+class HeightSurface:
     """Heights over a grid of the face.
 
     Attributes
@@ -35,10 +35,10 @@ class Surface:
 
     def __post_init__(self) -> None:
         for name, ndim in (("x_mm", 1), ("y_mm", 1), ("height", 2)):
-            object.__setattr__(self, name, check.array(name, getattr(self, name), ndim=ndim))
+            object.__setattr__(self, name, check.require_array(name, getattr(self, name), ndim=ndim))
 
 
-def surface(image: TactileImage, *, max_points: int = 128, height_per_grey: float = 1.0) -> Surface:
+def height_surface(image: TactileImage, *, max_points: int = 128, height_per_grey: float = 1.0) -> HeightSurface:
     """Lift a signal to a surface of at most ``max_points`` along either side.
 
     Parameters
@@ -63,13 +63,13 @@ def surface(image: TactileImage, *, max_points: int = 128, height_per_grey: floa
     Examples
     --------
     >>> from tsis.model import TactileImage
-    >>> flat = surface(TactileImage(grey=np.full((100, 200), 7.0), mm_per_pixel=(0.1, 0.1)), max_points=50)
+    >>> flat = height_surface(TactileImage(grey=np.full((100, 200), 7.0), mm_per_pixel=(0.1, 0.1)), max_points=50)
     >>> flat.height.shape, round(float(flat.x_mm[-1] - flat.x_mm[0]), 6)
     ((25, 50), 19.6)
     """
-    check_image("image", image)
-    limit = int(check.number("max_points", max_points, 2, 4096))
-    check.number("height_per_grey", height_per_grey, -1e9, 1e9)
+    require_image("image", image)
+    limit = int(check.require_number("max_points", max_points, 2, 4096))
+    check.require_number("height_per_grey", height_per_grey, -1e9, 1e9)
     scale, axis = image.scale(), image.axis()
     rows, columns = image.grey.shape
     shrink = max(1.0, max(rows, columns) / limit)
@@ -77,7 +77,7 @@ def surface(image: TactileImage, *, max_points: int = 128, height_per_grey: floa
     height: NDArray[np.float64] = image.grey
     if shrink > 1.0:
         height = np.asarray(cv2.resize(image.grey, size, interpolation=cv2.INTER_AREA), dtype=np.float64)
-    return Surface(
+    return HeightSurface(
         x_mm=(_block_centres(columns, size[0]) - axis[0]) * scale[0],
         y_mm=(_block_centres(rows, size[1]) - axis[1]) * scale[1],
         height=height * height_per_grey,

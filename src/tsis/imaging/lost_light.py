@@ -42,7 +42,7 @@ class LostLight:
     light_clipped: float
 
 
-def find_losses(
+def find_lost_light(
     field: PressField | PressMap,
     sensor: Sensor,
     calibration: Calibration,
@@ -72,11 +72,11 @@ def find_losses(
     ...     force_n=0.9,
     ... )
     >>> answer = Calibration(gain_grey_per_kpa=50.0, saturation_kpa=20.0)
-    >>> lost = find_losses(press, Sensor(rows=246), answer)  # the middle 9.6 mm of a face of 24 mm
+    >>> lost = find_lost_light(press, Sensor(rows=246), answer)  # the middle 9.6 mm of a face of 24 mm
     >>> round(lost.light_outside, 2), lost.pixels_clipped
     (0.5, 0.0)
     """
-    check.kind("sensor", sensor, Sensor)
+    check.require_type("sensor", sensor, Sensor)
     picture = render(field, sensor, calibration, blur_mm=blur_mm, contact_model=contact_model, light=light)
     over = np.maximum(picture + sensor.background_grey - sensor.full_scale, 0.0)
     survey = _survey(field, sensor)

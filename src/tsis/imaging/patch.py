@@ -11,13 +11,13 @@ from scipy import ndimage
 from skimage.filters import threshold_otsu
 from skimage.measure import find_contours
 
-from tsis.imaging.correct import check_image
+from tsis.imaging.correct import require_image
 from tsis.model import TactileImage, check
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-METHODS = ("otsu", "half", "noise")
+SEGMENTATION_METHODS = ("otsu", "half", "noise")
 SMOOTH_PX = 1.0  # standard deviation of the blur before thresholds: steadies them, moves edges by less than a pixel
 NOISE_FACTOR = 6.0  # the blurred noise of a million pixels peaks near 5 standard deviations
 GAUSSIAN_MAD = 1.4826  # standard deviation over median absolute deviation of Gaussian noise
@@ -103,9 +103,9 @@ def segment(image: TactileImage, *, method: str = "otsu", least_grey: float = 0.
     >>> segment(TactileImage(grey=np.zeros((40, 40)))).found
     False
     """
-    check_image("image", image)
-    check.known("segmentation method", method, METHODS)
-    check.number("least_grey", least_grey, 0.0, image.full_scale)
+    require_image("image", image)
+    check.require_one_of("segmentation method", method, SEGMENTATION_METHODS)
+    check.require_number("least_grey", least_grey, 0.0, image.full_scale)
     smooth = smoothed(image.grey)
     cut = _otsu(smooth)
     background, spread, noise = _dark_side(image.grey, smooth, cut)

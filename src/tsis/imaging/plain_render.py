@@ -8,7 +8,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 from tsis.imaging.contact_edge import coverage
-from tsis.imaging.contact_light import Smooth, named_model
+from tsis.imaging.contact_light import SmoothContact, as_contact_model
 from tsis.model import LightMap
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from tsis.model import Calibration, PressField
 
 
-def render_plainly(
+def render_reference(
     field: PressField,
     sensor: Sensor,
     calibration: Calibration,
@@ -48,9 +48,9 @@ def render_plainly(
         slope_x=slope * x[None, :] / np.maximum(radius, 1e-12),
         slope_y=slope * y[:, None] / np.maximum(radius, 1e-12),
     )
-    model = named_model(contact_model)
+    model = as_contact_model(contact_model)
     share = model.share(at_pixels(field.pressure_kpa), slope=slope, saturation_kpa=calibration.saturation_kpa)
-    if isinstance(model, Smooth):
+    if isinstance(model, SmoothContact):
         share = coverage(field, sensor) * (radius <= field.radius_mm[-1])
     seen = calibration.gain_grey_per_kpa * calibration.saturation_kpa * arriving * share
     size_x, size_y = sensor.mm_per_pixel

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.imaging.correct import check_image, check_same_frame
+from tsis.imaging.correct import require_image, require_same_frame
 from tsis.imaging.pixel_loops import ring_sums
 from tsis.model import check
 from tsis.model.errors import InputError
@@ -100,13 +100,13 @@ def radial_profile(
     >>> radial_profile(frame, edges_mm=[0.0, 1.0, 2.0]).mean_grey.tolist()
     [20.0, 20.0]
     """
-    check_image("image", image)
+    require_image("image", image)
     edges = _checked_edges(edges_mm)
-    centre = image.axis() if centre_px is None else check.pair("centre_px", centre_px)
+    centre = image.axis() if centre_px is None else check.require_pair("centre_px", centre_px)
     rings = _ring_of_pixel(image.grey.shape, image.scale(), centre, edges.tobytes())
     grey, clipped = image.grey, image.grey >= image.full_scale
     if reference is not None:
-        check_same_frame(image, reference, "reference")
+        require_same_frame(image, reference, "reference")
         grey, clipped = grey - reference.grey, clipped | (reference.grey >= reference.full_scale)
     return _gather(grey.ravel(), clipped.ravel(), rings, edges)
 
@@ -148,7 +148,7 @@ def _ring_of_pixel(
 
 def _checked_edges(edges_mm: ArrayLike) -> NDArray[np.float64]:
     """Ring boundaries as a checked array."""
-    edges: NDArray[np.float64] = check.array("edges_mm", edges_mm, ndim=1)
+    edges: NDArray[np.float64] = check.require_array("edges_mm", edges_mm, ndim=1)
     if edges.size < 2 or edges[0] < 0 or np.any(np.diff(edges) <= 0):
         raise InputError(f"edges_mm must be at least two ascending radii, the first >= 0; got {edges.tolist()}")
     return edges

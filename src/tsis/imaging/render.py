@@ -13,10 +13,10 @@ import numpy as np
 from scipy.ndimage import binary_erosion
 
 from tsis.imaging.contact_edge import coverage
-from tsis.imaging.contact_light import Smooth, named_model, rough_contact, rough_contact_slope
+from tsis.imaging.contact_light import SmoothContact, as_contact_model, rough_contact, rough_contact_slope
 from tsis.imaging.pixel_loops import paint
 from tsis.model import LightMap, PressMap, check
-from tsis.model.grid import linear_weights
+from tsis.model.grid import interpolation_matrix
 from tsis.optics.asperities import ERF_SLOPE
 
 if TYPE_CHECKING:
@@ -80,9 +80,9 @@ def render(
     >>> [round(float(render(press, Sensor(), answer, contact_model=model)[246, 384])) for model in ("rough", "smooth")]
     [100, 1000]
     """
-    check.number("blur_mm", blur_mm, 0.0, WIDEST_BLUR_MM)
-    model, light = named_model(contact_model), light or LightMap.uniform()
-    check.kind("light", light, LightMap)
+    check.require_number("blur_mm", blur_mm, 0.0, WIDEST_BLUR_MM)
+    model, light = as_contact_model(contact_model), light or LightMap.uniform()
+    check.require_type("light", light, LightMap)
     if isinstance(field, PressMap):
         seen = _of_map(field, sensor, calibration, model, light)
     else:
@@ -100,13 +100,13 @@ def _of_profile(
     radius, slope = field.radius_mm, np.gradient(field.face_displacement_mm, field.radius_mm)
     slope[0] = 0.0  # on the axis, where the difference above would be one-sided
     share = model.share(field.pressure_kpa, slope=slope, saturation_kpa=calibration.saturation_kpa)
-    if isinstance(model, Smooth):  # whose edge is sharper than the profile's radii: the pixels know it
+    if isinstance(model, SmoothContact):  # whose edge is sharper than the profile's radii: the pixels know it
         share = np.ones_like(share)
     profiles = (_full_contact(calibration) * share, field.face_displacement_mm, slope)
     x, y = sensor.axes_mm()
     maps = (light.relative, light.flux_x, light.flux_y, light.growth_per_mm, light.bend_per_mm2)
     picture = paint(x, y, radius, *profiles, light.x_mm, light.y_mm, *maps)
-    if isinstance(model, Smooth):
+    if isinstance(model, SmoothContact):
         picture *= coverage(field, sensor)
     return picture
 
@@ -121,7 +121,10 @@ def _of_map(
     steepness = np.hypot(slope_x, slope_y)
     share = model.share(field.pressure_kpa, slope=steepness, saturation_kpa=calibration.saturation_kpa)
     x, y = sensor.axes_mm()
-    rows, columns = linear_weights(field.y_mm, y, outside="zero"), linear_weights(field.x_mm, x, outside="zero").T
+    rows, columns = (
+        interpolation_matrix(field.y_mm, y, outside="zero"),
+        interpolation_matrix(field.x_mm, x, outside="zero").T,
+    )
     fields = (_full_contact(calibration) * share, field.face_displacement_mm, slope_x, slope_y)
     glow, moved, slope_x, slope_y = (rows @ values @ columns for values in fields)
     return np.asarray(glow * light.at(x, y, displacement_mm=moved, slope_x=slope_x, slope_y=slope_y))

@@ -1,17 +1,22 @@
 """Size, depth and stiffness of an inclusion under the surface."""
 
-from tsis.inclusion.design_alternatives import Design, alternatives, compare, ranked
-from tsis.inclusion.design_information import Information, even_inclusions, information, source_inclusions
-from tsis.inclusion.design_limits import Limits
+from tsis.inclusion.design_alternatives import Design, compare_designs, design_alternatives, rank_designs
+from tsis.inclusion.design_information import (
+    ProtocolInformation,
+    dissertation_inclusions,
+    even_inclusions,
+    protocol_information,
+)
+from tsis.inclusion.design_limits import DesignLimits
 from tsis.inclusion.design_protocol import PlannedPress, Protocol, default_protocols, protocol_of
-from tsis.inclusion.design_search import Optimum, optimise
+from tsis.inclusion.design_search import DesignOptimum, optimise_design
 from tsis.inclusion.frames import ring_edges
 from tsis.inclusion.mobility_track import Mobility, mobility
 from tsis.inclusion.network import Layers, Network
 from tsis.inclusion.network_frames import frame_outputs, printed_frame_outputs
-from tsis.inclusion.network_mapping import LinearMapping, fit_mapping, mapped_without_itself
-from tsis.inclusion.network_outputs import Reading, change_reading, printed_reading, simulated_outputs
-from tsis.inclusion.network_training import Training, train_network
+from tsis.inclusion.network_mapping import LinearMapping, fit_mapping, leave_one_out_mapping
+from tsis.inclusion.network_outputs import OutputReading, change_reading, printed_reading, simulated_outputs
+from tsis.inclusion.network_training import NetworkTraining, train_network
 from tsis.inclusion.network_trials import estimate_by_networks
 from tsis.inclusion.posterior import estimate
 from tsis.inclusion.prior import PARAMETERS, InclusionPrior
@@ -27,48 +32,48 @@ from tsis.inclusion.shape_threshold import TwoMeans, two_means
 __all__ = [
     "PARAMETERS",
     "Design",
+    "DesignLimits",
+    "DesignOptimum",
     "InclusionPrior",
-    "Information",
     "Layers",
-    "Limits",
     "LinearMapping",
     "Mobility",
     "Network",
+    "NetworkTraining",
     "ObjectShape",
-    "Optimum",
+    "OutputReading",
     "PlannedPress",
     "Protocol",
-    "Reading",
+    "ProtocolInformation",
     "RelativeReading",
     "Repeats",
-    "Training",
     "TwoMeans",
-    "alternatives",
     "binary_image",
     "change_reading",
-    "compare",
+    "compare_designs",
     "default_protocols",
+    "design_alternatives",
+    "dissertation_inclusions",
     "estimate",
     "estimate_by_networks",
     "even_inclusions",
     "fit_mapping",
     "frame_outputs",
-    "information",
-    "mapped_without_itself",
+    "leave_one_out_mapping",
     "mobility",
     "object_shape",
-    "optimise",
+    "optimise_design",
     "printed_frame_outputs",
     "printed_reading",
+    "protocol_information",
     "protocol_of",
-    "ranked",
+    "rank_designs",
     "ratios",
     "relative_depth",
     "relative_hardness",
     "relative_size",
     "ring_edges",
     "simulated_outputs",
-    "source_inclusions",
     "train_network",
     "two_means",
 ]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.model.errors import NotCalibratedError
-from tsis.model.image_series import check_belonging
+from tsis.model.image_series import require_same_probe
 
 if TYPE_CHECKING:
     from tsis.model import Calibration, LightMap, Probe
@@ -26,7 +26,7 @@ def check_calibration(calibration: Calibration, probe: Probe) -> None:
         When there is no calibration, both names are known and differ, or the map of the light ends inside the
         probe's face.
     """
-    check_belonging(probe, calibration)
+    require_same_probe(probe, calibration)
     light = calibration.light
     if light is None or _is_even(light):
         return

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
-from tsis.inclusion.design_information import Information, even_inclusions, information_of, planned_view
-from tsis.inclusion.design_limits import Limits, limits_of
+from tsis.inclusion.design_information import ProtocolInformation, even_inclusions, information_of, planned_view
+from tsis.inclusion.design_limits import DesignLimits, limits_of
 from tsis.inclusion.prior import PARAMETERS
 from tsis.model import check
 from tsis.model.errors import InputError
@@ -36,8 +36,8 @@ class Design:
     """A protocol, what it would tell, and how near it comes to its limits."""
 
     protocol: Protocol
-    information: Information
-    limits: Limits
+    information: ProtocolInformation
+    limits: DesignLimits
 
 
 def design_of(view: PlannedView) -> Design:
@@ -48,18 +48,18 @@ def design_of(view: PlannedView) -> Design:
     )
 
 
-def score(told: Information, criterion: str) -> float:
+def score(told: ProtocolInformation, criterion: str) -> float:
     """What a design should make small: a parameter's expected error, or of ``"all"`` the mean log product of the sd."""
-    check.known("criterion", criterion, CRITERIA)
+    check.require_one_of("criterion", criterion, CRITERIA)
     return told.log_sd if criterion == "all" else told.rmse[criterion]
 
 
-def ranked(designs: Sequence[Design], criterion: str = "all") -> tuple[Design, ...]:
+def rank_designs(designs: Sequence[Design], criterion: str = "all") -> tuple[Design, ...]:
     """Best first; those that break a limit come after all that keep them."""
     return tuple(sorted(designs, key=lambda one: (bool(one.limits.broken), score(one.information, criterion))))
 
 
-def alternatives(planned: Protocol, aspect: Aspect) -> tuple[Protocol, ...]:
+def design_alternatives(planned: Protocol, aspect: Aspect) -> tuple[Protocol, ...]:
     """The planned protocol with one thing changed in several ways, without itself.
 
     Parameters
@@ -77,7 +77,7 @@ def alternatives(planned: Protocol, aspect: Aspect) -> tuple[Protocol, ...]:
     UnknownNameError
         When there is no such aspect.
     """
-    check.known("aspect", aspect, ASPECTS)
+    check.require_one_of("aspect", aspect, ASPECTS)
     return tuple(other for other in _CHANGES[aspect](planned) if _unnamed(other) != _unnamed(planned))
 
 
@@ -172,7 +172,7 @@ def calibration_for(probe: Probe, *, of: Probe, calibration: Calibration, traced
     return replace(found, light=light, gain_grey_per_kpa=gain)
 
 
-def compare(
+def compare_designs(
     protocols: Sequence[Protocol],
     *,
     of: Probe,

@@ -20,11 +20,11 @@ from tsis.inclusion.calibration_check import check_calibration
 from tsis.inclusion.forward import ForwardModel
 from tsis.inclusion.frames import depletion_per_n, ring_edges, ring_light
 from tsis.inclusion.least_spread import least_sd
-from tsis.inclusion.likelihood import Likelihood, Profiles
+from tsis.inclusion.likelihood import InclusionLikelihood, Profiles
 from tsis.inclusion.prior import PARAMETERS, InclusionPrior
 from tsis.inclusion.rings import ring_answers, ring_correlation
 from tsis.inclusion.verdict import MODULUS_SD_KPA
-from tsis.mechanics import Degrees, build_covered_surrogate, contrast_factor
+from tsis.mechanics import Degrees, build_full_contact_surrogate, contrast_factor
 from tsis.model import Calibration, TactileImage, check
 from tsis.model.catalog import load_phantom
 from tsis.model.errors import InputError
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.inclusion.design_protocol import Protocol
-    from tsis.mechanics import CoveredSurrogate
+    from tsis.mechanics import FullContactSurrogate
 
 CELLS = 801  # over the modulus's range
 SPREAD = 64  # inclusions over the box
@@ -46,7 +46,7 @@ MODEL_ERROR = 1.3e-4  # of the press behind an estimate, whose surrogate is fine
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Information:
+class ProtocolInformation:
     """What a protocol would tell about each of a set of inclusions.
 
     Attributes
@@ -139,7 +139,7 @@ class PlannedView:
     model: ForwardModel
     count: NDArray[np.int_]
     protocol: Protocol
-    surrogate: CoveredSurrogate
+    surrogate: FullContactSurrogate
     sensor: Sensor
 
     def grey(self, inclusions: NDArray[np.float64] | None) -> NDArray[np.float64]:
@@ -152,7 +152,7 @@ class PlannedView:
         """No nuisance at all."""
         return np.zeros(len(self.model.nuisance_sd(np.zeros(len(self.model.force_n)))))
 
-    def likelihood(self, inclusion: NDArray[np.float64]) -> Likelihood:
+    def likelihood(self, inclusion: NDArray[np.float64]) -> InclusionLikelihood:
         """Of the frames that the model itself makes of an inclusion (3,), without an error."""
         known, level = self.model.calibration, self.model.level
         grey = self.model.grey(inclusion[None], self.start)[0]
@@ -162,14 +162,14 @@ class PlannedView:
             pixel / (self.protocol.frames_each * np.maximum(self.count, 1) * level**2) + (MODEL_ERROR * grey) ** 2
         )
         usable = (self.count > 0) & (seen + known.background_grey < self.sensor.full_scale)
-        return Likelihood(self.model, Profiles(grey=grey, variance=variance, usable=usable))
+        return InclusionLikelihood(self.model, Profiles(grey=grey, variance=variance, usable=usable))
 
     def information(self, inclusion: NDArray[np.float64]) -> NDArray[np.float64]:
         """Fisher information at an inclusion (3,), shape (3, 3)."""
         return self.likelihood(inclusion).with_information(inclusion, self.start)[1]
 
 
-def information(
+def protocol_information(
     protocol: Protocol,
     *,
     prior: InclusionPrior,
@@ -178,7 +178,7 @@ def information(
     inclusions: NDArray[np.float64] | None = None,
     degrees: Degrees | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> Information:
+) -> ProtocolInformation:
     """Compute what a protocol would tell.
 
     Parameters
@@ -212,10 +212,10 @@ def information(
     return information_of(view, even_inclusions(prior) if inclusions is None else inclusions)
 
 
-def information_of(view: PlannedView, inclusions: NDArray[np.float64]) -> Information:
+def information_of(view: PlannedView, inclusions: NDArray[np.float64]) -> ProtocolInformation:
     """Information at each of the inclusions (n, 3)."""
     prior = view.model.prior
-    inclusions = check.array("inclusions", inclusions, ndim=2)
+    inclusions = check.require_array("inclusions", inclusions, ndim=2)
     if inclusions.shape[1] != 3 or not ((inclusions >= prior.low) & (inclusions <= prior.high)).all():
         raise InputError(
             f"inclusions must hold diameter, depth and modulus within the prior's ranges ({prior}); "
@@ -223,7 +223,7 @@ def information_of(view: PlannedView, inclusions: NDArray[np.float64]) -> Inform
         )
     with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
         matrix = np.array([view.information(inclusion) for inclusion in inclusions])
-    return Information(inclusions=inclusions, matrix=matrix, prior=prior)
+    return ProtocolInformation(inclusions=inclusions, matrix=matrix, prior=prior)
 
 
 def planned_view(
@@ -235,15 +235,20 @@ def planned_view(
     degrees: Degrees | None = None,
     progress: Callable[[int, int], None] | None = None,
 ) -> PlannedView:
-    """Make a protocol ready; see `information` for the parameters."""
-    check.kind("prior", prior, InclusionPrior)
+    """Make a protocol ready; see `protocol_information` for the parameters."""
+    check.require_type("prior", prior, InclusionPrior)
     check_calibration(calibration, protocol.probe)
-    built = build_covered_surrogate(protocol.probe, prior.box(), degrees=degrees or COARSE, progress=progress)
+    built = build_full_contact_surrogate(protocol.probe, prior.box(), degrees=degrees or COARSE, progress=progress)
     return view_of(protocol, built, prior=prior, calibration=calibration, sensor=sensor or Sensor())
 
 
 def view_of(
-    protocol: Protocol, surrogate: CoveredSurrogate, *, prior: InclusionPrior, calibration: Calibration, sensor: Sensor
+    protocol: Protocol,
+    surrogate: FullContactSurrogate,
+    *,
+    prior: InclusionPrior,
+    calibration: Calibration,
+    sensor: Sensor,
 ) -> PlannedView:
     """Make a protocol ready whose presses are known."""
     edges, dark = ring_edges(protocol.probe), np.zeros((sensor.rows, sensor.columns))
@@ -292,12 +297,12 @@ def even_inclusions(prior: InclusionPrior, count: int = SPREAD) -> NDArray[np.fl
     >>> even_inclusions(InclusionPrior(), 4).round(1).tolist()
     [[2.8, 5.0, 50.0], [9.8, 9.0, 90.0], [13.2, 7.0, 70.0], [6.2, 11.0, 110.0]]
     """
-    count = check.whole("count", count, 1, 2**16)
+    count = check.require_integer("count", count, 1, 2**16)
     unit = scipy.stats.qmc.Sobol(3, scramble=False).random_base2(int(np.ceil(np.log2(count))))[:count]
     return np.asarray(prior.low + (unit + 0.5 / count) % 1.0 * (prior.high - prior.low))
 
 
-def source_inclusions() -> NDArray[np.float64]:
+def dissertation_inclusions() -> NDArray[np.float64]:
     """The nine inclusions of table 6.2, shape (9, 3)."""
     lumps = (load_phantom(f"calibration-{number}").inclusion for number in range(1, SOURCE_INCLUSIONS + 1))
     return np.array([[getattr(lump, name) for name in PARAMETERS] for lump in lumps])

@@ -19,7 +19,7 @@ ROUNDING = 1e-9  # relative: a force chosen to lie on a limit keeps to it
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Limits:
+class DesignLimits:
     """How near a protocol comes to each limit.
 
     Attributes
@@ -78,12 +78,12 @@ class Limits:
         return said
 
 
-def limits_of(view: PlannedView, inclusions: NDArray[np.float64]) -> Limits:
+def limits_of(view: PlannedView, inclusions: NDArray[np.float64]) -> DesignLimits:
     """How near a protocol comes to its limits on plain tissue and on the inclusions (n, 3)."""
     forces, sensor = view.protocol.forces_n, view.sensor
     at_none, per_newton = nominal_strains(view.surrogate, probe=view.protocol.probe, prior=view.model.prior)
     sides = (sensor.columns * sensor.mm_per_pixel[0], sensor.rows * sensor.mm_per_pixel[1])
-    return Limits(
+    return DesignLimits(
         strain=at_none + max(forces) * per_newton,
         least_force_n=min(forces),
         covering_force_n=_covers(view, None),

@@ -50,7 +50,7 @@ HOPELESS = 1e3  # score of layers under which no force keeps to the limits
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Optimum:
+class DesignOptimum:
     """The best design found.
 
     Attributes
@@ -92,7 +92,7 @@ class _Forces:
         return tuple(forces.tolist())
 
 
-def optimise(
+def optimise_design(
     planned: Protocol,
     *,
     prior: InclusionPrior,
@@ -103,7 +103,7 @@ def optimise(
     traced: bool = False,
     degrees: Degrees | None = None,
     progress: Callable[[int, int], None] | None = None,
-) -> Optimum:
+) -> DesignOptimum:
     """Search the moduli of the layers, as a common factor and a gradient, and the forces of the presses.
 
     Parameters
@@ -134,8 +134,8 @@ def optimise(
     Optimum
         The best design met, and what binds it.
     """
-    check.known("criterion", criterion, CRITERIA)
-    evaluations = check.whole("evaluations", evaluations, 1, MOST_EVALUATIONS)
+    check.require_one_of("criterion", criterion, CRITERIA)
+    evaluations = check.require_integer("evaluations", evaluations, 1, MOST_EVALUATIONS)
     searched = even_inclusions(prior, SEARCHED)
     tried: list[tuple[float, NDArray[np.float64], PlannedView, _Forces]] = []
 
@@ -174,7 +174,7 @@ def optimise(
             "of layers (a flatter face, a shorter exposure or a thicker probe helps)"
         )
     best = design_of(replace(view, protocol=replace(view.protocol, name="best found")))
-    return Optimum(
+    return DesignOptimum(
         planned=design_of(view_at(start)),
         best=best,
         stiffening=float(2.0 ** octaves[0]),

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.inclusion.grid import SlantedBox
-    from tsis.inclusion.likelihood import Fit, Likelihood, Nearby
+    from tsis.inclusion.likelihood import InclusionLikelihood, LikelihoodFit, LinearisedLikelihood
     from tsis.inclusion.prior import InclusionPrior
 
 LINEARISATIONS = 2  # before that of the answer
@@ -31,7 +31,7 @@ SAMPLES = 8192
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Posterior:
+class InclusionPosterior:
     """What frames tell about an inclusion.
 
     Attributes
@@ -53,13 +53,13 @@ class Posterior:
 
     samples: NDArray[np.float64]
     middle: NDArray[np.float64]
-    fit: Fit
+    fit: LikelihoodFit
     log_bayes_factor: float
     presence: float
     information: NDArray[np.float64]
 
 
-def explore(likelihood: Likelihood, prior: InclusionPrior) -> Posterior:
+def explore_inclusion(likelihood: InclusionLikelihood, prior: InclusionPrior) -> InclusionPosterior:
     """Find the posterior."""
     chart, nuisance = SignalChart(prior=prior, bend_mm=np.zeros(2)), likelihood.start
     place, near = (prior.low + prior.high) / 2, None
@@ -76,7 +76,7 @@ def explore(likelihood: Likelihood, prior: InclusionPrior) -> Posterior:
     log_volume = float(np.log(prior.high - prior.low).sum())
     log_bayes_factor = grid.log_integral - log_volume - _plain_evidence(likelihood)
     fit, information = likelihood.with_information(middle, nuisance)
-    return Posterior(
+    return InclusionPosterior(
         samples=np.clip(chart.inclusions(grid.samples(SAMPLES)), prior.low, prior.high),
         middle=middle,
         fit=fit,
@@ -86,7 +86,9 @@ def explore(likelihood: Likelihood, prior: InclusionPrior) -> Posterior:
     )
 
 
-def _search(nearby: Nearby, chart: SignalChart, cells: int, near: SlantedBox | None, *, finest: int = 2) -> Grid:
+def _search(
+    nearby: LinearisedLikelihood, chart: SignalChart, cells: int, near: SlantedBox | None, *, finest: int = 2
+) -> Grid:
     """The grid of a fast likelihood, looked for first where it was ``near``."""
 
     def density(points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -99,7 +101,11 @@ def _search(nearby: Nearby, chart: SignalChart, cells: int, near: SlantedBox | N
 
 
 def _corrected(
-    grid: Grid, likelihood: Likelihood, nearby: Nearby, chart: SignalChart, nuisance: NDArray[np.float64]
+    grid: Grid,
+    likelihood: InclusionLikelihood,
+    nearby: LinearisedLikelihood,
+    chart: SignalChart,
+    nuisance: NDArray[np.float64],
 ) -> Grid:
     """The grid with the difference to the exact likelihood, a parabola through comparisons at samples."""
     points = grid.samples(CHECKED)
@@ -120,7 +126,7 @@ def _corrected(
     return grid.with_density(grid.log_density + met)
 
 
-def _exact(grid: Grid, likelihood: Likelihood, chart: SignalChart, nuisance: NDArray[np.float64]) -> Grid:
+def _exact(grid: Grid, likelihood: InclusionLikelihood, chart: SignalChart, nuisance: NDArray[np.float64]) -> Grid:
     """The grid under the exact likelihood, for posteriors so wide that no parabola fits; a tenth of a second."""
     points = grid.cells.points
     inclusions = chart.inclusions(points)
@@ -129,7 +135,7 @@ def _exact(grid: Grid, likelihood: Likelihood, chart: SignalChart, nuisance: NDA
     return grid.with_density(log_evidence + chart.log_volume(points))
 
 
-def _plain_evidence(likelihood: Likelihood) -> float:
+def _plain_evidence(likelihood: InclusionLikelihood) -> float:
     """Log evidence of plain tissue."""
     fit = likelihood(None, likelihood.start)
     for _ in range(LINEARISATIONS):

@@ -15,12 +15,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.inclusion.prior import InclusionPrior
-    from tsis.mechanics import CoveredSurrogate, Surrogate
+    from tsis.mechanics import FullContactSurrogate, Surrogate
     from tsis.model import Probe, TactileImage
 
 
-def check_forces(
-    frames: Sequence[TactileImage], surrogate: CoveredSurrogate, *, probe: Probe, prior: InclusionPrior
+def require_valid_forces(
+    frames: Sequence[TactileImage], surrogate: FullContactSurrogate, *, probe: Probe, prior: InclusionPrior
 ) -> None:
     """Refuse forces that do not press the whole face onto the prior's plain tissue, or that strain it too much.
 
@@ -58,7 +58,7 @@ def _down(force_n: float) -> float:
 
 
 def covering_force_n(
-    surrogate: CoveredSurrogate,
+    surrogate: FullContactSurrogate,
     prior: InclusionPrior,
     inclusion: NDArray[np.float64] | None,
     *,
@@ -75,13 +75,13 @@ def covering_force_n(
     return float(found[0])
 
 
-def largest_force_n(surrogate: CoveredSurrogate, *, probe: Probe, prior: InclusionPrior) -> float:
+def largest_force_n(surrogate: FullContactSurrogate, *, probe: Probe, prior: InclusionPrior) -> float:
     """Force at which the nominal strain on plain tissue reaches the limit; none or less where the shape alone does."""
     at_none, per_newton = nominal_strains(surrogate, probe=probe, prior=prior)
     return (STRAIN_LIMIT - at_none) / per_newton
 
 
-def nominal_strains(surrogate: CoveredSurrogate, *, probe: Probe, prior: InclusionPrior) -> tuple[float, float]:
+def nominal_strains(surrogate: FullContactSurrogate, *, probe: Probe, prior: InclusionPrior) -> tuple[float, float]:
     """Nominal strain of plain tissue at no force, and what each newton adds."""
     at = (prior.tissue_young_kpa, prior.thickness_mm)
 

@@ -84,7 +84,7 @@ def _pixels_mm(frame: TactileImage) -> tuple[NDArray[np.float64], NDArray[np.flo
     return np.asarray((np.arange(columns) - axis[0]) * sx), np.asarray((np.arange(rows) - axis[1]) * sy)
 
 
-def at_even_light(frame: TactileImage, calibration: Calibration) -> TactileImage:
+def correct_light(frame: TactileImage, calibration: Calibration) -> TactileImage:
     """The frame above its background as even light would show it; clipped pixels can no longer be told in it."""
     if calibration.light is None:
         return frame

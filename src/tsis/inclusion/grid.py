@@ -15,7 +15,7 @@ import numpy as np
 import scipy
 from scipy.optimize import brentq
 
-from tsis.inclusion.grid_cells import Cells, cells_of
+from tsis.inclusion.grid_cells import GridCells, cells_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -52,7 +52,7 @@ class Grid:
         Where it is not zero.
     """
 
-    cells: Cells
+    cells: GridCells
     log_density: NDArray[np.float64]
     support: Support
 
@@ -145,7 +145,7 @@ class _Look:
 
     box: SlantedBox
     per_axis: int
-    cells: Cells
+    cells: GridCells
     log_density: NDArray[np.float64]
 
     @property
@@ -217,7 +217,7 @@ def _temper(log_weight: NDArray[np.float64], enough: float) -> float:
 
 
 def _sheared_box(
-    cells: Cells,
+    cells: GridCells,
     log_weight: NDArray[np.float64],
     power: float,
     low: NDArray[np.float64],

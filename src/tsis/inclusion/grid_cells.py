@@ -31,7 +31,7 @@ INNER_AND_ENDS = _lattice(5, ends=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Cells:
+class GridCells:
     """Cells of a sheared box that lie at least in part inside the support.
 
     Attributes
@@ -52,12 +52,12 @@ class Cells:
     share: NDArray[np.float64]
 
 
-def cells_of(origin: NDArray[np.float64], axes: NDArray[np.float64], per_axis: int, support: Support) -> Cells:
+def cells_of(origin: NDArray[np.float64], axes: NDArray[np.float64], per_axis: int, support: Support) -> GridCells:
     """Cells of the box spanned by the rows of ``axes``, without those outside the support."""
     centre = origin + (_lattice(per_axis, ends=False) + 0.5) @ axes
     edges = axes / per_axis
     if support(origin + (INNER_AND_ENDS + 0.5) @ axes).all():  # the region bulges little, so that all cells lie inside
-        return Cells(centre=centre, edges=edges, points=centre, share=np.ones(len(centre)))
+        return GridCells(centre=centre, edges=edges, points=centre, share=np.ones(len(centre)))
     corners = _corners_inside(origin, axes, per_axis, support)
     centre, corners = centre[corners > 0], corners[corners > 0]
     points, share = centre.copy(), np.ones(len(centre))
@@ -68,7 +68,7 @@ def cells_of(origin: NDArray[np.float64], axes: NDArray[np.float64], per_axis: i
     share[cut] = count / len(INNER)
     points[cut] += (inside / np.maximum(count, 1.0)[:, None]) @ INNER @ edges
     some = share > 0
-    return Cells(centre=centre[some], edges=edges, points=points[some], share=share[some])
+    return GridCells(centre=centre[some], edges=edges, points=points[some], share=share[some])
 
 
 def _corners_inside(

@@ -44,7 +44,7 @@ class Profiles:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Fit:
+class LikelihoodFit:
     """Log evidence of each inclusion (n,), its best nuisances (n, nuisances) and the misfit there (n,)."""
 
     log_evidence: NDArray[np.float64]
@@ -52,7 +52,7 @@ class Fit:
     misfit: NDArray[np.float64]
 
 
-class Likelihood:
+class InclusionLikelihood:
     """Likelihood of inclusions given profiles."""
 
     def __init__(self, model: ForwardModel, data: Profiles) -> None:
@@ -72,7 +72,7 @@ class Likelihood:
         self._whitening = solve_triangular(cholesky(covariance, lower=True), np.eye(len(self._use)), lower=True)
         self.start = np.zeros(len(self._sd))
 
-    def __call__(self, inclusions: NDArray[np.float64] | None, nuisance: NDArray[np.float64]) -> Fit:
+    def __call__(self, inclusions: NDArray[np.float64] | None, nuisance: NDArray[np.float64]) -> LikelihoodFit:
         """Evaluate inclusions (n, 3), or plain tissue, n = 1; each is linearised on its own at ``nuisance``."""
         grey, slopes = self.model.profiles(inclusions, nuisance)
         white = self._whiten(self._data.grey - grey)
@@ -80,7 +80,7 @@ class Likelihood:
         turned = self._whiten(slopes) * self._sd
         return _fit(white + turned @ self._units(nuisance), turned, self._sd)
 
-    def near(self, inclusion: NDArray[np.float64], nuisance: NDArray[np.float64]) -> Nearby:
+    def near(self, inclusion: NDArray[np.float64], nuisance: NDArray[np.float64]) -> LinearisedLikelihood:
         """The likelihood with the derivatives by the nuisances at one inclusion (3,) taken to hold everywhere."""
         _, slopes = self.model.profiles(inclusion[None], nuisance)
         turned = self._whiten(slopes)[0] * self._sd
@@ -97,14 +97,14 @@ class Likelihood:
         _, size, directions = np.linalg.svd(at_nodes - plain, full_matrices=False)
         kept = directions[: max(1, int((size > NEGLIGIBLE_SIZE).sum()))]
         rest = plain - kept.T @ (kept @ plain)
-        return Nearby(
+        return LinearisedLikelihood(
             residual=table.through(kept @ plain, at_nodes @ kept.T),
             constant=float(-0.5 * rest @ rest - np.log(np.diag(root)).sum()),
         )
 
     def with_information(
         self, inclusion: NDArray[np.float64], nuisance: NDArray[np.float64]
-    ) -> tuple[Fit, NDArray[np.float64]]:
+    ) -> tuple[LikelihoodFit, NDArray[np.float64]]:
         """The fit of one inclusion (3,), and the Fisher information of its three parameters there, (3, 3).
 
         Every nuisance is integrated out of both.
@@ -136,7 +136,7 @@ class Likelihood:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Nearby:
+class LinearisedLikelihood:
     """A likelihood whose derivatives by the nuisances are those at one inclusion: fast, and exact there.
 
     Attributes
@@ -156,14 +156,14 @@ class Nearby:
         return np.asarray(self.constant - 0.5 * np.einsum("nk,nk->n", residual, residual))
 
 
-def _fit(white: NDArray[np.float64], turned: NDArray[np.float64], sd: NDArray[np.float64]) -> Fit:
+def _fit(white: NDArray[np.float64], turned: NDArray[np.float64], sd: NDArray[np.float64]) -> LikelihoodFit:
     """Integrate the nuisances out of whitened residuals (n, m), linear in them by ``turned`` (n, m, nuisances)."""
     normal = np.swapaxes(turned, 1, 2) @ turned + np.eye(len(sd))
     right = np.swapaxes(turned, 1, 2) @ white[:, :, None]
     best = np.asarray(np.linalg.solve(normal, right)[:, :, 0], dtype=float)
     square = (white**2).sum(axis=1) - (right[:, :, 0] * best).sum(axis=1)
     _, log_determinant = np.linalg.slogdet(normal)
-    return Fit(log_evidence=-0.5 * (square + log_determinant), nuisance=best * sd, misfit=square)
+    return LikelihoodFit(log_evidence=-0.5 * (square + log_determinant), nuisance=best * sd, misfit=square)
 
 
 def noise_covariance(data: Profiles, calibration: Calibration, alike: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -10,7 +10,7 @@ from scipy import ndimage
 from tsis.imaging.patch import pixel_noise, smoothed
 
 if TYPE_CHECKING:
-    from tsis.inclusion.relative_frames import Change
+    from tsis.inclusion.relative_frames import LightChange
     from tsis.inclusion.relative_light import LitPart
     from tsis.model import TactileImage
 
@@ -18,7 +18,7 @@ EDGE_PX = 4  # width of the belt around the lit part in which noise may lift a p
 LEAST_STEP = 1e-3  # of the threshold, where a frame has next to no noise
 
 
-def centroid_noise_mm(part: LitPart, change: Change, frame: TactileImage) -> float:
+def centroid_noise_mm(part: LitPart, change: LightChange, frame: TactileImage) -> float:
     """Standard deviation of one coordinate of the centroid by the noise of one frame, mm.
 
     Noise changes what a pixel inside weighs, and, twice as much, which pixels of the edge count at all. So the answer

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.distance import pdist
 
-from tsis.imaging.correct import check_same_frame
+from tsis.imaging.correct import require_same_frame
 from tsis.inclusion.mobility_noise import centroid_noise_mm
 from tsis.inclusion.relative_frames import change_of_light
 from tsis.inclusion.relative_light import lit_part
 from tsis.inclusion.relative_reading import COMPARED_WITH, ONE_SPHERE, lit_alike, notes_of
 from tsis.model.errors import ImageMismatchError, InputError
-from tsis.model.image_series import as_frames
+from tsis.model.image_series import as_images
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -116,7 +116,7 @@ def mobility(
     >>> round(moved.path_mm, 2), round(moved.excursion_mm, 2)
     (3.0, 2.0)
     """
-    frames = as_frames("images", images)
+    frames = as_images("images", images)
     _check_sequence(frames)
     changes = [change_of_light(frame, reference, against=against, calibration=calibration) for frame in frames]
     lit = [lit_part(change, threshold_grey) for change in changes]
@@ -160,7 +160,7 @@ def _check_sequence(frames: list[TactileImage]) -> None:
     if forces and max(forces) > 1.05 * min(forces):
         raise InputError(f"images must be pressed with one force, within 5 %; got {min(forces):g} to {max(forces):g} N")
     for frame in frames[1:]:
-        check_same_frame(frames[0], frame, "each of the images")
+        require_same_frame(frames[0], frame, "each of the images")
         if frame.axis() != frames[0].axis():
             raise ImageMismatchError(f"images must share axis_px {frames[0].axis()}; got {frame.axis()}")
 

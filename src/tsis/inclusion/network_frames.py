@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.imaging import radial_profile
-from tsis.inclusion.network_outputs import Reading
+from tsis.inclusion.network_outputs import OutputReading
 from tsis.model import Calibration, check
 from tsis.model.errors import InputError
-from tsis.model.image_series import as_frames, check_frames
+from tsis.model.image_series import as_images, require_image_series
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -48,8 +48,8 @@ def printed_frame_outputs(
     >>> printed_frame_outputs(TactileImage(grey=[[0.0, 2.0, 0.0], [2.0, 9.0, 2.0]]), threshold_grey=5.0).tolist()
     [[9.0, 15.0, 1.0]]
     """
-    threshold = check.number("threshold_grey", threshold_grey, 0.0, 65535.0, hint="grey levels")
-    frames = as_frames("images", images)
+    threshold = check.require_number("threshold_grey", threshold_grey, 0.0, 65535.0, hint="grey levels")
+    frames = as_images("images", images)
     if not frames:
         raise InputError("images must hold a frame at least; got none")
     return np.array([_printed(frame, threshold) for frame in frames])
@@ -68,7 +68,7 @@ def _printed(frame: TactileImage, threshold: float) -> tuple[float, float, float
 def frame_outputs(
     images: TactileImage | Sequence[TactileImage],
     reference: TactileImage,
-    reading: Reading,
+    reading: OutputReading,
     *,
     calibration: Calibration,
 ) -> NDArray[np.float64]:
@@ -96,12 +96,12 @@ def frame_outputs(
     ImageMismatchError
         When the frames do not belong together.
     """
-    check.kind("calibration", calibration, Calibration)
-    check.kind("reading", reading, Reading)
-    frames = [*as_frames("images", images), *as_frames("reference", reference)]
+    check.require_type("calibration", calibration, Calibration)
+    check.require_type("reading", reading, OutputReading)
+    frames = [*as_images("images", images), *as_images("reference", reference)]
     if len(frames) < 2:
         raise InputError(f"images must hold a frame at least, beside the reference; got {len(frames) - 1}")
-    check_frames(frames)
+    require_image_series(frames)
     forces = {frame.force_n for frame in frames}
     if len(forces) > 1:
         raise InputError(f"force_n must be the same for all frames; got {sorted(str(force) for force in forces)}")

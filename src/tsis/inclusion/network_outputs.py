@@ -34,7 +34,7 @@ PRESSED_SHARE = 0.5  # of plain tissue's mean: what counts as deformed when noth
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Reading:
+class OutputReading:
     """How the three outputs are read off ring profiles; make one with `change_reading` or `printed_reading`.
 
     Attributes
@@ -52,18 +52,18 @@ class Reading:
     threshold_share: float
 
     def __post_init__(self) -> None:
-        edges = check.array("edges_mm", self.edges_mm, ndim=1)
+        edges = check.require_array("edges_mm", self.edges_mm, ndim=1)
         if not 3 <= len(edges) <= MOST_RINGS + 1 or edges[0] < 0 or (np.diff(edges) <= 0).any():
             raise InputError(
                 f"edges_mm must be 3 to {MOST_RINGS + 1} ascending radii, the first >= 0; "
                 f"got {len(edges)} from {edges[0]:g} to {edges[-1]:g}"
             )
         object.__setattr__(self, "edges_mm", edges)
-        check.number("threshold_share", self.threshold_share, 1e-6, 10.0)
+        check.require_number("threshold_share", self.threshold_share, 1e-6, 10.0)
 
     def __call__(self, profiles: ArrayLike, plain: ArrayLike) -> NDArray[np.float64]:
         """Greatest, total and area (mm²), shape (n, 3), of profiles (n, rings) beside that of plain tissue (rings,)."""
-        values, base = check.array("profiles", profiles, ndim=2), check.array("plain", plain, ndim=1)
+        values, base = check.require_array("profiles", profiles, ndim=2), check.require_array("plain", plain, ndim=1)
         rings = len(self.edges_mm) - 1
         if values.shape[1] != rings or base.shape != (rings,):
             raise InputError(f"profiles and plain must have {rings} rings; got {values.shape} and {base.shape}")
@@ -83,7 +83,7 @@ class Reading:
         return np.concatenate([(PchipInterpolator(middles, part, axis=1)(inside) > level) @ area for part in parts])
 
 
-def change_reading(*, reach_mm: float = REACH_MM, threshold_share: float = CHANGED_SHARE) -> Reading:
+def change_reading(*, reach_mm: float = REACH_MM, threshold_share: float = CHANGED_SHARE) -> OutputReading:
     """Read the change against plain tissue, away from the rim.
 
     Parameters
@@ -98,11 +98,11 @@ def change_reading(*, reach_mm: float = REACH_MM, threshold_share: float = CHANG
     InputError
         When a number lies outside its range.
     """
-    reach = check.number("reach_mm", reach_mm, 0.1, 200.0, hint="millimetres")
-    return Reading(edges_mm=np.linspace(0.0, reach, RINGS + 1), subtract=True, threshold_share=threshold_share)
+    reach = check.require_number("reach_mm", reach_mm, 0.1, 200.0, hint="millimetres")
+    return OutputReading(edges_mm=np.linspace(0.0, reach, RINGS + 1), subtract=True, threshold_share=threshold_share)
 
 
-def printed_reading(probe: Probe, *, threshold_share: float = PRESSED_SHARE) -> Reading:
+def printed_reading(probe: Probe, *, threshold_share: float = PRESSED_SHARE) -> OutputReading:
     """Read the whole face and subtract nothing, as section 6.3 says.
 
     Parameters
@@ -117,15 +117,15 @@ def printed_reading(probe: Probe, *, threshold_share: float = PRESSED_SHARE) -> 
     InputError
         When ``probe`` is no `Probe`, or the share lies outside its range.
     """
-    check.kind("probe", probe, Probe)
+    check.require_type("probe", probe, Probe)
     edges = np.linspace(0.0, probe.radius_mm, RINGS + 1)
-    return Reading(edges_mm=edges, subtract=False, threshold_share=threshold_share)
+    return OutputReading(edges_mm=edges, subtract=False, threshold_share=threshold_share)
 
 
 def simulated_outputs(
     surrogate: PressSurrogate,
     inclusions: ArrayLike,
-    reading: Reading,
+    reading: OutputReading,
     *,
     field: str = "face_displacement_mm",
     tissue_young_kpa: float = 5.0,
@@ -157,18 +157,20 @@ def simulated_outputs(
     UnknownNameError
         When no field has that name.
     """
-    check.kind("surrogate", surrogate, PressSurrogate)
-    check.kind("reading", reading, Reading)
-    check.known("field", field, FIELDS)
-    table, box = check.array("inclusions", inclusions, ndim=2), surrogate.pressure_kpa.box
+    check.require_type("surrogate", surrogate, PressSurrogate)
+    check.require_type("reading", reading, OutputReading)
+    check.require_one_of("field", field, FIELDS)
+    table, box = check.require_array("inclusions", inclusions, ndim=2), surrogate.pressure_kpa.box
     if table.shape[1] != len(PARAMETERS):
         raise InputError(f"inclusions must have the columns {', '.join(PARAMETERS)}; got shape {table.shape}")
     for name, column in zip(PARAMETERS, table.T, strict=True):
         for end in (column.min(), column.max()):
-            check.number(name, float(end), *getattr(box, name), hint="the surrogate's box")
-    check.number("tissue_young_kpa", tissue_young_kpa, *box.tissue_young_kpa, hint="the surrogate's box")
-    check.number("thickness_mm", thickness_mm, *box.thickness_mm, hint="the surrogate's box")
-    check.number("the reading's reach", reading.edges_mm[-1], 0.0, float(surrogate.radius_mm[-1]), hint="the face, mm")
+            check.require_number(name, float(end), *getattr(box, name), hint="the surrogate's box")
+    check.require_number("tissue_young_kpa", tissue_young_kpa, *box.tissue_young_kpa, hint="the surrogate's box")
+    check.require_number("thickness_mm", thickness_mm, *box.thickness_mm, hint="the surrogate's box")
+    check.require_number(
+        "the reading's reach", reading.edges_mm[-1], 0.0, float(surrogate.radius_mm[-1]), hint="the face, mm"
+    )
     rings = getattr(surrogate, field).mapped(ring_means(surrogate, reading.edges_mm))
     at = rings.at_tissue(tissue_young_kpa, thickness_mm)
     return reading(at(*table.T), at.plain)

@@ -28,7 +28,7 @@ MOST_VALUES = 50_000_000  # of an array: 400 MB
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Training:
+class NetworkTraining:
     """How a training went.
 
     Attributes
@@ -91,7 +91,7 @@ def train_network(
     method: str = "scg",
     iterations: int = 1000,
     patience: int = 6,
-) -> tuple[Network, Training]:
+) -> tuple[Network, NetworkTraining]:
     """Train a network on samples; section 6.3.3.
 
     Parameters
@@ -131,10 +131,10 @@ def train_network(
     >>> bool(np.abs(network(x) - x**2).max() < 0.01)
     True
     """
-    check.kind("rng", rng, np.random.Generator)
-    check.known("training method", method, MINIMISERS)
-    iterations = int(check.number("iterations", iterations, 1, 1_000_000))
-    patience = int(check.number("patience", patience, 1, 1_000_000))
+    check.require_type("rng", rng, np.random.Generator)
+    check.require_one_of("training method", method, MINIMISERS)
+    iterations = int(check.require_number("iterations", iterations, 1, 1_000_000))
+    patience = int(check.require_number("patience", patience, 1, 1_000_000))
     given, wanted = _samples("inputs", inputs, "targets", targets)
     if not isinstance(hidden, Sequence):
         raise InputError(f"hidden must be a sequence of layer sizes, like (10,); got {hidden!r}")
@@ -147,7 +147,7 @@ def train_network(
     watch(start)
     ran_out = MINIMISERS[method](layers, x, y, start, iterations, watch)
     network = Network(layers=layers, weights=watch.best, input_span=input_span, output_span=output_span)
-    return network, Training(
+    return network, NetworkTraining(
         method=method,
         steps=watch.steps - 1,
         error=mean_square(layers, watch.best, x, y)[0],
@@ -158,7 +158,7 @@ def train_network(
 
 def _samples(first: str, given: ArrayLike, second: str, wanted: ArrayLike) -> tuple[NDArray[np.float64], ...]:
     """Two tables with one row a sample each."""
-    tables = check.array(first, given, ndim=2), check.array(second, wanted, ndim=2)
+    tables = check.require_array(first, given, ndim=2), check.require_array(second, wanted, ndim=2)
     if len(tables[0]) != len(tables[1]):
         raise InputError(f"{first} and {second} must have as many rows; got {len(tables[0])} and {len(tables[1])}")
     return tables

@@ -60,12 +60,14 @@ def estimate_by_networks(
     InputError
         When tables are not finite, do not fit together or do not vary.
     """
-    given, wanted = check.array("inputs", inputs, ndim=2), check.array("targets", targets, ndim=2)
+    given, wanted = check.require_array("inputs", inputs, ndim=2), check.require_array("targets", targets, ndim=2)
     if len(given) != len(wanted):
         raise InputError(f"inputs and targets must have as many rows; got {len(given)} and {len(wanted)}")
-    trials = int(check.number("trials", trials, 1, 100_000))
-    validated = int(check.number("validated", validated, 1, max(1, len(given) - 2), hint="two samples must be left"))
-    rows = check.array("unknown", unknown, ndim=2)
+    trials = int(check.require_number("trials", trials, 1, 100_000))
+    validated = int(
+        check.require_number("validated", validated, 1, max(1, len(given) - 2), hint="two samples must be left")
+    )
+    rows = check.require_array("unknown", unknown, ndim=2)
     if trials * len(rows) * wanted.shape[1] > MOST_VALUES:
         raise InputError(
             f"trials times rows of unknown times outputs must be at most {MOST_VALUES:g}; "

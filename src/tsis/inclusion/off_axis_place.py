@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from tsis.imaging.correct import check_same_frame
+from tsis.imaging.correct import require_same_frame
 from tsis.inclusion.frames import DARKEST, OUTER_SHARE, RINGS
 from tsis.inclusion.off_axis_rings import FARTHEST
 from tsis.model import Calibration, check
@@ -30,7 +30,7 @@ DISTINCT = 3.0  # a change is there when its slopes exceed this many times those
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
+class InclusionPlace:
     """Where an inclusion lies.
 
     Attributes
@@ -57,7 +57,7 @@ class Place:
 
 def inclusion_place(
     target: TactileImage, reference: TactileImage, calibration: Calibration, *, radius_mm: float
-) -> Place:
+) -> InclusionPlace:
     """Find the place of an inclusion from the point around which the change that it makes is round.
 
     At even light the change is fitted by a round function of the distance from a centre, a share of the reference that
@@ -91,22 +91,22 @@ def inclusion_place(
     ImageMismatchError
         When the frames do not belong together.
     """
-    check.number("radius_mm", radius_mm, 0.5, 500.0, hint="millimetres")
-    check.kind("calibration", calibration, Calibration)
-    check_same_frame(target, reference, "reference")
+    check.require_number("radius_mm", radius_mm, 0.5, 500.0, hint="millimetres")
+    check.require_type("calibration", calibration, Calibration)
+    require_same_frame(target, reference, "reference")
     cells = _cells(target, reference, calibration, radius_mm)
     centre, limit = np.zeros(2), SEEN * FARTHEST * radius_mm
     for _ in range(STEPS):
         shift, sd = _step(cells, centre)
         if not np.isfinite(sd):
-            return Place(x_mm=0.0, y_mm=0.0, sd_mm=np.inf, noise_mm=np.inf)
+            return InclusionPlace(x_mm=0.0, y_mm=0.0, sd_mm=np.inf, noise_mm=np.inf)
         centre = centre + shift
         centre *= limit / max(limit, float(np.hypot(*centre)))
         if np.hypot(*shift) < CLOSE * sd:
             break
     x, y = centre / SEEN
     both = np.hypot(sd, SEEN_SD * np.hypot(*centre))
-    return Place(x_mm=float(x), y_mm=float(y), sd_mm=float(both / SEEN), noise_mm=sd / SEEN)
+    return InclusionPlace(x_mm=float(x), y_mm=float(y), sd_mm=float(both / SEEN), noise_mm=sd / SEEN)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

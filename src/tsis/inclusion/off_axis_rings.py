@@ -24,7 +24,7 @@ FARTHEST = 0.5  # of the face's radius, for any use; how far the approximation h
 TURNS = 48  # directions over half a turn; the other half mirrors them
 
 
-def moved_profile(radius_mm: NDArray[np.float64], offset_mm: float) -> NDArray[np.float64]:
+def off_axis_profile(radius_mm: NDArray[np.float64], offset_mm: float) -> NDArray[np.float64]:
     """Matrix from the change by an inclusion on the axis to the mean around the axis when it lies ``offset_mm`` beside.
 
     It takes profiles of pressure or displacement alike; differences along the radius of a displacement's result are the
@@ -50,12 +50,14 @@ def moved_profile(radius_mm: NDArray[np.float64], offset_mm: float) -> NDArray[n
     Examples
     --------
     >>> radius = np.linspace(0.0, 12.0, 121)
-    >>> level = moved_profile(radius, 3.0) @ np.ones(121)
+    >>> level = off_axis_profile(radius, 3.0) @ np.ones(121)
     >>> round(float(level[0]), 4)  # what is level stays level and grows by 1 / (1 - (3 / 12)**2)
     1.0667
     """
     edge = float(radius_mm[-1])
-    check.number("offset_mm", offset_mm, 0.0, FARTHEST * edge, hint="millimetres, at most half of the face's radius")
+    check.require_number(
+        "offset_mm", offset_mm, 0.0, FARTHEST * edge, hint="millimetres, at most half of the face's radius"
+    )
     angle = np.pi * (np.arange(TURNS) + 0.5) / TURNS
     away = np.hypot(radius_mm[:, None] - offset_mm * np.cos(angle), offset_mm * np.sin(angle))
     moving = hats(radius_mm, np.minimum(radius_mm, MOVES * edge))

@@ -11,8 +11,8 @@ from threadpoolctl import threadpool_limits
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.inclusion.calibration_check import check_calibration
-from tsis.inclusion.exploration import explore
-from tsis.inclusion.force_range import check_forces, covering_force_n
+from tsis.inclusion.exploration import explore_inclusion
+from tsis.inclusion.force_range import covering_force_n, require_valid_forces
 from tsis.inclusion.forward import TISSUE, ForwardModel
 from tsis.inclusion.frames import (
     depletion_per_n,
@@ -21,12 +21,12 @@ from tsis.inclusion.frames import (
     ring_profiles,
 )
 from tsis.inclusion.image_checks import image_findings
-from tsis.inclusion.likelihood import Likelihood, Profiles
-from tsis.inclusion.off_axis_place import Place, inclusion_place
+from tsis.inclusion.likelihood import InclusionLikelihood, Profiles
+from tsis.inclusion.off_axis_place import InclusionPlace, inclusion_place
 from tsis.inclusion.prior import PARAMETERS, InclusionPrior
 from tsis.inclusion.rings import ring_answers, ring_correlation
 from tsis.inclusion.verdict import (
-    DISTRUSTED,
+    UNTRUSTED_FLAGS,
     cramer_rao_sd,
     findings,
     identifiability,
@@ -34,17 +34,17 @@ from tsis.inclusion.verdict import (
     misfit_finding,
     place_findings,
 )
-from tsis.mechanics import build_covered_surrogate
+from tsis.mechanics import build_full_contact_surrogate
 from tsis.model import Calibration, Estimate, Probe, TactileImage, check
 from tsis.model.errors import InputError
-from tsis.model.estimate import UNLIKELY
-from tsis.model.image_series import as_frames, check_frames
+from tsis.model.estimate import IMPROBABLE
+from tsis.model.image_series import as_images, require_image_series
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tsis.inclusion.exploration import Posterior
-    from tsis.mechanics import Box, CoveredSurrogate
+    from tsis.inclusion.exploration import InclusionPosterior
+    from tsis.mechanics import Box, FullContactSurrogate
 
 
 def estimate(
@@ -90,26 +90,26 @@ def estimate(
     ImageMismatchError
         When the images differ in scale, shape, axis or range of values.
     """
-    targets, references = as_frames("images", images), as_frames("reference", reference)
+    targets, references = as_images("images", images), as_images("reference", reference)
     if not targets:
         raise InputError("images must hold at least one TactileImage; got none")
     check_calibration(calibration, probe)
     prior = InclusionPrior() if prior is None else prior
-    check.kind("prior", prior, InclusionPrior)
-    digests = check_frames(targets + references)
+    check.require_type("prior", prior, InclusionPrior)
+    digests = require_image_series(targets + references)
     surrogate = _surrogate(probe, prior.box())
-    check_forces(targets + references, surrogate, probe=probe, prior=prior)
+    require_valid_forces(targets + references, surrogate, probe=probe, prior=prior)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
 
         def read(shown: list[TactileImage]) -> FrameReading:
-            return reading_of(shown, references, surrogate, probe=probe, calibration=calibration, prior=prior)
+            return read_frames(shown, references, surrogate, probe=probe, calibration=calibration, prior=prior)
 
         reading = read(targets)
         said = image_findings(targets, references, probe=probe, calibration=calibration)
-        found = explore(reading.likelihood, prior)
+        found = explore_inclusion(reading.likelihood, prior)
         said = [*findings(found, prior, reading.data), *place_findings(reading.place), *said]
         chance = misfit_chance(found, reading.data)
-        if chance < UNLIKELY:
+        if chance < IMPROBABLE:
             disagree = len(targets) > 1 and all(_fits(read([target]), prior) for target in targets)
             said.append(misfit_finding(chance, disagree=disagree))
     said += _contact_findings(targets + references, surrogate, reading.likelihood, found, prior)
@@ -121,7 +121,7 @@ def estimate(
         log_bayes_factor=found.log_bayes_factor,
         identifiability=identifiability(found, prior),
         prior=str(prior),
-        trusted=not DISTRUSTED.intersection(flag for flag, _ in said),
+        trusted=not UNTRUSTED_FLAGS.intersection(flag for flag, _ in said),
         flags=tuple(flag for flag, _ in said),
         notes=tuple(note for _, note in said),
         provenance=_provenance(probe, calibration, prior, targets, references, surrogate.key, digests),
@@ -132,41 +132,41 @@ LIKE_FORCE = 0.1  # share by which the forces may differ of two frames that show
 
 
 @lru_cache(maxsize=4)  # reading it from disk takes as long as an estimate's search
-def _surrogate(probe: Probe, box: Box) -> CoveredSurrogate:
-    return build_covered_surrogate(probe, box)
+def _surrogate(probe: Probe, box: Box) -> FullContactSurrogate:
+    return build_full_contact_surrogate(probe, box)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class FrameReading:
     """What frames say: the likelihood of inclusions, the profiles that it rests on, and where the inclusion lies."""
 
-    likelihood: Likelihood
+    likelihood: InclusionLikelihood
     data: Profiles
-    place: Place | None
+    place: InclusionPlace | None
 
 
 def _fits(reading: FrameReading, prior: InclusionPrior) -> bool:
-    return misfit_chance(explore(reading.likelihood, prior), reading.data) >= UNLIKELY
+    return misfit_chance(explore_inclusion(reading.likelihood, prior), reading.data) >= IMPROBABLE
 
 
 def _place(
     targets: list[TactileImage], references: list[TactileImage], calibration: Calibration, probe: Probe
-) -> Place | None:
+) -> InclusionPlace | None:
     """Where the inclusion lies, by the strongest target and the reference nearest to its force."""
     if not references:
         return None
     target = max(targets, key=lambda frame: frame.force_n or 0.0)
     reference = min(references, key=lambda frame: abs((frame.force_n or 0.0) - (target.force_n or 0.0)))
     if abs((reference.force_n or 0.0) / (target.force_n or 1.0) - 1) > LIKE_FORCE:
-        return Place(x_mm=0.0, y_mm=0.0, sd_mm=np.inf, noise_mm=np.inf)
+        return InclusionPlace(x_mm=0.0, y_mm=0.0, sd_mm=np.inf, noise_mm=np.inf)
     return inclusion_place(target, reference, calibration, radius_mm=probe.radius_mm)
 
 
 def _contact_findings(
     frames: list[TactileImage],
-    surrogate: CoveredSurrogate,
-    likelihood: Likelihood,
-    found: Posterior,
+    surrogate: FullContactSurrogate,
+    likelihood: InclusionLikelihood,
+    found: InclusionPosterior,
     prior: InclusionPrior,
 ) -> list[tuple[str, str]]:
     """Whether the dome touched as a whole on what was found, in a slab of the prior's thickness."""
@@ -184,10 +184,10 @@ def _contact_findings(
     ]
 
 
-def reading_of(
+def read_frames(
     targets: list[TactileImage],
     references: list[TactileImage],
-    surrogate: CoveredSurrogate,
+    surrogate: FullContactSurrogate,
     *,
     probe: Probe,
     calibration: Calibration,
@@ -211,10 +211,10 @@ def reading_of(
         alike=ring_correlation(edges, calibration.grain_mm),
         spread_sd=spread_sd,
     )
-    return FrameReading(likelihood=Likelihood(model, data), data=data, place=place)
+    return FrameReading(likelihood=InclusionLikelihood(model, data), data=data, place=place)
 
 
-def _offset(place: Place | None, prior: InclusionPrior) -> tuple[float, float]:
+def _offset(place: InclusionPlace | None, prior: InclusionPrior) -> tuple[float, float]:
     """Distance of the inclusion from the axis in mm, and the standard deviation of its square in mm**2."""
     if place is None or place.sd_mm > prior.offset_sd_mm:
         # Over the axis is where an examiner aims; that the square of a miss cannot be negative is left out.

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.imaging import subtract_background
-from tsis.imaging.correct import check_image, check_same_frame
+from tsis.imaging.correct import require_image, require_same_frame
 from tsis.imaging.patch import NOISE_FACTOR, SMOOTH_PX, pixel_noise, smoothed
-from tsis.inclusion.frames import at_even_light
+from tsis.inclusion.frames import correct_light
 from tsis.model import Calibration, check
 from tsis.model.errors import ImageMismatchError, InputError
-from tsis.model.image_series import as_frames
+from tsis.model.image_series import as_images
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -28,7 +28,7 @@ MOST_CLIPPED = 0.5  # share of a frame from which nothing is left to compare
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Change:
+class LightChange:
     """What a press changed.
 
     Attributes
@@ -67,7 +67,7 @@ def change_of_light(
     *,
     against: str,
     calibration: Calibration | None = None,
-) -> Change:
+) -> LightChange:
     """Subtract a reference, or the mean of several, and blur by one pixel: the source takes its frames as noiseless.
 
     Where a calibration knows how unevenly the face is lit, grey levels become those that the best lit place shows.
@@ -81,16 +81,16 @@ def change_of_light(
     UnknownNameError
         When ``against`` is neither of its two values.
     """
-    check.known("kind of reference", against, (UNTOUCHED, PLAIN))
-    check_image("image", image)
+    check.require_one_of("kind of reference", against, (UNTOUCHED, PLAIN))
+    require_image("image", image)
     image.scale()
     if calibration is not None:
-        check.kind("calibration", calibration, Calibration)
-    references = as_frames("reference", reference)
+        check.require_type("calibration", calibration, Calibration)
+    references = as_images("reference", reference)
     if not references:
         raise InputError("reference must hold at least one frame of the untouched probe or of plain tissue; got none")
     for frame in references:
-        check_same_frame(image, frame, "reference")
+        require_same_frame(image, frame, "reference")
         _check_axis(image, frame)
         _check_force(image, frame, against)
     clipped = np.any([frame.grey >= frame.full_scale for frame in (image, *references)], axis=0)
@@ -104,7 +104,7 @@ def change_of_light(
     change = replace(change, grey=change.grey * raised)
     # White noise behind a Gaussian of standard deviation s keeps the share 1 / (2 s sqrt(pi)).
     noise = pixel_noise(change.grey) / (2.0 * SMOOTH_PX * np.sqrt(np.pi))
-    return Change(
+    return LightChange(
         image=replace(change, grey=smoothed(change.grey)),
         raised=raised,
         clipped=clipped,
@@ -118,7 +118,7 @@ def _raised(image: TactileImage, calibration: Calibration | None) -> NDArray[np.
     if calibration is None or calibration.light is None:
         return np.ones(image.grey.shape)
     lit = replace(image, grey=np.full(image.grey.shape, calibration.background_grey + 1.0))
-    return at_even_light(lit, calibration).grey * brightest(calibration)
+    return correct_light(lit, calibration).grey * brightest(calibration)
 
 
 def _check_axis(image: TactileImage, reference: TactileImage) -> None:

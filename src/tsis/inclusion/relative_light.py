@@ -14,7 +14,7 @@ from tsis.model import check
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.inclusion.relative_frames import Change
+    from tsis.inclusion.relative_frames import LightChange
 
 SOURCE_THRESHOLD = 5.0 / 255.0  # of full scale: the source's k = 5 of 8 bits
 LEAST_WIDTH_PX = 5.0  # the blur makes a disc of about half this width of one noisy pixel
@@ -49,11 +49,11 @@ class LitPart:
     flags: tuple[str, ...]
 
 
-def lit_part(change: Change, threshold_grey: float | None) -> LitPart:
+def lit_part(change: LightChange, threshold_grey: float | None) -> LitPart:
     """Count the pixels brighter than ``threshold_grey``, 5 of 255 levels when None."""
     full_scale = change.image.full_scale
     least = SOURCE_THRESHOLD * full_scale if threshold_grey is None else threshold_grey
-    check.number("threshold_grey", least, 1e-6 * full_scale, full_scale, hint="above zero")
+    check.require_number("threshold_grey", least, 1e-6 * full_scale, full_scale, hint="above zero")
     found = binary_features(change.image, least)
     lit = found.contact and found.equivalent_diameter_px >= LEAST_WIDTH_PX
     mask = found.patch.mask & lit

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.imaging.correct import check_same_frame
+from tsis.imaging.correct import require_same_frame
 from tsis.inclusion.relative_frames import brightest, change_of_light
 from tsis.inclusion.relative_light import lit_part
 from tsis.inclusion.relative_reading import COMPARED_WITH, ONE_SPHERE, RelativeReading, lit_alike
@@ -113,7 +113,7 @@ def relative_hardness(
 
 def _check_rising(first: TactileImage, second: TactileImage) -> None:
     """Refuse presses that are the same frame, of different cameras, or in the wrong order."""
-    check_same_frame(first, second, "second")
+    require_same_frame(first, second, "second")
     if np.array_equal(first.grey, second.grey):
         raise InputError("first and second must be two presses; got the same frame twice")
     if first.force_n is not None and second.force_n is not None and second.force_n <= first.force_n:

@@ -7,12 +7,12 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from tsis.inclusion.off_axis_rings import moved_profile
+from tsis.inclusion.off_axis_rings import off_axis_profile
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.mechanics import CoveredParts, CoveredSurrogate, Surrogate
+    from tsis.mechanics import FullContactParts, FullContactSurrogate, Surrogate
 
 ANSWERS = 3  # of a press, a ring: pressure, displacement, slope
 POINTS = 6  # of quadrature over a ring
@@ -99,7 +99,7 @@ def _evaluate(
 
 
 def ring_answers(
-    surrogate: CoveredSurrogate,
+    surrogate: FullContactSurrogate,
     edges_mm: NDArray[np.float64],
     level: NDArray[np.float64],
     *,
@@ -116,18 +116,18 @@ def ring_answers(
     level
         Light that each ring sees.
     offset_mm
-        How far the inclusion lies from the axis; see `moved_profile`.
+        How far the inclusion lies from the axis; see `off_axis_profile`.
     """
     means = ring_means(surrogate, edges_mm, level)
-    around = moved_profile(surrogate.radius_mm, offset_mm)
+    around = off_axis_profile(surrogate.radius_mm, offset_mm)
     step = float(edges_mm[1])
-    spread = (moved_profile(surrogate.radius_mm, float(np.hypot(offset_mm, step))) - around) / step**2
+    spread = (off_axis_profile(surrogate.radius_mm, float(np.hypot(offset_mm, step))) - around) / step**2
     centred = np.eye(len(surrogate.radius_mm))
 
     slopes = means @ np.gradient(centred, surrogate.radius_mm, axis=0)
 
     def mapped(
-        parts: CoveredParts | CoveredSurrogate, plain: NDArray[np.float64], change: NDArray[np.float64]
+        parts: FullContactParts | FullContactSurrogate, plain: NDArray[np.float64], change: NDArray[np.float64]
     ) -> Surrogate:
         first, *others = [
             _mapped_apart(answer, rows @ plain, rows @ change)

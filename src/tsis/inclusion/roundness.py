@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.inclusion.harmonics import harmonic, harmonic_noise, shading_harmonics, unevenness
-from tsis.model.estimate import UNLIKELY, chance_below
+from tsis.model.estimate import IMPROBABLE, probability_bound
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -100,14 +100,14 @@ def roundness_findings(
             )
         ]
     worst = min(seen, key=lambda one: (one.chance, -one.over_noise))
-    if worst.chance >= UNLIKELY / len(seen):
+    if worst.chance >= IMPROBABLE / len(seen):
         return []
     return [
         (
             "not_one_round_inclusion",
             f"This is not a single sphere in a uniform slab: {worst.radius_mm:.1f} mm from the axis the second "
             f"harmonic around it is {worst.size_grey:.2g} grey levels, {worst.over_noise:.1f} times its noise (chance "
-            f"over all rings below {chance_below(worst.chance)}); size, depth and modulus of one sphere do not "
+            f"over all rings below {probability_bound(worst.chance)}); size, depth and modulus of one sphere do not "
             "describe it.",
         )
     ]

@@ -38,12 +38,12 @@ class RingShading:
 
     def __call__(
         self, displacement_mm: NDArray[np.float64], slope: NDArray[np.float64], emphasis: NDArray[np.float64]
-    ) -> Shade:
+    ) -> ShadingFactor:
         """Evaluate displacements and slopes (n, rings) with Legendre coefficients (`TERMS`,) of the emphasis."""
         parabolas, power = self._power(emphasis)
         tilt, logarithm = self._logarithm(displacement_mm, slope)
         factor = np.exp(power * logarithm)
-        return Shade(
+        return ShadingFactor(
             factor=factor,
             by_displacement=power * factor * (self.growth_per_mm + 2 * self.bend_per_mm2 * displacement_mm),
             by_slope=np.where(tilt > DARKEST, power * factor * self.flux / tilt, 0.0),
@@ -71,7 +71,7 @@ class RingShading:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Shade:
+class ShadingFactor:
     """The factor and its derivatives by displacement and slope, (n, rings), and by the emphasis, (n, rings, terms)."""
 
     factor: NDArray[np.float64]

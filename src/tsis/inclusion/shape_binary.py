@@ -36,7 +36,7 @@ def binary_image(image: TactileImage, threshold_grey: float) -> TactileImage:
     >>> binary_image(TactileImage(grey=[[3.0, 5.0, 9.0]]), 5.0).grey.tolist()
     [[0.0, 255.0, 255.0]]
     """
-    check.number("threshold_grey", threshold_grey, -image.full_scale, image.full_scale)
+    check.require_number("threshold_grey", threshold_grey, -image.full_scale, image.full_scale)
     return replace(image, grey=np.where(image.grey >= threshold_grey, image.full_scale, 0.0))
 
 

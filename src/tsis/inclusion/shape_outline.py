@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.imaging import Features
-    from tsis.inclusion.relative_frames import Change
+    from tsis.inclusion.relative_frames import LightChange
     from tsis.model import Calibration, TactileImage
 
 ASSUMPTIONS = (
@@ -141,7 +141,7 @@ def object_shape(
     )
 
 
-def _flags(change: Change, levels: TwoMeans, found: Features) -> tuple[str, ...]:
+def _flags(change: LightChange, levels: TwoMeans, found: Features) -> tuple[str, ...]:
     wrong = {
         "cropped": found.cropped,
         "saturated": bool(change.clipped[found.patch.mask].any()),

@@ -62,9 +62,9 @@ def two_means(grey: ArrayLike) -> TwoMeans:
     >>> two_means(grey).threshold_grey
     50.0
     """
-    levels = check.array("grey", grey, ndim=2)
+    levels = check.require_array("grey", grey, ndim=2)
     for axis, name in enumerate(("rows", "columns")):
-        check.number(f"number of {name} of grey", levels.shape[axis], 2, np.inf)
+        check.require_number(f"number of {name} of grey", levels.shape[axis], 2, np.inf)
     corners = float(levels[[0, 0, -1, -1], [0, -1, 0, -1]].mean())
     ascending = np.sort(levels, axis=None)
     sums = np.concatenate([[0.0], np.cumsum(ascending)])

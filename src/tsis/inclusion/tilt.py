@@ -8,7 +8,7 @@ import numpy as np
 
 from tsis.inclusion.harmonics import harmonic, shading_harmonics, unevenness
 from tsis.inclusion.roundness import FEWEST, FIRST_RING, harmonic_variance
-from tsis.model.estimate import UNLIKELY
+from tsis.model.estimate import IMPROBABLE
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 AXIS_MM = 0.1  # standard deviation of where in the picture the probe's axis is believed to be
 
 
-def lean(plain: Sectors, calibration: Calibration) -> Unevenness | None:
+def tilt_evidence(plain: Sectors, calibration: Calibration) -> Unevenness | None:
     """How far the first harmonic of a press on plain tissue is from noise; None when too few rings are whole.
 
     An axis believed at a slightly wrong place shifts the picture over the light: that is no tilt.
@@ -41,11 +41,11 @@ def lean(plain: Sectors, calibration: Calibration) -> Unevenness | None:
 
 def tilt_findings(references: Sequence[Sectors], calibration: Calibration) -> list[tuple[str, str]]:
     """Flag ``tilted`` for the reference press that leans most."""
-    seen = [one for one in (lean(plain, calibration) for plain in references) if one is not None]
+    seen = [one for one in (tilt_evidence(plain, calibration) for plain in references) if one is not None]
     if not seen:
         return []
     worst = min(seen, key=lambda one: (one.chance, -one.over_noise))
-    if worst.chance >= UNLIKELY / len(seen):
+    if worst.chance >= IMPROBABLE / len(seen):
         return []
     return [
         (

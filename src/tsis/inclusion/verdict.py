@@ -9,14 +9,14 @@ import scipy
 
 from tsis.inclusion.least_spread import least_sd
 from tsis.inclusion.prior import PARAMETERS
-from tsis.model.estimate import NOT_IDENTIFIED, chance_below
+from tsis.model.estimate import NOT_IDENTIFIED, probability_bound
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.inclusion.exploration import Posterior
+    from tsis.inclusion.exploration import InclusionPosterior
     from tsis.inclusion.likelihood import Profiles
-    from tsis.inclusion.off_axis_place import Place
+    from tsis.inclusion.off_axis_place import InclusionPlace
     from tsis.inclusion.prior import InclusionPrior
 
     Finding = tuple[str, str]
@@ -25,10 +25,10 @@ MODULUS_SD_KPA = 20.0  # a modulus this uncertain is not reported as a number
 PILED_UP = 0.3  # share of the samples in the outer twentieth of the prior's range that says that it cuts them off
 EDGE = 0.05
 OFF_AXIS_MM = 3.0  # beyond it the change no longer moves as the model says
-CERTAIN = 0.95  # probability of an inclusion below which it is said
+NEARLY_CERTAIN = 0.95  # probability of an inclusion below which it is said
 UNITS = {"diameter_mm": "mm", "depth_mm": "mm", "young_kpa": "kPa"}
 NAMES = {"diameter_mm": "diameter", "depth_mm": "depth", "young_kpa": "modulus"}
-DISTRUSTED = frozenset(  # with any of these the model does not hold, or there is nothing to measure
+UNTRUSTED_FLAGS = frozenset(  # with any of these the model does not hold, or there is nothing to measure
     (
         "model_does_not_fit",
         "presses_disagree",
@@ -40,7 +40,7 @@ DISTRUSTED = frozenset(  # with any of these the model does not hold, or there i
 )
 
 
-def findings(found: Posterior, prior: InclusionPrior, data: Profiles) -> list[Finding]:
+def findings(found: InclusionPosterior, prior: InclusionPrior, data: Profiles) -> list[Finding]:
     """Flags and sentences about the posterior: what is not identified or cut off, rings left out, doubt about any."""
     said = []
     for column, name in zip(found.samples.T, PARAMETERS, strict=True):
@@ -63,7 +63,7 @@ def findings(found: Posterior, prior: InclusionPrior, data: Profiles) -> list[Fi
     return [*said, *_doubt_about_any(found.presence)]
 
 
-def misfit_chance(found: Posterior, data: Profiles) -> float:
+def misfit_chance(found: InclusionPosterior, data: Profiles) -> float:
     """Chance that noise and nuisances alone make a misfit this large, if there is one sphere in a uniform slab."""
     return float(scipy.stats.chi2.sf(found.fit.misfit[0], int(data.usable.sum())))
 
@@ -73,17 +73,17 @@ def misfit_finding(chance: float, *, disagree: bool) -> Finding:
     if disagree:
         return (
             "presses_disagree",
-            f"The presses contradict each other (chance below {chance_below(chance)}): each fits an inclusion, but not "
+            f"The presses contradict each other (chance below {probability_bound(chance)}): each fits an inclusion, but not "
             "the same one.",
         )
     return (
         "model_does_not_fit",
         f"This is not a single sphere in a uniform slab, or the calibration is wrong: the model does not explain the "
-        f"frames (chance below {chance_below(chance)}), and the intervals cannot be trusted.",
+        f"frames (chance below {probability_bound(chance)}), and the intervals cannot be trusted.",
     )
 
 
-def place_findings(place: Place | None) -> list[Finding]:
+def place_findings(place: InclusionPlace | None) -> list[Finding]:
     """What a missing reference, or an inclusion beside the axis, means."""
     if place is None:
         return [
@@ -100,7 +100,7 @@ def place_findings(place: Place | None) -> list[Finding]:
     return []
 
 
-def identifiability(found: Posterior, prior: InclusionPrior) -> str:
+def identifiability(found: InclusionPosterior, prior: InclusionPrior) -> str:
     """One sentence: what the frames tell of each parameter, and what they do not."""
     told, loose = [], []
     for column, name in zip(found.samples.T, PARAMETERS, strict=True):
@@ -112,7 +112,7 @@ def identifiability(found: Posterior, prior: InclusionPrior) -> str:
     return ("; ".join(([f"{', '.join(told)}"] if told else []) + loose) + ".").capitalize().replace(" kpa", " kPa")
 
 
-def cramer_rao_sd(found: Posterior) -> dict[str, float]:
+def cramer_rao_sd(found: InclusionPosterior) -> dict[str, float]:
     """Least standard deviation of an unbiased estimate of each parameter; infinite where the data tell nothing."""
     return dict(zip(PARAMETERS, least_sd(found.information).tolist(), strict=True))
 
@@ -123,9 +123,9 @@ def _is_loose(column: NDArray[np.float64], name: str, prior: InclusionPrior) -> 
 
 
 def _doubt_about_any(presence: float) -> list[Finding]:
-    if presence >= CERTAIN:
+    if presence >= NEARLY_CERTAIN:
         return []
-    if presence >= 1 - CERTAIN:
+    if presence >= 1 - NEARLY_CERTAIN:
         return [
             (
                 "inclusion_uncertain",

@@ -51,12 +51,12 @@ class Mode:
     pixel_format: str = ""
 
     def __post_init__(self) -> None:
-        check.number("width_px", self.width_px, 1, 65535, hint="pixels")
-        check.number("height_px", self.height_px, 1, 65535, hint="pixels")
-        check.number("full_scale", self.full_scale, 1.0, 65535.0)
+        check.require_number("width_px", self.width_px, 1, 65535, hint="pixels")
+        check.require_number("height_px", self.height_px, 1, 65535, hint="pixels")
+        check.require_number("full_scale", self.full_scale, 1.0, 65535.0)
         if self.frames_per_s is not None:
-            check.number("frames_per_s", self.frames_per_s, 1e-3, 1e5)
-        check.kind("pixel_format", self.pixel_format, str)
+            check.require_number("frames_per_s", self.frames_per_s, 1e-3, 1e5)
+        check.require_type("pixel_format", self.pixel_format, str)
 
     @property
     def label(self) -> str:
@@ -75,7 +75,7 @@ def named_mode(modes: Iterable[Mode], label: str) -> Mode:
         When there is none; the nearest is suggested.
     """
     by_label = {mode.label: mode for mode in modes}
-    return by_label[check.known("mode", label, by_label)]
+    return by_label[check.require_one_of("mode", label, by_label)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,7 +107,7 @@ class Setting:
 
     def checked(self, value: float) -> float:
         """Return ``value`` when the range holds it, else say why not."""
-        return check.number(self.name, value, self.low, self.high, hint=self.unit)
+        return check.require_number(self.name, value, self.low, self.high, hint=self.unit)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -139,9 +139,9 @@ class Frame:
 
     def __post_init__(self) -> None:
         pixels = np.asarray(self.pixels)
-        object.__setattr__(self, "pixels", check.array("pixels", pixels, ndim=2, dtype=pixels.dtype.type))
-        check.number("sequence", self.sequence, 0, 2**63)
-        check.number("full_scale", self.full_scale, 1.0, 65535.0)
+        object.__setattr__(self, "pixels", check.require_array("pixels", pixels, ndim=2, dtype=pixels.dtype.type))
+        check.require_number("sequence", self.sequence, 0, 2**63)
+        check.require_number("full_scale", self.full_scale, 1.0, 65535.0)
         object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
 
     def tactile_image(

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
     from tsis.instrument.camera import Camera
-    from tsis.instrument.found import FoundCamera
+    from tsis.instrument.found import CameraInfo
 
 _SOURCES = "tsis.instrument.sources"
 # each module has found(), missing() and the camera class of that name
@@ -36,7 +36,7 @@ _PATIENCE_S = 20.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Findings:
+class CameraListing:
     """What a search found.
 
     Parameters
@@ -47,7 +47,7 @@ class Findings:
         For each source that could not look, one sentence that says why and what to do.
     """
 
-    found: tuple[FoundCamera, ...]
+    found: tuple[CameraInfo, ...]
     missing: Mapping[str, str]
 
     def __post_init__(self) -> None:
@@ -59,7 +59,7 @@ def find_cameras(
     *,
     module: Callable[[str], Any] | None = None,
     patience_s: float = _PATIENCE_S,
-) -> Findings:
+) -> CameraListing:
     """Ask every source for its cameras; one that fails or hangs is named among the missing and stops no other.
 
     Parameters
@@ -76,9 +76,9 @@ def find_cameras(
     UnknownNameError
         When a source has another name.
     """
-    check.number("patience_s", patience_s, 0.01, 600.0, hint="seconds")
-    names = [check.known("camera source", name, LIVE_SOURCES) for name in sources]
-    found: list[FoundCamera] = []
+    check.require_number("patience_s", patience_s, 0.01, 600.0, hint="seconds")
+    names = [check.require_one_of("camera source", name, LIVE_SOURCES) for name in sources]
+    found: list[CameraInfo] = []
     missing: dict[str, str] = {}
     for name in names:
         answer = _asked(name, module or _searching_module, patience_s)
@@ -86,7 +86,7 @@ def find_cameras(
             missing[name] = answer
         else:
             found.extend(answer)
-    return Findings(found=tuple(found), missing=missing)
+    return CameraListing(found=tuple(found), missing=missing)
 
 
 def connect(spec: str) -> Camera:
@@ -110,9 +110,9 @@ def connect(spec: str) -> Camera:
     >>> connect("files:frames").name
     'frames'
     """
-    check.kind("spec", spec, str)
+    check.require_type("spec", spec, str)
     name, _, identity = spec.partition(":")
-    check.known("camera source", name, SOURCES)
+    check.require_one_of("camera source", name, SOURCES)
     if name in _SEARCHED:
         return _class(*_SEARCHED[name])(identity)  # type: ignore[no-any-return]
     if name == "opencv":
@@ -132,14 +132,14 @@ def _searching_module(source: str) -> Any:
     return importlib.import_module(f"{_SOURCES}.{'opencv_search' if source == 'opencv' else _SEARCHED[source][0]}")
 
 
-def _asked(source: str, module: Callable[[str], Any], patience_s: float) -> tuple[FoundCamera, ...] | str:
+def _asked(source: str, module: Callable[[str], Any], patience_s: float) -> tuple[CameraInfo, ...] | str:
     """The cameras of one source, or why it cannot look; asked in a thread, for a driver may never answer."""
-    answers: list[tuple[FoundCamera, ...] | str] = []
+    answers: list[tuple[CameraInfo, ...] | str] = []
 
     def ask() -> None:
         try:
             searching = module(source)
-            answers.append(searching.missing() or tuple(searching.found()))
+            answers.append(searching.missing_requirement() or tuple(searching.find_cameras_here()))
         except Exception as error:  # a driver may raise anything, and one must not hide the cameras of the others
             answers.append(f"the camera source {source} failed: {' '.join(str(error).split()) or type(error).__name__}")
 

@@ -22,12 +22,12 @@ _PLAIN_BYTES = 8 * 2**20  # beyond it JSON must be ASCII, as it is when tsis wri
 _LONGEST_SHOWN = 120
 
 
-def shown(path: Path) -> str:
+def printable_path(path: Path) -> str:
     """A path as messages print it: quoted, control characters escaped, long ones cut at the front.
 
     Examples
     --------
-    >>> shown(Path("frame.png"))
+    >>> printable_path(Path("frame.png"))
     "'frame.png'"
     """
     text = str(path)
@@ -78,16 +78,16 @@ def file_size(path: Path) -> int:
     try:
         status = path.stat()
     except FileNotFoundError as error:
-        raise FileInputError(f"{shown(path)} does not exist; check the name and the folder") from error
+        raise FileInputError(f"{printable_path(path)} does not exist; check the name and the folder") from error
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise FileInputError(f"{shown(path)} must name a readable file; got: {reason}") from error
+        raise FileInputError(f"{printable_path(path)} must name a readable file; got: {reason}") from error
     if stat.S_ISDIR(status.st_mode):
-        raise FileInputError(f"{shown(path)} must be a file; got a folder")
+        raise FileInputError(f"{printable_path(path)} must be a file; got a folder")
     if not stat.S_ISREG(status.st_mode):
-        raise FileInputError(f"{shown(path)} must be a regular file; got a device, pipe or socket")
+        raise FileInputError(f"{printable_path(path)} must be a regular file; got a device, pipe or socket")
     if status.st_size == 0:
-        raise FileInputError(f"{shown(path)} must hold data; got an empty file (0 bytes)")
+        raise FileInputError(f"{printable_path(path)} must hold data; got an empty file (0 bytes)")
     return status.st_size
 
 
@@ -101,7 +101,7 @@ def read_bytes(path: Path, *, most: int = LARGEST_FILE_BYTES) -> bytes:
     """
     size = file_size(path)
     if size > most:
-        raise FileInputError(f"{shown(path)} must be at most {most} bytes; got {size}")
+        raise FileInputError(f"{printable_path(path)} must be at most {most} bytes; got {size}")
     return _first_bytes(path, most)  # bounded: the file may have grown since its size was read
 
 
@@ -117,9 +117,9 @@ def read_parsed(path: Path, parse: Callable[[str], Parsed], *, most: int = LARGE
     try:
         return parse(data.decode())
     except InputError as error:
-        raise FileInputError(f"{shown(path)}: {error}") from error
+        raise FileInputError(f"{printable_path(path)}: {error}") from error
     except UnicodeDecodeError as error:
-        raise FileInputError(f"{shown(path)} must be text in UTF-8; it is not") from error
+        raise FileInputError(f"{printable_path(path)} must be text in UTF-8; it is not") from error
 
 
 def read_head(path: Path, length: int = 64) -> bytes:
@@ -139,7 +139,7 @@ def _first_bytes(path: Path, most: int) -> bytes:
         with path.open("rb") as file:
             return file.read(most)
     except OSError as error:
-        raise FileInputError(f"{shown(path)} must be readable; got: {error.strerror}") from error
+        raise FileInputError(f"{printable_path(path)} must be readable; got: {error.strerror}") from error
 
 
 def read_object(path: Path, *, most: int = LARGEST_OBJECT_BYTES, values: int = MOST_VALUES) -> dict[str, Any]:
@@ -160,8 +160,10 @@ def read_object(path: Path, *, most: int = LARGEST_OBJECT_BYTES, values: int = M
         As `read_bytes`, and when it holds something else.
     """
     if not _begins_as_json(read_head(path)):
-        raise FileInputError(f"{shown(path)} must be a readable JSON file; got something that begins otherwise")
-    return parse_object(read_bytes(path, most=most), shown(path), values=values)
+        raise FileInputError(
+            f"{printable_path(path)} must be a readable JSON file; got something that begins otherwise"
+        )
+    return parse_object(read_bytes(path, most=most), printable_path(path), values=values)
 
 
 def parse_object(data: bytes, name: str, *, values: int = MOST_VALUES) -> dict[str, Any]:

@@ -8,7 +8,7 @@ from tsis.model import check
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class FoundCamera:
+class CameraInfo:
     """A camera that answered a search, with what is needed to connect to it.
 
     Parameters
@@ -24,7 +24,7 @@ class FoundCamera:
 
     Examples
     --------
-    >>> FoundCamera(source="pylon", identity="0815-0000", maker="Basler", model="Emulation").spec
+    >>> CameraInfo(source="pylon", identity="0815-0000", maker="Basler", model="Emulation").spec
     'pylon:0815-0000'
     """
 
@@ -36,7 +36,7 @@ class FoundCamera:
 
     def __post_init__(self) -> None:
         for name in ("source", "identity", "maker", "model", "note"):
-            check.kind(name, getattr(self, name), str)
+            check.require_type(name, getattr(self, name), str)
 
     @property
     def spec(self) -> str:

@@ -24,7 +24,7 @@ import numpy as np
 from PIL import Image, UnidentifiedImageError
 
 from tsis.instrument.completeness import fault
-from tsis.instrument.file_bytes import as_path, one_line, printable_name, read_bytes, read_head, shown
+from tsis.instrument.file_bytes import as_path, one_line, printable_name, printable_path, read_bytes, read_head
 from tsis.instrument.luma import luma
 from tsis.instrument.picture_size import LARGEST_PIXELS, rows_missing, size_fault
 from tsis.instrument.pixels_alone import pixels_alone
@@ -114,18 +114,20 @@ def read_colour(path: str | os.PathLike[str]) -> NDArray[Any]:
     source = as_path(path)
     levels = _decode(source).levels
     if levels.ndim != 3:
-        raise FileInputError(f"{shown(source)} must hold a colour image; got a grey one (use read_image)")
+        raise FileInputError(f"{printable_path(source)} must hold a colour image; got a grey one (use read_image)")
     levels.flags.writeable = False
     return levels
 
 
 def _decode(path: Path) -> _Picture:
     if not read_head(path).startswith(_MAGIC):
-        raise FileInputError(f"{shown(path)} must be a PNG, JPEG, BMP or TIFF file; got something else")
+        raise FileInputError(f"{printable_path(path)} must be a PNG, JPEG, BMP or TIFF file; got something else")
     data = read_bytes(path)
     broken = fault(data)
     if broken is not None:
-        raise FileInputError(f"{shown(path)} must be a complete image file, but {broken}; copy or save it again")
+        raise FileInputError(
+            f"{printable_path(path)} must be a complete image file, but {broken}; copy or save it again"
+        )
     try:
         pixels = pixels_alone(data)
         with quiet_decoders(), Image.open(io.BytesIO(pixels), formats=_FORMATS) as image:
@@ -135,12 +137,16 @@ def _decode(path: Path) -> _Picture:
     except FileInputError:
         raise
     except UnidentifiedImageError as error:
-        raise FileInputError(f"{shown(path)} must be a PNG, JPEG, BMP or TIFF file; got something else") from error
+        raise FileInputError(
+            f"{printable_path(path)} must be a PNG, JPEG, BMP or TIFF file; got something else"
+        ) from error
     except Image.DecompressionBombError as error:
-        raise FileInputError(f"{shown(path)} must hold at most {LARGEST_PIXELS} pixels; it declares more") from error
+        raise FileInputError(
+            f"{printable_path(path)} must hold at most {LARGEST_PIXELS} pixels; it declares more"
+        ) from error
     except Exception as error:  # hostile bytes make decoders raise nearly anything
         raise FileInputError(
-            f"{shown(path)} must be a readable image file; decoding failed: {one_line(error)}"
+            f"{printable_path(path)} must be a readable image file; decoding failed: {one_line(error)}"
         ) from error
     provenance = {
         "format": file_format,
@@ -157,17 +163,21 @@ def _require_supported(path: Path, image: Image.Image, data: bytes) -> None:
     pixel_bytes = level_bytes * len(image.getbands())
     broken = size_fault(*image.size, len(data), kind=image.format or "", pixel_bytes=pixel_bytes)
     if broken is not None:
-        raise FileInputError(f"{shown(path)} must hold {broken}")
+        raise FileInputError(f"{printable_path(path)} must hold {broken}")
     if image.mode not in _GREY_MODES | _COLOUR_MODES:
         found = _REFUSED_MODES.get(image.mode, f"pixels of kind {image.mode}")
         raise FileInputError(
-            f"{shown(path)} must hold 8- or 16-bit grey or RGB pixels; got {found} (save it as 8-bit grey PNG)"
+            f"{printable_path(path)} must hold 8- or 16-bit grey or RGB pixels; got {found} (save it as 8-bit grey PNG)"
         )
     pictures = getattr(image, "n_frames", 1)
     if pictures != 1:
-        raise FileInputError(f"{shown(path)} must hold one picture; got {pictures} (save each as its own file)")
+        raise FileInputError(
+            f"{printable_path(path)} must hold one picture; got {pictures} (save each as its own file)"
+        )
     if rows_missing(data):
-        raise FileInputError(f"{shown(path)} must hold all pixels that it declares; some are missing or damaged")
+        raise FileInputError(
+            f"{printable_path(path)} must hold all pixels that it declares; some are missing or damaged"
+        )
 
 
 def _levels(image: Image.Image, data: bytes) -> tuple[NDArray[Any], str]:

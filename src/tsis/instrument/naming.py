@@ -18,7 +18,7 @@ _PLAIN_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,39}")
 _DEVICES_OF_WINDOWS = re.compile(r"(?i:con|prn|aux|nul|com[0-9]*|lpt[0-9]*)")
 
 
-def plain_name(name: object) -> str:
+def require_file_stem(name: object) -> str:
     """Return ``name`` when it may begin a file's name on every system: a letter, then letters, digits, ``-``, ``_``.
 
     Raises
@@ -28,7 +28,7 @@ def plain_name(name: object) -> str:
 
     Examples
     --------
-    >>> plain_name("Target")
+    >>> require_file_stem("Target")
     'Target'
     """
     if not isinstance(name, str) or not _PLAIN_NAME.fullmatch(name) or _DEVICES_OF_WINDOWS.fullmatch(name):
@@ -41,8 +41,8 @@ def plain_name(name: object) -> str:
 
 def target_folder(target: object, *, name: str = "Target") -> str:
     """Name of the folder of a target, e.g. ``"Target1"``; ``target`` is a whole number in [1, 99999]."""
-    number = check.whole("target", target, 1, LARGEST_TARGET, hint="number of the target")
-    return f"{plain_name(name)}{number}"
+    number = check.require_integer("target", target, 1, LARGEST_TARGET, hint="number of the target")
+    return f"{require_file_stem(name)}{number}"
 
 
 def snapshot_stems(target: object, when: datetime, *, name: str = "Target") -> Iterator[str]:

@@ -12,7 +12,7 @@ import cv2
 import numpy as np
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.instrument.file_bytes import as_path, shown
+from tsis.instrument.file_bytes import as_path, printable_path
 from tsis.instrument.naming import snapshot_stems, target_folder
 from tsis.instrument.png import whole_levels
 from tsis.model import check
@@ -90,7 +90,7 @@ def save_snapshot(
     FileInputError
         When the files cannot be written; nothing is left of this snapshot then, and earlier ones are as they were.
     """
-    check.known("picture format", picture, FORMATS)
+    check.require_one_of("picture format", picture, FORMATS)
     pixels = whole_levels(frame.pixels, frame.full_scale)
     place = as_path(folder) / target_folder(target, name=name)
     raw_format = "bmp" if picture == "bmp" and pixels.dtype == np.uint8 else "png"
@@ -105,7 +105,7 @@ def save_snapshot(
         _write_all(place, stem, contents, sidecar)
     except OSError as error:
         raise FileInputError(
-            f"the snapshot must be written into {shown(place)}; got: {error.strerror or error} "
+            f"the snapshot must be written into {printable_path(place)}; got: {error.strerror or error} "
             "(free some space or choose another folder)"
         ) from error
     files = {ending: place / f"{stem}{ending}" for ending in contents}

@@ -15,7 +15,7 @@ from scipy.linalg import solve_triangular
 from scipy.linalg.lapack import dpstrf
 from scipy.spatial.distance import cdist
 
-from tsis.matching.fit import Fit
+from tsis.matching.fit import MatchFit
 from tsis.matching.one_to_one import REACH, nearest_pairs, spacing
 from tsis.matching.ridge import ridge_solution
 from tsis.model.compiled import compiled
@@ -34,7 +34,7 @@ KERNEL_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Drift:
+class DisplacementField:
     """A displacement field: Gaussians of the width `WIDTH` about control points.
 
     Attributes
@@ -54,7 +54,7 @@ class Drift:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Explained:
+class ExpectedPairs:
     """What the expectation leaves: sums over the matrix of the chances that target j is source i's.
 
     Attributes
@@ -72,23 +72,23 @@ class Explained:
     drawn: NDArray[np.float64]
 
 
-def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator) -> Fit:
+def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator) -> MatchFit:
     """Match normalised points, shapes (n, d) and (m, d), by coherent point drift; nothing in it is left to chance."""
     del rng
-    move, variance = drift(source, target)
+    move, variance = fit_displacement(source, target)
     tolerance = max(REACH * np.sqrt(variance), spacing(target) / 2)
     matches, trust = nearest_pairs(move(source), target, tolerance=tolerance)
-    return Fit(move=move, matches=matches, trust=trust)
+    return MatchFit(move=move, matches=matches, trust=trust)
 
 
-def drift(
+def fit_displacement(
     source: NDArray[np.float64],
     target: NDArray[np.float64],
     *,
     outliers: float = OUTLIERS,
     rounds: int = ROUNDS,
     settled: float = SETTLED,
-) -> tuple[Drift, float]:
+) -> tuple[DisplacementField, float]:
     """The displacement field that takes source to target, and the variance of places that is left.
 
     Parameters
@@ -108,13 +108,15 @@ def drift(
     variance = max(float(cdist(source, target, "sqeuclidean").mean() / dimension), SHARPEST)
     for _ in range(rounds):
         of_source, of_target, drawn = expect(moved, target, variance, outliers)
-        seen = Explained(source=of_source, target=of_target, drawn=drawn)
+        seen = ExpectedPairs(source=of_source, target=of_target, drawn=drawn)
         coordinates = _maximise(factor, source, seen, STIFFNESS * variance)
         moved = source + factor @ coordinates
         before, variance = variance, _variance(moved, target, seen)
         if abs(variance - before) <= settled * before:
             break
-    return Drift(control=control, weights=solve_triangular(triangle, coordinates, lower=True, trans="T")), variance
+    return DisplacementField(
+        control=control, weights=solve_triangular(triangle, coordinates, lower=True, trans="T")
+    ), variance
 
 
 def gaussian(points: NDArray[np.float64], control: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -134,7 +136,7 @@ def _kernel_factor(
 
 
 def _maximise(
-    factor: NDArray[np.float64], source: NDArray[np.float64], seen: Explained, ridge: float
+    factor: NDArray[np.float64], source: NDArray[np.float64], seen: ExpectedPairs, ridge: float
 ) -> NDArray[np.float64]:
     """Coordinates c of the displacement L c that draws each point to its targets and has a small sum of squares."""
     normal = factor.T @ (seen.source[:, None] * factor)
@@ -142,7 +144,7 @@ def _maximise(
     return ridge_solution(normal, right, ridge)
 
 
-def _variance(moved: NDArray[np.float64], target: NDArray[np.float64], seen: Explained) -> float:
+def _variance(moved: NDArray[np.float64], target: NDArray[np.float64], seen: ExpectedPairs) -> float:
     """Mean square distance, a coordinate, of target points from the points that explain them."""
     total = seen.target @ np.sum(target**2, axis=1) + seen.source @ np.sum(moved**2, axis=1)
     total -= 2 * np.sum(moved * seen.drawn)
@@ -153,7 +155,7 @@ def _variance(moved: NDArray[np.float64], target: NDArray[np.float64], seen: Exp
 def expect(
     moved: NDArray[np.float64], target: NDArray[np.float64], variance: float, outliers: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-    """The sums of `Explained` without the matrix, leaving out what rounding would."""
+    """The sums of `ExpectedPairs` without the matrix, leaving out what rounding would."""
     n, dimension = moved.shape
     m = len(target)
     source, explained, drawn = np.zeros(n), np.zeros(m), np.zeros((n, dimension))

@@ -28,7 +28,7 @@ SLACK = 1e-6  # ridge that draws the affine part to rest, lest no responsibility
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Explained:
+class ExplainedTarget:
     """How moved source points explain the target.
 
     Attributes
@@ -96,7 +96,7 @@ def _evidence(
     return float(now.likelihood + count * np.log(box) - 0.5 * bending - 0.5 * dimension * volume)
 
 
-def _follow(basis: SplineBasis, now: Explained, bending: float) -> NDArray[np.float64]:
+def _follow(basis: SplineBasis, now: ExplainedTarget, bending: float) -> NDArray[np.float64]:
     """Coordinates of the spline that follows the weighed targets."""
     normal = basis.design.T @ (now.paired[:, None] * basis.design)
     right = basis.design.T @ now.drawn
@@ -115,7 +115,7 @@ def _cosine_of_turn(matrix: NDArray[np.float64]) -> float:
 
 def explained(
     moved: NDArray[np.float64], target: NDArray[np.float64], variance: float, outliers: float, even: float
-) -> Explained:
+) -> ExplainedTarget:
     """How moved source points, shape (n, d), explain the target, shape (m, d), at a common variance.
 
     ``outliers`` is the share of targets that lie anywhere, with the density ``even``; the others lie normally about one
@@ -125,14 +125,14 @@ def explained(
     likelihood, inner, outer, squared = _explained(moved[order], target, variance, outliers, even)
     paired, drawn = np.empty_like(inner), np.empty_like(outer)
     paired[order], drawn[order] = inner, outer
-    return Explained(likelihood=likelihood, paired=paired, drawn=drawn, squared=squared)
+    return ExplainedTarget(likelihood=likelihood, paired=paired, drawn=drawn, squared=squared)
 
 
 @fused
 def _explained(
     moved: NDArray[np.float64], target: NDArray[np.float64], variance: float, outliers: float, even: float
 ) -> tuple[float, NDArray[np.float64], NDArray[np.float64], float]:
-    """The parts of `Explained`; the moved points ascend along the first axis, so that the near ones lie in one run."""
+    """The parts of `ExplainedTarget`; the moved points ascend along the first axis, so that the near ones lie in one run."""
     n, dimension = moved.shape
     near = (1 - outliers) / n * (2 * np.pi * variance) ** (-dimension / 2)
     paired, drawn, weights, away = np.zeros(n), np.zeros((n, dimension)), np.empty(n), np.empty(n)

@@ -15,7 +15,7 @@ BLOCK = 20_000  # points that are moved at once
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Fit:
+class MatchFit:
     """A method's answer in the normalised coordinates that it was given.
 
     Attributes
@@ -45,12 +45,14 @@ def moved_in_blocks(move: Move, points: NDArray[np.float64]) -> NDArray[np.float
     return np.concatenate([move(points[start : start + BLOCK]) for start in range(0, len(points), BLOCK)])
 
 
-class Method(Protocol):
+class MatchMethod(Protocol):
     """One way of matching two normalised point sets, shapes (n, d) and (m, d), d being 2 or 3.
 
     Each set has its mean in the origin and a root-mean-square distance of 1 from it. ``rng`` is the only source of
     chance, for those that need any.
     """
 
-    def __call__(self, source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator) -> Fit:
+    def __call__(
+        self, source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator
+    ) -> MatchFit:
         """Match them."""

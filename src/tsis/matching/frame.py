@@ -12,14 +12,14 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Frame:
+class NormalFrame:
     """Where a point set lies, ``centre`` of shape (d,), and how large it is, in its own unit."""
 
     centre: NDArray[np.float64]
     size: float
 
     @classmethod
-    def of(cls, points: NDArray[np.float64]) -> Frame:
+    def of(cls, points: NDArray[np.float64]) -> NormalFrame:
         """The frame of points, shape (n, d), that are not all in one place."""
         centre = points.mean(axis=0)
         return cls(centre=centre, size=float(np.sqrt(((points - centre) ** 2).sum(axis=1).mean())))

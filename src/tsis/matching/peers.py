@@ -89,7 +89,7 @@ def peer(name: str) -> Peer:
     >>> peer("pycpd-raw").scaling
     'raw'
     """
-    return PEERS[check.known("peer", name, PEERS)]
+    return PEERS[check.require_one_of("peer", name, PEERS)]
 
 
 def _frame(points: NDArray[np.float64], scaling: str) -> tuple[NDArray[np.float64], float]:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.instrument.file_bytes import as_path, file_size, read_bytes, shown
+from tsis.instrument.file_bytes import as_path, file_size, printable_path, read_bytes
 from tsis.instrument.text_lines import text_lines
 from tsis.matching.ply import parse_ply
 from tsis.matching.sampled import MOST_POINTS
@@ -53,13 +53,13 @@ def read_points(path: str | os.PathLike[str]) -> NDArray[np.float64]:
     size = file_size(path)
     if size > LARGEST_BYTES:
         raise FileInputError(
-            f"{shown(path)} must be at most {LARGEST_BYTES // 2**20} MiB; got {size} bytes (thin the points out)"
+            f"{printable_path(path)} must be at most {LARGEST_BYTES // 2**20} MiB; got {size} bytes (thin the points out)"
         )
     content = read_bytes(path)
     try:
         points = _parsed(content)
     except FileInputError as error:
-        raise FileInputError(f"{shown(path)}: {error}") from error
+        raise FileInputError(f"{printable_path(path)}: {error}") from error
     points.flags.writeable = False
     return points
 

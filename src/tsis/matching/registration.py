@@ -10,7 +10,7 @@ import numpy as np
 
 from tsis.matching import cpd, rpm_lns, shape_context, tprl, tps_rpm
 from tsis.matching.fit import UNMATCHED, moved_in_blocks
-from tsis.matching.frame import Frame
+from tsis.matching.frame import NormalFrame
 from tsis.matching.reliability import RELIABLE, confidence_of
 from tsis.matching.sampled import MOST_POINTS, drawn, matched_all
 from tsis.matching.spline import spread_out
@@ -23,14 +23,14 @@ if TYPE_CHECKING:
 
     from numpy.typing import ArrayLike, NDArray
 
-    from tsis.matching.fit import Method, Move
+    from tsis.matching.fit import MatchMethod, Move
 
 FEWEST = 4  # points: three in the plane fit any affine map
 FEW = {2: 9, 3: 16}  # points, by dimension, that a bent map takes close to unrelated ones
 LARGEST = 1e100  # coordinate whose square is a number
 THIN = 1e-6  # extent of points across a line or plane, of that along it, that rounding could make
 
-METHODS: Mapping[str, Method] = MappingProxyType(
+METHODS: Mapping[str, MatchMethod] = MappingProxyType(
     {
         "tprl": tprl.fit,
         "cpd": cpd.fit,
@@ -82,7 +82,7 @@ class Registration:
         InputError
             When the points are not finite or of another dimension.
         """
-        checked = check.array("points", points, ndim=2)
+        checked = check.require_array("points", points, ndim=2)
         dimension = self.moved.shape[1]
         if checked.shape[1] != dimension:
             raise InputError(f"points must have {dimension} coordinates each, as the source; got shape {checked.shape}")
@@ -129,25 +129,25 @@ def register(
     >>> found.transform([[0.0, 0.0]]).round(0).tolist()
     [[3.0, 1.0]]
     """
-    found = guess(source, target, method=method, rng=rng)
+    found = match_points(source, target, method=method, rng=rng)
     return found if found.reliable else _withheld(found, np.array(source, dtype=float))
 
 
-def guess(
+def match_points(
     source: ArrayLike, target: ArrayLike, *, method: str = "tprl", rng: np.random.Generator | None = None
 ) -> Registration:
     """What a method finds, however little it can be relied on; the rest is as `register` says.
 
     For comparisons with programs that withhold nothing. Parameters and errors are those of `register`.
     """
-    check.known("method", method, METHODS)
+    check.require_one_of("method", method, METHODS)
     source, target = _points("source", source), _points("target", target)
     if source.shape[1] != target.shape[1]:
         raise InputError(
             f"source and target must have as many coordinates; got {source.shape[1]} and {target.shape[1]}"
         )
     rng = np.random.default_rng(0) if rng is None else rng
-    check.kind("rng", rng, np.random.Generator)
+    check.require_type("rng", rng, np.random.Generator)
     with one_blas_thread():
         return _guess(method, source, target, rng)
 
@@ -155,7 +155,7 @@ def guess(
 def _guess(
     method: str, source: NDArray[np.float64], target: NDArray[np.float64], rng: np.random.Generator
 ) -> Registration:
-    start, end = Frame.of(source), Frame.of(target)
+    start, end = NormalFrame.of(source), NormalFrame.of(target)
     here, there = start.inward(source), end.inward(target)
     some, others = drawn(here, there, rng=rng)
     fit = METHODS[method](some, others, rng=rng)
@@ -204,7 +204,7 @@ def _stay(points: NDArray[np.float64], /) -> NDArray[np.float64]:
 
 
 def _points(name: str, value: ArrayLike) -> NDArray[np.float64]:
-    points = check.array(name, value, ndim=2)
+    points = check.require_array(name, value, ndim=2)
     dimension = points.shape[1]
     if dimension not in (2, 3):
         raise InputError(f"{name} must have 2 or 3 coordinates a point; got shape {points.shape}")

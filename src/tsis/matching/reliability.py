@@ -13,7 +13,7 @@ from tsis.matching.spline import far_apart, spline_basis
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.matching.fit import Fit
+    from tsis.matching.fit import MatchFit
 
 RELIABLE = 0.5
 SCALE = 3.0  # of log evidence, in which confidence grows from a quarter to three
@@ -21,7 +21,7 @@ MOST = 600  # points of each set that are looked at
 PASSING = 1e-6  # bending that is held back when the spline is read back from the moved points
 
 
-def confidence_of(fit: Fit, source: NDArray[np.float64], target: NDArray[np.float64]) -> float:
+def confidence_of(fit: MatchFit, source: NDArray[np.float64], target: NDArray[np.float64]) -> float:
     """Confidence in [0, 1] that an answer says more than chance: from the evidence for it, over that for no relation.
 
     No relation is the likelier of points spread evenly and one normal cloud; the map pays for its affine part.

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.spatial import KDTree
 
-from tsis.matching.fit import UNMATCHED, Fit
+from tsis.matching.fit import UNMATCHED, MatchFit
 from tsis.matching.log_polar import chi_squared, histograms
 from tsis.matching.one_to_one import assign
 from tsis.matching.spline import spline_basis
@@ -70,7 +70,7 @@ class Chances:
     target: NDArray[np.float64]
 
 
-def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator) -> Fit:
+def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator) -> MatchFit:
     """Match normalised points, shapes (n, d) and (m, d), by their neighbourhoods; nothing in it is left to chance."""
     del rng
     basis, wanted = spline_basis(source), histograms(target)
@@ -90,7 +90,7 @@ def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.
         if number >= ROUNDS // 2 and np.array_equal(matches, last):  # no sooner: the spline still softens
             break
         last = matches
-    return Fit(move=basis.spline(coordinates), matches=matches, trust=trust)
+    return MatchFit(move=basis.spline(coordinates), matches=matches, trust=trust)
 
 
 def neighbours(points: NDArray[np.float64]) -> csr_array:

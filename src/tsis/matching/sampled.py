@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import KDTree
 
-from tsis.matching.fit import UNMATCHED, Fit, moved_in_blocks
+from tsis.matching.fit import UNMATCHED, MatchFit, moved_in_blocks
 from tsis.matching.one_to_one import spacing
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def drawn(
     return some(source, SAMPLE), some(target, MOST_PAIRS // SAMPLE)
 
 
-def matched_all(fit: Fit, source: NDArray[np.float64], target: NDArray[np.float64]) -> Fit:
+def matched_all(fit: MatchFit, source: NDArray[np.float64], target: NDArray[np.float64]) -> MatchFit:
     """The fit of samples, with matches of all normalised points, shapes (n, d) and (m, d).
 
     What samples tell is the map. The matches are read off it, between moved source points and target points that are
@@ -44,7 +44,7 @@ def matched_all(fit: Fit, source: NDArray[np.float64], target: NDArray[np.float6
     """
     moved = moved_in_blocks(fit.move, source)
     matches, trust = mutual_nearest(moved, target)
-    return Fit(move=fit.move, matches=matches, trust=trust)
+    return MatchFit(move=fit.move, matches=matches, trust=trust)
 
 
 def mutual_nearest(

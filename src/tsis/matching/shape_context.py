@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.matching.fit import UNMATCHED, Fit
+from tsis.matching.fit import UNMATCHED, MatchFit
 from tsis.matching.log_polar import axis_histograms, chi_squared, histograms
 from tsis.matching.one_to_one import assign
 from tsis.matching.spline import spline_basis
@@ -27,7 +27,7 @@ SOFTENING = 0.5  # of the bending, from round to round
 
 def fit(
     source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator, turned: bool = False
-) -> Fit:
+) -> MatchFit:
     """Match normalised points, shapes (n, d) and (m, d), by their shape contexts; nothing in it is left to chance.
 
     With ``turned``, directions are measured from the mass centre, so that any rotation between the two is found, at
@@ -48,7 +48,7 @@ def fit(
         )
         moved = basis.design @ coordinates
     alike = 1 - np.minimum(cost[np.arange(len(source)), matches], 1.0)  # the sums of histograms round
-    return Fit(move=basis.spline(coordinates), matches=matches, trust=np.where(paired, alike, 0.0))
+    return MatchFit(move=basis.spline(coordinates), matches=matches, trust=np.where(paired, alike, 0.0))
 
 
 def _alike(cost: NDArray[np.float64]) -> NDArray[np.int64]:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.distance import cdist
 
-from tsis.matching.frame import Frame
+from tsis.matching.frame import NormalFrame
 from tsis.matching.ridge import ridge_solution
 from tsis.model import check
 from tsis.model.errors import InputError
@@ -135,7 +135,7 @@ def spline_basis(points: ArrayLike, *, control: ArrayLike | None = None) -> Spli
     Parameters
     ----------
     points
-        Shape (n, d), d being 2 or 3, n at least d + 1, not all in a line or plane; normalised, as by `Frame`, for the
+        Shape (n, d), d being 2 or 3, n at least d + 1, not all in a line or plane; normalised, as by `NormalFrame`, for the
         bounds on rounding are meant for numbers near 1.
     control
         Control points, shape (k, d); by default the points, or `CONTROL_POINTS` of them that lie far apart.
@@ -208,16 +208,16 @@ def fit_spline(
     to = _points("targets", targets, at.shape[1])
     if len(to) != len(at):
         raise InputError(f"targets must be as many as the points, {len(at)}; got {len(to)}")
-    check.number("bending", bending, 0.0, 1e12)
-    trust = np.ones(len(at)) if weights is None else check.array("weights", weights, ndim=1)
+    check.require_number("bending", bending, 0.0, 1e12)
+    trust = np.ones(len(at)) if weights is None else check.require_array("weights", weights, ndim=1)
     if len(trust) != len(at) or trust.min() < 0 or trust.max() == 0:
         raise InputError(f"weights must be {len(at)} numbers that are not negative, one of them positive")
     kept = trust > ABSENT * trust.max()
     at, to, trust = at[kept], to[kept], trust[kept]
-    here = Frame.of(at)
+    here = NormalFrame.of(at)
     if here.size == 0:
         raise InputError(f"points must lie in at least {at.shape[1] + 1} places; got {len(at)} in one")
-    there = Frame(centre=to.mean(axis=0), size=here.size)
+    there = NormalFrame(centre=to.mean(axis=0), size=here.size)
     chosen = None if control is None else here.inward(_points("control", control, at.shape[1]))
     basis = spline_basis(here.inward(at), control=chosen)
     places = len(np.unique(at, axis=0))
@@ -230,7 +230,7 @@ def fit_spline(
     return _outward(basis.spline(basis.coordinates(there.inward(to), bending=stiffness, weights=trust)), here, there)
 
 
-def _outward(spline: ThinPlateSpline, here: Frame, there: Frame) -> ThinPlateSpline:
+def _outward(spline: ThinPlateSpline, here: NormalFrame, there: NormalFrame) -> ThinPlateSpline:
     """The same map from the unit of one frame to that of another, which is as large."""
     weights, shift = spline.weights, there.outward(spline.affine[0]) - here.centre @ spline.affine[1:]
     if spline.control.shape[1] == 2:
@@ -281,7 +281,7 @@ def spread_order(points: NDArray[np.float64]) -> NDArray[np.int64]:
 
 
 def _points(name: str, value: ArrayLike, dimension: int | None = None) -> NDArray[np.float64]:
-    points = check.array(name, value, ndim=2)
+    points = check.require_array(name, value, ndim=2)
     if points.shape[1] not in ((2, 3) if dimension is None else (dimension,)):
         wanted = "2 or 3" if dimension is None else str(dimension)
         raise InputError(f"{name} must have {wanted} coordinates each; got shape {points.shape}")

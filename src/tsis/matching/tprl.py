@@ -17,7 +17,7 @@ import numpy as np
 from tsis.matching.annealing import START, Cooling, anneal
 from tsis.matching.assignment import assigned, interpolated
 from tsis.matching.evidence import log_evidence, upright_prior
-from tsis.matching.fit import Fit
+from tsis.matching.fit import MatchFit
 from tsis.matching.one_to_one import nearest_pairs, spacing
 from tsis.matching.poses import MANY, poses, rounded_poses
 from tsis.matching.spline import spline_basis
@@ -40,29 +40,29 @@ ENOUGH = {2: 2.0, 3: 5.0}  # log evidence a target point that ends the search, b
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Found:
+class PoseFit:
     """A spline's coordinates, and the evidence for it, with the prior of its pose."""
 
     coordinates: NDArray[np.float64]
     evidence: float
 
 
-def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator) -> Fit:
+def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator) -> MatchFit:
     """Match normalised points, shapes (n, d) and (m, d); ``rng`` draws the pairs that poses are tried on."""
     basis = spline_basis(source)
     step = max(spacing(source), spacing(target))
 
-    def judged(coordinates: NDArray[np.float64]) -> Found:
+    def judged(coordinates: NDArray[np.float64]) -> PoseFit:
         prior = upright_prior(coordinates[basis.bent + 1 :], len(target))
-        return Found(coordinates=coordinates, evidence=prior + log_evidence(basis, coordinates, target))
+        return PoseFit(coordinates=coordinates, evidence=prior + log_evidence(basis, coordinates, target))
 
-    def followed(coordinates: NDArray[np.float64], start: float) -> Found:
+    def followed(coordinates: NDArray[np.float64], start: float) -> PoseFit:
         cooling = Cooling(factor=FACTOR, start=start, end=(COLDEST * step) ** 2, rounds=ROUNDS)
         cooled = judged(anneal(basis, coordinates, target, cooling))
         paired = judged(assigned(basis, cooled.coordinates, target, step))
         return max(cooled, paired, key=lambda one: one.evidence)
 
-    found: list[Found] = []
+    found: list[PoseFit] = []
     for coordinates, start in _starts(basis, source, target, rng):
         found.append(followed(coordinates, start))
         if found[-1].evidence >= ENOUGH[source.shape[1]] * len(target):
@@ -70,7 +70,7 @@ def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.
     best = max(found, key=lambda one: one.evidence).coordinates
     best = interpolated(basis, best, target, step)
     matches, trust = nearest_pairs(basis.design @ best, target, tolerance=step)
-    return Fit(move=basis.spline(best), matches=matches, trust=trust)
+    return MatchFit(move=basis.spline(best), matches=matches, trust=trust)
 
 
 def _starts(

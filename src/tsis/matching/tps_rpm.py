@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from tsis.matching.annealing import START, Cooling, anneal
-from tsis.matching.fit import Fit
+from tsis.matching.fit import MatchFit
 from tsis.matching.one_to_one import nearest_pairs, spacing
 from tsis.matching.spline import spline_basis, spread_out
 
@@ -19,7 +19,7 @@ COLDEST = 0.35  # end of the cooling: standard deviation, of the distance betwee
 CONTROL_POINTS = 150
 
 
-def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator) -> Fit:
+def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator) -> MatchFit:
     """Match normalised points, shapes (n, d) and (m, d), by cooling soft pairs; nothing in it is left to chance."""
     del rng
     basis = spline_basis(source, control=spread_out(source, CONTROL_POINTS))
@@ -27,4 +27,4 @@ def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.
     cooling = Cooling(factor=FACTOR, start=START, end=(COLDEST * step) ** 2, rounds=ROUNDS)
     coordinates = anneal(basis, basis.rest, target, cooling)
     matches, trust = nearest_pairs(basis.design @ coordinates, target, tolerance=step)
-    return Fit(move=basis.spline(coordinates), matches=matches, trust=trust)
+    return MatchFit(move=basis.spline(coordinates), matches=matches, trust=trust)

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import astuple, dataclass, fields
 from typing import TYPE_CHECKING
 
-from tsis.instrument.file_bytes import one_line, read_bytes, shown
+from tsis.instrument.file_bytes import one_line, printable_path, read_bytes
 from tsis.model.errors import FileInputError
 
 if TYPE_CHECKING:
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Row:
+class TrialRow:
     """What one method made of one trial.
 
     Attributes
@@ -60,10 +60,10 @@ class Row:
 
 
 LARGEST_BYTES, MOST_LINES = 64 * 2**20, 300_000
-HEAD = tuple(field.name for field in fields(Row))
+TRIAL_ROW_HEAD = tuple(field.name for field in fields(TrialRow))
 
 
-def read_rows(file: Path) -> list[Row]:
+def read_trial_rows(file: Path) -> list[TrialRow]:
     """Rows of a file that `run_trials` wrote; a last line that was cut off is left out.
 
     Raises
@@ -74,12 +74,12 @@ def read_rows(file: Path) -> list[Row]:
     try:
         content = read_bytes(file, most=LARGEST_BYTES)
         if content.count(b"\n") + content.count(b"\r") > MOST_LINES:
-            raise FileInputError(f"{shown(file)} must have at most {MOST_LINES} lines; it has more")
+            raise FileInputError(f"{printable_path(file)} must have at most {MOST_LINES} lines; it has more")
         text = content.decode("utf-8")
         lines = list(csv.reader(io.StringIO(_whole(text), newline="")))
     except (UnicodeDecodeError, csv.Error) as error:
-        raise FileInputError(f"{shown(file)} must be a file of trials; got: {one_line(error, 80)}") from error
-    if not lines or tuple(lines[0]) != HEAD:
+        raise FileInputError(f"{printable_path(file)} must be a file of trials; got: {one_line(error, 80)}") from error
+    if not lines or tuple(lines[0]) != TRIAL_ROW_HEAD:
         raise FileInputError(f"{str(file)!r:.160} must be a file of trials; its first line is another")
     try:
         return [_read(cells) for cells in lines[1:]]
@@ -87,9 +87,9 @@ def read_rows(file: Path) -> list[Row]:
         raise FileInputError(f"{str(file)!r:.160} must hold one row a trial; got: {one_line(error, 80)}") from error
 
 
-def _read(cells: list[str]) -> Row:
+def _read(cells: list[str]) -> TrialRow:
     trial, method, seed, error, seconds, reliable, refused = cells
-    row = Row(
+    row = TrialRow(
         trial=trial,
         method=method,
         seed=int(seed),
@@ -103,7 +103,7 @@ def _read(cells: list[str]) -> Row:
     return row
 
 
-def kept_rows(file: Path, *, seed: int, resume: bool) -> list[Row]:
+def resumable_rows(file: Path, *, seed: int, resume: bool) -> list[TrialRow]:
     """Rows that a run with ``seed`` may go on with, none where the file does not exist yet.
 
     Raises
@@ -115,7 +115,7 @@ def kept_rows(file: Path, *, seed: int, resume: bool) -> list[Row]:
         return []
     if not resume:
         raise FileInputError(f"{str(file)!r:.160} must be new; it exists (choose another folder, or resume it)")
-    rows = read_rows(file)
+    rows = read_trial_rows(file)
     other = next((row.seed for row in rows if row.seed != seed), seed)
     if other != seed:
         raise FileInputError(f"{str(file)!r:.160} must have been begun with the seed {seed}; got {other}")
@@ -123,7 +123,7 @@ def kept_rows(file: Path, *, seed: int, resume: bool) -> list[Row]:
 
 
 @contextmanager
-def appended(file: Path) -> Iterator[Callable[[Sequence[Row]], None]]:
+def append_rows(file: Path) -> Iterator[Callable[[Sequence[TrialRow]], None]]:
     """A call that adds rows to the file, made where it is missing; they are in the file when it returns.
 
     Raises
@@ -133,14 +133,14 @@ def appended(file: Path) -> Iterator[Callable[[Sequence[Row]], None]]:
     """
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
-        before = _whole(file.read_text(encoding="utf-8")) if file.exists() else ",".join(HEAD) + "\n"
+        before = _whole(file.read_text(encoding="utf-8")) if file.exists() else ",".join(TRIAL_ROW_HEAD) + "\n"
         file.write_text(before, encoding="utf-8")
         stream = file.open("a", encoding="utf-8", newline="")
     except OSError as error:
         raise FileInputError(f"{str(file)!r:.160} must be writable; got: {error.strerror}") from error
     with stream:
 
-        def add(rows: Sequence[Row]) -> None:
+        def add(rows: Sequence[TrialRow]) -> None:
             csv.writer(stream, lineterminator="\n").writerows(map(astuple, rows))
             stream.flush()
 
@@ -152,4 +152,4 @@ def _whole(text: str) -> str:
     return text[: text.rfind("\n") + 1]
 
 
-__all__ = ["Row", "appended", "kept_rows", "read_rows"]
+__all__ = ["TrialRow", "append_rows", "read_trial_rows", "resumable_rows"]

@@ -15,7 +15,7 @@ import numpy as np
 
 from tsis.matching.distort import Distortion, distort
 from tsis.matching.shapes import scattered_texture, tactile_surface
-from tsis.matching.trial_rows import Row, appended, kept_rows
+from tsis.matching.trial_rows import TrialRow, append_rows, resumable_rows
 from tsis.matching.trials import matching_error
 from tsis.model import check
 
@@ -32,7 +32,7 @@ LONGEST_REASON = 120
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Matched:
+class MatchOutcome:
     """What a method says.
 
     Attributes
@@ -52,7 +52,7 @@ class Matcher(Protocol):
 
     def __call__(
         self, source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator
-    ) -> Matched:
+    ) -> MatchOutcome:
         """Match them."""
 
 
@@ -65,7 +65,7 @@ def run_trials(
     resume: bool = False,
     workers: int = 1,
     progress: Callable[[int, int], None] | None = None,
-) -> list[Row]:
+) -> list[TrialRow]:
     """Run every method on every trial.
 
     Parameters
@@ -97,16 +97,16 @@ def run_trials(
     InputError
         When a value is out of range.
     """
-    check.whole("seed", seed, 0, 2**32 - 1)
-    check.whole("workers", workers, 1, MOST_WORKERS)
+    check.require_integer("seed", seed, 0, 2**32 - 1)
+    check.require_integer("workers", workers, 1, MOST_WORKERS)
     wanted = list(trials)
-    kept = [] if file is None else kept_rows(file, seed=seed, resume=resume)
+    kept = [] if file is None else resumable_rows(file, seed=seed, resume=resume)
     found = {(row.trial, row.method): row for row in kept}
     left = [(trial, [name for name in matchers if (trial.name, name) not in found]) for trial in wanted]
     todo = [(trial, names) for trial, names in left if names]
     done = len(wanted) - len(todo)
     with ExitStack() as stack:
-        add = None if file is None else stack.enter_context(appended(file))
+        add = None if file is None else stack.enter_context(append_rows(file))
         for rows in _judged(todo, matchers, seed, workers, stack):
             found.update({(row.trial, row.method): row for row in rows})
             if add is not None:
@@ -117,7 +117,7 @@ def run_trials(
     return [found[trial.name, name] for trial in wanted for name in matchers]
 
 
-def judge(trial: Trial, matchers: Mapping[str, Matcher], *, seed: int) -> list[Row]:
+def evaluate_trial(trial: Trial, matchers: Mapping[str, Matcher], *, seed: int) -> list[TrialRow]:
     """Run the methods on one trial.
 
     Parameters
@@ -132,7 +132,7 @@ def judge(trial: Trial, matchers: Mapping[str, Matcher], *, seed: int) -> list[R
     return [_row(trial, name, matcher, seed) for name, matcher in matchers.items()]
 
 
-def _row(trial: Trial, name: str, matcher: Matcher, seed: int) -> Row:
+def _row(trial: Trial, name: str, matcher: Matcher, seed: int) -> TrialRow:
     rng = np.random.default_rng([seed, zlib.crc32(f"{trial.name} {name}".encode())])
     start = time.perf_counter()
     refused, reliable = "", None
@@ -144,7 +144,7 @@ def _row(trial: Trial, name: str, matcher: Matcher, seed: int) -> Row:
         seconds = time.perf_counter() - start
         error = matching_error(trial, trial.source)
         refused = " ".join(f"{type(broken).__name__}: {broken}".split())[:LONGEST_REASON]
-    return Row(
+    return TrialRow(
         trial=trial.name,
         method=name,
         seed=seed,
@@ -161,13 +161,13 @@ def _judged(
     seed: int,
     workers: int,
     stack: ExitStack,
-) -> Iterator[list[Row]]:
+) -> Iterator[list[TrialRow]]:
     """Rows of each trial, here or from a pool of processes."""
     tasks = [(trial, {name: matchers[name] for name in names}) for trial, names in todo]
     if workers == 1 or len(tasks) < 2:
         if tasks:
             _warm(matchers, tasks[0][0].source.shape[1])
-        return (judge(trial, chosen, seed=seed) for trial, chosen in tasks)
+        return (evaluate_trial(trial, chosen, seed=seed) for trial, chosen in tasks)
     # Forked children would share what threads of the libraries hold at that moment.
     pool = ProcessPoolExecutor(
         workers,
@@ -188,8 +188,8 @@ def _warm(matchers: Mapping[str, Matcher], dimension: int) -> None:
             matcher(trial.source, trial.target, rng=rng)
 
 
-def _judge_task(task: tuple[Trial, dict[str, Matcher]], *, seed: int) -> list[Row]:
-    return judge(*task, seed=seed)
+def _judge_task(task: tuple[Trial, dict[str, Matcher]], *, seed: int) -> list[TrialRow]:
+    return evaluate_trial(*task, seed=seed)
 
 
-__all__ = ["Matched", "Matcher", "judge", "run_trials"]
+__all__ = ["MatchOutcome", "Matcher", "evaluate_trial", "run_trials"]

@@ -8,7 +8,7 @@ from tsis.matching.distort import PUBLIC_LEVELS
 from tsis.matching.shapes import SHAPES
 from tsis.matching.trials import (
     FAMILIES,
-    HIDDEN,
+    HIDDEN_FRACTIONS,
     PUBLIC_SHAPES,
     SEPARATIONS,
     generated_trials,
@@ -64,17 +64,17 @@ def distorted_set(
     >>> len(distorted_set(None, families=["noise"], levels=[1, 6], count=3))
     12
     """
-    check.whole("count", count, 1, MOST_TRIALS)
+    check.require_integer("count", count, 1, MOST_TRIALS)
     for family in families:
-        check.known("family of trials", family, FAMILIES)
+        check.require_one_of("family of trials", family, FAMILIES)
     if not families:
         raise InputError("families must name at least one kind of trials; got none")
     deepest = max(len(PUBLIC_LEVELS[family]) for family in families)
     for level in levels or ():
-        check.whole("level", level, 1, deepest)
+        check.require_integer("level", level, 1, deepest)
     chosen = shapes or (GENERATED_SHAPES if folder is None else PUBLIC_SHAPES)
     for shape in chosen:
-        check.known("shape", shape, SHAPES if folder is None else PUBLIC_SHAPES)
+        check.require_one_of("shape", shape, SHAPES if folder is None else PUBLIC_SHAPES)
     trials: list[Trial] = []
     for shape in dict.fromkeys(chosen):
         for family in dict.fromkeys(families):
@@ -92,7 +92,7 @@ def hotel_set(
     folder: Path,
     *,
     separations: Sequence[int] = SEPARATIONS,
-    hidden: Sequence[float] = HIDDEN,
+    hidden: Sequence[float] = HIDDEN_FRACTIONS,
     count: int | None = None,
     seed: int = 0,
 ) -> list[Trial]:

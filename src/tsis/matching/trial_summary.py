@@ -15,15 +15,17 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.matching.trial_rows import Row
+    from tsis.matching.trial_rows import TrialRow
 
-FAILURE = 0.1  # root-mean-square error, in units of a shape that about fills the unit box, from which a match failed
+FAILURE_RMS = (
+    0.1  # root-mean-square error, in units of a shape that about fills the unit box, from which a match failed
+)
 DRAWS = 2000
 LEVEL = 0.95
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ratio:
+class ErrorRatio:
     """Mean error of a method over that of the best rival on the same trials.
 
     Attributes
@@ -40,7 +42,7 @@ class Ratio:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Summary:
+class TrialSummary:
     """One method on all trials of one kind.
 
     Attributes
@@ -80,13 +82,13 @@ class Summary:
     withheld: float | None
     refused: float
     seconds: float
-    ratio: Ratio | None
+    ratio: ErrorRatio | None
     rival: str
 
 
 def summarise(
-    rows: Iterable[Row], *, rivals: Collection[str], failure: float = FAILURE, seed: int = 0
-) -> list[Summary]:
+    rows: Iterable[TrialRow], *, rivals: Collection[str], failure: float = FAILURE_RMS, seed: int = 0
+) -> list[TrialSummary]:
     """One summary a group, level and method, in the order of the rows.
 
     Parameters
@@ -105,7 +107,7 @@ def summarise(
     InputError
         When ``failure`` is not positive.
     """
-    check.number("failure", failure, 1e-300, 1e300)
+    check.require_number("failure", failure, 1e-300, 1e300)
     return [
         _summary(group, level, method, cell[method], _best(cell, rivals), failure, seed)
         for (group, level), cell in _cells(rows).items()
@@ -114,8 +116,8 @@ def summarise(
 
 
 def summarise_pooled(
-    rows: Iterable[Row], *, rivals: Collection[str], failure: float = FAILURE, seed: int = 0
-) -> list[Summary]:
+    rows: Iterable[TrialRow], *, rivals: Collection[str], failure: float = FAILURE_RMS, seed: int = 0
+) -> list[TrialSummary]:
     """One summary a kind of distortion and method, over all shapes and levels.
 
     The rival is the best of each level by itself, which no single rival can beat.
@@ -130,8 +132,8 @@ def summarise_pooled(
     InputError
         When ``failure`` is not positive.
     """
-    check.number("failure", failure, 1e-300, 1e300)
-    kinds: dict[str, list[dict[str, list[Row]]]] = defaultdict(list)
+    check.require_number("failure", failure, 1e-300, 1e300)
+    kinds: dict[str, list[dict[str, list[TrialRow]]]] = defaultdict(list)
     for (group, _), cell in _cells(rows).items():
         kinds[group.rsplit("/", 1)[-1]].append(cell)
     found = []
@@ -148,7 +150,7 @@ def summarise_pooled(
 
 def ratio_of_means(
     errors: NDArray[np.float64], others: NDArray[np.float64], *, rng: np.random.Generator, draws: int = DRAWS
-) -> Ratio | None:
+) -> ErrorRatio | None:
     """Ratio of two means over the same trials, with the bootstrap's interval of 95 %; None where the rival never errs.
 
     Parameters
@@ -163,7 +165,7 @@ def ratio_of_means(
     Examples
     --------
     >>> ratio_of_means(np.array([1.0, 2.0]), np.array([2.0, 4.0]), rng=np.random.default_rng(0))
-    Ratio(value=0.5, low=0.5, high=0.5)
+    ErrorRatio(value=0.5, low=0.5, high=0.5)
     """
     picked = rng.integers(0, len(errors), (draws, len(errors)))
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -172,18 +174,18 @@ def ratio_of_means(
     if not np.isfinite(drawn).all() or not np.isfinite(value):
         return None
     low, high = np.quantile(drawn, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
-    return Ratio(value=value, low=float(low), high=float(high))
+    return ErrorRatio(value=value, low=float(low), high=float(high))
 
 
-def _cells(rows: Iterable[Row]) -> dict[tuple[str, str], dict[str, list[Row]]]:
+def _cells(rows: Iterable[TrialRow]) -> dict[tuple[str, str], dict[str, list[TrialRow]]]:
     """Rows by group and level, then by method."""
-    cells: dict[tuple[str, str], dict[str, list[Row]]] = defaultdict(lambda: defaultdict(list))
+    cells: dict[tuple[str, str], dict[str, list[TrialRow]]] = defaultdict(lambda: defaultdict(list))
     for row in rows:
         cells[row.group, row.level][row.method].append(row)
     return cells
 
 
-def _best(cell: dict[str, list[Row]], rivals: Collection[str]) -> list[Row]:
+def _best(cell: dict[str, list[TrialRow]], rivals: Collection[str]) -> list[TrialRow]:
     """Rows of the rival with the lowest mean error; empty without rivals."""
     present = [cell[name] for name in rivals if name in cell]
     return min(present, key=lambda rows: np.mean([row.error for row in rows]), default=[])
@@ -193,13 +195,13 @@ def _summary(
     group: str,
     level: str,
     method: str,
-    rows: Sequence[Row],
-    against: Sequence[Row],
+    rows: Sequence[TrialRow],
+    against: Sequence[TrialRow],
     failure: float,
     seed: int,
     *,
     rival: str | None = None,
-) -> Summary:
+) -> TrialSummary:
     errors = np.array([row.error for row in rows])
     failed = errors > failure
     told = [bool(wrong) and row.reliable == "yes" for wrong, row in zip(failed, rows, strict=True)]
@@ -210,7 +212,7 @@ def _summary(
     if shared:
         pair = np.array([(row.error, other[row.trial]) for row in shared])
         ratio = ratio_of_means(pair[:, 0], pair[:, 1], rng=np.random.default_rng(seed))
-    return Summary(
+    return TrialSummary(
         group=group,
         level=level,
         method=method,
@@ -227,4 +229,4 @@ def _summary(
     )
 
 
-__all__ = ["FAILURE", "Ratio", "Summary", "ratio_of_means", "summarise", "summarise_pooled"]
+__all__ = ["FAILURE_RMS", "ErrorRatio", "TrialSummary", "ratio_of_means", "summarise", "summarise_pooled"]

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import scipy.io
 
-from tsis.instrument.file_bytes import one_line, read_bytes, shown
+from tsis.instrument.file_bytes import one_line, printable_path, read_bytes
 from tsis.matching.distort import PUBLIC_LEVELS, Trial, distort, public_distortion, shuffled, visible
 from tsis.matching.fit import UNMATCHED
 from tsis.matching.shapes import SHAPES
@@ -46,7 +46,7 @@ _PREFIX: dict[Family, str] = {
     "occlusion": "occlusion",
 }
 SEPARATIONS = tuple(range(10, 101, 10))  # frames
-HIDDEN = (0.0, 0.1, 0.2, 0.3)  # share of the landmarks of the first frame that the second lacks
+HIDDEN_FRACTIONS = (0.0, 0.1, 0.2, 0.3)  # share of the landmarks of the first frame that the second lacks
 GENERATED_POINTS = 100
 
 
@@ -77,7 +77,7 @@ def matching_error(trial: Trial, moved: ArrayLike) -> float:
     >>> matching_error(trial, points + [3.0, 0.0])
     3.0
     """
-    moved = check.array("moved", moved, ndim=2)
+    moved = check.require_array("moved", moved, ndim=2)
     if moved.shape != trial.source.shape:
         raise InputError(f"moved must have the source's shape {trial.source.shape}; got {moved.shape}")
     true = trial.truth != UNMATCHED
@@ -108,7 +108,7 @@ def public_trials(
     InputError
         When there is no such shape, family or level, or the file is missing or broken.
     """
-    check.known("shape", shape, PUBLIC_SHAPES)
+    check.require_one_of("shape", shape, PUBLIC_SHAPES)
     public_distortion(family, level)
     key = f"{shape}_{_PREFIX[family]}_{level}"
     stored = _public_arrays(folder / PUBLIC_FILE, (f"{key}_x1", f"{key}_target", f"{key}_target_clean"))
@@ -147,8 +147,8 @@ def hotel_trials(
         When a value is out of range, or the file is missing or not the published one.
     """
     frames = _frames(folder / SEQUENCE_FILE, "hotel")
-    check.whole("separation", separation, 1, len(frames) - 1)
-    check.number("hidden", hidden, 0.0, 0.9)
+    check.require_integer("separation", separation, 1, len(frames) - 1)
+    check.require_number("hidden", hidden, 0.0, 0.9)
     starts = np.arange(len(frames) - separation)
     if count is not None and count < len(starts):
         starts = np.unique(np.linspace(0, len(starts) - 1, count).round().astype(int))
@@ -185,7 +185,7 @@ def generated_trials(
     InputError
         When there is no such shape, family or level.
     """
-    make = SHAPES[check.known("shape", shape, SHAPES)]
+    make = SHAPES[check.require_one_of("shape", shape, SHAPES)]
     distortion = public_distortion(family, level)
     for number in range(count):
         key = [seed, list(SHAPES).index(shape), FAMILIES.index(family), level, points, number]
@@ -215,7 +215,7 @@ def _frames(path: Path, name: str) -> NDArray[np.float64]:
     found = hashlib.sha256(content).hexdigest()
     if found != SEQUENCE_SHA256:
         raise FileInputError(
-            f"{shown(path)} must be {SEQUENCE_FILE} as its authors published it, "
+            f"{printable_path(path)} must be {SEQUENCE_FILE} as its authors published it, "
             f"of SHA-256 {SEQUENCE_SHA256}; got one of {found}"
         )
     file: Any = io.BytesIO(content)
@@ -230,7 +230,7 @@ def _unreadable(path: Path, error: Exception) -> FileInputError:
 
 __all__ = [
     "FAMILIES",
-    "HIDDEN",
+    "HIDDEN_FRACTIONS",
     "LEVEL_LABELS",
     "PUBLIC_SHAPES",
     "SEPARATIONS",

@@ -2,10 +2,10 @@
 
 from tsis.mechanics.bodies import Resolution
 from tsis.mechanics.covered_surrogate import (
-    CoveredAnswers,
-    CoveredParts,
-    CoveredSurrogate,
-    build_covered_surrogate,
+    FullContactParts,
+    FullContactProfiles,
+    FullContactSurrogate,
+    build_full_contact_surrogate,
 )
 from tsis.mechanics.finite_strain.bodies import FiniteResolution
 from tsis.mechanics.finite_strain.pressing import press_pairs, press_path
@@ -20,11 +20,11 @@ from tsis.mechanics.viscoelastic import RelaxingPress, relaxing_press, settling_
 
 __all__ = [
     "Box",
-    "CoveredAnswers",
-    "CoveredParts",
-    "CoveredSurrogate",
     "Degrees",
     "FiniteResolution",
+    "FullContactParts",
+    "FullContactProfiles",
+    "FullContactSurrogate",
     "Indentation",
     "PressSurrogate",
     "RelaxingPress",
@@ -33,7 +33,7 @@ __all__ = [
     "SpherePress",
     "SphereResolution",
     "Surrogate",
-    "build_covered_surrogate",
+    "build_full_contact_surrogate",
     "build_surrogate",
     "contrast_factor",
     "indent",

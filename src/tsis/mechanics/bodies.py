@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.mechanics import mesh
-from tsis.mechanics.condensed import FIXED, sweep
+from tsis.mechanics.condensed import FIXED, condense_layers
 from tsis.mechanics.face import Face
 
 if TYPE_CHECKING:
@@ -77,11 +77,13 @@ def probe_compliance(probe: Probe, face: Face, resolution: Resolution) -> NDArra
     depth, young, poisson = [np.zeros(1)], [], []
     finest = resolution.edge * probe.radius_mm
     for layer in probe.layers:
-        lines = mesh.both_ends(layer.thickness_mm, finest=finest, growth=resolution.growth, largest=probe.radius_mm / 3)
+        lines = mesh.two_sided_lines(
+            layer.thickness_mm, finest=finest, growth=resolution.growth, largest=probe.radius_mm / 3
+        )
         depth.append(depth[-1][-1] + lines[1:])
         young += [layer.young_kpa] * (len(lines) - 1)
         poisson += [layer.poisson] * (len(lines) - 1)
-    flat = mesh.rectangle(face.lines, np.concatenate(depth)[::-1], resolution.order, a_is_radius=True)
+    flat = mesh.mesh_rectangle(face.lines, np.concatenate(depth)[::-1], resolution.order, a_is_radius=True)
     body = mesh.LayeredMesh(nodes=_bulged(flat.nodes, probe), order=flat.order)
     count, layers, _ = body.nodes.shape
     dofs = count + np.arange(count * layers * 2).reshape(count, layers, 2)
@@ -91,7 +93,9 @@ def probe_compliance(probe: Probe, face: Face, resolution: Resolution) -> NDArra
     if probe.sides == "bonded":
         dofs[-1] = FIXED
     keep = np.arange(count)
-    swept = sweep(body, dofs, keep=keep, young_kpa=np.array(young[::-1]), poisson=np.array(poisson[::-1])).keep(keep)
+    swept = condense_layers(
+        body, dofs, keep=keep, young_kpa=np.array(young[::-1]), poisson=np.array(poisson[::-1])
+    ).keep(keep)
     compliance = np.zeros((count, count))
     compliance[np.ix_(swept.dofs, swept.dofs)] = np.linalg.inv(swept.stiffness)
     compliance.flags.writeable = False  # one array for everybody who asks

@@ -3,7 +3,7 @@
 A `Condensate` is a dense symmetric stiffness over numbered degrees of freedom. Bodies are swept one element layer at
 a time: the layer is added, everything that no later layer and no neighbour needs is eliminated (Schur complement).
 The answer equals that of one large sparse solve; it costs a few dense solves of about a hundred unknowns instead.
-Where each number goes depends on the numbering alone and not on the shape, so it is worked out once (`Step`).
+Where each number goes depends on the numbering alone and not on the shape, so it is worked out once (`CondensationStep`).
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ def _eliminate(matrix: NDArray[np.float64], first: int) -> NDArray[np.float64]:
 EMPTY = Condensate(dofs=np.zeros(0, dtype=np.int64), stiffness=np.zeros((0, 0)))
 
 
-def sweep(
+def condense_layers(
     mesh: LayeredMesh,
     dofs: NDArray[np.int64],
     *,
@@ -113,7 +113,7 @@ def sweep(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Step:
+class CondensationStep:
     """Where the numbers of one element layer go: into a matrix whose first rows are eliminated.
 
     Attributes
@@ -136,7 +136,9 @@ class Step:
 
 
 @lru_cache(maxsize=64)
-def _steps(order: int, shape: tuple[int, int, int], dofs: bytes, keep: bytes, start: bytes) -> tuple[Step, ...]:
+def _steps(
+    order: int, shape: tuple[int, int, int], dofs: bytes, keep: bytes, start: bytes
+) -> tuple[CondensationStep, ...]:
     """The steps of a sweep; the arrays come as bytes, by which they are remembered."""
     numbers, kept = np.frombuffer(dofs, dtype=np.int64).reshape(shape), np.frombuffer(keep, dtype=np.int64)
     carried = np.frombuffer(start, dtype=np.int64)
@@ -156,7 +158,7 @@ def _steps(order: int, shape: tuple[int, int, int], dofs: bytes, keep: bytes, st
         here = place[np.searchsorted(present, carried)]
         carried = present[stays]
         steps.append(
-            Step(
+            CondensationStep(
                 size=size,
                 eliminated=int(np.count_nonzero(~stays)),
                 element_slots=slots.ravel(),

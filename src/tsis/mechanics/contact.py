@@ -78,9 +78,9 @@ def unilateral_contact(
     >>> force.tolist(), found.gap_mm.tolist()
     ([0.5, 0.0], [0.0, 2.5])
     """
-    matrix = check.array("compliance", compliance, ndim=2)
-    gap = check.array("gap_mm", gap_mm, ndim=1)
-    approach = check.number("approach_mm", approach_mm, -1e6, 1e6, hint="millimetres")
+    matrix = check.require_array("compliance", compliance, ndim=2)
+    gap = check.require_array("gap_mm", gap_mm, ndim=1)
+    approach = check.require_number("approach_mm", approach_mm, -1e6, 1e6, hint="millimetres")
     if matrix.shape != (gap.size, gap.size):
         raise InputError(f"compliance must have shape ({gap.size}, {gap.size}), as gap_mm has; got {matrix.shape}")
     overlap = approach - gap

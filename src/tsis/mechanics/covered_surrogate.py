@@ -15,14 +15,14 @@ import numpy as np
 from tsis.mechanics.bodies import Resolution
 from tsis.mechanics.face import hats
 from tsis.mechanics.surrogate import Box, Degrees, Surrogate
-from tsis.mechanics.surrogate_presses import FACE_POINTS, SmallStrainSlabs, covering
+from tsis.mechanics.surrogate_presses import FACE_POINTS, SmallStrainSlabs, full_contact_rows
 from tsis.mechanics.surrogate_solves import (
     CHECKED_SHARE,
     PRESS_OUTPUTS,
+    cached_arrays,
     largest_error,
-    probe_content,
+    mechanical_content,
     profiles,
-    remembered,
     solve_all,
 )
 from tsis.model import Probe, check, disk_cache
@@ -34,17 +34,17 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.mechanics.surrogate_presses import Slabs
-    from tsis.mechanics.surrogate_solves import Spot
+    from tsis.mechanics.surrogate_solves import SurrogatePoint
 
 FORMAT_VERSION = 1
-DEGREES = Degrees(diameter=7, depth=6, contrast=2, tissue=3, thickness=3, plain=4)
+FULL_CONTACT_DEGREES = Degrees(diameter=7, depth=6, contrast=2, tissue=3, thickness=3, plain=4)
 # A change by Poisson's ratio is itself small, so a coarser polynomial tells it as closely.
 POISSON_DEGREES = Degrees(diameter=4, depth=3, contrast=2, tissue=2, thickness=1, plain=3)
 LARGEST_POISSON = 0.495
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CoveredAnswers:
+class FullContactProfiles:
     """Surrogates of one part of the presses, with 121, 121 and 1 outputs.
 
     Attributes
@@ -59,15 +59,15 @@ class CoveredAnswers:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CoveredParts:
+class FullContactParts:
     """A press is ``shape + force_n * unit``; the shape of a flat face is nothing, and None."""
 
-    unit: CoveredAnswers
-    shape: CoveredAnswers | None
+    unit: FullContactProfiles
+    shape: FullContactProfiles | None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CoveredSurrogate:
+class FullContactSurrogate:
     """Every press of one probe whose contact covers its face, anywhere in a box.
 
     Attributes
@@ -90,9 +90,9 @@ class CoveredSurrogate:
     """
 
     radius_mm: NDArray[np.float64]
-    unit: CoveredAnswers
-    shape: CoveredAnswers | None
-    by_poisson: CoveredParts
+    unit: FullContactProfiles
+    shape: FullContactProfiles | None
+    by_poisson: FullContactParts
     covering_force_n: Surrogate | None
     error: float
     key: str
@@ -102,7 +102,7 @@ class CoveredSurrogate:
         return hats(self.radius_mm, radius_mm)
 
 
-def build_covered_surrogate(
+def build_full_contact_surrogate(
     probe: Probe,
     box: Box | None = None,
     *,
@@ -111,7 +111,7 @@ def build_covered_surrogate(
     resolution: Resolution | None = None,
     progress: Callable[[int, int], None] | None = None,
     cached: bool = True,
-) -> CoveredSurrogate:
+) -> FullContactSurrogate:
     """Build the surrogate of a probe's presses at every force that covers its face, or load it from the disk cache.
 
     Parameters
@@ -133,13 +133,13 @@ def build_covered_surrogate(
     InputError
         When a value lies outside its range or an inclusion of the box does not fit into the slab.
     """
-    check.kind("probe", probe, Probe)
-    poisson_step = check.number("poisson_step", poisson_step, 1e-4, 0.1, hint="a difference of Poisson's ratio")
-    box, degrees, resolution = box or Box(), degrees or DEGREES, resolution or Resolution()
+    check.require_type("probe", probe, Probe)
+    poisson_step = check.require_number("poisson_step", poisson_step, 1e-4, 0.1, hint="a difference of Poisson's ratio")
+    box, degrees, resolution = box or Box(), degrees or FULL_CONTACT_DEGREES, resolution or Resolution()
     key = disk_cache.content_key(
         {
             "format": FORMAT_VERSION,
-            "probe": probe_content(probe),
+            "probe": mechanical_content(probe),
             "box": asdict(box),
             "degrees": asdict(degrees),
             "poisson_degrees": asdict(POISSON_DEGREES),
@@ -151,14 +151,14 @@ def build_covered_surrogate(
     def solved() -> dict[str, NDArray[np.float64]]:
         return _solved(probe, box, degrees, poisson_step, resolution, progress)
 
-    found = remembered("covered", key, solved) if cached else solved()
+    found = cached_arrays("covered", key, solved) if cached else solved()
     unit, shape, force = _parts(box, found["plain"], found["change"])
     by_unit, by_shape, _ = _parts(box, found["plain_by_poisson"], found["change_by_poisson"])
-    return CoveredSurrogate(
+    return FullContactSurrogate(
         radius_mm=np.linspace(0.0, probe.radius_mm, FACE_POINTS),
         unit=unit,
         shape=shape,
-        by_poisson=CoveredParts(unit=by_unit, shape=by_shape),
+        by_poisson=FullContactParts(unit=by_unit, shape=by_shape),
         covering_force_n=force,
         error=float(found["error"]),
         key=key,
@@ -174,7 +174,7 @@ def _solved(
     progress: Callable[[int, int], None] | None,
 ) -> dict[str, NDArray[np.float64]]:
     def slabs_at(poisson: float) -> Callable[[float], Slabs]:
-        return partial(SmallStrainSlabs, probe, replace(box, poisson=poisson), resolution, covering)
+        return partial(SmallStrainSlabs, probe, replace(box, poisson=poisson), resolution, full_contact_rows)
 
     coarse = _at_most(POISSON_DEGREES, degrees)
     total, solved = _slabs(degrees) + 2 * _slabs(coarse), 0
@@ -210,8 +210,8 @@ def _at_most(wanted: Degrees, limit: Degrees) -> Degrees:
 
 def _parts(
     box: Box, plain: NDArray[np.float64], change: NDArray[np.float64]
-) -> tuple[CoveredAnswers, CoveredAnswers | None, Surrogate | None]:
-    """Unit, shape and covering force; see `covering` for the order of the outputs."""
+) -> tuple[FullContactProfiles, FullContactProfiles | None, Surrogate | None]:
+    """Unit, shape and covering force; see `full_contact_rows` for the order of the outputs."""
     unit = _answers(box, plain, change, 0)
     if plain.shape[-1] == PRESS_OUTPUTS:
         return unit, None, None
@@ -219,9 +219,9 @@ def _parts(
     return unit, _answers(box, plain, change, PRESS_OUTPUTS), force
 
 
-def _answers(box: Box, plain: NDArray[np.float64], change: NDArray[np.float64], first: int) -> CoveredAnswers:
+def _answers(box: Box, plain: NDArray[np.float64], change: NDArray[np.float64], first: int) -> FullContactProfiles:
     pressure, displacement, approach = profiles(box, plain, change, first)
-    return CoveredAnswers(pressure_kpa=pressure, face_displacement_mm=displacement, approach_mm=approach)
+    return FullContactProfiles(pressure_kpa=pressure, face_displacement_mm=displacement, approach_mm=approach)
 
 
 def _error(
@@ -237,7 +237,7 @@ def _error(
     inside = int(CHECKED_SHARE * (FACE_POINTS - 1)) + 1
     mean_kpa = MN_PER_N / (np.pi * probe.radius_mm**2)
 
-    def error(spot: Spot, fresh: NDArray[np.float64]) -> float:
+    def error(spot: SurrogatePoint, fresh: NDArray[np.float64]) -> float:
         off = [spot.of(part.pressure_kpa)[:inside] - fresh[start : start + inside] for start, part in parts]
         return float(np.abs(off).max() / mean_kpa)
 

@@ -55,7 +55,7 @@ def lagrange(nodes: NDArray[np.float64], x: NDArray[np.float64]) -> tuple[NDArra
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Reference:
+class ReferenceElement:
     """Shape functions of the reference square at its integration points: arrays of shape (points, nodes)."""
 
     value: NDArray[np.float64]
@@ -65,11 +65,11 @@ class Reference:
 
 
 @cache
-def reference(order: int) -> Reference:
+def reference_element(order: int) -> ReferenceElement:
     """The reference square of ``order``; node (i, j) has the index ``i * (order + 1) + j``."""
     x, w = gauss_points(order + 1)
     value, slope = lagrange(lobatto_points(order), x)
-    return Reference(
+    return ReferenceElement(
         value=np.asarray(np.kron(value, value), dtype=float),
         slope_a=np.asarray(np.kron(slope, value), dtype=float),
         slope_b=np.asarray(np.kron(value, slope), dtype=float),
@@ -95,7 +95,7 @@ def stiffness(
     -------
     Array of shape (elements, n, n) with n = 2 (order + 1)**2, symmetric.
     """
-    ref, count = reference(order), (order + 1) ** 2
+    ref, count = reference_element(order), (order + 1) ** 2
     # Slopes of r and z along both directions of the reference square, each of shape (elements, points).
     r_a, z_a = np.moveaxis(ref.slope_a @ nodes, -1, 0)
     r_b, z_b = np.moveaxis(ref.slope_b @ nodes, -1, 0)

@@ -29,7 +29,7 @@ PULL = 1e-6  # pressures this far below zero, relative to the mean, are rounding
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Touch:
+class PartialContact:
     """One contact.
 
     Attributes
@@ -49,16 +49,16 @@ class Touch:
     approach_mm: float
     radius_mm: float
 
-    def __mul__(self, factor: float) -> Touch:
-        return Touch(
+    def __mul__(self, factor: float) -> PartialContact:
+        return PartialContact(
             force=factor * self.force,
             pressure_kpa=factor * self.pressure_kpa,
             approach_mm=factor * self.approach_mm,
             radius_mm=self.radius_mm,
         )
 
-    def __add__(self, other: Touch) -> Touch:
-        return Touch(
+    def __add__(self, other: PartialContact) -> PartialContact:
+        return PartialContact(
             force=self.force + other.force,
             pressure_kpa=self.pressure_kpa + other.pressure_kpa,
             approach_mm=self.approach_mm + other.approach_mm,
@@ -67,7 +67,7 @@ class Touch:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Covering:
+class FullContact:
     """All contacts that cover the face: ``shape + force * unit``, the force being at least ``force_mn``.
 
     Attributes
@@ -80,8 +80,8 @@ class Covering:
         Force that makes the contact reach the rim, mN; 0 when the face is flat.
     """
 
-    unit: Touch
-    shape: Touch | None
+    unit: PartialContact
+    shape: PartialContact | None
     force_mn: float
 
 
@@ -104,7 +104,7 @@ class FaceContact:
 
     def touch(
         self, compliance: NDArray[np.float64], force_mn: float, split: disc_contact.Elastic | None = None
-    ) -> Touch:
+    ) -> PartialContact:
         """The contact under ``force_mn``.
 
         Parameters
@@ -120,32 +120,32 @@ class FaceContact:
         pull = -PULL * force_mn / (np.pi * self.probe.radius_mm**2)
         return touch if touch.pressure_kpa[self.inner].min() >= pull else self._opening(compliance, force_mn)
 
-    def covering(self, compliance: NDArray[np.float64], split: disc_contact.Elastic | None = None) -> Covering:
+    def covering(self, compliance: NDArray[np.float64], split: disc_contact.Elastic | None = None) -> FullContact:
         """The contacts that cover the face, whether or not the tissue would have to pull; arguments as for `touch`."""
         unit = self._closed(compliance, MN_PER_N)
         if split is None:
-            return Covering(unit=unit, shape=None, force_mn=0.0)
+            return FullContact(unit=unit, shape=None, force_mn=0.0)
         whole = disc_contact.on_disc(split, self._whole_disc, self.probe.radius_mm)
         force_mn = float(whole.force.sum())
-        return Covering(unit=unit, shape=self._of_disc(whole) + unit * (-force_mn / MN_PER_N), force_mn=force_mn)
+        return FullContact(unit=unit, shape=self._of_disc(whole) + unit * (-force_mn / MN_PER_N), force_mn=force_mn)
 
     def closed_pressure(self, force: NDArray[np.float64]) -> NDArray[np.float64]:
         """Mean pressures of nodal forces of a contact that covers the face; columns are mapped one by one."""
         return self._closed_pressure @ force
 
-    def _closed(self, compliance: NDArray[np.float64], force_mn: float) -> Touch:
+    def _closed(self, compliance: NDArray[np.float64], force_mn: float) -> PartialContact:
         """The whole face travels by one amount."""
         force = np.asarray(np.linalg.solve(compliance, np.ones(len(compliance))), dtype=float)
         approach = force_mn / force.sum()
         force *= approach
-        return Touch(
+        return PartialContact(
             force=force,
             pressure_kpa=self.closed_pressure(force),
             approach_mm=float(approach),
             radius_mm=self.probe.radius_mm,
         )
 
-    def _domed(self, compliance: NDArray[np.float64], split: disc_contact.Elastic, force_mn: float) -> Touch:
+    def _domed(self, compliance: NDArray[np.float64], split: disc_contact.Elastic, force_mn: float) -> PartialContact:
         edge = self.probe.radius_mm
         whole = disc_contact.on_disc(split, self._whole_disc, edge)
         rest = force_mn - float(whole.force.sum())
@@ -158,10 +158,10 @@ class FaceContact:
     def _whole_disc(self) -> disc_contact.Loads:
         return disc_contact.loads(self.face, self.probe.sag_mm, self.probe.radius_mm)
 
-    def _of_disc(self, disc: disc_contact.DiscContact) -> Touch:
+    def _of_disc(self, disc: disc_contact.DiscContact) -> PartialContact:
         is_whole = disc.radius_mm == self.probe.radius_mm
         means_of_terms = self._whole_disc_means if is_whole else self._disc_means(disc.radius_mm)
-        return Touch(
+        return PartialContact(
             force=disc.force,
             pressure_kpa=means_of_terms @ disc.terms,
             approach_mm=disc.approach_mm,
@@ -179,7 +179,7 @@ class FaceContact:
         area = 2 * np.pi * inside * disc_mm * np.cos(angle) * weight
         return means(self.radius_mm, inside, area, disc_contact.regular_terms(angle))
 
-    def _opening(self, compliance: NDArray[np.float64], force_mn: float) -> Touch:
+    def _opening(self, compliance: NDArray[np.float64], force_mn: float) -> PartialContact:
         """Contact anywhere: pressures linear between the nodes and never negative, gaps closed in their mean."""
         area, nodal, gap = self._opening_loads
         each = nodal / area  # nodal forces of 1 mN on each node's hat
@@ -198,7 +198,7 @@ class FaceContact:
         hat_force = push(approach)
         inside, ring = ring_points(np.union1d(self.radius_mm, self.face.radius_mm))
         values = hats(self.face.radius_mm, inside) @ (hat_force / area)
-        return Touch(
+        return PartialContact(
             force=each @ hat_force,
             pressure_kpa=means(self.radius_mm, inside, ring, values[:, None])[:, 0],
             approach_mm=approach,

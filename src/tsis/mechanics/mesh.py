@@ -82,18 +82,18 @@ def face_lines(
     return np.concatenate([graded(float(lines[1]), central, growth, largest)[:-1], lines[1:]])
 
 
-def beyond_lines(edge: float, outer: float, *, finest: float, growth: float) -> NDArray[np.float64]:
+def outer_lines(edge: float, outer: float, *, finest: float, growth: float) -> NDArray[np.float64]:
     """Radial element boundaries from the edge of the face to where the slab is cut off."""
     return edge + graded(outer - edge, finest, growth, outer / 4)
 
 
-def both_ends(thickness: float, *, finest: float, growth: float, largest: float) -> NDArray[np.float64]:
+def two_sided_lines(thickness: float, *, finest: float, growth: float, largest: float) -> NDArray[np.float64]:
     """Element boundaries of a layer, refined towards both of its faces."""
     half = graded(thickness / 2, finest, growth, largest)
     return np.concatenate([half, thickness - half[-2::-1]])
 
 
-def rectangle(a: NDArray[np.float64], b: NDArray[np.float64], order: int, *, a_is_radius: bool) -> LayeredMesh:
+def mesh_rectangle(a: NDArray[np.float64], b: NDArray[np.float64], order: int, *, a_is_radius: bool) -> LayeredMesh:
     """A straight mesh from its element boundaries in the two directions."""
     grid = np.stack(np.meshgrid(refine(a, order), refine(b, order), indexing="ij"), axis=-1)
     return LayeredMesh(nodes=grid if a_is_radius else grid[..., ::-1], order=order)
@@ -120,7 +120,7 @@ class Spheroid:
         return np.asarray(centre + share[:, None] * rays)
 
 
-def around(boundary: NDArray[np.float64], spheroid: Spheroid, order: int, *, layers: int) -> LayeredMesh:
+def mesh_around(boundary: NDArray[np.float64], spheroid: Spheroid, order: int, *, layers: int) -> LayeredMesh:
     """Mesh between an outer ``boundary`` (b = 0) and a spheroid (last b), along rays from its centre.
 
     Parameters
@@ -141,8 +141,8 @@ def around(boundary: NDArray[np.float64], spheroid: Spheroid, order: int, *, lay
     return LayeredMesh(nodes=nodes, order=order)
 
 
-def inside(boundary: NDArray[np.float64], spheroid: Spheroid, order: int, *, layers: int) -> LayeredMesh:
-    """Mesh of the spheroid itself, from its centre (b = 0) to its surface, on the same rays as `around`."""
+def mesh_inside(boundary: NDArray[np.float64], spheroid: Spheroid, order: int, *, layers: int) -> LayeredMesh:
+    """Mesh of the spheroid itself, from its centre (b = 0) to its surface, on the same rays as `mesh_around`."""
     centre = np.array([0.0, spheroid.centre_depth])
     fraction = refine(np.linspace(0.0, 1.0, layers + 1), order)
     surface = spheroid.surface(boundary)

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from tsis.model import Inclusion, Phantom, Probe
 
 
-def sphere(diameter_mm: float, depth_mm: float) -> Spheroid:
+def sphere_on_axis(diameter_mm: float, depth_mm: float) -> Spheroid:
     """The sphere whose top lies ``depth_mm`` under the skin."""
     radius = diameter_mm / 2
     return Spheroid(centre_depth=depth_mm + radius, half_width=radius, half_height=radius)

@@ -56,9 +56,9 @@ def press(
     >>> f"{field.face_displacement_mm[0]:.4f} mm in the centre"
     '0.1555 mm in the centre'
     """
-    check.kind("probe", probe, Probe)
-    check.kind("phantom", phantom, Phantom)
-    check.number("force_n", force_n, 0.0, 50.0, hint="newtons")
+    check.require_type("probe", probe, Probe)
+    check.require_type("phantom", phantom, Phantom)
+    check.require_number("force_n", force_n, 0.0, 50.0, hint="newtons")
     if force_n == 0 and strain in ("small", "finite"):
         return _untouched(probe)
     if strain == "small" and isinstance(resolution, Resolution | None):

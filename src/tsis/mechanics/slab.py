@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.mechanics import mesh
-from tsis.mechanics.condensed import EMPTY, FIXED, Condensate, sweep
+from tsis.mechanics.condensed import EMPTY, FIXED, Condensate, condense_layers
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -45,7 +45,7 @@ class Slab:
         # Cut off where neither the face nor the thickness is felt any more: 4 thicknesses leave 0.1 %.
         edge = float(face.lines[-1])
         outer, finest = max(10 * edge, 4 * thickness_mm), resolution.edge * edge
-        beyond = mesh.beyond_lines(edge, outer, finest=finest, growth=resolution.growth)
+        beyond = mesh.outer_lines(edge, outer, finest=finest, growth=resolution.growth)
         lines = np.concatenate([face.lines, beyond[1:]])
         split = int(np.searchsorted(lines, block_mm))
         self._block_lines, self._far_lines = lines[: split + 1], lines[split:]
@@ -73,7 +73,7 @@ class Slab:
 
     def _strip(self, lines: NDArray[np.float64], first: int) -> tuple[mesh.LayeredMesh, NDArray[np.int64]]:
         """The whole depth between two radii, swept inwards, its displacements numbered from ``first``."""
-        body = mesh.rectangle(self._depth, lines[::-1], self.resolution.order, a_is_radius=False)
+        body = mesh.mesh_rectangle(self._depth, lines[::-1], self.resolution.order, a_is_radius=False)
         depths, radii, _ = body.nodes.shape
         dofs = first + np.arange(depths * radii * 2).reshape(depths, radii, 2)
         dofs[-1] = FIXED  # bonded to the chest wall
@@ -91,7 +91,7 @@ class Slab:
     ) -> Condensate:
         """Condense a part of the slab; all of it has unit modulus."""
         ratio = np.full(body.layers, self.poisson if poisson is None else poisson)
-        return sweep(body, dofs, keep=keep, young_kpa=np.ones(body.layers), poisson=ratio, start=start)
+        return condense_layers(body, dofs, keep=keep, young_kpa=np.ones(body.layers), poisson=ratio, start=start)
 
     def _number_contacts(self, radius: NDArray[np.float64], normal: NDArray[np.int64]) -> None:
         """Give the face's nodes among ``radius`` their shared numbers (in place)."""
@@ -122,7 +122,7 @@ class Slab:
         """Mesh an inclusion into the block and condense everything onto the face and the inclusion's surface."""
         far, side = self._far
         boundary, order = self._boundary(), self.resolution.order
-        outer = mesh.around(boundary, shape, order, layers=self._ray_layers(boundary, shape.size))
+        outer = mesh.mesh_around(boundary, shape, order, layers=self._ray_layers(boundary, shape.size))
         count, layers, _ = outer.nodes.shape
         first = 1 + max(int(far.dofs.max()), int(side.max()))
         dofs = first + np.arange(count * layers * 2).reshape(count, layers, 2)
@@ -133,7 +133,7 @@ class Slab:
         dofs[[0, -1], :, 0] = FIXED  # the axis
         faces = np.arange(self._contacts)
         around = self._sweep(outer, dofs, faces, start=far)
-        inner = mesh.inside(boundary, shape, order, layers=self.resolution.sphere_layers)
+        inner = mesh.mesh_inside(boundary, shape, order, layers=self.resolution.sphere_layers)
         core = int(dofs.max()) + 1 + np.arange(count * inner.nodes.shape[1] * 2).reshape(count, -1, 2)
         core[:, 0, 0], core[:, 0, 1] = FIXED, core[0, 0, 1]  # the centre is one node on the axis
         core[[0, -1], :, 0] = FIXED

@@ -14,7 +14,7 @@ from tsis.mechanics.bodies import Resolution, face_of, probe_compliance
 from tsis.mechanics.disc_contact import Elastic
 from tsis.mechanics.face import FACE_POINTS
 from tsis.mechanics.face_contact import FaceContact
-from tsis.mechanics.on_axis import block_radius_mm, central_cell_mm, shape_on_axis, sphere
+from tsis.mechanics.on_axis import block_radius_mm, central_cell_mm, shape_on_axis, sphere_on_axis
 from tsis.mechanics.slab import Slab, SlabWithInclusion
 from tsis.mechanics.strain_limit import STRAIN_LIMIT, nominal_strain, strain_problem
 from tsis.model import PressField
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.mechanics.face import Face
-    from tsis.mechanics.face_contact import Touch
+    from tsis.mechanics.face_contact import PartialContact
     from tsis.mechanics.mesh import Spheroid
     from tsis.model import Inclusion, Phantom, Probe
 
@@ -66,7 +66,7 @@ class FacePress:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class CoveringPress:
+class FullContactPress:
     """All presses that cover the face: ``shape + force_n * unit``, from ``force_n`` on.
 
     Attributes
@@ -134,7 +134,7 @@ class PressKernel:
 
     def slab(self, *, diameter_mm: float, depth_mm: float, poisson: float) -> SlabWithInclusion:
         """Mesh a sphere into the slab."""
-        return self.slab_around(sphere(diameter_mm, depth_mm), poisson=poisson)
+        return self.slab_around(sphere_on_axis(diameter_mm, depth_mm), poisson=poisson)
 
     def slab_around(self, shape: Spheroid, *, poisson: float) -> SlabWithInclusion:
         """Mesh a spheroid into the slab."""
@@ -149,10 +149,10 @@ class PressKernel:
         both, split = self._bodies(tissue_kpa, change)
         return self._face_press(self.contact.touch(both, force_mn, split))
 
-    def covering(self, tissue_kpa: float, change: NDArray[np.float64] | None = None) -> CoveringPress:
+    def covering(self, tissue_kpa: float, change: NDArray[np.float64] | None = None) -> FullContactPress:
         """Every press whose contact covers the face, at once; arguments as for `press`."""
         found = self.contact.covering(*self._bodies(tissue_kpa, change))
-        return CoveringPress(
+        return FullContactPress(
             unit=self._face_press(found.unit),
             shape=None if found.shape is None else self._face_press(found.shape),
             force_n=found.force_mn / MN_PER_N,
@@ -165,7 +165,7 @@ class PressKernel:
         both = self.probe_compliance + self.tissue_compliance(tissue_kpa, change)
         return both, self.split(both, tissue_kpa) if self.contact.is_domed else None
 
-    def _face_press(self, touch: Touch) -> FacePress:
+    def _face_press(self, touch: PartialContact) -> FacePress:
         return FacePress(
             pressure_kpa=touch.pressure_kpa,
             face_displacement_mm=self.face_displacement(touch.force),

@@ -15,7 +15,7 @@ from tsis.mechanics.solid_tie import TiedSolid
 from tsis.mechanics.strain_limit import strain_problem
 from tsis.model import Phantom, PressField, PressMap, Probe, check
 from tsis.model.errors import InputError, MechanicsError
-from tsis.model.extra import library
+from tsis.model.extra import import_extra
 from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
@@ -80,11 +80,11 @@ def press_solid(
     MissingExtraError
         When NGSolve is not installed.
     """
-    check.kind("probe", probe, Probe)
-    check.kind("phantom", phantom, Phantom)
-    check.number("force_n", force_n, 0.0, 50.0, hint="newtons")
-    check.number("spacing_mm", spacing_mm, 0.02, 5.0, hint="millimetres")
-    check.number("threads", threads, 1, 64)
+    check.require_type("probe", probe, Probe)
+    check.require_type("phantom", phantom, Phantom)
+    check.require_number("force_n", force_n, 0.0, 50.0, hint="newtons")
+    check.require_number("spacing_mm", spacing_mm, 0.02, 5.0, hint="millimetres")
+    check.require_number("threads", threads, 1, 64)
     if probe.face_curvature_mm is not None:
         raise InputError(
             f"face_curvature_mm must be None for a press in three dimensions; got {probe.face_curvature_mm:g}"
@@ -142,7 +142,7 @@ def _change(
     if key not in _KEPT:
         while len(_KEPT) >= MOST_KEPT:
             _KEPT.pop(next(iter(_KEPT)))
-        ng = library("ngsolve", feature=FEATURE, extra="fem3d")
+        ng = import_extra("ngsolve", feature=FEATURE, extra="fem3d")
         report = progress or (lambda _: None)
         report("meshing")
         ng.SetNumThreads(threads)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.model.errors import MechanicsError
-from tsis.model.extra import library
+from tsis.model.extra import import_extra
 
 if TYPE_CHECKING:
     from tsis.mechanics.solid_symmetry import Symmetry
@@ -64,11 +64,11 @@ def solid_mesh(probe: Probe, phantom: Phantom, symmetry: Symmetry, resolution: S
     The skin lies at z = 0 and the glass above. Regions: ``tissue``, ``inclusion0`` ..., ``layer0`` ... from the tissue
     up; boundaries: ``face``, ``glass``, ``side`` (of the probe), ``wall``, ``mirror_x``, ``mirror_y``.
     """
-    occ = library("netgen.occ", feature=FEATURE, extra="fem3d")
+    occ = import_extra("netgen.occ", feature=FEATURE, extra="fem3d")
     whole = occ.Glue([*_slab(occ, probe, phantom, symmetry, resolution), *_layers(occ, probe)])
     part = _cut(occ, whole, probe, phantom, symmetry)
     _name_faces(part, probe, phantom, resolution, symmetry)
-    meshing = library("netgen.meshing", feature=FEATURE, extra="fem3d")
+    meshing = import_extra("netgen.meshing", feature=FEATURE, extra="fem3d")
     meshing.SetMessageImportance(0)  # it prints on the terminal
     try:
         generated = occ.OCCGeometry(part).GenerateMesh(maxh=phantom.thickness_mm, grading=resolution.growth)
@@ -76,7 +76,7 @@ def solid_mesh(probe: Probe, phantom: Phantom, symmetry: Symmetry, resolution: S
         raise MechanicsError(
             f"no mesh of the phantom was found at {resolution}; choose smaller elements or a smaller growth"
         ) from error
-    mesh = library("ngsolve", feature=FEATURE, extra="fem3d").Mesh(generated)
+    mesh = import_extra("ngsolve", feature=FEATURE, extra="fem3d").Mesh(generated)
     mesh.Curve(resolution.order)
     return mesh
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.mechanics.solid_mesh import FEATURE, inclusion_name, layer_name, solid_mesh
-from tsis.model.extra import library
+from tsis.model.extra import import_extra
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -52,7 +52,7 @@ class TiedSolid:
     """
 
     def __init__(self, probe: Probe, phantom: Phantom, symmetry: Symmetry, resolution: SolidResolution) -> None:
-        self._ng = library("ngsolve", feature=FEATURE, extra="fem3d")
+        self._ng = import_extra("ngsolve", feature=FEATURE, extra="fem3d")
         self.probe, self.phantom, self.symmetry = probe, phantom, symmetry
         self.mesh = solid_mesh(probe, phantom, symmetry, resolution)
         self._layers = [layer_name(index) for index in range(len(probe.layers))]

@@ -49,7 +49,7 @@ class Box:
             low, high = getattr(self, name)
             if not 0 < low < high < np.inf:
                 raise InputError(f"{name} must be a range (low, high) with 0 < low < high; got {getattr(self, name)}")
-        check.number("poisson", self.poisson, 0.0, 0.495)
+        check.require_number("poisson", self.poisson, 0.0, 0.495)
         deepest = self.depth_mm[1] + self.diameter_mm[1]
         if deepest >= self.thickness_mm[0]:
             raise InputError(
@@ -84,7 +84,7 @@ class Degrees:
 
     def __post_init__(self) -> None:
         for name in ("diameter", "depth", "contrast", "tissue", "thickness", "plain"):
-            check.number(name, getattr(self, name), 1, 100, hint="Chebyshev points")
+            check.require_number(name, getattr(self, name), 1, 100, hint="Chebyshev points")
 
 
 def contrast_factor(contrast: Any) -> Any:
@@ -92,12 +92,12 @@ def contrast_factor(contrast: Any) -> Any:
     return (contrast - 1) / (contrast + 1.5)
 
 
-def contrast_of(factor: Any) -> Any:
+def contrast_from_factor(factor: Any) -> Any:
     """The contrast Ei / Et whose `contrast_factor` is ``factor``."""
     return (1 + 1.5 * factor) / (1 - factor)
 
 
-def scale(diameter_mm: Any, depth_mm: Any, factor: Any) -> Any:
+def signal_scale(diameter_mm: Any, depth_mm: Any, factor: Any) -> Any:
     """What the change is nearly proportional to: g (d / c)**3."""
     return factor * (diameter_mm / (depth_mm + diameter_mm / 2)) ** 3
 
@@ -119,7 +119,7 @@ class Surrogate:
     plain
         Answer of plain tissue at Chebyshev points of its own, shape (tissue, thickness, outputs).
     change
-        Change by the inclusion over `scale` at the points, shape (diameter, depth, contrast, tissue, thickness,
+        Change by the inclusion over `signal_scale` at the points, shape (diameter, depth, contrast, tissue, thickness,
         outputs).
     """
 
@@ -178,14 +178,14 @@ class TissueSurrogate:
         axes = (
             chebyshev.points(self.box.diameter_mm, nd),
             chebyshev.points(self.box.depth_mm, nh),
-            contrast_of(chebyshev.points(self.box.contrast_factor, ng)) * self.tissue_young_kpa,
+            contrast_from_factor(chebyshev.points(self.box.contrast_factor, ng)) * self.tissue_young_kpa,
         )
         return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
 
     def through(self, plain: NDArray[np.float64], values: NDArray[np.float64]) -> TissueSurrogate:
         """The surrogate of anything else that is ``plain`` (k,) without inclusion and ``values`` at `nodes`, (n, k)."""
         diameter, depth, young = self.nodes().T
-        size = scale(diameter, depth, contrast_factor(young / self.tissue_young_kpa))
+        size = signal_scale(diameter, depth, contrast_factor(young / self.tissue_young_kpa))
         change = ((values - plain) / size[:, None]).reshape(*self.change.shape[:3], -1)
         return replace(self, plain=plain, change=change)
 
@@ -206,7 +206,7 @@ class TissueSurrogate:
             basis = (in_d[part, :, None] * in_h[part, None, :]).reshape(-1, nd * nh)
             at_points = (basis @ table).reshape(-1, ng, outputs)
             change[part] = (in_g[part, None, :] @ at_points)[:, 0]
-        return np.asarray(self.plain + scale(diameter_mm, depth_mm, factor)[:, None] * change)
+        return np.asarray(self.plain + signal_scale(diameter_mm, depth_mm, factor)[:, None] * change)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

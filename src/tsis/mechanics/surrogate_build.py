@@ -11,10 +11,10 @@ from tsis.mechanics.surrogate import Box, Degrees, PressSurrogate
 from tsis.mechanics.surrogate_presses import FACE_POINTS, slabs_of
 from tsis.mechanics.surrogate_solves import (
     CHECKED_SHARE,
+    cached_arrays,
     largest_error,
-    probe_content,
+    mechanical_content,
     profiles,
-    remembered,
     solve_all,
 )
 from tsis.model import Probe, check, disk_cache
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from tsis.mechanics.bodies import Resolution
     from tsis.mechanics.finite_strain.bodies import FiniteResolution
-    from tsis.mechanics.surrogate_solves import Spot
+    from tsis.mechanics.surrogate_solves import SurrogatePoint
 
 FORMAT_VERSION = 5
 
@@ -66,14 +66,14 @@ def build_surrogate(
     MechanicsError
         When the force strains plain tissue of the box beyond what the model describes, or a press fails.
     """
-    check.kind("probe", probe, Probe)
-    force_n = check.number("force_n", force_n, 1e-3, 50.0, hint="newtons")
+    check.require_type("probe", probe, Probe)
+    force_n = check.require_number("force_n", force_n, 1e-3, 50.0, hint="newtons")
     box, degrees = box or Box(), degrees or Degrees()
     slabs, resolution = slabs_of(probe, box, force_n, strain, resolution)
     key = disk_cache.content_key(
         {
             "format": FORMAT_VERSION,
-            "probe": probe_content(probe),
+            "probe": mechanical_content(probe),
             "force_n": force_n,
             "strain": strain,
             "box": asdict(box),
@@ -87,12 +87,12 @@ def build_surrogate(
         pressure = profiles(box, plain, change, 0)[0]
         inside = slice(0, int(CHECKED_SHARE * (FACE_POINTS - 1)) + 1)
 
-        def error(spot: Spot, fresh: NDArray[np.float64]) -> float:
+        def error(spot: SurrogatePoint, fresh: NDArray[np.float64]) -> float:
             return float(np.abs(spot.of(pressure) - fresh[:FACE_POINTS])[inside].max() / fresh[inside].mean())
 
         return {"plain": plain, "change": change, "error": np.array(largest_error(box, slabs, error))}
 
-    found = remembered("surrogates", key, solved) if cached else solved()
+    found = cached_arrays("surrogates", key, solved) if cached else solved()
     pressure, displacement, approach = profiles(box, found["plain"], found["change"], 0)
     return PressSurrogate(
         radius_mm=np.linspace(0.0, probe.radius_mm, FACE_POINTS),

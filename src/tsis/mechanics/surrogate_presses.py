@@ -14,7 +14,7 @@ from tsis.mechanics.finite_strain.pressing import press_finite, press_pairs
 from tsis.mechanics.on_axis import block_radius_mm, central_cell_mm
 from tsis.mechanics.small_strain import PressKernel
 from tsis.mechanics.strain_limit import strain_problem
-from tsis.mechanics.surrogate import contrast_of, scale
+from tsis.mechanics.surrogate import contrast_from_factor, signal_scale
 from tsis.model import Inclusion, Phantom
 from tsis.model.errors import InputError, MechanicsError
 from tsis.model.press import MN_PER_N
@@ -34,7 +34,7 @@ FACE_POINTS = 121  # of each profile; between them it is taken as straight
 
 
 class Slabs(Protocol):
-    """Slabs of one thickness; a row holds what `under_force` or `covering` put there."""
+    """Slabs of one thickness; a row holds what `rows_at_force` or `full_contact_rows` put there."""
 
     def plain(self, tissues: list[float]) -> NDArray[np.float64]:
         """Plain tissue of each modulus in kPa, shape (tissues, outputs)."""
@@ -42,7 +42,7 @@ class Slabs(Protocol):
     def changes(
         self, sphere: tuple[float, float], factors: NDArray[np.float64], tissues: list[float]
     ) -> NDArray[np.float64]:
-        """What a sphere (diameter, depth) of each contrast adds over its `scale`, shape (factors, tissues, outputs)."""
+        """What a sphere (diameter, depth) of each contrast adds over its `signal_scale`, shape (factors, tissues, outputs)."""
 
 
 def slabs_of(
@@ -52,7 +52,7 @@ def slabs_of(
     if strain == "small":
         coarse = Resolution() if resolution is None else resolution
         if isinstance(coarse, Resolution):
-            return partial(SmallStrainSlabs, probe, box, coarse, under_force(force_n)), coarse
+            return partial(SmallStrainSlabs, probe, box, coarse, rows_at_force(force_n)), coarse
     elif strain == "finite":
         fine = FiniteResolution() if resolution is None else resolution
         if isinstance(fine, FiniteResolution):
@@ -93,13 +93,13 @@ class SmallStrainSlabs:
         slab = self._kernel.slab(diameter_mm=diameter, depth_mm=depth, poisson=self._kernel.poisson)
         plain, rows = self.plain(tissues), []
         for factor in factors:
-            change = slab.change(float(contrast_of(factor)))
+            change = slab.change(float(contrast_from_factor(factor)))
             pressed = [self._answer(self._kernel, tissue, change) for tissue in tissues]
-            rows.append((np.array(pressed) - plain) / scale(diameter, depth, factor))
+            rows.append((np.array(pressed) - plain) / signal_scale(diameter, depth, factor))
         return np.array(rows)
 
 
-def under_force(force_n: float) -> Answer:
+def rows_at_force(force_n: float) -> Answer:
     """Presses at one force."""
 
     def answer(kernel: PressKernel, tissue: float, change: NDArray[np.float64] | None) -> NDArray[np.float64]:
@@ -112,7 +112,7 @@ def under_force(force_n: float) -> Answer:
     return answer
 
 
-def covering(kernel: PressKernel, tissue: float, change: NDArray[np.float64] | None) -> NDArray[np.float64]:
+def full_contact_rows(kernel: PressKernel, tissue: float, change: NDArray[np.float64] | None) -> NDArray[np.float64]:
     """All presses that cover the face: what a newton adds; of a dome also the rest, and the force from which on."""
     found = kernel.covering(tissue, change)
     if found.shape is None:
@@ -153,13 +153,13 @@ class FiniteStrainSlabs:
         lump = Inclusion(
             diameter_mm=diameter,
             depth_mm=depth,
-            young_kpa=float(contrast_of(factor)) * tissue,
+            young_kpa=float(contrast_from_factor(factor)) * tissue,
             poisson=self._poisson,
         )
         ((with_it, without),) = press_pairs(
             self._probe, self._phantom(tissue, lump), forces_n=(self._force_n,), resolution=self._resolution
         )
-        return (_row_of(with_it) - _row_of(without)) / float(scale(diameter, depth, factor))
+        return (_row_of(with_it) - _row_of(without)) / float(signal_scale(diameter, depth, factor))
 
     def _phantom(self, tissue: float, lump: Inclusion | None) -> Phantom:
         return Phantom(young_kpa=tissue, thickness_mm=self._thickness_mm, poisson=self._poisson, inclusion=lump)

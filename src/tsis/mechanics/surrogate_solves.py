@@ -17,7 +17,7 @@ import scipy
 from threadpoolctl import threadpool_limits
 
 from tsis.mechanics import chebyshev
-from tsis.mechanics.surrogate import Surrogate, contrast_factor, contrast_of, log_range, scale
+from tsis.mechanics.surrogate import Surrogate, contrast_factor, contrast_from_factor, log_range, signal_scale
 from tsis.mechanics.surrogate_presses import FACE_POINTS
 from tsis.model import disk_cache
 
@@ -95,7 +95,7 @@ def profiles(
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Spot:
+class SurrogatePoint:
     """One inclusion in one slab, lengths in mm, moduli in kPa."""
 
     diameter_mm: float
@@ -112,7 +112,7 @@ class Spot:
 
 
 def largest_error(
-    box: Box, slabs: Callable[[float], Slabs], error: Callable[[Spot, NDArray[np.float64]], float]
+    box: Box, slabs: Callable[[float], Slabs], error: Callable[[SurrogatePoint, NDArray[np.float64]], float]
 ) -> float:
     """Largest ``error(spot, row)`` over fresh presses in a box, each told by its row of outputs."""
     ranges = np.array([box.diameter_mm, box.depth_mm, box.young_kpa, box.tissue_young_kpa])
@@ -124,11 +124,13 @@ def largest_error(
     def measured(thickness: float, alike: Slabs, point: NDArray[np.float64]) -> float:
         diameter, depth, young, tissue = point.tolist()
         factor = float(_apart_from_none(contrast_factor(young / tissue)))
-        change = scale(diameter, depth, factor) * alike.changes((diameter, depth), np.array([factor]), [tissue])[0]
-        spot = Spot(
+        change = (
+            signal_scale(diameter, depth, factor) * alike.changes((diameter, depth), np.array([factor]), [tissue])[0]
+        )
+        spot = SurrogatePoint(
             diameter_mm=diameter,
             depth_mm=depth,
-            young_kpa=float(contrast_of(factor)) * tissue,
+            young_kpa=float(contrast_from_factor(factor)) * tissue,
             tissue_young_kpa=tissue,
             thickness_mm=thickness,
         )
@@ -140,21 +142,21 @@ def largest_error(
         return max(pool.map(measured, itertools.cycle(thicknesses), kernels, points))
 
 
-def remembered(
+def cached_arrays(
     kind: str, key: str, solved: Callable[[], dict[str, NDArray[np.float64]]]
 ) -> dict[str, NDArray[np.float64]]:
     """Arrays from the disk cache, or solved now and written there."""
-    stored = disk_cache.read_arrays(kind, key)
+    stored = disk_cache.read_cached_arrays(kind, key)
     if stored is None:
         found = solved()
         buffer = io.BytesIO()
         np.savez(buffer, allow_pickle=False, **found)
-        disk_cache.write(kind, key, buffer.getvalue())
+        disk_cache.write_cached(kind, key, buffer.getvalue())
         return found
     return stored
 
 
-def probe_content(probe: Probe) -> dict[str, Any]:
+def mechanical_content(probe: Probe) -> dict[str, Any]:
     """Everything of a probe that its presses depend on, as JSON values."""
     return asdict(replace(probe.unlit(), name="", assumed=()))
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 LARGEST_SEED = 2**63 - 1  # of all that is drawn by chance: whole numbers of other programs end there
 
 
-def number(name: str, value: object, low: float, high: float, *, hint: str = "") -> float:
+def require_number(name: str, value: object, low: float, high: float, *, hint: str = "") -> float:
     """Return ``value`` as a float when it is finite and lies in ``[low, high]``, else say why not."""
     if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
         raise InputError(f"{name} must be a number; got {value!r:.80}")
@@ -28,7 +28,7 @@ def number(name: str, value: object, low: float, high: float, *, hint: str = "")
     return result
 
 
-def whole(name: str, value: object, low: int, high: int, *, hint: str = "") -> int:
+def require_integer(name: str, value: object, low: int, high: int, *, hint: str = "") -> int:
     """Return ``value`` as an int when it is a whole number, as 3 or 3.0 or 1e6, and lies in ``[low, high]``."""
     ending = f" ({hint})" if hint else ""
     # Infinity and NaN are not whole.
@@ -48,23 +48,23 @@ def _as_float(value: float | np.integer[Any] | np.floating[Any]) -> float:
         return math.inf
 
 
-def kind(name: str, value: object, wanted: type) -> None:
+def require_type(name: str, value: object, wanted: type) -> None:
     """Refuse a value that is not of the class ``wanted``."""
     if not isinstance(value, wanted):
         raise InputError(f"{name} must be a {wanted.__name__}; got {value!r:.80}")
 
 
-def pair(name: str, value: Any) -> tuple[float, float]:
+def require_pair(name: str, value: Any) -> tuple[float, float]:
     """Return ``value`` as two finite numbers."""
     if type(value) is tuple and len(value) == 2 and all(type(each) is float and math.isfinite(each) for each in value):
         return value  # as every press of a store has it
-    result = array(name, value, ndim=1)
+    result = require_array(name, value, ndim=1)
     if result.shape != (2,):
         raise InputError(f"{name} must hold two numbers; got {value!r:.80}")
     return float(result[0]), float(result[1])
 
 
-def array(name: str, value: Any, *, ndim: int, dtype: type = float) -> NDArray[Any]:
+def require_array(name: str, value: Any, *, ndim: int, dtype: type = float) -> NDArray[Any]:
     """Return a read-only copy of ``value`` with ``ndim`` axes, not empty, all finite."""
     if np.ma.is_masked(value):
         raise InputError(f"{name} must not hold masked values; leave them out before")
@@ -85,7 +85,7 @@ def array(name: str, value: Any, *, ndim: int, dtype: type = float) -> NDArray[A
     return result
 
 
-def known(what: str, name: str, names: Iterable[str]) -> str:
+def require_one_of(what: str, name: str, names: Iterable[str]) -> str:
     """Return ``name`` when it is among ``names``, else suggest the nearest."""
     choices = sorted(names)
     if name in choices:

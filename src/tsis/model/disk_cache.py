@@ -26,10 +26,10 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 DIGEST_BYTES = 32
-LARGEST_BYTES = 512 * 2**20
+LARGEST_CACHED_BYTES = 512 * 2**20
 
 
-def folder() -> Path:
+def cache_folder() -> Path:
     """Where the cache lies: ``$TSIS_CACHE_DIR``, else the platform's folder for caches."""
     return Path(os.environ.get("TSIS_CACHE_DIR") or platformdirs.user_cache_dir("tsis"))
 
@@ -39,12 +39,12 @@ def content_key(content: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(content, sort_keys=True, default=float).encode()).hexdigest()[:32]
 
 
-def read(kind: str, key: str) -> bytes | None:
+def read_cached(kind: str, key: str) -> bytes | None:
     """The stored bytes, or None when there are none or they are damaged."""
-    path = folder() / kind / key
+    path = cache_folder() / kind / key
     try:
         status = path.stat()
-        if not stat.S_ISREG(status.st_mode) or status.st_size > LARGEST_BYTES:  # reading a pipe may never end
+        if not stat.S_ISREG(status.st_mode) or status.st_size > LARGEST_CACHED_BYTES:  # reading a pipe may never end
             return None
         data = path.read_bytes()
     except OSError:
@@ -53,9 +53,9 @@ def read(kind: str, key: str) -> bytes | None:
     return payload if _digest(key, payload) == digest else None
 
 
-def read_arrays(kind: str, key: str) -> dict[str, NDArray[Any]] | None:
+def read_cached_arrays(kind: str, key: str) -> dict[str, NDArray[Any]] | None:
     """The stored arrays, or None when there are none, they are damaged, or the file holds something else."""
-    stored = read(kind, key)
+    stored = read_cached(kind, key)
     if stored is None:
         return None
     try:
@@ -64,9 +64,9 @@ def read_arrays(kind: str, key: str) -> dict[str, NDArray[Any]] | None:
         return None
 
 
-def write(kind: str, key: str, payload: bytes) -> None:
+def write_cached(kind: str, key: str, payload: bytes) -> None:
     """Store ``payload``; readers see all of it or nothing."""
-    path = folder() / kind / key
+    path = cache_folder() / kind / key
     with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
         write_durably(path, _digest(key, payload) + payload)

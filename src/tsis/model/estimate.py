@@ -15,17 +15,17 @@ from tsis.model.errors import InputError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-INTERVAL = 0.9  # probability of the intervals that are told where nobody asks for another
-UNLIKELY = 1e-4  # chance, if the model were true, of what disagrees with it this much: below it the reader is told
+INTERVAL_LEVEL = 0.9  # probability of the intervals that are told where nobody asks for another
+IMPROBABLE = 1e-4  # chance, if the model were true, of what disagrees with it this much: below it the reader is told
 NOT_IDENTIFIED = 0.85  # posterior over prior standard deviation from which the data told next to nothing
 LARGEST_EVIDENCE = 1e12
 LEAST_CHANCE = 1e-99  # that is put into words
 
 
-def chance_below(chance: float) -> str:
+def probability_bound(chance: float) -> str:
     """The next power of ten above a chance, for a sentence: the digits of one this small mean nothing.
 
-    >>> chance_below(2.3e-15), chance_below(0.0)
+    >>> probability_bound(2.3e-15), probability_bound(0.0)
     ('1e-14', '1e-99')
     """
     return f"1e{np.ceil(np.log10(max(chance, LEAST_CHANCE))):+03.0f}"
@@ -85,27 +85,27 @@ class Estimate:
 
     def __post_init__(self) -> None:
         for name in ("samples", "prior_sd", "cramer_rao_sd", "provenance"):
-            check.kind(name, getattr(self, name), Mapping)
+            check.require_type(name, getattr(self, name), Mapping)
         for name in ("identifiability", "prior"):
-            check.kind(name, getattr(self, name), str)
-        check.kind("trusted", self.trusted, bool)
-        check.kind("flags", self.flags, tuple)
-        check.kind("notes", self.notes, tuple)
-        samples = {name: check.array(name, values, ndim=1) for name, values in self.samples.items()}
+            check.require_type(name, getattr(self, name), str)
+        check.require_type("trusted", self.trusted, bool)
+        check.require_type("flags", self.flags, tuple)
+        check.require_type("notes", self.notes, tuple)
+        samples = {name: check.require_array(name, values, ndim=1) for name, values in self.samples.items()}
         if set(samples) != set(self.prior_sd):
             raise InputError(
                 f"samples and prior_sd must name the same parameters; got {set(samples)} and {set(self.prior_sd)}"
             )
         for name, sd in self.prior_sd.items():
-            check.number(f"prior_sd[{name!r}]", sd, 1e-300, 1e300)
+            check.require_number(f"prior_sd[{name!r}]", sd, 1e-300, 1e300)
         for name, sd in self.cramer_rao_sd.items():
-            check.known("parameter", name, samples)
+            check.require_one_of("parameter", name, samples)
             if not isinstance(sd, float) or not sd > 0:
                 raise InputError(f"cramer_rao_sd[{name!r}] must be positive; got {sd!r}")
         if self.presence is not None:
-            check.number("presence", self.presence, 0.0, 1.0, hint="a probability")
+            check.require_number("presence", self.presence, 0.0, 1.0, hint="a probability")
         if self.log_bayes_factor is not None:
-            check.number("log_bayes_factor", self.log_bayes_factor, -LARGEST_EVIDENCE, LARGEST_EVIDENCE)
+            check.require_number("log_bayes_factor", self.log_bayes_factor, -LARGEST_EVIDENCE, LARGEST_EVIDENCE)
         object.__setattr__(self, "cramer_rao_sd", MappingProxyType(dict(self.cramer_rao_sd)))
         object.__setattr__(self, "samples", MappingProxyType(samples))
         object.__setattr__(self, "prior_sd", MappingProxyType(dict(self.prior_sd)))
@@ -130,12 +130,12 @@ class Estimate:
         """Whether the data told enough of a parameter for its mean to be read as a number."""
         return f"{name}_not_identified" not in self.flags
 
-    def interval(self, level: float = INTERVAL) -> dict[str, tuple[float, float]]:
+    def interval(self, level: float = INTERVAL_LEVEL) -> dict[str, tuple[float, float]]:
         """Equal-tailed credible interval of each parameter, in the unit that its name carries.
 
         ``level`` is the probability of each, in (0, 1); else `InputError` is raised.
         """
-        check.number("level", level, 1e-6, 1.0 - 1e-6)
+        check.require_number("level", level, 1e-6, 1.0 - 1e-6)
         tails = (0.5 - level / 2, 0.5 + level / 2)
         bounds = {name: np.quantile(values, tails) for name, values in self.samples.items()}
         return {name: (float(low), float(high)) for name, (low, high) in bounds.items()}

@@ -11,7 +11,7 @@ from tsis.model.errors import MissingExtraError
 KNOWN_AS = {"ngsolve": "NGSolve", "netgen": "NGSolve"}
 
 
-def library(name: str, *, feature: str, extra: str) -> Any:
+def import_extra(name: str, *, feature: str, extra: str) -> Any:
     """Import ``name``, or say what needs it and which extra brings it.
 
     Parameters

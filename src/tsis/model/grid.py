@@ -14,15 +14,15 @@ if TYPE_CHECKING:
     from scipy.sparse import csr_array
 
 
-def ascending(name: str, values: ArrayLike) -> NDArray[np.float64]:
+def require_ascending(name: str, values: ArrayLike) -> NDArray[np.float64]:
     """Check a coordinate of a grid: at least two numbers, each above the one before."""
-    result: NDArray[np.float64] = check.array(name, values, ndim=1)
+    result: NDArray[np.float64] = check.require_array(name, values, ndim=1)
     if len(result) < 2 or (np.diff(result) <= 0).any():
         raise InputError(f"{name} must hold at least two ascending numbers; got {values!r:.80}")
     return result
 
 
-def linear_weights(
+def interpolation_matrix(
     knots: NDArray[np.float64], at: ArrayLike, *, outside: Literal["edge", "zero"] = "edge"
 ) -> csr_array[Any, tuple[int, int]]:
     """Matrix from values at ascending ``knots`` to values at ``at``, shape (len(at), len(knots)): linear between.
@@ -32,9 +32,9 @@ def linear_weights(
 
     Examples
     --------
-    >>> linear_weights(np.array([0.0, 2.0]), [-1.0, 0.5, 2.0]).toarray().tolist()
+    >>> interpolation_matrix(np.array([0.0, 2.0]), [-1.0, 0.5, 2.0]).toarray().tolist()
     [[1.0, 0.0], [0.75, 0.25], [0.0, 1.0]]
-    >>> linear_weights(np.array([0.0, 2.0]), [-1.0], outside="zero").toarray().tolist()
+    >>> interpolation_matrix(np.array([0.0, 2.0]), [-1.0], outside="zero").toarray().tolist()
     [[0.0, 0.0]]
     """
     from scipy.sparse import csr_array  # as long to load as all the rest of the model

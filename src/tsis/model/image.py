@@ -19,16 +19,16 @@ SMALLEST_PIXEL_MM, LARGEST_PIXEL_MM = 1e-4, 10.0
 LARGEST_GREY = 1e9  # far beyond any sensor, and its square still a number
 
 
-def pixel_scale(value: tuple[float, float]) -> tuple[float, float]:
+def require_pixel_scale(value: tuple[float, float]) -> tuple[float, float]:
     """Check a pair (x, y) of mm per pixel."""
     x, y = (
-        check.number("mm_per_pixel", part, SMALLEST_PIXEL_MM, LARGEST_PIXEL_MM, hint="millimetres per pixel")
-        for part in check.pair("mm_per_pixel", value)
+        check.require_number("mm_per_pixel", part, SMALLEST_PIXEL_MM, LARGEST_PIXEL_MM, hint="millimetres per pixel")
+        for part in check.require_pair("mm_per_pixel", value)
     )
     return x, y
 
 
-def require_numbers(
+def require_image_numbers(
     *,
     full_scale: float,
     mm_per_pixel: tuple[float, float] | None,
@@ -36,14 +36,14 @@ def require_numbers(
     axis_px: tuple[float, float] | None,
 ) -> None:
     """Refuse what no image may have; parameters as of `TactileImage`."""
-    check.number("full_scale", full_scale, 1.0, 65535.0)
+    check.require_number("full_scale", full_scale, 1.0, 65535.0)
     if mm_per_pixel is not None:
-        pixel_scale(mm_per_pixel)
+        require_pixel_scale(mm_per_pixel)
     if force_n is not None:
-        check.number("force_n", force_n, 0.0, 100.0, hint="newtons")
+        check.require_number("force_n", force_n, 0.0, 100.0, hint="newtons")
     if axis_px is not None:
-        for place in check.pair("axis_px", axis_px):
-            check.number("axis_px", place, -1e6, 1e6, hint="pixels")
+        for place in check.require_pair("axis_px", axis_px):
+            check.require_number("axis_px", place, -1e6, 1e6, hint="pixels")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -82,20 +82,20 @@ class TactileImage:
     settings: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        grey = check.array("grey", self.grey, ndim=2)
+        grey = check.require_array("grey", self.grey, ndim=2)
         if np.abs(grey).max() > LARGEST_GREY:
             raise InputError(f"grey must lie within +-{LARGEST_GREY:g} grey levels; got {np.abs(grey).max():g}")
         object.__setattr__(self, "grey", grey)
-        require_numbers(
+        require_image_numbers(
             full_scale=self.full_scale, mm_per_pixel=self.mm_per_pixel, force_n=self.force_n, axis_px=self.axis_px
         )
         if self.mm_per_pixel is not None:
-            object.__setattr__(self, "mm_per_pixel", pixel_scale(self.mm_per_pixel))
+            object.__setattr__(self, "mm_per_pixel", require_pixel_scale(self.mm_per_pixel))
         if self.axis_px is None:
             rows, columns = self.grey.shape
             object.__setattr__(self, "axis_px", ((columns - 1) / 2, (rows - 1) / 2))
         else:
-            object.__setattr__(self, "axis_px", check.pair("axis_px", self.axis_px))
+            object.__setattr__(self, "axis_px", check.require_pair("axis_px", self.axis_px))
         if not isinstance(self.settings, Mapping):
             raise InputError(f"settings must be a mapping of names to values; got {self.settings!r:.80}")
         object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-def as_frames(name: str, given: TactileImage | Sequence[TactileImage] | None) -> list[TactileImage]:
+def as_images(name: str, given: TactileImage | Sequence[TactileImage] | None) -> list[TactileImage]:
     """One image, several or none as a list; `InputError` names ``name`` when something else is among them."""
     if given is None:
         return []
@@ -33,7 +33,7 @@ def as_frames(name: str, given: TactileImage | Sequence[TactileImage] | None) ->
     return frames
 
 
-def check_belonging(probe: Probe, calibration: Calibration) -> None:
+def require_same_probe(probe: Probe, calibration: Calibration) -> None:
     """Refuse a missing calibration, or one of another probe.
 
     Raises
@@ -43,7 +43,7 @@ def check_belonging(probe: Probe, calibration: Calibration) -> None:
     NotCalibratedError
         When ``calibration`` is no `Calibration`, or both names are known and differ.
     """
-    check.kind("probe", probe, Probe)
+    check.require_type("probe", probe, Probe)
     if not isinstance(calibration, Calibration):
         raise NotCalibratedError(
             f"calibration must be a Calibration, the answer of this probe's grey level to pressure; got {calibration!r}"
@@ -55,7 +55,7 @@ def check_belonging(probe: Probe, calibration: Calibration) -> None:
         )
 
 
-def check_frames(frames: list[TactileImage]) -> list[str]:
+def require_image_series(frames: list[TactileImage]) -> list[str]:
     """Refuse frames of unknown force or scale, that do not belong together, or that are given twice.
 
     Returns

@@ -10,7 +10,7 @@ import numpy as np
 
 from tsis.model import check
 from tsis.model.errors import InputError
-from tsis.model.grid import ascending, linear_weights
+from tsis.model.grid import interpolation_matrix, require_ascending
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -70,22 +70,24 @@ class LightMap:
 
     def __post_init__(self) -> None:
         for name in ("x_mm", "y_mm"):
-            object.__setattr__(self, name, ascending(name, getattr(self, name)))
+            object.__setattr__(self, name, require_ascending(name, getattr(self, name)))
         shape = (len(self.y_mm), len(self.x_mm))
         if isinstance(self.bend_per_mm2, np.ndarray) and not self.bend_per_mm2.size:
             object.__setattr__(self, "bend_per_mm2", np.zeros(shape))
         for name in FIELDS:
-            values = check.array(name, getattr(self, name), ndim=2)
+            values = check.require_array(name, getattr(self, name), ndim=2)
             if values.shape != shape:
                 raise InputError(f"{name} must have the shape {shape} of y_mm and x_mm; got {values.shape}")
             object.__setattr__(self, name, values)
         for name, most in MOST.items():
-            check.number(name, float(np.abs(getattr(self, name)).max()), 0.0, most, hint="the largest, either sign")
-        check.number("relative", float(self.relative.min()), 0.0, np.inf)
+            check.require_number(
+                name, float(np.abs(getattr(self, name)).max()), 0.0, most, hint="the largest, either sign"
+            )
+        check.require_number("relative", float(self.relative.min()), 0.0, np.inf)
         if self.relative.max() < LEAST_LIGHT:
             raise InputError(f"relative must hold some light, a mean of about 1; got at most {self.relative.max():g}")
-        check.number("error", self.error, 0.0, np.inf)
-        check.number("depletion", self.depletion, -0.9, 100.0)
+        check.require_number("error", self.error, 0.0, np.inf)
+        check.require_number("depletion", self.depletion, -0.9, 100.0)
 
     def __eq__(self, other: object) -> bool:
         """Equal by content, like every value without arrays."""
@@ -141,5 +143,5 @@ class LightMap:
 
     def undented(self, x_mm: ArrayLike, y_mm: ArrayLike) -> tuple[NDArray[np.float64], ...]:
         """All five fields over a grid, in the order of `FIELDS`, each (len(y_mm), len(x_mm))."""
-        rows, columns = linear_weights(self.y_mm, y_mm), linear_weights(self.x_mm, x_mm).T
+        rows, columns = interpolation_matrix(self.y_mm, y_mm), interpolation_matrix(self.x_mm, x_mm).T
         return tuple(np.asarray(rows @ getattr(self, name) @ columns) for name in FIELDS)

@@ -9,7 +9,7 @@ import numpy as np
 
 from tsis.model import check
 from tsis.model.errors import InputError
-from tsis.model.grid import ascending
+from tsis.model.grid import require_ascending
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -45,11 +45,11 @@ class PressField:
 
     def __post_init__(self) -> None:
         for name in ("radius_mm", "face_displacement_mm", "pressure_kpa"):
-            object.__setattr__(self, name, check.array(name, getattr(self, name), ndim=1))
+            object.__setattr__(self, name, check.require_array(name, getattr(self, name), ndim=1))
 
     def on_grid(self, x_mm: ArrayLike, y_mm: ArrayLike) -> PressMap:
         """The same press over a rectangular grid, each coordinate ascending."""
-        x, y = ascending("x_mm", x_mm), ascending("y_mm", y_mm)
+        x, y = require_ascending("x_mm", x_mm), require_ascending("y_mm", y_mm)
         edge = self.radius_mm[-1]
 
         def at(values: NDArray[np.float64], x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -112,10 +112,10 @@ class PressMap:
 
     def __post_init__(self) -> None:
         for name in ("x_mm", "y_mm"):
-            object.__setattr__(self, name, ascending(name, getattr(self, name)))
+            object.__setattr__(self, name, require_ascending(name, getattr(self, name)))
         shape = (len(self.y_mm), len(self.x_mm))
         for name in ("face_displacement_mm", "pressure_kpa"):
-            values = check.array(name, getattr(self, name), ndim=2)
+            values = check.require_array(name, getattr(self, name), ndim=2)
             if values.shape != shape:
                 raise InputError(f"{name} must have the shape {shape} of y_mm and x_mm; got {values.shape}")
             object.__setattr__(self, name, values)

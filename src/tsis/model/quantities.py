@@ -17,12 +17,12 @@ def unit_of(name: str) -> str:
     return next((unit for ending, unit in UNITS.items() if name.endswith(ending)), NO_UNIT)
 
 
-def words_of(name: str) -> str:
+def label_of(name: str) -> str:
     """A quantity's name in words, without its unit.
 
     Examples
     --------
-    >>> words_of("young_kpa"), words_of("depth_mm")
+    >>> label_of("young_kpa"), label_of("depth_mm")
     ("Young's modulus", 'depth')
     """
     ending = next((ending for ending in UNITS if name.endswith(ending)), "")

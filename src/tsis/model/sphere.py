@@ -39,7 +39,7 @@ class SoftSphere:
     name: str = ""
 
     def __post_init__(self) -> None:
-        check.number("radius_mm", self.radius_mm, 0.1, 50.0, hint="millimetres")
-        check.number("young_kpa", self.young_kpa, 0.1, 1e6, hint="kilopascals")
-        check.number("poisson", self.poisson, 0.0, 0.495)
-        check.kind("name", self.name, str)
+        check.require_number("radius_mm", self.radius_mm, 0.1, 50.0, hint="millimetres")
+        check.require_number("young_kpa", self.young_kpa, 0.1, 1e6, hint="kilopascals")
+        check.require_number("poisson", self.poisson, 0.0, 0.495)
+        check.require_type("name", self.name, str)

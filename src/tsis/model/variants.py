@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from tsis.model.probe import Probe
 
 
-def chosen_phantom(name: str, diameter_mm: float | None, depth_mm: float | None, young_kpa: float | None) -> Phantom:
+def phantom_variant(name: str, diameter_mm: float | None, depth_mm: float | None, young_kpa: float | None) -> Phantom:
     """The catalog's phantom with the given values of its inclusion replaced."""
     phantom = load_phantom(name)
     if diameter_mm is None and depth_mm is None and young_kpa is None:
@@ -28,7 +28,7 @@ def chosen_phantom(name: str, diameter_mm: float | None, depth_mm: float | None,
     return replace(phantom, name=f"{name} (changed)", inclusion=inclusion)
 
 
-def chosen_probe(name: str, half_angle_deg: float | None, height_mm: float | None, aim_deg: float | None) -> Probe:
+def probe_variant(name: str, half_angle_deg: float | None, height_mm: float | None, aim_deg: float | None) -> Probe:
     """The catalog's probe with the given values of all its lamps replaced."""
     probe = load_probe(name)
     changes = {"half_angle_deg": half_angle_deg, "height_mm": height_mm, "aim_deg": aim_deg}

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def new_file(wanted: Path, *, disk: Disk = DISK) -> Iterator[Path]:
+def atomic_file(wanted: Path, *, disk: Disk = DISK) -> Iterator[Path]:
     """A draft to write beside ``wanted``; it gets that name when the block ends well, else nothing is left.
 
     Raises
@@ -40,7 +40,7 @@ def new_file(wanted: Path, *, disk: Disk = DISK) -> Iterator[Path]:
 
 
 @contextmanager
-def new_folder(wanted: Path, *, disk: Disk = DISK) -> Iterator[Path]:
+def atomic_folder(wanted: Path, *, disk: Disk = DISK) -> Iterator[Path]:
     """A folder to fill beside ``wanted``; it gets that name when the block ends well, else nothing is left.
 
     When the block has ended, all that is in it is on the disk.
@@ -84,7 +84,7 @@ def add_files(folder: Path, files: Mapping[str, bytes], *, disk: Disk = DISK) ->
         When one cannot be written.
     """
     if not os.path.lexists(folder):
-        with new_folder(folder, disk=disk) as draft:
+        with atomic_folder(folder, disk=disk) as draft:
             for name, content in files.items():
                 (draft / name).write_bytes(content)
         return

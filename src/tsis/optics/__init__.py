@@ -1,6 +1,6 @@
 """Light in the probe: angles and guided modes of its layers, waves in a dented guide, rays in the whole probe."""
 
-from tsis.optics.end_face import Acceptance, accepted
+from tsis.optics.end_face import Acceptance, acceptance
 from tsis.optics.irradiance_field import Irradiance
 from tsis.optics.irradiance_trace import irradiance
 from tsis.optics.propagation import Dent, Propagation, ThinGuide, propagate, thin_guide
@@ -19,7 +19,7 @@ __all__ = [
     "Tally",
     "ThinGuide",
     "TracedLight",
-    "accepted",
+    "acceptance",
     "critical_angle_deg",
     "fresnel",
     "guided_modes",

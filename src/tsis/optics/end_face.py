@@ -47,7 +47,7 @@ class Acceptance:
     blind_share: NDArray[np.float64]
 
 
-def accepted(index: ArrayLike, *, index_outside: float = 1.0) -> Acceptance:
+def acceptance(index: ArrayLike, *, index_outside: float = 1.0) -> Acceptance:
     """Angles of acceptance, ``asin(min(1, sqrt(n_i**2 - n_out**2)))``, of each layer.
 
     A ray at the angle a to the plane of the layers keeps ``N = n_i cos(a)``, its effective index, in all layers. It
@@ -67,15 +67,15 @@ def accepted(index: ArrayLike, *, index_outside: float = 1.0) -> Acceptance:
 
     Examples
     --------
-    >>> accepted([1.16, 1.15, 1.14, 1.13]).acceptance_deg.round(2).tolist()
+    >>> acceptance([1.16, 1.15, 1.14, 1.13]).acceptance_deg.round(2).tolist()
     [36.01, 34.6, 33.19, 31.75]
-    >>> accepted([1.41, 1.515]).blind_deg.round(1).tolist()
+    >>> acceptance([1.41, 1.515]).blind_deg.round(1).tolist()
     [0.0, 33.7]
     """
-    indices = check.array("index", index, ndim=1)
+    indices = check.require_array("index", index, ndim=1)
     for layer, value in enumerate(indices):
-        inputs.refractive_index(f"index[{layer}]", float(value))
-    outside = inputs.refractive_index("index_outside", index_outside)
+        inputs.require_refractive_index(f"index[{layer}]", float(value))
+    outside = inputs.require_refractive_index("index_outside", index_outside)
     on_the_way = np.minimum.accumulate(indices)  # the lowest index between a layer and the face
     aperture = _aperture(indices, np.full_like(indices, outside))
     stays, blind = (_grazing_deg(indices, least) for least in (np.full_like(indices, outside), on_the_way))
@@ -89,7 +89,7 @@ def accepted(index: ArrayLike, *, index_outside: float = 1.0) -> Acceptance:
     )
 
 
-def faced_layer(probe: Probe, led: Led) -> int:
+def layer_facing_lamp(probe: Probe, led: Led) -> int:
     """The layer whose side wall the middle of a lamp lies against, from the pressed face up; the last is the glass."""
     tops = np.cumsum([layer.thickness_mm for layer in probe.layers])
     return int(np.searchsorted(tops, probe.led_height_mm(led), side="right"))

@@ -18,9 +18,9 @@ LARGEST_INDEX = 5.0
 OTHER_UNITS = {"metres": 1e6, "millimetres": 1e3, "nanometres": 1e-3}  # in micrometres
 
 
-def wavelength(value: object) -> float:
+def require_wavelength(value: object) -> float:
     """Check a vacuum wavelength in micrometres; when another unit would make light of it, say which."""
-    result = check.number("wavelength_um", value, -np.inf, np.inf)
+    result = check.require_number("wavelength_um", value, -np.inf, np.inf)
     if SHORTEST_UM <= result <= LONGEST_UM:
         return result
     for unit, factor in OTHER_UNITS.items():
@@ -33,23 +33,23 @@ def wavelength(value: object) -> float:
     raise InputError(f"wavelength_um must lie in [{SHORTEST_UM:g}, {LONGEST_UM:g}]; got {result:g}{cure}")
 
 
-def refractive_index(name: str, value: object) -> float:
+def require_refractive_index(name: str, value: object) -> float:
     """Check one real refractive index."""
     if isinstance(value, complex | np.complexfloating):
         raise InputError(f"{name} must be real, so without absorption or gain; got {value}")
-    return check.number(name, value, 1.0, LARGEST_INDEX, hint="1 is vacuum")
+    return check.require_number(name, value, 1.0, LARGEST_INDEX, hint="1 is vacuum")
 
 
-def stack(index: Any, thickness_um: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def require_stack(index: Any, thickness_um: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Check refractive indices and thicknesses in micrometres of layers, one of each a layer."""
     if np.iscomplexobj(index):
         raise InputError("index must be real, so without absorption or gain; got complex values")
-    indices = check.array("index", index, ndim=1)
-    thicknesses = check.array("thickness_um", thickness_um, ndim=1)
+    indices = check.require_array("index", index, ndim=1)
+    thicknesses = check.require_array("thickness_um", thickness_um, ndim=1)
     if len(indices) != len(thicknesses):
         raise InputError(f"index and thickness_um must be of one length; got {len(indices)} and {len(thicknesses)}")
     for layer, value in enumerate(indices):
-        refractive_index(f"index[{layer}]", float(value))
+        require_refractive_index(f"index[{layer}]", float(value))
     for layer, value in enumerate(thicknesses):
-        check.number(f"thickness_um[{layer}]", float(value), THINNEST_UM, THICKEST_UM, hint="micrometres")
+        check.require_number(f"thickness_um[{layer}]", float(value), THINNEST_UM, THICKEST_UM, hint="micrometres")
     return indices, thicknesses

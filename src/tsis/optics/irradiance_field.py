@@ -10,7 +10,7 @@ from scipy.ndimage import distance_transform_edt
 
 from tsis.model import LightMap, PressField, PressMap, check
 from tsis.model.errors import InputError
-from tsis.model.grid import ascending, linear_weights
+from tsis.model.grid import interpolation_matrix, require_ascending
 from tsis.optics.asperities import real_contact
 from tsis.optics.irradiance_fit import POWERS, RINGS, powers
 from tsis.optics.rays_face import face_grid, on_face, slopes
@@ -71,18 +71,18 @@ class Irradiance:
     error: float
 
     def __post_init__(self) -> None:
-        check.number("radius_mm", self.radius_mm, 1.0, 100.0, hint="millimetres")
+        check.require_number("radius_mm", self.radius_mm, 1.0, 100.0, hint="millimetres")
         for name in ("nodes_mm", "displacement_mm"):
-            object.__setattr__(self, name, ascending(name, getattr(self, name)))
-        terms = check.array("terms", self.terms, ndim=4)
+            object.__setattr__(self, name, require_ascending(name, getattr(self, name)))
+        terms = check.require_array("terms", self.terms, ndim=4)
         count = len(self.nodes_mm)
         if terms.shape != (3, len(POWERS), count, count) or len(self.displacement_mm) != 3:
             raise InputError(f"terms must have the shape {(3, len(POWERS), count, count)}; got {terms.shape}")
         object.__setattr__(self, "terms", terms)
-        check.number("lift_per_mm", self.lift_per_mm, -10.0, 10.0)
-        check.number("depletion", self.depletion, -1.0, 100.0)
-        check.number("mean_per_mm2", self.mean_per_mm2, 0.0, np.inf)
-        check.number("error", self.error, 0.0, np.inf)
+        check.require_number("lift_per_mm", self.lift_per_mm, -10.0, 10.0)
+        check.require_number("depletion", self.depletion, -1.0, 100.0)
+        check.require_number("mean_per_mm2", self.mean_per_mm2, 0.0, np.inf)
+        check.require_number("error", self.error, 0.0, np.inf)
 
     def at(
         self,
@@ -104,7 +104,7 @@ class Irradiance:
         slope_x, slope_y
             Its derivatives by x and y, of the same shapes; faces steeper than 0.5 are lit as those of 0.5.
         """
-        rows, columns = linear_weights(self.nodes_mm, y_mm), linear_weights(self.nodes_mm, x_mm).T
+        rows, columns = interpolation_matrix(self.nodes_mm, y_mm), interpolation_matrix(self.nodes_mm, x_mm).T
         shape = (rows.shape[0], columns.shape[1])
         moved, along, across = (
             np.broadcast_to(np.asarray(part, dtype=float), shape) for part in (displacement_mm, slope_x, slope_y)

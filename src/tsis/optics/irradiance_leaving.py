@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 FINE_POINTS = 480  # along each side of the square around the face
 
 
-def leaving(
+def leaving_light(
     light: Irradiance, pressed: PressField | PressMap, *, saturation_kpa: float, bins: int, by: LightMap | None = None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Light that leaves through contact in each bin, and the mean displacement where it leaves, shape (bins, bins).

@@ -15,8 +15,8 @@ from tsis.optics import inputs, rays_kernel
 from tsis.optics.asperities import real_contact
 from tsis.optics.irradiance_field import Irradiance
 from tsis.optics.irradiance_fit import slope_terms, smooth, symmetries, symmetrised, watched_slopes
-from tsis.optics.irradiance_leaving import leaving
-from tsis.optics.rays_face import hertz_dent, raised_face, touched_face
+from tsis.optics.irradiance_leaving import leaving_light
+from tsis.optics.rays_face import evenly_pressed_face, evenly_raised_face, hertz_dent
 from tsis.optics.rays_scene import scene
 from tsis.optics.rays_trace import trace_batches
 
@@ -78,17 +78,17 @@ def irradiance(
     InputError
         When a value lies outside its range or no light reaches the face.
     """
-    check.kind("probe", probe, Probe)
-    rays = check.whole("rays", rays, FEWEST_RAYS, MOST_RAYS)
-    seed = check.whole("seed", seed, 0, check.LARGEST_SEED)
+    check.require_type("probe", probe, Probe)
+    rays = check.require_integer("rays", rays, FEWEST_RAYS, MOST_RAYS)
+    seed = check.require_integer("seed", seed, 0, check.LARGEST_SEED)
     medium = {
-        "index_outside": inputs.refractive_index("index_outside", index_outside),
-        "absorption_per_mm": check.number("absorption_per_mm", absorption_per_mm, 0.0, 10.0),
+        "index_outside": inputs.require_refractive_index("index_outside", index_outside),
+        "absorption_per_mm": check.require_number("absorption_per_mm", absorption_per_mm, 0.0, 10.0),
     }
     key = disk_cache.content_key(
         {"format": FORMAT_VERSION, "probe": _optical(probe), "rays": float(rays), "seed": seed, **medium}
     )
-    stored = disk_cache.read_arrays("irradiance", key) if cached else None
+    stored = disk_cache.read_cached_arrays("irradiance", key) if cached else None
     if stored is not None:
         fields: dict[str, Any] = {name: value if value.ndim else float(value) for name, value in stored.items()}
         return Irradiance(**fields)
@@ -97,7 +97,7 @@ def irradiance(
     if cached:
         buffer = io.BytesIO()
         np.savez(buffer, **{name: getattr(found, name) for name in Irradiance.__slots__})
-        disk_cache.write("irradiance", key, buffer.getvalue())
+        disk_cache.write_cached("irradiance", key, buffer.getvalue())
     return found
 
 
@@ -126,8 +126,8 @@ def _traced(
         return found
 
     raised = np.array(RAISED) * probe.thickness_mm
-    watched = [traced(raised_face(probe.radius_mm, moved), rays, watched_slopes()) for moved in raised]
-    touched = traced(touched_face(probe.radius_mm, SATURATION_KPA), rays / len(DENTS), np.empty((0, 2)))
+    watched = [traced(evenly_raised_face(probe.radius_mm, moved), rays, watched_slopes()) for moved in raised]
+    touched = traced(evenly_pressed_face(probe.radius_mm, SATURATION_KPA), rays / len(DENTS), np.empty((0, 2)))
     share = real_contact(np.array(SATURATION_KPA), SATURATION_KPA).item()
     arriving = [found.maps[:, rays_kernel.ARRIVING].sum() / len(found.maps) for found in (watched[0], touched)]
     _check_lit(min(arriving))
@@ -142,7 +142,7 @@ def _traced(
             offset_mm=(x * probe.radius_mm, y * probe.radius_mm),
         )
         left = traced(dent, rays / len(DENTS), np.empty((0, 2))).maps[:, rays_kernel.COUPLED].mean(axis=0)
-        model, moved = leaving(light, dent, saturation_kpa=SATURATION_KPA, bins=1)
+        model, moved = leaving_light(light, dent, saturation_kpa=SATURATION_KPA, bins=1)
         _check_lit(min(left.sum(), model.item()))
         logs.append(np.log(left.sum() / model.item()))
         depths.append(moved.item())

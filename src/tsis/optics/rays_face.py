@@ -55,7 +55,7 @@ def slopes(
     return np.gradient(displacement_mm, step, axis=1), np.gradient(displacement_mm, step, axis=0)
 
 
-def raised_face(radius_mm: float, displacement_mm: float) -> PressField:
+def evenly_raised_face(radius_mm: float, displacement_mm: float) -> PressField:
     """A face displaced evenly, and not touched."""
     radius = np.linspace(0.0, radius_mm, 9)
     return PressField(
@@ -67,10 +67,10 @@ def raised_face(radius_mm: float, displacement_mm: float) -> PressField:
     )
 
 
-def touched_face(radius_mm: float, pressure_kpa: float) -> PressField:
+def evenly_pressed_face(radius_mm: float, pressure_kpa: float) -> PressField:
     """A level face under an even pressure."""
     force_n = pressure_kpa * np.pi * radius_mm**2 / MN_PER_N
-    return replace(raised_face(radius_mm, 0.0), pressure_kpa=np.full(9, pressure_kpa), force_n=force_n)
+    return replace(evenly_raised_face(radius_mm, 0.0), pressure_kpa=np.full(9, pressure_kpa), force_n=force_n)
 
 
 def hertz_dent(

@@ -55,10 +55,10 @@ def trace_paths(
     (1.0, 4)
     """
     view = scene(probe, pressed)
-    count = check.whole("rays", rays, 1, MOST_RAYS)
+    count = check.require_integer("rays", rays, 1, MOST_RAYS)
     shining = lamps(probe)
-    chosen = check.whole("lamp", lamp, 0, len(shining.share) - 1)
-    rng = np.random.default_rng(check.whole("seed", seed, 0, check.LARGEST_SEED))
+    chosen = check.require_integer("lamp", lamp, 0, len(shining.share) - 1)
+    rng = np.random.default_rng(check.require_integer("seed", seed, 0, check.LARGEST_SEED))
 
     def path() -> NDArray[np.float64]:
         position, direction = emitted(shining, chosen, *rng.random(4).tolist())

@@ -45,7 +45,7 @@ class Photon:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Surface:
+class ReferenceSurface:
     """The face or an interface above it: its height is ``level + pull * height of the face``."""
 
     level: float
@@ -78,14 +78,14 @@ class Surface:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PlainProbe:
+class ReferenceProbe:
     """A probe for single photons."""
 
     radius: float
     indices: list[float]
     outside: float
     absorption: float
-    surfaces: list[Surface]
+    surfaces: list[ReferenceSurface]
     share: RectBivariateSpline
     paths: list[list[Vector]] = field(default_factory=list)
 
@@ -158,14 +158,14 @@ def bent(direction: Vector, towards: Vector, here: float, there: float) -> Vecto
     return np.asarray(along + np.sqrt(1 - along @ along) * towards)
 
 
-def plain_probe(
+def reference_probe(
     probe: Probe,
     pressed: PressField | PressMap | None = None,
     *,
     saturation_kpa: float = 20.0,
     index_outside: float = 1.0,
     absorption_per_mm: float = 0.0,
-) -> PlainProbe:
+) -> ReferenceProbe:
     """A probe, dented and touched as ``pressed`` says."""
     side, from_axis = face_grid(probe.radius_mm)
     height, share = probe.sag_mm(from_axis), np.zeros(from_axis.shape)
@@ -175,13 +175,13 @@ def plain_probe(
     face = RectBivariateSpline(side, side, height.T)
     indices, levels = media(probe)
     pulls = np.maximum(1 - levels / probe.thickness_mm, 0.0)
-    return PlainProbe(
+    return ReferenceProbe(
         radius=probe.radius_mm,
         indices=indices.tolist(),
         outside=index_outside,
         absorption=absorption_per_mm,
         surfaces=[
-            Surface(level=level, pull=pull, face=face)
+            ReferenceSurface(level=level, pull=pull, face=face)
             for level, pull in zip(levels.tolist(), pulls.tolist(), strict=True)
         ],
         share=RectBivariateSpline(side, side, share.T, kx=1, ky=1),
@@ -218,7 +218,7 @@ def trace_photons(
     absorption_per_mm: float = 0.0,
 ) -> Tally:
     """Where ``photons`` photons end, as shares."""
-    scene = plain_probe(
+    scene = reference_probe(
         probe,
         pressed,
         saturation_kpa=saturation_kpa,

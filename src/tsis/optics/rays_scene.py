@@ -52,7 +52,7 @@ def scene(
     aperture: float = APERTURE,
 ) -> Scene:
     """The probe, dented and touched as ``pressed`` says."""
-    check.kind("probe", probe, Probe)
+    check.require_type("probe", probe, Probe)
     if pressed is not None and not isinstance(pressed, PressField | PressMap):
         raise InputError(f"pressed must be a PressField, a PressMap or None; got {pressed!r:.80}")
     side, from_axis = face_grid(probe.radius_mm)

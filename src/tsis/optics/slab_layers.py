@@ -40,9 +40,9 @@ class SlabLayers:
         cls, index: Any, thickness_um: Any, wavelength_um: Any, index_below: Any, index_above: Any, polarization: Any
     ) -> Self:
         """Check what a user gives; see `tsis.optics.guided_modes` for the ranges."""
-        indices, thicknesses = inputs.stack(index, thickness_um)
+        indices, thicknesses = inputs.require_stack(index, thickness_um)
         outside = [
-            inputs.refractive_index(name, value)
+            inputs.require_refractive_index(name, value)
             for name, value in (("index_below", index_below), ("index_above", index_above))
         ]
         if polarization not in ("TE", "TM"):
@@ -50,7 +50,7 @@ class SlabLayers:
         return cls(
             index=np.concatenate([outside[:1], indices, outside[1:]]),
             thickness_um=np.concatenate([[0.0], thicknesses, [0.0]]),
-            wavelength_um=inputs.wavelength(wavelength_um),
+            wavelength_um=inputs.require_wavelength(wavelength_um),
             polarization=str(polarization),
         )
 

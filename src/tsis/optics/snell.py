@@ -138,7 +138,7 @@ def fresnel(angle_deg: ArrayLike, *, index_from: float, index_to: float) -> Fres
 def _incidence(angle_deg: Any) -> NDArray[np.float64]:
     """Angles of incidence in radians."""
     angle = np.asarray(angle_deg)
-    flat = check.array("angle_deg", angle.ravel(), ndim=1)
+    flat = check.require_array("angle_deg", angle.ravel(), ndim=1)
     if not (flat.min() >= 0 and flat.max() <= 90):
         wrong = flat[(flat < 0) | (flat > 90)][0]
         raise InputError(f"angle_deg must lie in [0, 90]; got {wrong:g} (degrees from the interface's normal)")
@@ -146,4 +146,6 @@ def _incidence(angle_deg: Any) -> NDArray[np.float64]:
 
 
 def _ratio(index_from: Any, index_to: Any) -> float:
-    return inputs.refractive_index("index_from", index_from) / inputs.refractive_index("index_to", index_to)
+    return inputs.require_refractive_index("index_from", index_from) / inputs.require_refractive_index(
+        "index_to", index_to
+    )

@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import ArrayLike
 
-    from tsis.matching.trial_summary import Summary
+    from tsis.matching.trial_summary import TrialSummary
 
 SOURCE, TARGET, PAIR = "#0072b2", "#d55e00", "0.65"  # told apart without red-green vision
 CURVE_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000", "#56b4e9", "#e69f00")
@@ -71,7 +71,7 @@ def point_sets(
 
 
 def curves_over_levels(
-    summaries: Sequence[Summary],
+    summaries: Sequence[TrialSummary],
     ax: Axes,
     *,
     quantity: Literal["error", "failures", "seconds"],

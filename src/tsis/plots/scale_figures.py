@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from numpy.typing import NDArray
 
-    from tsis.calibration.scale import DotDiagnostics, Scale
+    from tsis.calibration.scale import DotDiagnostics, PixelScale
     from tsis.model import TactileImage
 
 DOT, LATTICE, MISS, STRAY = "#0072b2", "0.75", "#d55e00", "#cc79a7"  # told apart without red-green vision
@@ -21,7 +21,7 @@ def dot_board(
     ax: Axes,
     *,
     image: TactileImage | None = None,
-    scale: Scale | None = None,
+    scale: PixelScale | None = None,
     magnified: float | None = None,
 ) -> Axes:
     """Draw the dots of a board, the lattice they lie on, and how far each is from its fitted place.
@@ -66,7 +66,7 @@ def dot_board(
     return ax
 
 
-def _sizes(scale: Scale) -> list[str]:
+def _sizes(scale: PixelScale) -> list[str]:
     return [f"{size.value:.5f} ± {size.sd:.5f} mm/px" for size in (scale.mm_per_pixel_x, scale.mm_per_pixel_y)]
 
 

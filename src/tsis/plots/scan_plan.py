@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 FACE, REACH, WAY, WORST = "#999999", "#0072b2", "#333333", "#d55e00"  # told apart without red-green vision
 
 
-def scan_plan(plan: ScanPlan, ax: Axes, *, reach_mm: float | None = None) -> Axes:
+def draw_scan_plan(plan: ScanPlan, ax: Axes, *, reach_mm: float | None = None) -> Axes:
     """Draw the area, the face at each press, the way between presses, and a place that is farthest from any press.
 
     Parameters

@@ -9,10 +9,10 @@ import numpy as np
 if TYPE_CHECKING:
     from mpl_toolkits.mplot3d import Axes3D
 
-    from tsis.imaging import Surface
+    from tsis.imaging import HeightSurface
 
 
-def relief(surface: Surface, ax: Axes3D, *, unit: str = "mm", label: str = "grey level") -> Axes3D:
+def relief(surface: HeightSurface, ax: Axes3D, *, unit: str = "mm", label: str = "grey level") -> Axes3D:
     """Draw a surface on a 3-D axes; heights are grey levels of the signal, seen from the front and above."""
     x, y = np.meshgrid(surface.x_mm, surface.y_mm)
     ax.plot_surface(x, y, surface.height, cmap="viridis", rcount=96, ccount=96, linewidth=0, antialiased=True)

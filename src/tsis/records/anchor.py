@@ -2,7 +2,7 @@
 
 Who cuts the audit short in the database, or writes all of it anew, has to change this file as well. It is written
 after the commit, so it may lag behind by what was cut short in between or found the disk full, never be ahead; the
-next that is stored brings it up to date. `tsis.records.verify` tells by how much it lags.
+next that is stored brings it up to date. `tsis.records.verify_store` tells by how much it lags.
 """
 
 from __future__ import annotations
@@ -12,30 +12,30 @@ from dataclasses import asdict
 from typing import TYPE_CHECKING
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.instrument import shown
+from tsis.instrument import printable_path
 from tsis.instrument.file_bytes import read_object
 from tsis.model import check
 from tsis.model.durable import DISK, Disk, write_durably
 from tsis.model.errors import RecordsError, TsisError
-from tsis.records.audit import FIRST, Change, Head, has_entry
+from tsis.records.audit import FIRST, AuditChange, AuditHead, has_entry
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from sqlalchemy import Connection
 
-FILE = "audit-anchor.json"
-BEFORE = Head(number=0, hash=FIRST)  # of a store that is about to be begun
+ANCHOR_FILE = "audit-anchor.json"
+BEFORE = AuditHead(number=0, hash=FIRST)  # of a store that is about to be begun
 LOST, KIND = "anchor missing", "anchor"  # action and kind of the entry that tells of a lost anchor
 
 
-def write_anchor(folder: Path, store: str, head: Head, *, disk: Disk = DISK) -> None:
+def write_anchor(folder: Path, store: str, head: AuditHead, *, disk: Disk = DISK) -> None:
     """Write the anchor of the store of that identity; OSError when it cannot be written."""
     document = {"notice": RESEARCH_USE_ONLY, "store": store, **asdict(head)}
-    write_durably(folder / FILE, (json.dumps(document, indent=1) + "\n").encode(), disk=disk, private=True)
+    write_durably(folder / ANCHOR_FILE, (json.dumps(document, indent=1) + "\n").encode(), disk=disk, private=True)
 
 
-def read_anchor(folder: Path) -> tuple[str, Head]:
+def read_anchor(folder: Path) -> tuple[str, AuditHead]:
     """Identity of the store, and the audit's last entry as it was written last.
 
     Raises
@@ -43,18 +43,20 @@ def read_anchor(folder: Path) -> tuple[str, Head]:
     RecordsError
         When there is none, or it is damaged.
     """
-    path = folder / FILE
+    path = folder / ANCHOR_FILE
     try:
         document = read_object(path)
         store, number, found = document.get("store"), document.get("number"), document.get("hash")
         for name, value in (("store", store), ("hash", found)):
-            check.kind(name, value, str)
-        return str(store), Head(number=check.whole("number", number, 0, 2**62), hash=str(found))
+            check.require_type(name, value, str)
+        return str(store), AuditHead(number=check.require_integer("number", number, 0, 2**62), hash=str(found))
     except TsisError as error:
-        raise RecordsError(f"the anchor of the audit, {shown(path)}, must be there and whole; {error}") from error
+        raise RecordsError(
+            f"the anchor of the audit, {printable_path(path)}, must be there and whole; {error}"
+        ) from error
 
 
-def anchored(connection: Connection, folder: Path) -> bool:
+def require_anchored(connection: Connection, folder: Path) -> bool:
     """Refuse to add to an audit that the anchor contradicts: the next anchor would cover up what was done to it.
 
     Returns
@@ -67,7 +69,7 @@ def anchored(connection: Connection, folder: Path) -> bool:
     RecordsError
         When the audit does not hold the entry that the anchor tells, or the anchor is damaged.
     """
-    if not (folder / FILE).exists():
+    if not (folder / ANCHOR_FILE).exists():
         return False
     try:
         head = read_anchor(folder)[1]
@@ -75,16 +77,16 @@ def anchored(connection: Connection, folder: Path) -> bool:
         raise RecordsError(f"{error} (to go on without it, of which the audit will tell, move it away)") from error
     if head != BEFORE and not has_entry(connection, head):
         raise RecordsError(
-            f"the audit must hold entry {head.number} as {shown(folder / FILE)} tells; it was cut off or "
+            f"the audit must hold entry {head.number} as {printable_path(folder / ANCHOR_FILE)} tells; it was cut off or "
             "rewritten, or the database is an older copy (tsis records verify tells more; to go on with what there "
             "is, move that file away)"
         )
     return True
 
 
-def lost_after(head: Head) -> Change:
+def lost_after(head: AuditHead) -> AuditChange:
     """What the audit is told where there is no anchor although there are entries: nobody knows what was done to them.
 
     Without it the next anchor would vouch for all of them as if nothing had been.
     """
-    return Change(action=LOST, kind=KIND, row=FILE, values={"number": head.number, "hash": head.hash})
+    return AuditChange(action=LOST, kind=KIND, row=ANCHOR_FILE, values={"number": head.number, "hash": head.hash})

@@ -26,7 +26,7 @@ FIRST = "0" * 64  # what stands before the first entry
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Change:
+class AuditChange:
     """A row as it is from now on: what was done, in which table, to which key."""
 
     action: str
@@ -36,7 +36,7 @@ class Change:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Head:
+class AuditHead:
     """Number and hash of the last entry."""
 
     number: int
@@ -48,7 +48,7 @@ def begin_audit(connection: Connection) -> None:
     connection.execute(insert(audit_head).values(id=1, number=0, hash=FIRST))
 
 
-def locked_head(connection: Connection) -> Head:
+def locked_head(connection: Connection) -> AuditHead:
     """The last entry; from here to the end of the transaction nobody else appends.
 
     Raises
@@ -62,10 +62,10 @@ def locked_head(connection: Connection) -> Head:
             "the database must say which entry of the audit is the last; that row was taken out (tsis records verify "
             "tells more; take the database from a backup)"
         )
-    return Head(number=row.number, hash=row.hash)
+    return AuditHead(number=row.number, hash=row.hash)
 
 
-def has_entry(connection: Connection, head: Head) -> bool:
+def has_entry(connection: Connection, head: AuditHead) -> bool:
     """Whether the audit holds the entry of that number with that hash."""
     found = connection.execute(select(audit.c.hash).where(audit.c.number == head.number)).scalar()
     return bool(found == head.hash)
@@ -77,7 +77,7 @@ def last_content(connection: Connection, kind: str, row: str) -> str | None:
     return connection.execute(select(audit.c.content).where(of_the_row).order_by(audit.c.number.desc())).scalar()
 
 
-def append(connection: Connection, head: Head, changes: Iterable[Change], *, actor: str) -> Head:
+def append_audit(connection: Connection, head: AuditHead, changes: Iterable[AuditChange], *, actor: str) -> AuditHead:
     """Enter changes after ``head``, which `locked_head` gave, and return the new one."""
     moment = datetime.now(UTC).isoformat()
     entries = []
@@ -93,7 +93,7 @@ def append(connection: Connection, head: Head, changes: Iterable[Change], *, act
             "previous": head.hash,
         }
         entries.append({**entry, "hash": digest(entry)})
-        head = Head(number=head.number + 1, hash=str(entries[-1]["hash"]))
+        head = AuditHead(number=head.number + 1, hash=str(entries[-1]["hash"]))
     if entries:
         connection.execute(insert(audit), entries)
         connection.execute(update(audit_head).where(audit_head.c.id == 1).values(number=head.number, hash=head.hash))

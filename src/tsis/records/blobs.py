@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from typing import TYPE_CHECKING
 
-from tsis.instrument import read_bytes, shown
+from tsis.instrument import printable_path, read_bytes
 from tsis.model.durable import DISK, Disk, write_durably
 from tsis.model.errors import FileInputError, RecordsError
 from tsis.records.canonical import SHA256
@@ -55,7 +55,7 @@ class Blobs:
                 self._write(path, content)
         except OSError as error:
             raise RecordsError(
-                f"a file of {len(content)} bytes must be written into {shown(self.folder)}; got: "
+                f"a file of {len(content)} bytes must be written into {printable_path(self.folder)}; got: "
                 f"{error.strerror or error} (what was stored before is as it was; "
                 "free some space, or have the store where it can be written)"
             ) from error
@@ -103,7 +103,7 @@ class Blobs:
             raise RecordsError(f"a stored file must {state}; {error}") from error
         if hashlib.sha256(content).hexdigest() != name:
             raise RecordsError(
-                f"{shown(path)} must be as it was stored; its content does not match its name, so it was changed or "
+                f"{printable_path(path)} must be as it was stored; its content does not match its name, so it was changed or "
                 "damaged (take it from a backup)"
             )
         return content

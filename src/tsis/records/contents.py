@@ -11,7 +11,7 @@ from tsis.instrument.naming import LARGEST_TARGET
 from tsis.model import check
 from tsis.model.errors import FileInputError, InputError, RecordsError
 from tsis.records import rows, tables
-from tsis.records.dossier import Dossier
+from tsis.records.dossier import TargetRecord
 from tsis.records.frame_file import frame_levels
 from tsis.records.lineage import in_lineage
 from tsis.records.samples import samples_of
@@ -27,14 +27,14 @@ if TYPE_CHECKING:
     from tsis.calibration import ProbeCalibration
     from tsis.records.blobs import Blobs
     from tsis.records.database import Database
-    from tsis.records.values import Press, StoredEstimate, Target
+    from tsis.records.values import StoredEstimate, StoredPress, Target
 
 MOST_AT_ONCE = 500  # names in one question to a database
 Named = TypeVar("Named")
 Whole = TypeVar("Whole")
 
 
-class Contents:
+class StoreReader:
     """Targets with their presses, calibrations and estimates, as they are stored.
 
     Parameters
@@ -60,7 +60,7 @@ class Contents:
 
     def target(self, number: int) -> Target:
         """The target that people call by this number; `InputError` when there is none."""
-        check.whole("target", number, 1, LARGEST_TARGET, hint="number of the target")
+        check.require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target")
         with self.database.reading() as connection:
             query = select(tables.targets).where(tables.targets.c.number == int(number))
             row = connection.execute(query).first()
@@ -70,7 +70,7 @@ class Contents:
             )
         return rows.target_of_row(row._asdict())
 
-    def presses(self, target: Target, *, limit: int | None = None, offset: int = 0) -> tuple[Press, ...]:
+    def presses(self, target: Target, *, limit: int | None = None, offset: int = 0) -> tuple[StoredPress, ...]:
         """Presses of a target in the order in which they were taken, ``limit`` of them after the first ``offset``."""
         with self.database.reading() as connection:
             return _presses_of(connection, target, limit, offset)
@@ -81,7 +81,7 @@ class Contents:
         with self.database.reading() as connection:
             return int(connection.execute(query).scalar_one())
 
-    def press(self, target: Target, identity: str) -> Press:
+    def press(self, target: Target, identity: str) -> StoredPress:
         """The press of that identity; `InputError` when the target has none."""
         query = press_query().where(tables.presses.c.id == identity, tables.presses.c.target == target.id)
         with self.database.reading() as connection:
@@ -90,7 +90,7 @@ class Contents:
             raise InputError(f"press must be one of target {target.number}; got {identity!r:.40}")
         return rows.press_of_row(row._asdict())
 
-    def presses_of_frames(self, frames: Sequence[str]) -> tuple[Press, ...]:
+    def presses_of_frames(self, frames: Sequence[str]) -> tuple[StoredPress, ...]:
         """Presses of any target whose frame is one of these: by it one tells what is stored already."""
         found: list[Any] = []
         with self.database.reading() as connection:
@@ -125,7 +125,7 @@ class Contents:
         file = str(found)
         return parse_calibration(self.blobs.get(file, "json"), f"calibration {cited:.12}")
 
-    def dossier(self, target: Target, *, limit: int | None = None, offset: int = 0) -> Dossier:
+    def dossier(self, target: Target, *, limit: int | None = None, offset: int = 0) -> TargetRecord:
         """All that is stored of a target, what is damaged left out and said; frames are read when asked for.
 
         Of its presses only ``limit`` after the first ``offset``, where one is given.
@@ -137,7 +137,7 @@ class Contents:
         cited = {str(each["calibration"]) for each in made}
         cited |= {each.calibration for each in presses if each.calibration is not None}
         named = _whole(lambda each: (each, self.calibration(each)), sorted(cited), damaged)
-        return Dossier(
+        return TargetRecord(
             target=target,
             presses=presses,
             estimates=in_lineage(found),
@@ -158,7 +158,9 @@ def _whole(read: Callable[[Named], Whole], names: Iterable[Named], damaged: list
     return found
 
 
-def _presses_of(connection: Connection, target: Target, limit: int | None = None, offset: int = 0) -> tuple[Press, ...]:
+def _presses_of(
+    connection: Connection, target: Target, limit: int | None = None, offset: int = 0
+) -> tuple[StoredPress, ...]:
     table = tables.presses.c
     page = select(table.id).where(table.target == target.id).order_by(table.taken, table.id)
     # Which they are tells the index alone; only their own rows are read.

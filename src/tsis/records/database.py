@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
-FILE = "records.sqlite3"
+DATABASE_FILE = "records.sqlite3"
 CURE = "copy the whole folder of the store to where it can be written, and name that"
 _ALONE = 0x74736973  # the advisory lock of those who begin or migrate a store
 
@@ -54,13 +54,13 @@ class Database:
     """
 
     def __init__(self, url: str | None, folder: Path, *, read_only: bool = False) -> None:
-        self.file = folder / FILE if url is None else None
+        self.file = folder / DATABASE_FILE if url is None else None
         self.read_only = read_only
         self._closed = False
         self._opened: SameFile | None = None
         if url is None:
             engine = reading_engine if read_only else sqlite_engine
-            self.name, self._engine = str(self.file), engine(folder / FILE)
+            self.name, self._engine = str(self.file), engine(folder / DATABASE_FILE)
         else:
             found = postgresql_url(url)
             self.name, self._engine = public_name(found), postgresql_engine(found)
@@ -82,7 +82,7 @@ class Database:
         """One state of the whole database, whatever others write meanwhile."""
         self._require_open()
         options: dict[str, Any] = {} if self.file else {"isolation_level": "REPEATABLE READ"}
-        with told(self.name), self._engine.connect() as connection:
+        with database_errors(self.name), self._engine.connect() as connection:
             yield connection.execution_options(**options)
 
     @contextmanager
@@ -94,7 +94,11 @@ class Database:
         self.require_there()
         # A server may be set to a stricter isolation, in which who waits for another's row is refused it in the end.
         options: dict[str, Any] = {IMMEDIATE: True} if self.file else {"isolation_level": "READ COMMITTED"}
-        with told(self.name), self._engine.connect() as connection, connection.execution_options(**options).begin():
+        with (
+            database_errors(self.name),
+            self._engine.connect() as connection,
+            connection.execution_options(**options).begin(),
+        ):
             yield connection
             self.require_there()  # what is committed to a file that is gone is lost, whatever SQLite says
 
@@ -176,7 +180,7 @@ def _require_lasting(connection: Connection, name: str) -> None:
 
 
 @contextmanager
-def told(name: str) -> Iterator[None]:
+def database_errors(name: str) -> Iterator[None]:
     """Turn what a database says into one sentence."""
     try:
         yield

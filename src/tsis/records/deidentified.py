@@ -20,15 +20,15 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from tsis.calibration import ProbeCalibration
-    from tsis.records.dossier import Dossier
-    from tsis.records.values import Press, StoredEstimate
+    from tsis.records.dossier import TargetRecord
+    from tsis.records.values import StoredEstimate, StoredPress
 
 CAMERA = "a camera"
 DAMAGED = "a stored file is not as it was stored (tsis records verify says which)"  # whose path may tell a name
 CAMERA_SOURCES = ("virtual", "virtual loading machine")  # of frames that this program simulated
 
 
-def deidentified(dossier: Dossier) -> Dossier:
+def deidentified(dossier: TargetRecord) -> TargetRecord:
     """The same without what may identify.
 
     Target, presses and estimates have other identities, which follow from the secret of the store; that of the target
@@ -52,7 +52,7 @@ def deidentified(dossier: Dossier) -> Dossier:
     )
 
 
-def from_camera(press: Press) -> bool:
+def from_camera(press: StoredPress) -> bool:
     """Whether a frame is known to come from a camera, which writes nothing into its pixels, and not from a file.
 
     A file of an image tells its format; what came from a camera tells of which one, or that it was simulated.
@@ -61,7 +61,7 @@ def from_camera(press: Press) -> bool:
     return (bool(settings.get("camera")) and "format" not in settings) or settings.get("source") in CAMERA_SOURCES
 
 
-def _probes_named(dossier: Dossier) -> Iterable[str]:
+def _probes_named(dossier: TargetRecord) -> Iterable[str]:
     yield from (press.probe for press in dossier.presses)
     yield from (stored.probe for stored in dossier.estimates)
     for _, known in sorted(dossier.calibrations.items()):
@@ -78,7 +78,7 @@ def _neutral_probes(names: Iterable[str]) -> dict[str, str]:
     return {name: name for name in known} | (numbered if len(others) > 1 else dict.fromkeys(others, "other probe"))
 
 
-def _press(dossier: Dossier, press: Press, probes: Mapping[str, str], target: str) -> Press:
+def _press(dossier: TargetRecord, press: StoredPress, probes: Mapping[str, str], target: str) -> StoredPress:
     return replace(
         press,
         probe=probes[press.probe],
@@ -92,7 +92,7 @@ def _press(dossier: Dossier, press: Press, probes: Mapping[str, str], target: st
 
 
 def _stored(
-    dossier: Dossier,
+    dossier: TargetRecord,
     stored: StoredEstimate,
     probes: Mapping[str, str],
     numbers: Mapping[str, int],
@@ -124,6 +124,6 @@ def _calibration(known: ProbeCalibration, name: str, probes: Mapping[str, str]) 
     )
 
 
-def _hidden(dossier: Dossier, what: str, identity: str) -> str:
+def _hidden(dossier: TargetRecord, what: str, identity: str) -> str:
     """Empty stays empty: what was never stored has no identity."""
     return hidden(dossier, what, identity) if identity else ""

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.hardness.flag_meanings import FLAGS as HARDNESS_FLAGS
 from tsis.inclusion.flag_meanings import FLAGS as INCLUSION_FLAGS
-from tsis.model.estimate import INTERVAL
+from tsis.model.estimate import INTERVAL_LEVEL
 from tsis.model.quantities import UNITS
 from tsis.records.canonical import SHA256
 from tsis.records.environment import LIBRARIES
@@ -74,9 +74,9 @@ def _other(number: int, name: str) -> str:
 def _identifiability(estimate: Estimate) -> str:
     """What the numbers tell of each parameter."""
     said = []
-    for name, (low, high) in estimate.interval(INTERVAL).items():
+    for name, (low, high) in estimate.interval(INTERVAL_LEVEL).items():
         words, unit = PARAMETERS.get(name, (name.replace("_", " "), ""))
-        held = f"between {low:.3g} and {high:.3g} {unit}".rstrip() + f" with a probability of {INTERVAL:.0%}"
+        held = f"between {low:.3g} and {high:.3g} {unit}".rstrip() + f" with a probability of {INTERVAL_LEVEL:.0%}"
         said.append(f"the {words} lies {held}" if estimate.identified(name) else f"the {words} is not identified")
     sentence = "; ".join(said) + "."
     return sentence[:1].upper() + sentence[1:]

@@ -20,17 +20,17 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.calibration import ProbeCalibration
-    from tsis.records.values import Press, StoredEstimate, Target
+    from tsis.records.values import StoredEstimate, StoredPress, Target
 
 
-def last_of_each_kind(estimates: Iterable[StoredEstimate]) -> tuple[StoredEstimate, ...]:
+def current_estimates(estimates: Iterable[StoredEstimate]) -> tuple[StoredEstimate, ...]:
     """The estimates in force among those of a target, which are in the order in which they were made."""
     last = {stored.kind: stored for stored in estimates}
     return tuple(last[kind] for kind in ESTIMATES if kind in last)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Dossier:
+class TargetRecord:
     """A target with its presses, estimates and calibrations.
 
     Parameters
@@ -54,7 +54,7 @@ class Dossier:
     """
 
     target: Target
-    presses: tuple[Press, ...]
+    presses: tuple[StoredPress, ...]
     read: Callable[[str], NDArray[Any]]
     estimates: tuple[StoredEstimate, ...] = ()
     calibrations: Mapping[str, ProbeCalibration] = field(default_factory=dict)
@@ -72,18 +72,18 @@ class Dossier:
     @property
     def in_force(self) -> tuple[StoredEstimate, ...]:
         """The estimates in force: the last of each kind, in the order of `tsis.records.values.ESTIMATES`."""
-        return last_of_each_kind(self.estimates)
+        return current_estimates(self.estimates)
 
     def require_whole(self) -> None:
         """Refuse, with `RecordsError`, to go on without what is damaged."""
         if self.damaged:
             raise RecordsError(self.damaged[0])
 
-    def press(self, identity: str) -> Press:
+    def press(self, identity: str) -> StoredPress:
         """The press of that identity; KeyError where there is none."""
         return {each.id: each for each in self.presses}[identity]
 
-    def levels(self, press: Press) -> NDArray[Any]:
+    def levels(self, press: StoredPress) -> NDArray[Any]:
         """Grey levels as the camera gave them, shape (rows, columns), uint8 or uint16.
 
         Raises
@@ -99,7 +99,7 @@ class Dossier:
             )
         return found
 
-    def image(self, press: Press) -> TactileImage:
+    def image(self, press: StoredPress) -> TactileImage:
         """The frame as an image that estimates take."""
         return TactileImage(
             grey=self.levels(press).astype(np.float64),

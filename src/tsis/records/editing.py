@@ -9,7 +9,7 @@ from tsis.model import check
 from tsis.model.errors import InputError
 from tsis.records import rows, tables
 from tsis.records.contents import press_query
-from tsis.records.row_changes import updated
+from tsis.records.row_changes import update_row
 from tsis.records.values import entered
 
 if TYPE_CHECKING:
@@ -17,29 +17,31 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection
 
-    from tsis.records.audit import Change
-    from tsis.records.values import Press, Target
+    from tsis.records.audit import AuditChange
+    from tsis.records.values import StoredPress, Target
 
 EDITABLE = {"target": ("name", "note", "truth"), "press": ("role", "force_n", "flags", "note")}
 
 
-def target_edit(target: Target, changes: Mapping[str, Any]) -> Callable[[Connection], tuple[Target, list[Change]]]:
+def target_edit(target: Target, changes: Mapping[str, Any]) -> Callable[[Connection], tuple[Target, list[AuditChange]]]:
     """What enters changes of a target; `InputError` when a value is not accepted, or may not be changed."""
     changed = _columns(rows.target_row(entered(_edited(target, "target", changes), changes)), changes)
 
-    def enter(connection: Connection) -> tuple[Target, list[Change]]:
-        change = updated(connection, tables.targets, target, changed)
+    def enter(connection: Connection) -> tuple[Target, list[AuditChange]]:
+        change = update_row(connection, tables.targets, target, changed)
         return rows.target_of_row(change.values), [change]
 
     return enter
 
 
-def press_edit(press: Press, changes: Mapping[str, Any]) -> Callable[[Connection], tuple[Press, list[Change]]]:
+def press_edit(
+    press: StoredPress, changes: Mapping[str, Any]
+) -> Callable[[Connection], tuple[StoredPress, list[AuditChange]]]:
     """What enters changes of a press; errors as `target_edit`."""
     changed = _columns(rows.press_row(_edited(press, "press", changes)), changes)
 
-    def enter(connection: Connection) -> tuple[Press, list[Change]]:
-        change = updated(connection, tables.presses, press, changed)
+    def enter(connection: Connection) -> tuple[StoredPress, list[AuditChange]]:
+        change = update_row(connection, tables.presses, press, changed)
         found = connection.execute(press_query().where(tables.presses.c.id == press.id)).one()
         return rows.press_of_row(found._asdict()), [change]
 
@@ -50,7 +52,7 @@ def _edited(record: Any, kind: str, changes: Mapping[str, Any]) -> Any:
     if not changes:
         raise InputError(f"an edit of a {kind} must change something; got nothing (name {', '.join(EDITABLE[kind])})")
     for name in changes:
-        check.known(f"field of a {kind} that may be changed", name, EDITABLE[kind])
+        check.require_one_of(f"field of a {kind} that may be changed", name, EDITABLE[kind])
     return replace(record, **changes, version=record.version + 1)
 
 

@@ -10,7 +10,7 @@ from sqlalchemy import URL, create_engine, event, make_url
 from sqlalchemy.exc import ArgumentError, NoSuchModuleError
 
 from tsis.model.errors import RecordsError
-from tsis.model.extra import library
+from tsis.model.extra import import_extra
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -100,7 +100,7 @@ def postgresql_engine(url: URL) -> Engine:
     RecordsError
         When the driver does not understand the URL.
     """
-    library("psycopg", feature="a store of records in PostgreSQL", extra="postgres")
+    import_extra("psycopg", feature="a store of records in PostgreSQL", extra="postgres")
     settings = {"connect_timeout": CONNECT_S, "client_encoding": "utf8", **_LOOK_ALIVE}
     try:
         engine = create_engine(url, pool_pre_ping=True, connect_args=settings)

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import tsis.hardness
 import tsis.inclusion
-from tsis.calibration.applied import applied
+from tsis.calibration.applied import apply_calibration
 from tsis.hardness import HardnessPrior
 from tsis.inclusion import InclusionPrior
-from tsis.mechanics import build_covered_surrogate
+from tsis.mechanics import build_full_contact_surrogate
 from tsis.model import load_probe
 from tsis.model.errors import RecordsError
 from tsis.records.values import ESTIMATES
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from tsis.model import Estimate
-    from tsis.records.dossier import Dossier
-    from tsis.records.values import Press
+    from tsis.records.dossier import TargetRecord
+    from tsis.records.values import StoredPress
 
 REFERENCES = {"inclusion": "plain", "hardness": "ball"}  # role of the presses that are given as reference
 PRIORS: Mapping[str, type[InclusionPrior | HardnessPrior]] = {"inclusion": InclusionPrior, "hardness": HardnessPrior}
@@ -32,7 +32,7 @@ OPTIONS = {  # beside the prior
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Request:
+class EstimationRequest:
     """What is to be estimated from presses of a dossier.
 
     Parameters
@@ -51,7 +51,7 @@ class Request:
 
     kind: str
     probe: str
-    presses: tuple[Press, ...]
+    presses: tuple[StoredPress, ...]
     calibration: str
     options: Mapping[str, Any] = field(default_factory=dict)
 
@@ -60,7 +60,7 @@ class Request:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Answer:
+class EstimationResult:
     """An estimate, the options as this release takes them, and what it could not take over."""
 
     estimate: Estimate
@@ -68,7 +68,9 @@ class Answer:
     notes: tuple[str, ...] = ()
 
 
-def estimate_stored(dossier: Dossier, wanted: Request, *, progress: Callable[[int, int], None] | None = None) -> Answer:
+def estimate_stored(
+    dossier: TargetRecord, wanted: EstimationRequest, *, progress: Callable[[int, int], None] | None = None
+) -> EstimationResult:
     """Estimate from the frames as they are stored, with the calibration as it is stored.
 
     Parameters
@@ -94,23 +96,23 @@ def estimate_stored(dossier: Dossier, wanted: Request, *, progress: Callable[[in
     others = [dossier.image(press) for press in wanted.presses if press.role == REFERENCES[wanted.kind]]
     if not images:
         raise RecordsError("an estimate must rest on at least one press on the target; of these presses none is one")
-    ready, response = applied(known, images, identity=wanted.calibration)
-    reference, other = applied(known, others, identity=wanted.calibration)
-    probe, (options, notes) = load_probe(wanted.probe), taken_over(wanted.kind, wanted.options)
+    ready, response = apply_calibration(known, images, identity=wanted.calibration)
+    reference, other = apply_calibration(known, others, identity=wanted.calibration)
+    probe, (options, notes) = load_probe(wanted.probe), migrate_options(wanted.kind, wanted.options)
     call = dict(options) | ({"prior": _prior(wanted.kind, options["prior"])} if "prior" in options else {})
     if wanted.kind == ESTIMATES[0]:
         if progress is not None:
-            build_covered_surrogate(probe, call.get("prior", InclusionPrior()).box(), progress=progress)
+            build_full_contact_surrogate(probe, call.get("prior", InclusionPrior()).box(), progress=progress)
         response = max(response, other, key=lambda each: each.force_sd)
         found = tsis.inclusion.estimate(ready, probe=probe, calibration=response, reference=reference, **call)
     else:
         found = tsis.hardness.estimate(
             ready, probe=probe, calibration=response, reference=reference, progress=progress, **call
         )
-    return Answer(estimate=found, options=options, notes=notes)
+    return EstimationResult(estimate=found, options=options, notes=notes)
 
 
-def taken_over(kind: str, options: Mapping[str, Any]) -> tuple[dict[str, Any], tuple[str, ...]]:
+def migrate_options(kind: str, options: Mapping[str, Any]) -> tuple[dict[str, Any], tuple[str, ...]]:
     """Options of a stored estimate as this release takes them, and a sentence for each that is gone or new."""
     notes = [f"the option {name!r} is unknown to this release and was left out" for name in options]
     notes = [note for name, note in zip(options, notes, strict=True) if name not in ("prior", *OPTIONS[kind])]
@@ -132,11 +134,11 @@ def taken_over(kind: str, options: Mapping[str, Any]) -> tuple[dict[str, Any], t
 
 def require_options(kind: str, options: Mapping[str, Any]) -> None:
     """Refuse options that no estimate of that kind takes; `InputError` says why."""
-    taken, _ = taken_over(kind, options)
+    taken, _ = migrate_options(kind, options)
     if "prior" in taken:
         _prior(kind, taken["prior"])
 
 
 def _prior(kind: str, given: Mapping[str, Any]) -> Any:
-    made: Any = PRIORS[kind]  # the fields of either were looked through by `taken_over`
+    made: Any = PRIORS[kind]  # the fields of either were looked through by `migrate_options`
     return made(**{name: tuple(value) if isinstance(value, list) else value for name, value in given.items()})

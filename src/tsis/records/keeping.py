@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from tsis.calibration import ProbeCalibration
     from tsis.model import Estimate, TactileImage
     from tsis.records.store import Store
-    from tsis.records.values import Press, Target
+    from tsis.records.values import StoredPress, Target
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Keepable:
+class SavableResult:
     """An estimate with all that it rests on, ready to be kept.
 
     Attributes
@@ -48,7 +48,7 @@ class Keepable:
     truth: Mapping[str, float] = field(default_factory=dict)
 
 
-def require_keepable(frames: Sequence[TactileImage]) -> None:
+def require_savable(frames: Sequence[TactileImage]) -> None:
     """Refuse frames of which a store could not keep name and every level, before anything is computed."""
     for frame in frames:
         if len(frame.name) > LONGEST_NAME:
@@ -65,7 +65,7 @@ def require_keepable(frames: Sequence[TactileImage]) -> None:
             ) from error
 
 
-def keep(store: Store, keepable: Keepable, *, number: int | None = None) -> dict[str, Any]:
+def save_results(store: Store, keepable: SavableResult, *, number: int | None = None) -> dict[str, Any]:
     """Store presses, calibration and estimate; what a result says of it.
 
     Parameters
@@ -84,7 +84,7 @@ def keep(store: Store, keepable: Keepable, *, number: int | None = None) -> dict
     """
     frames = [(role, frame) for role, each in keepable.frames.items() for frame in each]
     truth = keepable.truth if store.kind == "phantom" else {}
-    presses: list[Press] = []
+    presses: list[StoredPress] = []
     target: Target | None = None
     try:
         target = None if number is None else numbered(store, number)
@@ -118,6 +118,6 @@ def keep(store: Store, keepable: Keepable, *, number: int | None = None) -> dict
     }
 
 
-def kept_notes(kept: Mapping[str, Any]) -> tuple[str, ...]:
+def saved_notes(kept: Mapping[str, Any]) -> tuple[str, ...]:
     """What to tell people."""
     return (f"Kept as target {kept['target']} in {kept['store']}.", *kept["notes"])

@@ -14,16 +14,16 @@ from pathlib import Path
 import platformdirs
 from sqlalchemy import insert, select
 
-from tsis.instrument import shown
+from tsis.instrument import printable_path
 from tsis.instrument.file_bytes import as_path, one_line
 from tsis.model import check
 from tsis.model.durable import DISK, PRIVATE_FILE, PRIVATE_FOLDER, Disk, make_folder_durably, remove_unfinished
 from tsis.model.errors import RecordsError, RecordsWarning
 from tsis.records import rows, tables
+from tsis.records.anchor import ANCHOR_FILE as ANCHOR
 from tsis.records.anchor import BEFORE, read_anchor, write_anchor
-from tsis.records.anchor import FILE as ANCHOR
-from tsis.records.audit import Change, Head, append, begin_audit, locked_head
-from tsis.records.database import FILE, Database
+from tsis.records.audit import AuditChange, AuditHead, append_audit, begin_audit, locked_head
+from tsis.records.database import DATABASE_FILE, Database
 from tsis.records.secret import TERM, new_secret
 from tsis.records.store import FILES, Store
 from tsis.records.values import KINDS, require_label
@@ -39,7 +39,7 @@ def default_folder(kind: str) -> Path:
     UnknownNameError
         When the kind is neither ``"phantom"`` nor ``"subject"``.
     """
-    check.known("kind of store", kind, KINDS)
+    check.require_one_of("kind of store", kind, KINDS)
     return Path(os.environ.get("TSIS_RECORDS_DIR") or Path(platformdirs.user_data_dir("tsis")) / "records") / f"{kind}s"
 
 
@@ -78,13 +78,15 @@ def open_store(
     InputError
         When the actor cannot be shown in a line.
     """
-    check.known("kind of store", kind, KINDS)
+    check.require_one_of("kind of store", kind, KINDS)
     actor = _user() if actor is None else actor
     require_label("actor", actor)
     place = default_folder(kind) if folder is None else as_path(folder)
-    if not create and (not place.is_dir() if database else not (place / FILE).is_file()):
-        raise RecordsError(f"{shown(place)} must be a store of records; there is none (tsis records import makes one)")
-    read_only = only_readable(place) and (database is not None or (place / FILE).is_file())
+    if not create and (not place.is_dir() if database else not (place / DATABASE_FILE).is_file()):
+        raise RecordsError(
+            f"{printable_path(place)} must be a store of records; there is none (tsis records import makes one)"
+        )
+    read_only = only_readable(place) and (database is not None or (place / DATABASE_FILE).is_file())
     if not read_only:
         _make(place, disk, own_database=database is None)
     rows_of = Database(database, place, read_only=read_only)
@@ -106,7 +108,7 @@ def open_store(
 def only_readable(place: Path) -> bool:
     """Whether a folder is there and nothing can be written into it, as on a backup medium or in somebody else's."""
     try:
-        return any(each.exists() and not os.access(each, os.W_OK) for each in (place, place / FILE))
+        return any(each.exists() and not os.access(each, os.W_OK) for each in (place, place / DATABASE_FILE))
     except (OSError, ValueError):  # a name that no folder can have
         return False
 
@@ -116,10 +118,10 @@ def _make(place: Path, disk: Disk, *, own_database: bool) -> None:
     try:
         make_folder_durably(place / FILES, disk=disk, private=True)
         if own_database:  # SQLite would let everyone read the file; its log takes over the mode
-            os.close(os.open(place / FILE, os.O_RDWR | os.O_CREAT, PRIVATE_FILE))
+            os.close(os.open(place / DATABASE_FILE, os.O_RDWR | os.O_CREAT, PRIVATE_FILE))
     except (OSError, ValueError) as error:  # ValueError: a NUL character in its name
         raise RecordsError(
-            f"{shown(place)} must be a folder that can be made; got: {one_line(error)} (choose another)"
+            f"{printable_path(place)} must be a folder that can be made; got: {one_line(error)} (choose another)"
         ) from error
     for folder in (place, place / FILES):
         remove_unfinished(folder, age_s=ABANDONED_S)
@@ -129,7 +131,7 @@ def _warn_of_open_modes(place: Path) -> None:
     """Warn, once a program, where other users of this machine may read a store that an older release made."""
     if os.name == "posix" and all(map(_open_to_others, (place, place / FILES))):
         warnings.warn(
-            f"other users of this machine can read the records in {shown(place)} "
+            f"other users of this machine can read the records in {printable_path(place)} "
             f"(this closes the folder: chmod -R go= {shlex.quote(str(place))})",
             RecordsWarning,
             stacklevel=1,
@@ -155,7 +157,7 @@ def _require_begun(database: Database) -> None:
 def _require_kind(place: Path, wanted: str, kind: str) -> None:
     if kind != wanted:
         raise RecordsError(
-            f"{shown(place)} must be a store of {wanted}s; it is one of {kind}s, which are kept apart "
+            f"{printable_path(place)} must be a store of {wanted}s; it is one of {kind}s, which are kept apart "
             f"(name it with --kind {kind})"
         )
 
@@ -176,7 +178,7 @@ def _require_own_place(database: Database, place: Path, identity: str) -> None:
         anchored = "none"
     if anchored != identity:
         raise RecordsError(
-            f"{shown(place)} must be the folder of the store {identity[:12]}; it is that of {anchored[:12]!r} "
+            f"{printable_path(place)} must be the folder of the store {identity[:12]}; it is that of {anchored[:12]!r} "
             "(name the folder and the database that belong together)"
         )
 
@@ -207,8 +209,8 @@ def _begun(database: Database, place: Path, kind: str, actor: str, disk: Disk) -
             begin_audit(connection)
             entered = [{"name": name, "value": value} for name, value in terms.items()]
             connection.execute(insert(tables.store), entered)
-            changes = [Change(action="add", kind="store", row=row["name"], values=row) for row in entered]
-            head = append(connection, locked_head(connection), changes, actor=actor)
+            changes = [AuditChange(action="add", kind="store", row=row["name"], values=row) for row in entered]
+            head = append_audit(connection, locked_head(connection), changes, actor=actor)
             _anchor(place, terms["identity"], BEFORE, disk)  # so that a store without one was tampered with
     if head is None:
         return _terms(database)
@@ -222,13 +224,15 @@ def _require_no_other(database: Database, place: Path) -> None:
         identity, anchored = read_anchor(place)
         if anchored != BEFORE:  # else a first beginning was cut short
             raise RecordsError(
-                f"{shown(place)} must have its database; {database.name} is empty, and the anchor tells of "
+                f"{printable_path(place)} must have its database; {database.name} is empty, and the anchor tells of "
                 f"{anchored.number} entries of the store {identity[:12]!r} (take the database from a backup)"
             )
 
 
-def _anchor(place: Path, identity: str, head: Head, disk: Disk) -> None:
+def _anchor(place: Path, identity: str, head: AuditHead, disk: Disk) -> None:
     try:
         write_anchor(place, identity, head, disk=disk)
     except OSError as error:
-        raise RecordsError(f"{shown(place)} must be a folder that can be written; got: {one_line(error)}") from error
+        raise RecordsError(
+            f"{printable_path(place)} must be a folder that can be written; got: {one_line(error)}"
+        ) from error

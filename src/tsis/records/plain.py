@@ -26,7 +26,7 @@ from tsis.records.plain_fields import (
     whole,
 )
 from tsis.records.plain_free import free_of_plain, free_to_plain
-from tsis.records.values import Press, StoredEstimate, Target
+from tsis.records.values import StoredEstimate, StoredPress, Target
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -78,7 +78,7 @@ def target_of_plain(plain: Any, where: str = "target") -> Target:
     )
 
 
-def press_to_plain(press: Press) -> dict[str, Any]:
+def press_to_plain(press: StoredPress) -> dict[str, Any]:
     """What JSON can hold of a press.
 
     Raises
@@ -108,7 +108,7 @@ def press_to_plain(press: Press) -> dict[str, Any]:
     }
 
 
-def press_of_plain(plain: Any, where: str = "press") -> Press:
+def press_of_plain(plain: Any, where: str = "press") -> StoredPress:
     """The press that `press_to_plain` made ``plain`` of; ``where`` names it in errors.
 
     Raises
@@ -116,8 +116,8 @@ def press_of_plain(plain: Any, where: str = "press") -> Press:
     InputError
         When it is no press.
     """
-    found = require_fields(Press, plain, where)
-    return Press(
+    found = require_fields(StoredPress, plain, where)
+    return StoredPress(
         role=text(found, "role", where),
         taken=moment(found, "taken", where),
         frame=text(found, "frame", where),

@@ -8,27 +8,27 @@ from typing import TYPE_CHECKING
 from tsis.records.secret import derived
 
 if TYPE_CHECKING:
-    from tsis.records.dossier import Dossier
+    from tsis.records.dossier import TargetRecord
     from tsis.records.values import Target
 
 DIGITS = 12
 
 
-def pseudonym(dossier: Dossier) -> str:
+def pseudonym(dossier: TargetRecord) -> str:
     """The same for a target of a store for ever; without the store's secret nobody gets from it to the target.
 
     Examples
     --------
     >>> from datetime import UTC, datetime
-    >>> from tsis.records import Dossier, Target
+    >>> from tsis.records import TargetRecord, Target
     >>> target = Target(number=3, kind="subject", made=datetime(2026, 11, 22, tzinfo=UTC), id="a")
-    >>> pseudonym(Dossier(target=target, presses=(), read={}.__getitem__, secret="5a" * 32))
+    >>> pseudonym(TargetRecord(target=target, presses=(), read={}.__getitem__, secret="5a" * 32))
     'TSIS-077785083242'
     """
     return "TSIS-" + hidden(dossier, "pseudonym", dossier.target.id)[:DIGITS].upper()
 
 
-def hidden(dossier: Dossier, what: str, identity: str) -> str:
+def hidden(dossier: TargetRecord, what: str, identity: str) -> str:
     """What stands for an identity in a de-identified export: as lasting, and as hidden, as the pseudonym."""
     return derived(dossier.secret, what, identity)[:32]
 

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.model.errors import CalibrationError, RecordsError
-from tsis.model.estimate import INTERVAL
+from tsis.model.estimate import INTERVAL_LEVEL
 from tsis.records.environment import environment
-from tsis.records.estimation import Request, estimate_stored
+from tsis.records.estimation import EstimationRequest, estimate_stored
 from tsis.records.plain import estimate_to_plain
 from tsis.records.provenance import changes, sentence
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     from tsis.calibration import ProbeCalibration
     from tsis.model import Estimate
-    from tsis.records.dossier import Dossier
+    from tsis.records.dossier import TargetRecord
     from tsis.records.store import Store
     from tsis.records.values import StoredEstimate, Target
 
@@ -135,7 +135,7 @@ def recompute(
 
 def _recomputed(
     store: Store,
-    dossier: Dossier,
+    dossier: TargetRecord,
     before: StoredEstimate,
     *,
     dry_run: bool,
@@ -147,7 +147,7 @@ def _recomputed(
     presses = tuple(by_identity[identity] for identity in before.presses)
     answer = estimate_stored(
         dossier,
-        Request(
+        EstimationRequest(
             kind=before.kind,
             probe=before.probe,
             presses=presses,
@@ -204,7 +204,7 @@ def _same(before: StoredEstimate, after: StoredEstimate) -> bool:
 
 def _shifts(before: Estimate, after: Estimate) -> tuple[Shift, ...]:
     sd = before.sd
-    was, now = before.interval(INTERVAL), after.interval(INTERVAL)
+    was, now = before.interval(INTERVAL_LEVEL), after.interval(INTERVAL_LEVEL)
     means = before.mean, after.mean
     return tuple(
         Shift(

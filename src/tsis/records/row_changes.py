@@ -8,7 +8,7 @@ from sqlalchemy import insert, select, update
 
 from tsis.model.errors import RecordsError, StaleRecordError
 from tsis.records import tables
-from tsis.records.audit import Change, last_content
+from tsis.records.audit import AuditChange, last_content
 from tsis.records.canonical import digest_of_any
 
 if TYPE_CHECKING:
@@ -17,20 +17,20 @@ if TYPE_CHECKING:
     from tsis.records.rows import Row
 
 
-def inserted(connection: Connection, table: Table, row: Row, *, action: str = "add") -> Change:
+def insert_row(connection: Connection, table: Table, row: Row, *, action: str = "add") -> AuditChange:
     """Enter a row."""
     connection.execute(insert(table).values(row))
-    return Change(action=action, kind=table.name, row=row["id"], values=row)
+    return AuditChange(action=action, kind=table.name, row=row["id"], values=row)
 
 
-def inserted_once(connection: Connection, table: Table, row: Row | None, *, action: str = "add") -> list[Change]:
+def insert_row_once(connection: Connection, table: Table, row: Row | None, *, action: str = "add") -> list[AuditChange]:
     """Enter what many records share, where it is not there yet."""
     if row is None or connection.execute(select(table.c.id).where(table.c.id == row["id"])).first() is not None:
         return []
-    return [inserted(connection, table, row, action=action)]
+    return [insert_row(connection, table, row, action=action)]
 
 
-def updated(connection: Connection, table: Table, before: Any, changed: Row) -> Change:
+def update_row(connection: Connection, table: Table, before: Any, changed: Row) -> AuditChange:
     """Change columns of the row of the record ``before``.
 
     Raises
@@ -55,10 +55,10 @@ def updated(connection: Connection, table: Table, before: Any, changed: Row) -> 
         )
     connection.execute(update(table).where(table.c.id == before.id).values(changed))
     row = connection.execute(select(table).where(table.c.id == before.id)).one()._asdict()
-    return Change(action="edit", kind=table.name, row=before.id, values=row)
+    return AuditChange(action="edit", kind=table.name, row=before.id, values=row)
 
 
-def required(connection: Connection, table: Table, wanted: str, what: str, **of: str) -> None:
+def require_row(connection: Connection, table: Table, wanted: str, what: str, **of: str) -> None:
     """Refuse, with `RecordsError`, to name a row that is not there, or not ``of`` the values given."""
     query = select(table.c.id).where(table.c.id == wanted)
     for name, value in of.items():

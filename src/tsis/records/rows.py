@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from tsis.calibration.file import identity
+from tsis.calibration.file import calibration_sha256
 from tsis.model.errors import InputError, RecordsError
 from tsis.records.canonical import canonical, parsed
 from tsis.records.plain import (
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.calibration import ProbeCalibration
-    from tsis.records.values import Press, StoredEstimate, Target
+    from tsis.records.values import StoredEstimate, StoredPress, Target
 
 Row = dict[str, Any]
 Believed = TypeVar("Believed")
@@ -46,7 +46,7 @@ def target_of_row(row: Mapping[str, Any]) -> Target:
     return _believed(lambda: target_of_plain(dict(row) | {"truth": parsed(row["truth"], "truth")}), "target", row)
 
 
-def press_row(press: Press) -> Row:
+def press_row(press: StoredPress) -> Row:
     """Row of a press; the size of its frame stands in that of the frame."""
     plain = press_to_plain(press)
     scale, axis = plain.pop("mm_per_pixel") or (None, None), plain.pop("axis_px")
@@ -66,10 +66,10 @@ def press_row(press: Press) -> Row:
     }
 
 
-def press_of_row(row: Mapping[str, Any]) -> Press:
+def press_of_row(row: Mapping[str, Any]) -> StoredPress:
     """The press of a row joined with the size of its frame; `RecordsError` when it holds what is none."""
 
-    def press() -> Press:
+    def press() -> StoredPress:
         plain = dict(row)
         scale = [plain.pop("mm_per_pixel_x"), plain.pop("mm_per_pixel_y")]
         plain["mm_per_pixel"] = None if None in scale else scale
@@ -104,7 +104,7 @@ def estimate_of_row(row: Mapping[str, Any], samples: Mapping[str, NDArray[np.flo
 def calibration_row(known: ProbeCalibration, file: str) -> Row:
     """Row of a calibration that is the stored file of that name."""
     made = "" if known.made is None else moment(known.made)
-    return {"id": identity(known), "file": file, "name": known.name, "probe": known.probe, "made": made}
+    return {"id": calibration_sha256(known), "file": file, "name": known.name, "probe": known.probe, "made": made}
 
 
 def _believed(build: Callable[[], Believed], what: str, row: Mapping[str, Any]) -> Believed:

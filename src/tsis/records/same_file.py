@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tsis.instrument import shown
+from tsis.instrument import printable_path
 from tsis.model.errors import RecordsError
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ class SameFile:
         """Refuse, with `RecordsError`, to write into a file that is gone: nobody would ever find it again."""
         if self.moved():
             raise RecordsError(
-                f"the store in {shown(self.file.parent)} was moved or replaced since it was opened; nothing was "
+                f"the store in {printable_path(self.file.parent)} was moved or replaced since it was opened; nothing was "
                 "stored (put it back, or start anew)"
             )
 

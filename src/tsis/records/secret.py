@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from sqlalchemy import insert, select
 
 from tsis.model.errors import RecordsError
-from tsis.records.audit import Change
+from tsis.records.audit import AuditChange
 from tsis.records.tables import audit, store
 
 if TYPE_CHECKING:
@@ -51,11 +51,11 @@ def read_secret(connection: Connection) -> str | None:
     )
 
 
-def entered_secret(connection: Connection) -> tuple[str, list[Change]]:
+def entered_secret(connection: Connection) -> tuple[str, list[AuditChange]]:
     """Give a secret to a store that has none, with what the audit is told of it."""
     known = read_secret(connection)
     if known is not None:  # another program was faster
         return known, []
     row = {"name": TERM, "value": new_secret()}
     connection.execute(insert(store).values(row))
-    return row["value"], [Change(action="add", kind=store.name, row=TERM, values=row)]
+    return row["value"], [AuditChange(action="add", kind=store.name, row=TERM, values=row)]

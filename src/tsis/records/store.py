@@ -14,24 +14,24 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from tsis.calibration import ProbeCalibration
-from tsis.calibration.file import calibration_bytes, identity
+from tsis.calibration.file import calibration_bytes, calibration_sha256
 from tsis.model import TactileImage, check
 from tsis.model.durable import DISK, Disk
 from tsis.model.errors import InputError
 from tsis.records import rows, tables
-from tsis.records.anchor import BEFORE, anchored, lost_after, write_anchor
-from tsis.records.audit import Change, append, locked_head
+from tsis.records.anchor import BEFORE, lost_after, require_anchored, write_anchor
+from tsis.records.audit import AuditChange, append_audit, locked_head
 from tsis.records.blobs import Blobs
-from tsis.records.contents import Contents
+from tsis.records.contents import StoreReader
 from tsis.records.editing import press_edit, target_edit
 from tsis.records.frame_file import frame_bytes
 from tsis.records.plain import press_of_plain, press_to_plain
-from tsis.records.row_changes import inserted, inserted_once, required
+from tsis.records.row_changes import insert_row, insert_row_once, require_row
 from tsis.records.samples import samples_bytes
 from tsis.records.secret import derived, entered_secret, read_secret
-from tsis.records.taking_in import Arrival, TakenIn, held_frames, require_kind
+from tsis.records.taking_in import ImportedTarget, TargetImport, held_frames, require_kind
 from tsis.records.target_numbers import is_taken, next_number
-from tsis.records.values import Press, StoredEstimate, Target, entered, require_label, require_moment
+from tsis.records.values import StoredEstimate, StoredPress, Target, entered, require_label, require_moment
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -41,13 +41,13 @@ if TYPE_CHECKING:
 
     from tsis.model import Estimate
     from tsis.records.database import Database
-    from tsis.records.dossier import Dossier
+    from tsis.records.dossier import TargetRecord
 
 FILES = "files"
 Kept = TypeVar("Kept")
 
 
-class Store(Contents):
+class Store(StoreReader):
     """Targets with their presses, calibrations and estimates; made by `tsis.records.open_store`.
 
     Parameters
@@ -84,7 +84,7 @@ class Store(Contents):
 
     # What is stored
 
-    def dossier(self, target: Target, *, limit: int | None = None, offset: int = 0) -> Dossier:
+    def dossier(self, target: Target, *, limit: int | None = None, offset: int = 0) -> TargetRecord:
         """All that is stored of a target; a store that was begun without a secret gets it here, once."""
         with self.database.reading() as connection:
             secret = read_secret(connection)
@@ -114,11 +114,11 @@ class Store(Contents):
             id=uuid.uuid4().hex,
         )
 
-        def enter(connection: Connection) -> tuple[Target, list[Change]]:
+        def enter(connection: Connection) -> tuple[Target, list[AuditChange]]:
             if number is not None and is_taken(connection, number):
                 raise InputError(f"number must be that of no target of this store; {number} is taken")
             target = replace(wanted, number=next_number(connection)) if number is None else wanted
-            return target, [inserted(connection, tables.targets, rows.target_row(entered(target)))]
+            return target, [insert_row(connection, tables.targets, rows.target_row(entered(target)))]
 
         return self._write(enter)
 
@@ -133,7 +133,7 @@ class Store(Contents):
         calibration: ProbeCalibration | None = None,
         flags: tuple[str, ...] = (),
         note: str = "",
-    ) -> Press:
+    ) -> StoredPress:
         """Keep a frame and what is known of it; when this returns, no loss of power takes it away.
 
         Parameters
@@ -143,25 +143,25 @@ class Store(Contents):
         image
             The frame as the camera gave it: whole grey levels.
         role, taken, probe, flags, note
-            As of `Press`.
+            As of `StoredPress`.
         calibration
             What was in force; kept with it.
 
         Raises
         ------
         InputError
-            When grey levels are not whole numbers, or a value lies outside what `Press` accepts.
+            When grey levels are not whole numbers, or a value lies outside what `StoredPress` accepts.
         RecordsError
             When it cannot be stored; what was stored before is as it was.
         """
-        check.kind("target", target, Target)
-        check.kind("image", image, TactileImage)
+        check.require_type("target", target, Target)
+        check.require_type("image", image, TactileImage)
         if calibration is not None:
-            check.kind("calibration", calibration, ProbeCalibration)
+            check.require_type("calibration", calibration, ProbeCalibration)
         require_moment("taken", taken)
         content = frame_bytes(image)
         shape = image.grey.shape
-        press = Press(
+        press = StoredPress(
             role=role,
             taken=taken.astimezone(UTC),
             frame=self.blobs.put(content, "png"),
@@ -172,7 +172,7 @@ class Store(Contents):
             mm_per_pixel=image.mm_per_pixel,
             axis_px=image.axis(),
             probe=probe,
-            calibration=None if calibration is None else identity(calibration),
+            calibration=None if calibration is None else calibration_sha256(calibration),
             flags=flags,
             settings=image.settings,
             name=image.name,
@@ -184,12 +184,12 @@ class Store(Contents):
         held = None if calibration is None else self._calibration_row(calibration)
         frame = {"id": press.frame, "rows": shape[0], "columns": shape[1], "bytes": len(content)}
 
-        def enter(connection: Connection) -> tuple[Press, list[Change]]:
-            required(connection, tables.targets, target.id, "target")
+        def enter(connection: Connection) -> tuple[StoredPress, list[AuditChange]]:
+            require_row(connection, tables.targets, target.id, "target")
             return press, [
-                *inserted_once(connection, tables.calibrations, held),
-                *inserted_once(connection, tables.frames, frame),
-                inserted(connection, tables.presses, rows.press_row(press)),
+                *insert_row_once(connection, tables.calibrations, held),
+                *insert_row_once(connection, tables.frames, frame),
+                insert_row(connection, tables.presses, rows.press_row(press)),
             ]
 
         return self._write(enter)
@@ -200,7 +200,7 @@ class Store(Contents):
         estimate: Estimate,
         *,
         kind: str,
-        presses: Iterable[Press],
+        presses: Iterable[StoredPress],
         probe: str,
         calibration: ProbeCalibration,
         options: Mapping[str, Any] | None = None,
@@ -222,7 +222,7 @@ class Store(Contents):
             made=datetime.now(UTC),
             probe=probe,
             presses=tuple(press.id for press in presses),
-            calibration=identity(calibration),
+            calibration=calibration_sha256(calibration),
             options=options or {},
             environment=environment or {},
             supersedes=None if supersedes is None else supersedes.id,
@@ -232,16 +232,16 @@ class Store(Contents):
         held = self._calibration_row(calibration)
         row = rows.estimate_row(stored, self.blobs.put(samples_bytes(estimate), "samples"))
 
-        def enter(connection: Connection) -> tuple[StoredEstimate, list[Change]]:
-            required(connection, tables.targets, target.id, "target")
+        def enter(connection: Connection) -> tuple[StoredEstimate, list[AuditChange]]:
+            require_row(connection, tables.targets, target.id, "target")
             for press in stored.presses:
-                required(connection, tables.presses, press, "press", target=target.id)
-            changes = inserted_once(connection, tables.calibrations, held)
-            return stored, [*changes, inserted(connection, tables.estimates, row)]
+                require_row(connection, tables.presses, press, "press", target=target.id)
+            changes = insert_row_once(connection, tables.calibrations, held)
+            return stored, [*changes, insert_row(connection, tables.estimates, row)]
 
         return self._write(enter)
 
-    def take_in(self, dossier: Dossier, *, progress: Callable[[int, int], None] | None = None) -> TakenIn:
+    def take_in(self, dossier: TargetRecord, *, progress: Callable[[int, int], None] | None = None) -> ImportedTarget:
         """Enter a target of another store with its presses, estimates and calibrations, all of it or nothing.
 
         Parameters
@@ -259,7 +259,7 @@ class Store(Contents):
         require_kind(dossier.target, self.kind)
         with self.database.reading() as connection:
             held = held_frames(connection, dossier.presses)
-        return self._write(Arrival(dossier, self.blobs, held, progress).enter)
+        return self._write(TargetImport(dossier, self.blobs, held, progress).enter)
 
     def _calibration_row(self, known: ProbeCalibration) -> rows.Row:
         return rows.calibration_row(known, self.blobs.put(calibration_bytes(known), "json"))
@@ -280,19 +280,19 @@ class Store(Contents):
         """
         return self._write(target_edit(target, changes))
 
-    def edit_press(self, press: Press, **changes: Any) -> Press:
+    def edit_press(self, press: StoredPress, **changes: Any) -> StoredPress:
         """Change ``role``, ``force_n``, ``flags`` or ``note`` of a press as it was read; errors as `edit_target`."""
         return self._write(press_edit(press, changes))
 
-    def _write(self, enter: Callable[[Connection], tuple[Kept, list[Change]]]) -> Kept:
+    def _write(self, enter: Callable[[Connection], tuple[Kept, list[AuditChange]]]) -> Kept:
         """Run one transaction that enters rows and their audit; when this returns, it lasts."""
         with self._one_at_a_time:
             with self.database.writing() as connection:
                 head = locked_head(connection)
-                lost = not anchored(connection, self.folder) and head != BEFORE
+                lost = not require_anchored(connection, self.folder) and head != BEFORE
                 kept, changes = enter(connection)
                 changes = [lost_after(head), *changes] if lost else changes
-                head = append(connection, head, changes, actor=self.actor)
+                head = append_audit(connection, head, changes, actor=self.actor)
             # The record lasts by now, and who were told that it failed would store it twice: an anchor that cannot be
             # written lags behind until the next one, and `verify` tells by how much.
             with suppress(OSError):

@@ -19,7 +19,7 @@ from tsis.records import rows, tables
 from tsis.records.contents import MOST_AT_ONCE
 from tsis.records.frame_file import frame_bytes, frame_levels
 from tsis.records.lineage import in_lineage
-from tsis.records.row_changes import inserted, inserted_once
+from tsis.records.row_changes import insert_row, insert_row_once
 from tsis.records.samples import samples_bytes
 from tsis.records.target_numbers import free_number
 
@@ -28,16 +28,16 @@ if TYPE_CHECKING:
 
     from sqlalchemy import Connection, Table
 
-    from tsis.records.audit import Change
+    from tsis.records.audit import AuditChange
     from tsis.records.blobs import Blobs
-    from tsis.records.dossier import Dossier
-    from tsis.records.values import Press, Target
+    from tsis.records.dossier import TargetRecord
+    from tsis.records.values import StoredPress, Target
 
 ACTION = "import"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TakenIn:
+class ImportedTarget:
     """What became of a dossier.
 
     Attributes
@@ -62,7 +62,7 @@ class TakenIn:
     differing: int
 
 
-class Arrival:
+class TargetImport:
     """A dossier whose files are stored, ready to be entered.
 
     Parameters
@@ -84,7 +84,7 @@ class Arrival:
 
     def __init__(
         self,
-        dossier: Dossier,
+        dossier: TargetRecord,
         blobs: Blobs,
         held: Mapping[str, str],
         progress: Callable[[int, int], None] | None = None,
@@ -110,30 +110,30 @@ class Arrival:
             for stored in in_lineage(dossier.estimates)  # a row can name only those that are there
         ]
 
-    def enter(self, connection: Connection) -> tuple[TakenIn, list[Change]]:
+    def enter(self, connection: Connection) -> tuple[ImportedTarget, list[AuditChange]]:
         """Enter what is not there yet; `RecordsError` when an identity is that of something else here."""
         held = connection.execute(select(tables.targets).where(tables.targets.c.id == self.target.id)).first()
-        changes: list[Change] = []
+        changes: list[AuditChange] = []
         if held is None:
             target = replace(self.target, number=free_number(connection, self.target.number), version=1)
-            changes.append(inserted(connection, tables.targets, rows.target_row(target), action=ACTION))
+            changes.append(insert_row(connection, tables.targets, rows.target_row(target), action=ACTION))
         else:
             target = rows.target_of_row(held._asdict())
         for table, shared in ((tables.calibrations, self.calibrations), (tables.frames, list(self.frames.values()))):
             for row in shared:
-                changes += inserted_once(connection, table, row, action=ACTION)
+                changes += insert_row_once(connection, table, row, action=ACTION)
         added, differing = {tables.presses.name: 0, tables.estimates.name: 0}, 0
         for table, row in self._own():
             there = _held(connection, table, row)
             if there is None:
-                changes.append(inserted(connection, table, row, action=ACTION))
+                changes.append(insert_row(connection, table, row, action=ACTION))
                 added[table.name] += 1
             elif there["target"] != row["target"]:
                 raise RecordsError(f"{table.name} {row['id']!r:.40} must be of this target; here it is of another")
             else:
                 differing += there != row
         given = len(self.presses) + len(self.estimates)
-        return TakenIn(
+        return ImportedTarget(
             target=target,
             new=held is None,
             presses=added["presses"],
@@ -157,7 +157,7 @@ def require_kind(target: Target, kind: str) -> None:
         )
 
 
-def held_frames(connection: Connection, presses: Sequence[Press]) -> dict[str, str]:
+def held_frames(connection: Connection, presses: Sequence[StoredPress]) -> dict[str, str]:
     """Frames of those of the presses that are stored already, by the identity of the press."""
     table, wanted = tables.presses.c, [press.id for press in presses]
     found: dict[str, str] = {}
@@ -167,7 +167,7 @@ def held_frames(connection: Connection, presses: Sequence[Press]) -> dict[str, s
     return found
 
 
-def _content(dossier: Dossier, press: Press, blobs: Blobs, held: Mapping[str, str]) -> bytes | None:
+def _content(dossier: TargetRecord, press: StoredPress, blobs: Blobs, held: Mapping[str, str]) -> bytes | None:
     """The stored file of a press's frame; None where there is none that holds its grey levels."""
     levels = dossier.levels(press)
     for name in (held.get(press.id, ""), press.frame):

@@ -13,7 +13,7 @@ from alembic.config import Config
 from alembic.script import ScriptDirectory
 from sqlalchemy import inspect, text
 
-from tsis.instrument import shown
+from tsis.instrument import printable_path
 from tsis.instrument.file_bytes import one_line
 from tsis.model.durable import DISK, PRIVATE_FILE, UNFINISHED
 from tsis.model.errors import RecordsError
@@ -84,7 +84,7 @@ def copied(connection: Connection, file: Path, present: str) -> None:
         DISK.sync_folder(copy.parent)
     except (OSError, sqlite3.Error) as error:
         raise RecordsError(
-            f"a copy of the old records must be written to {shown(copy)}; got: {one_line(error)} "
+            f"a copy of the old records must be written to {printable_path(copy)}; got: {one_line(error)} "
             "(nothing was changed; free some space)"
         ) from error
     finally:

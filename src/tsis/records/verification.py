@@ -15,7 +15,7 @@ from tsis.instrument.file_bytes import one_line
 from tsis.model.errors import RecordsError
 from tsis.records.anchor import BEFORE, LOST, read_anchor
 from tsis.records.anchor import KIND as ANCHOR
-from tsis.records.audit import FIRST, Head, has_entry
+from tsis.records.audit import FIRST, AuditHead, has_entry
 from tsis.records.canonical import digest_of_any
 from tsis.records.schema import schema_faults
 from tsis.records.tables import RECORDED, audit, audit_head, calibrations, estimates, frames
@@ -31,7 +31,7 @@ _AT_ONCE = 1000  # rows
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verification:
+class StoreVerification:
     """What was found.
 
     Attributes
@@ -53,7 +53,7 @@ class Verification:
 
     faults: tuple[str, ...]
     notes: tuple[str, ...]
-    head: Head
+    head: AuditHead
     rows: int
     files: int
     unnamed: int
@@ -65,7 +65,7 @@ class Verification:
         return not self.faults
 
 
-def verify(store: Store, *, progress: Callable[[int, int], None] | None = None) -> Verification:
+def verify_store(store: Store, *, progress: Callable[[int, int], None] | None = None) -> StoreVerification:
     """Compare all of a store with what its audit says was stored.
 
     Parameters
@@ -100,7 +100,7 @@ def verify(store: Store, *, progress: Callable[[int, int], None] | None = None) 
             faults.append(f"{of}: {error}")
         if progress is not None:
             progress(done, len(wanted))
-    return Verification(
+    return StoreVerification(
         faults=tuple(faults),
         notes=notes,
         head=head,
@@ -111,7 +111,7 @@ def verify(store: Store, *, progress: Callable[[int, int], None] | None = None) 
     )
 
 
-def _anchor(store: Store) -> tuple[list[str], Head | None]:
+def _anchor(store: Store) -> tuple[list[str], AuditHead | None]:
     try:
         identity, anchored = read_anchor(store.folder)
     except RecordsError as error:
@@ -132,12 +132,12 @@ def _notes(connection: Connection) -> Iterator[str]:
         )
 
 
-def _head(connection: Connection) -> Head:
+def _head(connection: Connection) -> AuditHead:
     """What the database says is the last entry; that before the first where it says nothing sensible."""
     found = [tuple(row) for row in connection.execute(select(audit_head).limit(2))]
     if len(found) != 1 or found[0][0] != 1 or type(found[0][1]) is not int or not isinstance(found[0][2], str):
         return BEFORE
-    return Head(number=found[0][1], hash=found[0][2])
+    return AuditHead(number=found[0][1], hash=found[0][2])
 
 
 def _all(connection: Connection, query: Select[Any]) -> Iterator[Row[Any]]:

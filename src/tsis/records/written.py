@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 LARGEST_FORCE_N = 100.0
 
 
-def written_truth(lines: Iterable[str], *, called: str = "truth") -> dict[str, float]:
+def parse_truth(lines: Iterable[str], *, called: str = "truth") -> dict[str, float]:
     """True values of a phantom, each written as ``diameter_mm=10``.
 
     Raises
@@ -23,7 +23,7 @@ def written_truth(lines: Iterable[str], *, called: str = "truth") -> dict[str, f
 
     Examples
     --------
-    >>> written_truth(["diameter_mm=10", "depth_mm = 4.5"])
+    >>> parse_truth(["diameter_mm=10", "depth_mm = 4.5"])
     {'diameter_mm': 10.0, 'depth_mm': 4.5}
     """
     found: dict[str, float] = {}
@@ -36,7 +36,7 @@ def written_truth(lines: Iterable[str], *, called: str = "truth") -> dict[str, f
     return found
 
 
-def written_force(text: str, *, called: str = "force_n", nothing: str = "none") -> float | None:
+def parse_force(text: str, *, called: str = "force_n", nothing: str = "none") -> float | None:
     """A force in newtons in [0, 100]; None where ``nothing`` is written, for nobody knows it.
 
     Raises
@@ -46,7 +46,7 @@ def written_force(text: str, *, called: str = "force_n", nothing: str = "none") 
 
     Examples
     --------
-    >>> written_force("0.72"), written_force("none")
+    >>> parse_force("0.72"), parse_force("none")
     (0.72, None)
     """
     if text == nothing:
@@ -56,4 +56,4 @@ def written_force(text: str, *, called: str = "force_n", nothing: str = "none") 
     except ValueError as error:
         instead = nothing or "nothing"
         raise InputError(f"{called} must be a number of newtons, or {instead}; got {text!r:.40}") from error
-    return check.number(called, value, 0.0, LARGEST_FORCE_N)
+    return check.require_number(called, value, 0.0, LARGEST_FORCE_N)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from tsis.calibration.file import identity
+from tsis.calibration.file import calibration_sha256
 from tsis.calibration.file.plain_values import to_plain
 from tsis.plots.calibration_figures import force_residuals, force_sums, hysteresis_loops
 from tsis.plots.scale_figures import dot_board
@@ -16,22 +16,22 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from tsis.calibration import Measured
+    from tsis.calibration import MeasuredValue
     from tsis.calibration.file import ProbeCalibration
-    from tsis.calibration.session import SessionFindings
+    from tsis.calibration.session import SessionResult
 
 PER_CENT = 100.0
 Row = tuple[str, str, str]
 
 
 def calibration_document(
-    known: ProbeCalibration, findings: SessionFindings, *, provenance: Mapping[str, Any]
+    known: ProbeCalibration, findings: SessionResult, *, provenance: Mapping[str, Any]
 ) -> dict[str, Any]:
     """What programs read of a calibration."""
     return envelope(
         "calibrate",
         name=known.name,
-        sha256=identity(known),
+        sha256=calibration_sha256(known),
         values=measured_values(known),
         saturation_kpa={
             "value": findings.response.saturation.value_kpa,
@@ -51,7 +51,7 @@ def measured_values(known: ProbeCalibration) -> dict[str, dict[str, Any]]:
     }
 
 
-def calibration_rows(known: ProbeCalibration, findings: SessionFindings) -> tuple[Row, ...]:
+def calibration_rows(known: ProbeCalibration, findings: SessionResult) -> tuple[Row, ...]:
     """Quantity, value and 95 % interval of everything that was measured."""
     low, high = findings.response.saturation.interval()
     upper = f"{high:.4g} kPa" if findings.response.saturation.identified else "open above"
@@ -74,7 +74,7 @@ def held_rows(known: ProbeCalibration, *, cited: str = "") -> tuple[Row, ...]:
         *((f"setting {name}", f"{value:g}", "") for name, value in known.settings.items()),
         ("made", "simulated" if known.made is None else f"{known.made:%Y-%m-%d %H:%M}", ""),
         ("good until", "does not age" if known.expires is None else f"{known.expires:%Y-%m-%d}", ""),
-        ("identity", (cited or identity(known))[:12], ""),
+        ("identity", (cited or calibration_sha256(known))[:12], ""),
     ]
     rows += [_row(name, value) for name, value in _measured(known).items()]
     if known.force_line is not None:
@@ -105,7 +105,7 @@ def specification_notes(known: ProbeCalibration) -> tuple[str, ...]:
     return tuple(f"{row.quantity[0].upper()}{row.quantity[1:]}: {row.note}." for row in rows if row.note)
 
 
-def calibration_notes(known: ProbeCalibration, findings: SessionFindings) -> tuple[str, ...]:
+def calibration_notes(known: ProbeCalibration, findings: SessionResult) -> tuple[str, ...]:
     """What a reader must know besides the numbers."""
     scale, line = known.scale, known.force_line
     notes = []
@@ -128,12 +128,12 @@ def calibration_notes(known: ProbeCalibration, findings: SessionFindings) -> tup
     return tuple(notes)
 
 
-def calibration_report(known: ProbeCalibration, findings: SessionFindings, *, provenance: Mapping[str, Any]) -> bytes:
+def calibration_report(known: ProbeCalibration, findings: SessionResult, *, provenance: Mapping[str, Any]) -> bytes:
     """One HTML page of a calibration."""
     return html(calibration_page(known, findings, provenance=provenance))
 
 
-def calibration_page(known: ProbeCalibration, findings: SessionFindings, *, provenance: Mapping[str, Any]) -> Page:
+def calibration_page(known: ProbeCalibration, findings: SessionResult, *, provenance: Mapping[str, Any]) -> Page:
     """What that page holds: numbers, notes, figures of what the fits left, tables."""
     line, scale = known.force_line, known.scale
     assert line is not None  # a session measures both
@@ -200,8 +200,8 @@ def calibration_page(known: ProbeCalibration, findings: SessionFindings, *, prov
     )
 
 
-def _measured(known: ProbeCalibration) -> dict[str, Measured]:
-    found: dict[str, Measured] = {}
+def _measured(known: ProbeCalibration) -> dict[str, MeasuredValue]:
+    found: dict[str, MeasuredValue] = {}
     if known.scale is not None:
         found |= {"scale x": known.scale.mm_per_pixel_x, "scale y": known.scale.mm_per_pixel_y}
     if known.reference is not None:
@@ -218,17 +218,17 @@ def _measured(known: ProbeCalibration) -> dict[str, Measured]:
     return found
 
 
-def _row(name: str, value: Measured) -> Row:
+def _row(name: str, value: MeasuredValue) -> Row:
     low, high = value.interval()
     return name, f"{value.value:.5g} {value.unit}".strip(), f"{low:.5g} to {high:.5g}"
 
 
-def _share_row(name: str, value: Measured) -> Row:
+def _share_row(name: str, value: MeasuredValue) -> Row:
     low, high = value.interval()
     return name, f"{PER_CENT * value.value:.2f} %", f"{PER_CENT * low:.2f} to {PER_CENT * high:.2f} %"
 
 
-def _shown(value: Measured, unit: str) -> str:
+def _shown(value: MeasuredValue, unit: str) -> str:
     low, high = value.interval()
     if not unit:
         return f"{PER_CENT * value.value:.2f} % ({PER_CENT * low:.2f} to {PER_CENT * high:.2f})"

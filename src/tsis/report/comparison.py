@@ -9,7 +9,7 @@ import numpy as np
 from tsis.imaging import match_light, subtract_background
 from tsis.model.errors import TsisError
 from tsis.plots import tactile_image
-from tsis.report.contact import find, finding_rows
+from tsis.report.contact import analyse_image, finding_rows
 from tsis.report.page import Page, Picture, Table
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ def _said(change: TactileImage, *, same_light: bool) -> str:
 
 def _features(one: TactileImage, other: TactileImage) -> Table:
     """Names of the features of either, and the value of each."""
-    found = [dict(finding_rows(find(image, None, invert=False))) for image in (one, other)]
+    found = [dict(finding_rows(analyse_image(image, None, invert=False))) for image in (one, other)]
     names = list(dict.fromkeys([*found[0], *found[1]]))
     rows = tuple((name, *(each.get(name, NO_VALUE) for each in found)) for name in names)
     return Table(title="Features", headings=("quantity", one.name, other.name), rows=rows)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.imaging import features, find_contact, signal, surface
+from tsis.imaging import features, find_contact, height_surface, signal
 from tsis.plots import relief, ring_profile, tactile_image
 from tsis.report.page import Card, Page, Picture, Table, html
 
@@ -23,7 +23,7 @@ ODD_SHARE = 1e-3  # of the pixels
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Finding:
+class ImageFinding:
     """What one image says: the frame, its change of grey level, its features and the round contact if there is one."""
 
     image: TactileImage
@@ -32,16 +32,16 @@ class Finding:
     contact: Contact | None
 
 
-def find(image: TactileImage, reference: TactileImage | None, *, invert: bool) -> Finding:
+def analyse_image(image: TactileImage, reference: TactileImage | None, *, invert: bool) -> ImageFinding:
     """Read everything that one image says without a calibration."""
     found = features(image, reference, invert=invert)
     change = signal(image, reference, invert=invert)
     contact = find_contact(change, patch=found.patch) if found.contact else None
-    return Finding(image=image, change=change, features=found, contact=contact)
+    return ImageFinding(image=image, change=change, features=found, contact=contact)
 
 
 def contact_report(
-    findings: Sequence[Finding],
+    findings: Sequence[ImageFinding],
     *,
     refused: Sequence[tuple[str, str]],
     provenance: Mapping[str, Any],
@@ -78,7 +78,7 @@ def contact_report(
     )
 
 
-def finding_rows(finding: Finding) -> tuple[tuple[str, str], ...]:
+def finding_rows(finding: ImageFinding) -> tuple[tuple[str, str], ...]:
     """Names and values of the features, for people."""
     found, circle = finding.features, finding.contact
     if not found.contact:
@@ -107,7 +107,7 @@ def finding_rows(finding: Finding) -> tuple[tuple[str, str], ...]:
     return tuple((name, value.strip()) for name, value in rows)
 
 
-def finding_notes(finding: Finding) -> tuple[str, ...]:
+def finding_notes(finding: ImageFinding) -> tuple[str, ...]:
     """One sentence for each thing that limits what the image says."""
     image, found, notes = finding.image, finding.features, []
     if not found.contact:
@@ -155,7 +155,7 @@ def _cards(found: Features) -> tuple[Card, ...]:
     )
 
 
-def _pictures(finding: Finding) -> tuple[Picture, ...]:
+def _pictures(finding: ImageFinding) -> tuple[Picture, ...]:
     image, change, found = finding.image, finding.change, finding.features
 
     def outline(figure: Figure) -> None:
@@ -173,7 +173,7 @@ def _pictures(finding: Finding) -> tuple[Picture, ...]:
     if change.mm_per_pixel is not None and min(change.grey.shape) > 1:
 
         def lifted(figure: Figure) -> None:
-            relief(surface(change, max_points=96), figure.add_subplot(projection="3d"))
+            relief(height_surface(change, max_points=96), figure.add_subplot(projection="3d"))
 
         pictures.append(
             Picture(

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-    from tsis.inclusion import Design, Optimum
+    from tsis.inclusion import Design, DesignOptimum
     from tsis.report.design_question import DesignAnswer
 
 HEADINGS = ("design", "d / mm", "h / mm", "E / kPa", "known", "strain", "whole", "grey", "breaks")
@@ -160,7 +160,7 @@ def _document(one: Design) -> dict[str, Any]:
     }
 
 
-def _optimum_document(best: Optimum) -> dict[str, Any]:
+def _optimum_document(best: DesignOptimum) -> dict[str, Any]:
     return {
         "stiffening": best.stiffening,
         "gradient": best.gradient,
@@ -170,7 +170,7 @@ def _optimum_document(best: Optimum) -> dict[str, Any]:
     }
 
 
-def _optimum_notes(best: Optimum) -> tuple[str, ...]:
+def _optimum_notes(best: DesignOptimum) -> tuple[str, ...]:
     layers = ", ".join(f"{layer.young_kpa:.3g}" for layer in best.best.protocol.probe.layers)
     forces = " and ".join(f"{force:.2g}" for force in best.best.protocol.forces_n)
     held = ", ".join(best.binding) or "nothing; it lies inside the search"

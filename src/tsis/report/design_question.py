@@ -6,7 +6,14 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from tsis.imaging.sensor import Sensor
-from tsis.inclusion import InclusionPrior, alternatives, compare, optimise, protocol_of, ranked
+from tsis.inclusion import (
+    InclusionPrior,
+    compare_designs,
+    design_alternatives,
+    optimise_design,
+    protocol_of,
+    rank_designs,
+)
 from tsis.inclusion.design_alternatives import ASPECTS, CRITERIA
 from tsis.inclusion.design_search import MOST_EVALUATIONS
 from tsis.model import Probe, check
@@ -15,7 +22,7 @@ from tsis.virtual.probe import nominal_calibration
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from tsis.inclusion import Design, Optimum, Protocol
+    from tsis.inclusion import Design, DesignOptimum, Protocol
     from tsis.model import Calibration
 
 FLAT_N, DOMED_N = (1.0,), (0.5, 1.0)  # under a dome two forces load the tissue in two different ways
@@ -62,12 +69,12 @@ class DesignQuestion:
     evaluations: int | None = None
 
     def __post_init__(self) -> None:
-        check.kind("probe", self.probe, Probe)
+        check.require_type("probe", self.probe, Probe)
         for aspect in self.compared:
-            check.known("aspect", aspect, ASPECTS)
-        check.known("criterion", self.criterion, CRITERIA)
+            check.require_one_of("aspect", aspect, ASPECTS)
+        check.require_one_of("criterion", self.criterion, CRITERIA)
         if self.evaluations is not None:
-            check.whole("evaluations", self.evaluations, 1, MOST_EVALUATIONS)
+            check.require_integer("evaluations", self.evaluations, 1, MOST_EVALUATIONS)
         _ = self.planned
 
     @property
@@ -81,7 +88,7 @@ class DesignQuestion:
     def protocols(self) -> tuple[Protocol, ...]:
         """The planned one first, then each other with its own name."""
         planned = self.planned
-        changed = [other for aspect in self.compared for other in alternatives(planned, aspect)]  # type: ignore[arg-type]
+        changed = [other for aspect in self.compared for other in design_alternatives(planned, aspect)]  # type: ignore[arg-type]
         return (planned, *{other.name: other for other in changed}.values())
 
 
@@ -101,7 +108,7 @@ class DesignAnswer:
 
     question: DesignQuestion
     designs: tuple[Design, ...]
-    optimum: Optimum | None = None
+    optimum: DesignOptimum | None = None
 
     @property
     def planned(self) -> Design:
@@ -134,7 +141,7 @@ def compared_designs(
     progress
         Called with (designs done, designs in all); what it raises ends the work.
     """
-    return compare(
+    return compare_designs(
         question.protocols,
         of=question.probe,
         prior=PRIOR,
@@ -145,11 +152,13 @@ def compared_designs(
     )
 
 
-def searched_design(question: DesignQuestion, *, progress: Callable[[int, int], None] | None = None) -> Optimum | None:
+def searched_design(
+    question: DesignQuestion, *, progress: Callable[[int, int], None] | None = None
+) -> DesignOptimum | None:
     """Search the layers' moduli and the forces, for minutes; None when the question asks for no search."""
     if question.evaluations is None:
         return None
-    return optimise(
+    return optimise_design(
         question.planned,
         prior=PRIOR,
         calibration=design_calibration(),
@@ -161,7 +170,7 @@ def searched_design(question: DesignQuestion, *, progress: Callable[[int, int], 
     )
 
 
-def answered(question: DesignQuestion, found: tuple[Design, ...], optimum: Optimum | None = None) -> DesignAnswer:
+def answered(question: DesignQuestion, found: tuple[Design, ...], optimum: DesignOptimum | None = None) -> DesignAnswer:
     """Put what was found in order."""
     designs = [*found, *([] if optimum is None else [optimum.best])]
-    return DesignAnswer(question=question, designs=ranked(designs, question.criterion), optimum=optimum)
+    return DesignAnswer(question=question, designs=rank_designs(designs, question.criterion), optimum=optimum)

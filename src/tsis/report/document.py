@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.model.estimate import INTERVAL
+from tsis.model.estimate import INTERVAL_LEVEL
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -29,7 +29,7 @@ def envelope(command: str, **content: Any) -> dict[str, Any]:
 
 def estimate_document(estimate: Estimate, truth: Mapping[str, float] | None = None) -> dict[str, Any]:
     """An estimate, with the truth beside each parameter where it is known."""
-    interval = estimate.interval(INTERVAL)
+    interval = estimate.interval(INTERVAL_LEVEL)
     parameters = {
         name: {
             "mean": estimate.mean[name],
@@ -60,17 +60,17 @@ def _finite(value: float | None) -> float | None:
     return value if value is not None and np.isfinite(value) else None
 
 
-def doubt_of(estimate: Estimate, name: str) -> str:
+def withheld_reason(estimate: Estimate, name: str) -> str:
     """Why a parameter's mean should not be read as a number; empty when it may be."""
     if not estimate.trusted:
         return "not to be trusted"
     return "" if estimate.identified(name) else "not identified"
 
 
-def sentences(estimate: Estimate) -> tuple[str, ...]:
+def estimate_messages(estimate: Estimate) -> tuple[str, ...]:
     """What a reader must know besides the numbers, the most important first."""
     said = (
-        "" if estimate.presence is None else f"Probability of an inclusion: {shown_probability(estimate.presence)}.",
+        "" if estimate.presence is None else f"Probability of an inclusion: {probability_text(estimate.presence)}.",
         estimate.identifiability if estimate.trusted else NOT_TRUSTED,
         *estimate.notes,
         f"Prior: {estimate.prior}." if estimate.prior else "",
@@ -78,14 +78,14 @@ def sentences(estimate: Estimate) -> tuple[str, ...]:
     return tuple(sentence for sentence in said if sentence)
 
 
-def shown_probability(value: float) -> str:
+def probability_text(value: float) -> str:
     """A probability in words that does not claim certainty."""
     if value > 1 - NEARLY:
         return f"above {1 - NEARLY:g}"
     return f"below {NEARLY:g}" if value < NEARLY else f"{value:.3g}"
 
 
-def spread(value: float) -> str:
+def sd_text(value: float) -> str:
     """A standard deviation to two digits, none of them as a power of ten until it is huge."""
     return f"{value:.0f}" if 99.5 <= value < 99_999 else f"{value:.2g}"
 

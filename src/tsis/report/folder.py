@@ -8,7 +8,7 @@ import tempfile
 from typing import TYPE_CHECKING
 
 from tsis.model.errors import FileInputError
-from tsis.model.whole import new_folder
+from tsis.model.whole import atomic_folder
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -45,7 +45,7 @@ def write_folder(folder: Path, files: Mapping[str, bytes]) -> Path:
         When the folder cannot be written or exists already.
     """
     try:
-        with new_folder(folder) as draft:
+        with atomic_folder(folder) as draft:
             for name, content in files.items():
                 (draft / name).write_bytes(content)
     except OSError as error:

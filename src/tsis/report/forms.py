@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from tsis.records import Dossier
+    from tsis.records import TargetRecord
 
 ENDINGS = {  # of the name that a form gets where nobody chose one
     "html": ".html",
@@ -22,7 +22,7 @@ ENDINGS = {  # of the name that a form gets where nobody chose one
     "dicom": "-dicom",
     "bundle": ".zip",
 }
-FORM_WORDS = {  # of each, for people who choose
+FORM_LABELS = {  # of each, for people who choose
     "html": "HTML: the report as one page",
     "pdf": "PDF: the report on paper",
     "csv": "CSV: tables, and frames as PNG",
@@ -36,7 +36,7 @@ PAGES = ("html", "pdf")  # forms that say what of a target is damaged; the other
 MASKED = ("fhir", "dicom")  # forms that leave out labels and times unless they are asked for
 
 
-def write_form(form: str, dossier: Dossier, path: Path, *, identified: bool) -> str:
+def write_form(form: str, dossier: TargetRecord, path: Path, *, identified: bool) -> str:
     """Write one form of a dossier; of a bundle return the SHA-256 by which its receiver knows it, else nothing.
 
     Raises
@@ -67,7 +67,7 @@ def write_form(form: str, dossier: Dossier, path: Path, *, identified: bool) -> 
     return ""
 
 
-def page_bytes(form: str, dossier: Dossier) -> bytes:
+def page_bytes(form: str, dossier: TargetRecord) -> bytes:
     """The report of a target in one of `PAGES`, drawn and laid out."""
     from tsis.report.target import target_page
 
@@ -81,10 +81,10 @@ def page_bytes(form: str, dossier: Dossier) -> bytes:
     return pdf(page)
 
 
-def _writer(form: str) -> Callable[[Dossier, Path], object]:
+def _writer(form: str) -> Callable[[TargetRecord, Path], object]:
     from tsis.records.export import write_csv, write_hdf5, write_zarr
 
-    writers: dict[str, Callable[[Dossier, Path], object]] = {
+    writers: dict[str, Callable[[TargetRecord, Path], object]] = {
         "csv": write_csv,
         "hdf5": write_hdf5,
         "zarr": write_zarr,
@@ -93,13 +93,13 @@ def _writer(form: str) -> Callable[[Dossier, Path], object]:
 
 
 def _write_file(path: Path, content: bytes) -> None:
-    from tsis.records.export.whole import new_file
+    from tsis.records.export.whole import export_file
 
-    with new_file(path) as draft:
+    with export_file(path) as draft:
         draft.write_bytes(content)
 
 
-def require_free(path: Path) -> None:
+def require_absent(path: Path) -> None:
     """Refuse a place where there is something, before anything is computed."""
     try:
         taken = path.is_symlink() or path.exists()

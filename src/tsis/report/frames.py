@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tsis.imaging import features, radial_profile, surface
+from tsis.imaging import features, height_surface, radial_profile
 from tsis.plots import relief, ring_profile, tactile_image
 from tsis.report.page import Picture
 
@@ -62,7 +62,7 @@ def surface_picture(signal: TactileImage) -> Picture:
     """A signal of known scale as a surface."""
 
     def lifted(figure: Figure) -> None:
-        relief(surface(signal, max_points=96), figure.add_subplot(projection="3d"))
+        relief(height_surface(signal, max_points=96), figure.add_subplot(projection="3d"))
 
     return Picture(
         title="Surface",

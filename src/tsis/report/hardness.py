@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from tsis.hardness import shore
-from tsis.model.estimate import INTERVAL
+from tsis.model.estimate import INTERVAL_LEVEL
 from tsis.plots import tactile_image
 from tsis.plots.hardness import contact_growth, modulus
-from tsis.report.document import doubt_of
+from tsis.report.document import withheld_reason
 from tsis.report.page import Card, Page, Picture, Table, html
 
 if TYPE_CHECKING:
@@ -84,8 +84,8 @@ def hardness_page(
 
 def hardness_card(estimate: Estimate, truth_kpa: float | None = None) -> Card:
     """The modulus, if it is to be trusted, with the truth where it is known."""
-    doubt = doubt_of(estimate, "young_kpa")
-    low, high = estimate.interval(INTERVAL)["young_kpa"]
+    doubt = withheld_reason(estimate, "young_kpa")
+    low, high = estimate.interval(INTERVAL_LEVEL)["young_kpa"]
     said = [f"90 % interval {low:.3g} to {high:.3g} kPa"] if estimate.trusted else []
     known = [] if truth_kpa is None else [f"truth {truth_kpa:.3g} kPa"]
     return Card(
@@ -108,8 +108,8 @@ def modulus_picture(estimate: Estimate, truth_kpa: float | None = None) -> Pictu
 def hardness_rows(estimate: Estimate) -> tuple[tuple[str, str], ...]:
     """Names and values for people; of an estimate that is not to be trusted no modulus."""
     rows = []
-    doubt = doubt_of(estimate, "young_kpa")
-    low, high = estimate.interval(INTERVAL)["young_kpa"]
+    doubt = withheld_reason(estimate, "young_kpa")
+    low, high = estimate.interval(INTERVAL_LEVEL)["young_kpa"]
     rows.append(("Young's modulus", doubt or f"{estimate.mean['young_kpa']:.3g} kPa"))
     if estimate.trusted:
         rows.append(("90 % interval", f"{low:.3g} to {high:.3g} kPa"))
@@ -132,7 +132,7 @@ def hardness_rows(estimate: Estimate) -> tuple[tuple[str, str], ...]:
 def hardness_notes(estimate: Estimate) -> tuple[str, ...]:
     """What a reader must know besides the numbers, the most important first."""
     said = [estimate.identifiability if estimate.trusted else NOT_TRUSTED, *estimate.notes]
-    if not doubt_of(estimate, "young_kpa"):
+    if not withheld_reason(estimate, "young_kpa"):
         said.append(f"Shore readings are converted, not measured. {shore(estimate.mean['young_kpa']).source}.")
     return (*said, f"Prior: {estimate.prior}.")
 

@@ -8,10 +8,10 @@ from tsis.report.target_words import count_of
 
 if TYPE_CHECKING:
     from tsis.records import Target
-    from tsis.records.taking_in import TakenIn
+    from tsis.records.taking_in import ImportedTarget
 
 
-def entered_words(target: Target, *, new: bool, added: int, present: int, estimates: int) -> str:
+def entered_text(target: Target, *, new: bool, added: int, present: int, estimates: int) -> str:
     """Where presses went, and how many of them were there."""
     parts = [f"{count_of(added, 'press')} added"]
     parts += [f"{present} there already"] if present else []
@@ -19,9 +19,9 @@ def entered_words(target: Target, *, new: bool, added: int, present: int, estima
     return f"target {target.number}{' (new)' if new else ''}; {', '.join(parts)}"
 
 
-def taken_in_sentence(taken: TakenIn) -> str:
+def import_message(taken: ImportedTarget) -> str:
     """What became of a bundle."""
-    words = entered_words(
+    words = entered_text(
         taken.target, new=taken.new, added=taken.presses, present=taken.present, estimates=taken.estimates
     )
     differing = f"; {count_of(taken.differing, 'press')} here differ from it and stay" if taken.differing else ""

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.imaging import subtract_background
-from tsis.model.estimate import INTERVAL
+from tsis.model.estimate import INTERVAL_LEVEL
 from tsis.plots import marginal, trade_off
-from tsis.report.document import doubt_of, sentences, shown_probability, spread
+from tsis.report.document import estimate_messages, probability_text, sd_text, withheld_reason
 from tsis.report.frames import change_picture, force_of, frame_picture, profile_picture, surface_picture
 from tsis.report.page import Card, Page, Picture, html
 
@@ -66,7 +66,7 @@ def inclusion_report(
             title=title,
             subtitle=subtitle,
             cards=inclusion_cards(estimate, truth),
-            notes=sentences(estimate),
+            notes=estimate_messages(estimate),
             pictures=(
                 marginals_picture(estimate, prior, truth),
                 *_image_pictures(target, reference),
@@ -94,10 +94,10 @@ def inclusion_cards(estimate: Estimate, truth: Mapping[str, float] | None = None
 def _card(estimate: Estimate, name: str, truth: Mapping[str, float]) -> Card:
     heading, unit = TITLES.get(name, (name, ""))
     known = [f"truth {truth[name]:.3g} {unit}"] if name in truth else []
-    doubt = doubt_of(estimate, name)
+    doubt = withheld_reason(estimate, name)
     if not estimate.trusted:
         return Card(title=heading, value=doubt, detail="; ".join(known), doubtful=True)
-    low, high = estimate.interval(INTERVAL)[name]
+    low, high = estimate.interval(INTERVAL_LEVEL)[name]
     interval = f"{low:.3g} to {high:.3g} {unit}"
     value = interval if doubt else f"{estimate.mean[name]:.3g} {unit}"
     detail = [doubt or f"90 % interval {interval}", _spreads(estimate, name, unit), *known]
@@ -107,8 +107,8 @@ def _card(estimate: Estimate, name: str, truth: Mapping[str, float]) -> Card:
 def _spreads(estimate: Estimate, name: str, unit: str) -> str:
     """How wide the posterior is, the prior was, and any unbiased estimate has to be."""
     bound = estimate.cramer_rao_sd.get(name, float("inf"))
-    limit = f", Cramér-Rao bound {spread(bound)}" if np.isfinite(bound) else ""
-    return f"sd {spread(estimate.sd[name])} {unit} (prior {spread(estimate.prior_sd[name])}{limit})"
+    limit = f", Cramér-Rao bound {sd_text(bound)}" if np.isfinite(bound) else ""
+    return f"sd {sd_text(estimate.sd[name])} {unit} (prior {sd_text(estimate.prior_sd[name])}{limit})"
 
 
 def _presence_card(estimate: Estimate) -> tuple[Card, ...]:
@@ -117,7 +117,7 @@ def _presence_card(estimate: Estimate) -> tuple[Card, ...]:
     return (
         Card(
             title="Is there an inclusion?",
-            value=shown_probability(estimate.presence),
+            value=probability_text(estimate.presence),
             detail="probability of an inclusion over plain, even tissue",
             doubtful=estimate.presence < LIKELY,
         ),
@@ -134,7 +134,7 @@ def marginals_picture(estimate: Estimate, prior: InclusionPrior, truth: Mapping[
             marginal(estimate, name, ax, prior_range=getattr(prior, name), truth=known)
         axes[0].legend(frameon=False, fontsize=8)
 
-    intervals = estimate.interval(INTERVAL) if estimate.trusted else {}
+    intervals = estimate.interval(INTERVAL_LEVEL) if estimate.trusted else {}
     words = ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in intervals.items())
     doubt = "" if estimate.trusted else "Not to be trusted. "
     marked = "" if not truth else " The dashed line is the truth."

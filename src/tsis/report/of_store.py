@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StorePlace:
+class StoreAddress:
     """Where a store lies, and which one it is.
 
     Parameters
@@ -31,7 +31,7 @@ class StorePlace:
     identity: str
 
 
-def stored_report(place: StorePlace, number: int, form: str) -> bytes:
+def report_of_stored_target(place: StoreAddress, number: int, form: str) -> bytes:
     """The report of a target in a form of `tsis.report.forms.PAGES`, as the store holds it at this moment.
 
     Raises

@@ -25,7 +25,7 @@ from tsis.report.paper_style import (
     style,
 )
 from tsis.report.paper_table import table
-from tsis.report.paper_text import BOLD, SANS, markup, shown, width
+from tsis.report.paper_text import BOLD, SANS, drawable_text, markup, width
 
 if TYPE_CHECKING:
     from tsis.report.page import Card, Picture
@@ -49,7 +49,7 @@ def cards(given: Sequence[Card]) -> list[Any]:
 
 
 def _longest(card: Card) -> int:
-    return max(len(shown(text)) for text in (card.title, card.value, card.detail))
+    return max(len(drawable_text(text)) for text in (card.title, card.value, card.detail))
 
 
 def _card_row(given: Sequence[Card], count: int) -> Table:
@@ -73,7 +73,7 @@ def _card_row(given: Sequence[Card], count: int) -> Table:
 
 
 def _card(card: Card, wide: float) -> list[Paragraph]:
-    drawn = shown(_one_line(card.value), BOLD)
+    drawn = drawable_text(_one_line(card.value), BOLD)
     size = next((size for size in VALUE_SIZES if width(drawn, BOLD, size) <= wide), VALUE_SIZES[-1])
     value = style(size, BOLD, textColor=WARM if card.doubtful else BLUE, spaceBefore=1, spaceAfter=2)
     detail = _one_line(card.detail)
@@ -128,7 +128,7 @@ def _sentence(text: str) -> str:
 
 
 def _long(text: str) -> bool:
-    return len(shown(text)) > LONG_CAPTION
+    return len(drawable_text(text)) > LONG_CAPTION
 
 
 def _caption(picture: Picture) -> list[Paragraph]:

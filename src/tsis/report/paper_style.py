@@ -10,7 +10,7 @@ from reportlab.lib.styles import ParagraphStyle
 from reportlab.lib.units import mm
 from reportlab.platypus import Paragraph
 
-from tsis.report.paper_text import BOLD, MONO, SANS, escaped, markup, pieces, register_fonts, shown
+from tsis.report.paper_text import BOLD, MONO, SANS, drawable_text, escaped, markup, pieces, register_fonts
 
 INK, SOFT, LINE = HexColor("#1b1f24"), HexColor("#57606a"), HexColor("#d0d7de")
 BLUE, WARM, TINT = HexColor("#0072b2"), HexColor("#b34700"), HexColor("#f6f8fa")
@@ -44,7 +44,7 @@ CODE = style(6.3, MONO)
 
 def paragraphs(text: str, kind: ParagraphStyle, *, within: float = WIDTH, **more: Any) -> list[Paragraph]:
     """A text of any length and any letters in paragraphs."""
-    whole = shown(text, kind.fontName)
+    whole = drawable_text(text, kind.fontName)
     parts = pieces(whole, kind.fontName, kind.fontSize, within=within, lines=BLOCK_LINES)
     return [Paragraph(escaped(part), kind, **(more if number == 0 else {})) for number, part in enumerate(parts)]
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 from reportlab.platypus import LongTable, Paragraph
 
 from tsis.report.paper_style import CELL, CELL_HEADING, LINE, SMALL, TINT, WIDTH, paragraphs
-from tsis.report.paper_text import SANS, escaped, pieces, shown, width
+from tsis.report.paper_text import SANS, drawable_text, escaped, pieces, width
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -78,8 +78,8 @@ def _chosen(row: Sequence[str], cut: Sequence[int]) -> tuple[str, ...]:
 
 
 def _part(headings: tuple[str, ...], rows: Rows, cell: ParagraphStyle) -> LongTable:
-    names = tuple(shown(name, CELL_HEADING.fontName) for name in headings)
-    texts = tuple(tuple(shown(text, cell.fontName) for text in row) for row in rows)
+    names = tuple(drawable_text(name, CELL_HEADING.fontName) for name in headings)
+    texts = tuple(tuple(drawable_text(text, cell.fontName) for text in row) for row in rows)
     widths = _widths(names, texts, cell)
     lines = [_cells(names, CELL_HEADING, widths)] if names else []
     ends = [len(first) - 1 for first in lines]

@@ -32,12 +32,12 @@ def register_fonts() -> None:
     pdfmetrics.registerFontFamily(SANS, normal=SANS, bold=BOLD, italic=SANS, boldItalic=BOLD)
 
 
-def shown(text: str, font: str = SANS) -> str:
+def drawable_text(text: str, font: str = SANS) -> str:
     r"""``text`` as it is drawn: what the font cannot draw, or what turns text around, by its code point.
 
     Examples
     --------
-    >>> shown("4 mm²\t± 1\x07")
+    >>> drawable_text("4 mm²\t± 1\x07")
     '4 mm² ± 1[U+0007]'
     """
     plain = unicodedata.normalize("NFC", text).replace("\r\n", "\n").replace("\t", " ")
@@ -46,16 +46,16 @@ def shown(text: str, font: str = SANS) -> str:
 
 def markup(text: str, font: str = SANS) -> str:
     """``text`` as the markup of a reportlab paragraph that shows it and nothing else."""
-    return escaped(shown(text, font))
+    return escaped(drawable_text(text, font))
 
 
 def escaped(drawable: str) -> str:
-    """Markup of a text that `shown` returned."""
+    """Markup of a text that `drawable_text` returned."""
     return html.escape(drawable, quote=False).replace("\n", "<br/>")
 
 
 def width(drawable: str, font: str, size: float) -> float:
-    """Width in points of the widest line of a text that `shown` returned."""
+    """Width in points of the widest line of a text that `drawable_text` returned."""
     return max(float(pdfmetrics.stringWidth(line, font, size)) for line in drawable.split("\n"))
 
 

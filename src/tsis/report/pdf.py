@@ -28,7 +28,7 @@ from tsis.report.paper_style import (
     paragraphs,
 )
 from tsis.report.paper_table import table
-from tsis.report.paper_text import BOLD, SANS, register_fonts, shown, width
+from tsis.report.paper_text import BOLD, SANS, drawable_text, register_fonts, width
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -98,7 +98,7 @@ def _headings(title: str) -> list[Any]:
 
 
 def _one_line(text: str) -> str:
-    return shown(" ".join(text[: 2 * LONGEST_NAME].split()))[:LONGEST_NAME]
+    return drawable_text(" ".join(text[: 2 * LONGEST_NAME].split()))[:LONGEST_NAME]
 
 
 class _Notice(Paragraph):  # type: ignore[misc]  # reportlab has no types

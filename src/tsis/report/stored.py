@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tsis.report.document import sentences
+from tsis.report.document import estimate_messages
 from tsis.report.hardness import hardness_card, hardness_notes
 from tsis.report.inclusion import inclusion_cards
 
@@ -26,4 +26,4 @@ def estimate_cards(stored: StoredEstimate, truth: Mapping[str, float]) -> tuple[
 
 def estimate_sentences(stored: StoredEstimate) -> tuple[str, ...]:
     """What a reader must know besides the numbers, the most important first."""
-    return hardness_notes(stored.estimate) if stored.kind == HARDNESS else sentences(stored.estimate)
+    return hardness_notes(stored.estimate) if stored.kind == HARDNESS else estimate_messages(stored.estimate)

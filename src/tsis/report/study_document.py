@@ -18,12 +18,12 @@ if TYPE_CHECKING:
         Recalibration,
         ReliabilityCurve,
     )
-    from tsis.study.agreement import Agreement, Number
+    from tsis.study.agreement import Agreement, AgreementValue
     from tsis.study.analysis import StudyAnalysis
     from tsis.study.comparison import DeviceComparison
     from tsis.study.device_analysis import DeviceAnalysis
     from tsis.study.found_errors import FoundErrors
-    from tsis.study.verification import Verification
+    from tsis.study.verification import StudyVerification
 
 
 def study_document(analysis: StudyAnalysis) -> dict[str, Any]:
@@ -43,7 +43,7 @@ def study_document(analysis: StudyAnalysis) -> dict[str, Any]:
             "repeats": plan.repeats,
             "threshold": plan.threshold,
         },
-        verification=verification_document(analysis.verification),
+        verification=study_verification_document(analysis.verification),
         devices=[_device(one) for one in analysis.devices],
         comparisons=[_comparison(one) for one in analysis.comparisons],
         targets=[
@@ -58,7 +58,7 @@ def study_document(analysis: StudyAnalysis) -> dict[str, Any]:
     )
 
 
-def verification_document(found: Verification) -> dict[str, Any]:
+def study_verification_document(found: StudyVerification) -> dict[str, Any]:
     """Whether a study is as it was written."""
     return {
         "sound": found.sound,
@@ -189,7 +189,7 @@ def _errors(errors: FoundErrors) -> dict[str, Any]:
     }
 
 
-def _number(number: Number) -> dict[str, Any]:
+def _number(number: AgreementValue) -> dict[str, Any]:
     value = number.value if number.value is not None and math.isfinite(number.value) else None
     return {"value": value, "interval": interval_document(number.interval), "remark": number.remark}
 
@@ -248,4 +248,10 @@ def limit_intervals(found: BlandAltman) -> tuple[Interval | None, tuple[Interval
         return None, (None, None)
 
 
-__all__ = ["interval_document", "limit_intervals", "proportion_document", "study_document", "verification_document"]
+__all__ = [
+    "interval_document",
+    "limit_intervals",
+    "proportion_document",
+    "study_document",
+    "study_verification_document",
+]

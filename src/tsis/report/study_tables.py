@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from tsis.detection import BlandAltman, Counts, Interval, Proportion
-    from tsis.study.agreement import Number
+    from tsis.study.agreement import AgreementValue
     from tsis.study.analysis import StudyAnalysis
     from tsis.study.comparison import DeviceComparison
     from tsis.study.device_analysis import DeviceAnalysis
-    from tsis.study.judged import Judged, JudgedTarget
+    from tsis.study.judged import DeviceResults, TargetResult
 
 NUMBERS = ("", "value", "95 % interval", "method")
 
@@ -160,13 +160,13 @@ def _agreements(one: DeviceAnalysis) -> Iterator[tuple[str, ...]]:
         )
 
 
-def _told(number: Number, form: str, unit: str) -> str:
+def _told(number: AgreementValue, form: str, unit: str) -> str:
     if number.value is None:
         return "none"
     return " ".join(part for part in (form, f"{number.value:.3g}", unit) if part)
 
 
-def _interval_told(number: Number) -> str:
+def _interval_told(number: AgreementValue) -> str:
     interval: Interval | None = number.interval
     return number.remark or "-" if interval is None else f"{ends(interval)} ({method_of(interval)})"
 
@@ -216,7 +216,7 @@ def targets_table(analysis: StudyAnalysis) -> Table:
     return Table(title="Every target", headings=headings, rows=tuple(rows))
 
 
-def _said(device: Judged, target: JudgedTarget) -> str:
+def _said(device: DeviceResults, target: TargetResult) -> str:
     if target.reading is None:
         return "not read"
     if target.score is None:

@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tsis.records import Dossier, StoredEstimate
+    from tsis.records import StoredEstimate, TargetRecord
 
 SAID = (
     "Notes, settings, names of files, and probes and flags that tsis does not know are left out, since this is a "
@@ -14,7 +14,7 @@ SAID = (
 )
 
 
-def shown(dossier: Dossier) -> Dossier:
+def without_identity(dossier: TargetRecord) -> TargetRecord:
     """A phantom's as it is; a subject's with the label alone, which is a pseudonym, and identities of this page."""
     if dossier.target.kind != "subject":
         return dossier

@@ -8,16 +8,16 @@ from typing import TYPE_CHECKING, Any
 from tsis.__about__ import __version__
 from tsis.report.page import Card, Page
 from tsis.report.stored import estimate_cards
-from tsis.report.subject import shown
+from tsis.report.subject import without_identity
 from tsis.report.target_pictures import target_gallery
 from tsis.report.target_tables import target_tables
-from tsis.report.target_words import count_of, heading, moment, newest_first, roles, target_notes
+from tsis.report.target_words import count_of, heading, newest_first, roles, target_notes, time_text
 
 if TYPE_CHECKING:
-    from tsis.records import Dossier, Press, StoredEstimate
+    from tsis.records import StoredEstimate, StoredPress, TargetRecord
 
 
-def target_page(dossier: Dossier) -> Page:
+def target_page(dossier: TargetRecord) -> Page:
     """The page of a target, for `tsis.report.page.html` and `tsis.report.pdf.pdf`.
 
     Parameters
@@ -32,7 +32,7 @@ def target_page(dossier: Dossier) -> Page:
         calibrations, all estimates and where each number came from. That of a subject shows the pseudonym and no
         other name.
     """
-    dossier = shown(dossier)
+    dossier = without_identity(dossier)
     target, gallery = dossier.target, target_gallery(dossier)
     name = f": {target.name}" if target.name else ""
     return Page(
@@ -46,17 +46,17 @@ def target_page(dossier: Dossier) -> Page:
     )
 
 
-def _subtitle(dossier: Dossier) -> str:
+def _subtitle(dossier: TargetRecord) -> str:
     presses = dossier.presses
     if not presses:
-        return f"{dossier.target.kind}, entered {moment(dossier.target.made)} UTC, nothing recorded"
+        return f"{dossier.target.kind}, entered {time_text(dossier.target.made)} UTC, nothing recorded"
     first, last = min(press.taken for press in presses), max(press.taken for press in presses)
-    taken = moment(first) if first == last else f"{moment(first)} to {moment(last)}"
+    taken = time_text(first) if first == last else f"{time_text(first)} to {time_text(last)}"
     probes = ", ".join(sorted({press.probe for press in presses if press.probe})) or "not named"
     return f"{dossier.target.kind}, probe {probes}, recorded {taken} UTC"
 
 
-def target_cards(dossier: Dossier) -> tuple[Card, ...]:
+def target_cards(dossier: TargetRecord) -> tuple[Card, ...]:
     """The numbers of the estimates in force, the newest first; what there is to estimate from where there is none."""
     found = newest_first(dossier)
     if not found:
@@ -71,13 +71,13 @@ def target_cards(dossier: Dossier) -> tuple[Card, ...]:
     return tuple(cards)
 
 
-def _provenance(dossier: Dossier) -> dict[str, Any]:
+def _provenance(dossier: TargetRecord) -> dict[str, Any]:
     """Where every number came from, with whole hashes and identities."""
     target = dossier.target
     found = {heading(dossier, each, "estimate in force"): _estimate(each) for each in newest_first(dossier)}
     stored = {} if len(found) > 1 else next(iter(found.values()), {})
     return {
-        "target": {"id": target.id, "version": target.version, "entered": moment(target.made) + " UTC"},
+        "target": {"id": target.id, "version": target.version, "entered": time_text(target.made) + " UTC"},
         "report": f"tsis {__version__}",
         **(stored or found),
         **{f"press {number}": _press(press) for number, press in enumerate(dossier.presses, 1)},
@@ -103,7 +103,7 @@ def _estimate(stored: StoredEstimate) -> dict[str, Any]:
     }
 
 
-def _press(press: Press) -> str:
+def _press(press: StoredPress) -> str:
     """One line a press: there may be hundreds."""
     said = [
         f"frame {press.frame}",

@@ -24,7 +24,7 @@ from tsis.report.target_words import newest_first
 
 if TYPE_CHECKING:
     from tsis.model import TactileImage
-    from tsis.records import Dossier, StoredEstimate
+    from tsis.records import StoredEstimate, TargetRecord
     from tsis.report.page import Picture
 
 MOST_FRAMES, MOST_PROFILES = 12, 10  # that a figure shows and a reader tells apart
@@ -50,14 +50,14 @@ class Gallery:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Frame:
+class FrameWithRole:
     """A frame that could be read, and the role of its press."""
 
     role: str
     image: TactileImage
 
 
-def target_gallery(dossier: Dossier) -> Gallery:
+def target_gallery(dossier: TargetRecord) -> Gallery:
     """Everything that the frames and the estimates in force let one draw."""
     frames, unread = _frames(dossier)
     gallery = unread + _posteriors(dossier) + _strongest(frames) + _profiles(dossier, frames)
@@ -66,7 +66,7 @@ def target_gallery(dossier: Dossier) -> Gallery:
     return gallery
 
 
-def _frames(dossier: Dossier) -> tuple[list[Frame], Gallery]:
+def _frames(dossier: TargetRecord) -> tuple[list[FrameWithRole], Gallery]:
     """Frames in the order of their presses, of many those that estimates rest on, and what cannot be read."""
     used = {press for stored in dossier.in_force for press in stored.presses}
     numbered = list(enumerate(dossier.presses, 1))
@@ -78,20 +78,20 @@ def _frames(dossier: Dossier) -> tuple[list[Frame], Gallery]:
         except TsisError as error:
             notes.append(f"The frame of press {number} cannot be shown: {error}.")
         else:
-            frames.append(Frame(role=press.role, image=image))
+            frames.append(FrameWithRole(role=press.role, image=image))
     if len(numbered) > len(chosen):
         notes.append(f"The pictures show {len(chosen)} of {len(numbered)} presses.")
     return frames, Gallery(notes=tuple(notes))
 
 
-def _posteriors(dossier: Dossier) -> Gallery:
+def _posteriors(dossier: TargetRecord) -> Gallery:
     found = Gallery()
     for stored in newest_first(dossier):
         found += _posterior(dossier, stored)
     return found
 
 
-def _posterior(dossier: Dossier, stored: StoredEstimate) -> Gallery:
+def _posterior(dossier: TargetRecord, stored: StoredEstimate) -> Gallery:
     if not stored.estimate.trusted:
         return Gallery()
     estimate, truth = stored.estimate, dossier.target.truth
@@ -120,7 +120,7 @@ def _prior(stored: StoredEstimate) -> InclusionPrior | None:
         return None
 
 
-def _strongest(frames: list[Frame]) -> Gallery:
+def _strongest(frames: list[FrameWithRole]) -> Gallery:
     """The press of the highest force on what matters most, and what it changed."""
     if not frames:
         return Gallery()
@@ -131,7 +131,7 @@ def _strongest(frames: list[Frame]) -> Gallery:
     return pictures + _change(shown.image, [frame for frame in frames if frame.role in REFERENCES])
 
 
-def _change(target: TactileImage, references: list[Frame]) -> Gallery:
+def _change(target: TactileImage, references: list[FrameWithRole]) -> Gallery:
     near = min(
         references,
         key=lambda frame: (REFERENCES.index(frame.role), abs(force_of(frame.image) - force_of(target))),
@@ -152,7 +152,7 @@ def _change(target: TactileImage, references: list[Frame]) -> Gallery:
     return Gallery(pictures=tuple(pictures), notes=tuple(notes))
 
 
-def _profiles(dossier: Dossier, frames: list[Frame]) -> Gallery:
+def _profiles(dossier: TargetRecord, frames: list[FrameWithRole]) -> Gallery:
     """Ring means, for which probe and scale must be known."""
     scaled = [frame for frame in frames if frame.role in GROUPS and frame.image.mm_per_pixel is not None]
     if not scaled:
@@ -170,7 +170,7 @@ def _profiles(dossier: Dossier, frames: list[Frame]) -> Gallery:
     return Gallery(pictures=(profile_picture(groups, edges, title=title),))
 
 
-def _probe(dossier: Dossier) -> str:
+def _probe(dossier: TargetRecord) -> str:
     if dossier.in_force:  # that of the inclusion where there is one, which rests on profiles
         return dossier.in_force[0].probe
     return next((press.probe for press in dossier.presses if press.probe), "")

@@ -6,23 +6,23 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.model.estimate import INTERVAL
-from tsis.model.quantities import NO_UNIT, unit_of, words_of
+from tsis.model.estimate import INTERVAL_LEVEL
+from tsis.model.quantities import NO_UNIT, label_of, unit_of
 from tsis.report.calibration import held_rows
-from tsis.report.document import doubt_of, spread
+from tsis.report.document import sd_text, withheld_reason
 from tsis.report.hardness import hardness_rows
 from tsis.report.inclusion import TITLES
 from tsis.report.page import Table
-from tsis.report.target_words import SHORT, heading, moment, newest_first
+from tsis.report.target_words import SHORT, heading, newest_first, time_text
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from tsis.model import Estimate
-    from tsis.records import Dossier, Press, StoredEstimate
+    from tsis.records import StoredEstimate, StoredPress, TargetRecord
 
 
-def target_tables(dossier: Dossier) -> tuple[Table, ...]:
+def target_tables(dossier: TargetRecord) -> tuple[Table, ...]:
     """All tables that there is anything to say in."""
     return (
         *_result(dossier),
@@ -39,12 +39,12 @@ def target_tables(dossier: Dossier) -> tuple[Table, ...]:
     )
 
 
-def named(name: str) -> tuple[str, str]:
+def parameter_label(name: str) -> tuple[str, str]:
     """Words and unit of a parameter."""
     if name in TITLES:
         return TITLES[name]
     unit = unit_of(name)
-    return words_of(name), "" if unit == NO_UNIT else unit
+    return label_of(name), "" if unit == NO_UNIT else unit
 
 
 def measure(value: float, unit: str) -> str:
@@ -52,20 +52,25 @@ def measure(value: float, unit: str) -> str:
     return f"{value:.4g} {unit}".strip()
 
 
-def _result(dossier: Dossier) -> tuple[Table, ...]:
+def _result(dossier: TargetRecord) -> tuple[Table, ...]:
     truth = dossier.target.truth
     if not dossier.estimates:
-        known = tuple((named(name)[0], measure(value, named(name)[1])) for name, value in truth.items())
+        known = tuple(
+            (parameter_label(name)[0], measure(value, parameter_label(name)[1])) for name, value in truth.items()
+        )
         return (
             (Table(title="What is true of the phantom", headings=("quantity", "truth"), rows=known),) if known else ()
         )
     return tuple(_estimate_in_force(dossier, stored) for stored in newest_first(dossier))
 
 
-def _estimate_in_force(dossier: Dossier, stored: StoredEstimate) -> Table:
+def _estimate_in_force(dossier: TargetRecord, stored: StoredEstimate) -> Table:
     title, truth = heading(dossier, stored, "Estimate in force"), dossier.target.truth
     if stored.kind == "hardness":
-        true = [(f"truth of {named(name)[0]}", measure(value, named(name)[1])) for name, value in truth.items()]
+        true = [
+            (f"truth of {parameter_label(name)[0]}", measure(value, parameter_label(name)[1]))
+            for name, value in truth.items()
+        ]
         values = (*hardness_rows(stored.estimate), *true)
         return Table(title=title, headings=("quantity", "value"), rows=values)
     headings = ("quantity", "mean", "90 % interval", "sd", "prior sd", "least sd (Cramér-Rao)")
@@ -75,27 +80,27 @@ def _estimate_in_force(dossier: Dossier, stored: StoredEstimate) -> Table:
 
 
 def _parameter_row(estimate: Estimate, name: str, truth: Mapping[str, float]) -> tuple[str, ...]:
-    words, unit = named(name)
+    words, unit = parameter_label(name)
     known = () if not truth else (measure(truth[name], unit) if name in truth else "not known",)
     if name not in estimate.samples:
         return (words, "not estimated", "", "", "", "", *known)
-    doubt = doubt_of(estimate, name)
+    doubt = withheld_reason(estimate, name)
     if not estimate.trusted:
         return (words, doubt, "", "", "", "", *known)
-    low, high = estimate.interval(INTERVAL)[name]
+    low, high = estimate.interval(INTERVAL_LEVEL)[name]
     bound = estimate.cramer_rao_sd.get(name, np.inf)
     return (
         words,
         doubt or f"{estimate.mean[name]:.3g} {unit}",
         f"{low:.3g} to {high:.3g} {unit}",
-        spread(estimate.sd[name]),
-        spread(estimate.prior_sd[name]),
-        spread(bound) if np.isfinite(bound) else "none known",
+        sd_text(estimate.sd[name]),
+        sd_text(estimate.prior_sd[name]),
+        sd_text(bound) if np.isfinite(bound) else "none known",
         *known,
     )
 
 
-def _presses(dossier: Dossier) -> tuple[Table, ...]:
+def _presses(dossier: TargetRecord) -> tuple[Table, ...]:
     if not dossier.presses:
         return ()
     noted = any(press.name or press.note for press in dossier.presses)
@@ -107,10 +112,10 @@ def _presses(dossier: Dossier) -> tuple[Table, ...]:
     return (Table(title="Presses", headings=(*headings, "name and note") if noted else headings, rows=rows),)
 
 
-def _press_row(number: int, press: Press) -> tuple[str, ...]:
+def _press_row(number: int, press: StoredPress) -> tuple[str, ...]:
     return (
         str(number),
-        moment(press.taken),
+        time_text(press.taken),
         press.role,
         "not measured" if press.force_n is None else f"{press.force_n:.3g} N",
         "not known" if press.mm_per_pixel is None else "{:.4g} × {:.4g}".format(*press.mm_per_pixel),
@@ -119,11 +124,11 @@ def _press_row(number: int, press: Press) -> tuple[str, ...]:
     )
 
 
-def _said(press: Press) -> str:
+def _said(press: StoredPress) -> str:
     return ": ".join(part for part in (press.name, press.note) if part)
 
 
-def history_tables(dossier: Dossier) -> tuple[Table, ...]:
+def history_tables(dossier: TargetRecord) -> tuple[Table, ...]:
     """Every estimate that was made; no table where there is none."""
     if not dossier.estimates:
         return ()
@@ -136,7 +141,7 @@ def _history_row(stored: StoredEstimate) -> tuple[str, ...]:
     estimate = stored.estimate
     told = "; ".join(_told(estimate, name) for name in estimate.samples)
     return (
-        moment(stored.made),
+        time_text(stored.made),
         stored.id[:SHORT],
         stored.kind,
         _version(stored.environment),
@@ -151,7 +156,7 @@ def _version(environment: Mapping[str, Any]) -> str:
 
 
 def _told(estimate: Estimate, name: str) -> str:
-    words, unit = named(name)
-    low, high = estimate.interval(INTERVAL)[name]
-    mean = doubt_of(estimate, name) or f"{estimate.mean[name]:.3g} {unit}".strip()
+    words, unit = parameter_label(name)
+    low, high = estimate.interval(INTERVAL_LEVEL)[name]
+    mean = withheld_reason(estimate, name) or f"{estimate.mean[name]:.3g} {unit}".strip()
     return f"{words} {mean} ({low:.3g} to {high:.3g})"

@@ -14,13 +14,13 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
     from datetime import datetime
 
-    from tsis.records import Dossier, Press, StoredEstimate
+    from tsis.records import StoredEstimate, StoredPress, TargetRecord
 
 MOST_NAMED = 12  # presses that a sentence names by their numbers
 SHORT = 12  # letters of a SHA-256 or an identity that tell it from others on a page
 
 
-def moment(when: datetime) -> str:
+def time_text(when: datetime) -> str:
     """A time as pages show it, in UTC."""
     return f"{when.astimezone(UTC):%Y-%m-%d %H:%M:%S}"
 
@@ -31,7 +31,7 @@ def count_of(number: int, what: str) -> str:
     return f"{number} {what if number == 1 else plural}"
 
 
-def roles(presses: Sequence[Press]) -> str:
+def roles(presses: Sequence[StoredPress]) -> str:
     """How many presses there are of each role."""
     from tsis.records.values import ROLE_WORDS  # loads the libraries of records, which have loaded for a press
 
@@ -39,17 +39,17 @@ def roles(presses: Sequence[Press]) -> str:
     return ", ".join(f"{counts[role]} {words}" for role, words in ROLE_WORDS.items() if counts[role])
 
 
-def newest_first(dossier: Dossier) -> tuple[StoredEstimate, ...]:
+def newest_first(dossier: TargetRecord) -> tuple[StoredEstimate, ...]:
     """The estimates in force, of each kind one."""
     return tuple(sorted(dossier.in_force, key=lambda stored: stored.made, reverse=True))
 
 
-def heading(dossier: Dossier, stored: StoredEstimate, title: str) -> str:
+def heading(dossier: TargetRecord, stored: StoredEstimate, title: str) -> str:
     """A title, with the kind of the estimate that it is of where more than one is in force."""
     return f"{title} ({stored.kind})" if len(dossier.in_force) > 1 else title
 
 
-def target_notes(dossier: Dossier) -> tuple[str, ...]:
+def target_notes(dossier: TargetRecord) -> tuple[str, ...]:
     """All sentences, those of the estimate in force first."""
     return (
         *_estimate_notes(dossier),
@@ -61,7 +61,7 @@ def target_notes(dossier: Dossier) -> tuple[str, ...]:
     )
 
 
-def _estimate_notes(dossier: Dossier) -> tuple[str, ...]:
+def _estimate_notes(dossier: TargetRecord) -> tuple[str, ...]:
     found = newest_first(dossier)
     if not found:
         return ("Nothing was estimated from these presses yet.",) if dossier.presses else ("Nothing was recorded yet.",)
@@ -77,12 +77,12 @@ def origin(stored: StoredEstimate) -> str:
     version = f"tsis {stored.environment['tsis']}" if "tsis" in stored.environment else "an unknown version of tsis"
     again = f" It takes the place of {stored.supersedes[:SHORT]}." if stored.supersedes else ""
     return (
-        f"Estimated {moment(stored.made)} UTC by {version} from {count_of(len(stored.presses), 'press')} of probe "
+        f"Estimated {time_text(stored.made)} UTC by {version} from {count_of(len(stored.presses), 'press')} of probe "
         f"{stored.probe or 'not named'} with calibration {stored.calibration[:SHORT]}.{again}"
     )
 
 
-def _coverage(dossier: Dossier, stored: StoredEstimate) -> tuple[str, ...]:
+def _coverage(dossier: TargetRecord, stored: StoredEstimate) -> tuple[str, ...]:
     known = {press.id for press in dossier.presses}
     left, gone = len(known.difference(stored.presses)), len(set(stored.presses).difference(known))
     said = [f"The estimate does not rest on {count_of(left, 'other press')} of this target."] if left else []
@@ -91,7 +91,7 @@ def _coverage(dossier: Dossier, stored: StoredEstimate) -> tuple[str, ...]:
     return tuple(said)
 
 
-def _flag_notes(dossier: Dossier) -> tuple[str, ...]:
+def _flag_notes(dossier: TargetRecord) -> tuple[str, ...]:
     """One sentence a flag of the press guard: the presses that it was raised for, and what it means."""
     raised: dict[str, list[int]] = {}
     for number, press in enumerate(dossier.presses, 1):
@@ -104,7 +104,7 @@ def _flag_notes(dossier: Dossier) -> tuple[str, ...]:
     )
 
 
-def _gap_notes(dossier: Dossier) -> tuple[str, ...]:
+def _gap_notes(dossier: TargetRecord) -> tuple[str, ...]:
     """What nobody measured."""
     pressed = [(number, press) for number, press in enumerate(dossier.presses, 1) if press.role != "untouched"]
     gaps = {

@@ -7,16 +7,16 @@ from typing import TYPE_CHECKING, Any
 from tsis.report.target_words import count_of
 
 if TYPE_CHECKING:
-    from tsis.records.verification import Verification
+    from tsis.records.verification import StoreVerification
 
 
-def verdict(found: Verification) -> str:
+def verdict(found: StoreVerification) -> str:
     """Whether the store can be believed."""
     state = "as it was stored" if found.sound else f"NOT as it was stored: {count_of(len(found.faults), 'fault')}"
     return f"The store is {state}: {found.rows} rows and {found.files} files were read."
 
 
-def verification_notes(found: Verification) -> tuple[str, ...]:
+def verification_notes(found: StoreVerification) -> tuple[str, ...]:
     """What to know of a store besides its faults."""
     said = [f"Note: {note}." for note in found.notes]
     if found.unnamed:
@@ -29,7 +29,7 @@ def verification_notes(found: Verification) -> tuple[str, ...]:
     return (*said, f"Audit: entry {found.head.number}, {found.head.hash}")
 
 
-def verification_document(found: Verification) -> dict[str, Any]:
+def store_verification_document(found: StoreVerification) -> dict[str, Any]:
     """The same as plain values for JSON."""
     return {
         "sound": found.sound,

@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from tsis.detection import Interval
-    from tsis.study.judged import Judged
-    from tsis.study.reading import Reading
+    from tsis.study.judged import DeviceResults
+    from tsis.study.reading import DeviceReading
 
 SCORE = "score"
 LEAST_TARGETS = 3  # below, an agreement says nothing
@@ -22,7 +22,7 @@ WITHIN, BETWEEN = "within an operator", "between operators"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Number:
+class AgreementValue:
     """A number with its interval where it has one, and else why not."""
 
     value: float | None
@@ -56,11 +56,11 @@ class Agreement:
     operators: int
     repeats: int
     form: str
-    correlation: Number
-    coefficient: Number
+    correlation: AgreementValue
+    coefficient: AgreementValue
 
 
-def agreements(judged: Judged, readings: Sequence[Reading]) -> tuple[Agreement, ...]:
+def agreements(judged: DeviceResults, readings: Sequence[DeviceReading]) -> tuple[Agreement, ...]:
     """Agreement of repeats, by the operator who read most, and of operators, as far as there are any.
 
     Sizes, depths and moduli are compared on inclusions alone.
@@ -77,7 +77,7 @@ def agreements(judged: Judged, readings: Sequence[Reading]) -> tuple[Agreement, 
 Table = dict[str, dict[str, list[float]]]  # values by operator and code
 
 
-def _table(readings: Sequence[Reading], quantity: str, codes: set[str] | None) -> Table:
+def _table(readings: Sequence[DeviceReading], quantity: str, codes: set[str] | None) -> Table:
     table: Table = {}
     for reading in readings:
         value = reading.score if quantity == SCORE else reading.values.get(quantity)
@@ -134,15 +134,15 @@ def _coefficient_and_interval(found: object) -> tuple[float, Callable[[], Interv
     return found.coefficient, found.interval  # type: ignore[attr-defined]
 
 
-def _number(of: Callable[[], tuple[float, Callable[[], Interval]]]) -> Number:
+def _number(of: Callable[[], tuple[float, Callable[[], Interval]]]) -> AgreementValue:
     try:
         value, interval = of()
     except InputError as error:
-        return Number(value=None, interval=None, remark=str(error))
+        return AgreementValue(value=None, interval=None, remark=str(error))
     try:
-        return Number(value=value, interval=interval())
+        return AgreementValue(value=value, interval=interval())
     except InputError as error:
-        return Number(value=value, interval=None, remark=str(error))
+        return AgreementValue(value=value, interval=None, remark=str(error))
 
 
-__all__ = ["BETWEEN", "WITHIN", "Agreement", "Number", "agreements"]
+__all__ = ["BETWEEN", "WITHIN", "Agreement", "AgreementValue", "agreements"]

@@ -10,7 +10,7 @@ import sys
 from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
-from tsis.instrument.file_bytes import shown
+from tsis.instrument.file_bytes import printable_path
 from tsis.model.errors import RecordsError
 
 if TYPE_CHECKING:
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def waited_for(folder: Path) -> Iterator[None]:
+def log_lock(folder: Path) -> Iterator[None]:
     """Wait until nobody else adds lines to the log in ``folder``: it takes others a moment."""
     with _opened(folder) as handle:
         if sys.platform != "win32":
@@ -31,7 +31,7 @@ def waited_for(folder: Path) -> Iterator[None]:
 
 
 @contextmanager
-def one_run(plan: Path) -> Iterator[None]:
+def run_lock(plan: Path) -> Iterator[None]:
     """Refuse while another run reads the targets of this ``plan``, which is written once and never replaced."""
     with _opened(plan) as handle:
         if sys.platform != "win32":
@@ -41,7 +41,7 @@ def one_run(plan: Path) -> Iterator[None]:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
                 raise RecordsError(
-                    f"{shown(plan.parent)} must be read by one run at a time; another one is under way (wait for it, "
+                    f"{printable_path(plan.parent)} must be read by one run at a time; another one is under way (wait for it, "
                     f"or end it)"
                 ) from error
             except OSError:  # as above
@@ -57,11 +57,11 @@ def _opened(path: Path) -> Iterator[int]:
     try:
         handle = os.open(path, os.O_RDONLY)
     except OSError as error:
-        raise RecordsError(f"{shown(path)} must be part of a study; got: {error.strerror}") from error
+        raise RecordsError(f"{printable_path(path)} must be part of a study; got: {error.strerror}") from error
     try:
         yield handle
     finally:
         os.close(handle)
 
 
-__all__ = ["one_run", "waited_for"]
+__all__ = ["log_lock", "run_lock"]

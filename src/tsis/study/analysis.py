@@ -11,8 +11,8 @@ from tsis.model.errors import RecordsError
 from tsis.study.comparison import device_comparison
 from tsis.study.device_analysis import device_analysis
 from tsis.study.folder import read_seal
-from tsis.study.judged import judged
-from tsis.study.verification import verify
+from tsis.study.judged import device_results
+from tsis.study.verification import verify_study
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tsis.study.device_analysis import DeviceAnalysis
     from tsis.study.folder import Study
     from tsis.study.truth import TargetTruth
-    from tsis.study.verification import Verification
+    from tsis.study.verification import StudyVerification
 
 BOOTSTRAP = 20_110  # seed of what is drawn in an analysis, so that it can be made again to the digit
 
@@ -46,7 +46,7 @@ class StudyAnalysis:
 
     study: Study
     truths: Mapping[str, TargetTruth]
-    verification: Verification
+    verification: StudyVerification
     devices: tuple[DeviceAnalysis, ...]
     comparisons: tuple[DeviceComparison, ...]
 
@@ -74,7 +74,8 @@ def analyse(study: Study, *, progress: Callable[[int, int], None] | None = None)
     seal, _ = read_seal(study)
     truths = {code: seal.truths[code] for code in study.plan.codes}
     told = [
-        judged(device, study.threshold_of(device), study.readings, truths, study.plan.codes) for device in study.devices
+        device_results(device, study.threshold_of(device), study.readings, truths, study.plan.codes)
+        for device in study.devices
     ]
     devices = []
     for number, each in enumerate(told):
@@ -90,7 +91,7 @@ def analyse(study: Study, *, progress: Callable[[int, int], None] | None = None)
     return StudyAnalysis(
         study=study,
         truths=truths,
-        verification=verify(study.folder),
+        verification=verify_study(study.folder),
         devices=tuple(devices),
         comparisons=tuple(comparisons),
     )

@@ -85,7 +85,7 @@ class Chain:
         return self.entries[-1].hash if self.entries else FIRST
 
 
-def joined(chain: Chain, drafts: Iterable[Draft], moment: datetime) -> tuple[Entry, ...]:
+def link_entries(chain: Chain, drafts: Iterable[Draft], moment: datetime) -> tuple[Entry, ...]:
     """Entries that follow a chain."""
     number, previous, entries = chain.lines, chain.head, list[Entry]()
     for draft in drafts:
@@ -114,7 +114,7 @@ def read_chain(content: bytes) -> Chain:
     >>> from datetime import datetime
     >>> empty = Chain(entries=(), lines=0, breaks={})
     >>> drafts = [Draft(actor="me", action="said", content={"word": word}) for word in "ab"]
-    >>> first, second = joined(empty, drafts, datetime(2026, 1, 1))
+    >>> first, second = link_entries(empty, drafts, datetime(2026, 1, 1))
     >>> read_chain(f"{first.line()}\n{second.line()}\n".encode()).breaks
     {}
     >>> read_chain(f"{second.line()}\n".encode()).breaks
@@ -166,4 +166,4 @@ def _wrong(entry: Entry, line: bytes, number: int, previous: str) -> str:
     return ""
 
 
-__all__ = ["FIRST", "Chain", "Draft", "Entry", "joined", "read_chain"]
+__all__ = ["FIRST", "Chain", "Draft", "Entry", "link_entries", "read_chain"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tsis.detection import bland_altman, bootstrap_compare, compare
+from tsis.detection import bland_altman, bootstrap_compare_detectors, compare_detectors
 from tsis.model.errors import InputError
 from tsis.study.reading import QUANTITIES
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from tsis.detection import BlandAltman, Comparison
-    from tsis.study.judged import Judged, JudgedTarget
+    from tsis.study.judged import DeviceResults, TargetResult
 
 ENOUGH = 30  # targets of each kind from which DeLong's test may be used
 
@@ -46,7 +46,7 @@ class DeviceComparison:
     limits: Mapping[str, BlandAltman]
 
 
-def device_comparison(first: Judged, second: Judged, rng: np.random.Generator) -> DeviceComparison:
+def device_comparison(first: DeviceResults, second: DeviceResults, rng: np.random.Generator) -> DeviceComparison:
     """Compare two devices; with fewer than 30 targets of a kind by the bootstrap, else by DeLong's test."""
     both = [
         (one, other)
@@ -58,9 +58,9 @@ def device_comparison(first: Judged, second: Judged, rng: np.random.Generator) -
     areas, remark = None, ""
     try:
         if min(sum(present), len(present) - sum(present)) >= ENOUGH:
-            areas = compare(*scores, present)
+            areas = compare_detectors(*scores, present)
         else:
-            areas = bootstrap_compare(*scores, present, rng=rng)
+            areas = bootstrap_compare_detectors(*scores, present, rng=rng)
     except InputError as error:
         remark = str(error)
     return DeviceComparison(
@@ -73,13 +73,13 @@ def device_comparison(first: Judged, second: Judged, rng: np.random.Generator) -
     )
 
 
-def _ranks(device: Judged, targets: Sequence[JudgedTarget]) -> list[float]:
+def _ranks(device: DeviceResults, targets: Sequence[TargetResult]) -> list[float]:
     """What orders some of the targets that a device decided."""
     by_code = dict(zip((each.code for each in device.decided), device.ranks()[0].tolist(), strict=True))
     return [by_code[each.code] for each in targets]
 
 
-def _limits(first: Judged, second: Judged, quantity: str) -> BlandAltman | None:
+def _limits(first: DeviceResults, second: DeviceResults, quantity: str) -> BlandAltman | None:
     pairs = [
         (one.reading.values[quantity], other.reading.values[quantity])
         for one, other in zip(first.targets, second.targets, strict=True)

@@ -7,7 +7,7 @@ import io
 import math
 from typing import TYPE_CHECKING
 
-from tsis.instrument.file_bytes import one_line, read_bytes, shown
+from tsis.instrument.file_bytes import one_line, printable_path, read_bytes
 from tsis.model.errors import FileInputError
 from tsis.records.export.csv_files import RISKY
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 LARGEST_BYTES, MOST_ROWS, LONGEST_CELL = 32 * 2**20, 1_000_000, 500
 
 
-class Cells:
+class CsvRow:
     """A row; every error names the file and the line.
 
     Parameters
@@ -56,7 +56,7 @@ class Cells:
         return FileInputError(f"{name} must be {wanted}; got {got!r:.60} ({self.where})")
 
 
-def read_rows(path: Path, needed: Sequence[str], optional: Sequence[str] = ()) -> Iterator[Cells]:
+def read_csv_rows(path: Path, needed: Sequence[str], optional: Sequence[str] = ()) -> Iterator[CsvRow]:
     """Rows of a file of UTF-8 whose first line names its columns, in any order.
 
     Parameters
@@ -71,10 +71,10 @@ def read_rows(path: Path, needed: Sequence[str], optional: Sequence[str] = ()) -
     FileInputError
         When it cannot be read as such a table; the sentence names the line.
     """
-    return rows_of(read_bytes(path, most=LARGEST_BYTES), shown(path), needed, optional)
+    return parse_csv_rows(read_bytes(path, most=LARGEST_BYTES), printable_path(path), needed, optional)
 
 
-def rows_of(content: bytes, name: str, needed: Sequence[str], optional: Sequence[str] = ()) -> Iterator[Cells]:
+def parse_csv_rows(content: bytes, name: str, needed: Sequence[str], optional: Sequence[str] = ()) -> Iterator[CsvRow]:
     """The same from the content of such a file, as somebody uploaded it under a name."""
     try:
         text = content.decode("utf-8-sig")
@@ -100,7 +100,7 @@ def rows_of(content: bytes, name: str, needed: Sequence[str], optional: Sequence
                     f"a row must have {len(headings)} cells, as the headings; got {len(cells)} ({where})"
                 )
             else:
-                yield Cells(where, dict(zip(headings, cells, strict=True)))
+                yield CsvRow(where, dict(zip(headings, cells, strict=True)))
     except csv.Error as error:
         raise FileInputError(
             f"{name} must be a table of comma-separated values; line {reader.line_num}: {one_line(error)}"
@@ -123,4 +123,4 @@ def _headings(cells: list[str], where: str, needed: Sequence[str], optional: Seq
     return names
 
 
-__all__ = ["Cells", "read_rows", "rows_of"]
+__all__ = ["CsvRow", "parse_csv_rows", "read_csv_rows"]

@@ -28,8 +28,8 @@ if TYPE_CHECKING:
     from tsis.detection import Counts, Interval, OperatingPoint, Recalibration, ReliabilityCurve, Roc
     from tsis.study.agreement import Agreement
     from tsis.study.found_errors import FoundErrors
-    from tsis.study.judged import Judged
-    from tsis.study.reading import Reading
+    from tsis.study.judged import DeviceResults
+    from tsis.study.reading import DeviceReading
     from tsis.study.strata import Stratum
 
 FEW = 5  # of a class: below, a study says little
@@ -56,7 +56,7 @@ class DeviceAnalysis:
     counts_if_wrong
         Undecided targets as the wrong answer.
     curve, auc_interval
-        Of the decided targets by `Judged.ranks`, in whose unit thresholds are told.
+        Of the decided targets by `DeviceResults.ranks`, in whose unit thresholds are told.
     auc_if_wrong
         Area with undecided targets as the wrong answer.
     points
@@ -75,7 +75,7 @@ class DeviceAnalysis:
         Why something is None, by its name.
     """
 
-    judged: Judged
+    judged: DeviceResults
     readings: int
     undecided_readings: int
     counts: Counts | None
@@ -100,7 +100,9 @@ class DeviceAnalysis:
         return min(present, len(self.judged.decided) - present) < FEW
 
 
-def device_analysis(judged: Judged, readings: Sequence[Reading], rng: np.random.Generator) -> DeviceAnalysis:
+def device_analysis(
+    judged: DeviceResults, readings: Sequence[DeviceReading], rng: np.random.Generator
+) -> DeviceAnalysis:
     """Analyse one device.
 
     Parameters

@@ -8,14 +8,14 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tsis.instrument.file_bytes import as_path, read_bytes, shown
+from tsis.instrument.file_bytes import as_path, printable_path, read_bytes
 from tsis.model import check
 from tsis.model.errors import InputError, RecordsError
 from tsis.study.chain import Chain, Draft
-from tsis.study.log import LOG, append, read_log
-from tsis.study.plan import StudyPlan, plan_of
-from tsis.study.reading import Reading, named, reading_of
-from tsis.study.seal import Seal, commitment, seal_of
+from tsis.study.log import LOG_FILE, append_log, read_log
+from tsis.study.plan import StudyPlan, parse_study_plan
+from tsis.study.reading import DeviceReading, parse_reading, require_short_name
+from tsis.study.seal import SealedTruth, commitment, parse_seal
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -46,7 +46,7 @@ class Study:
     folder: Path
     plan: StudyPlan
     chain: Chain
-    readings: tuple[Reading, ...]
+    readings: tuple[DeviceReading, ...]
 
     @property
     def unblinded(self) -> Entry | None:
@@ -91,16 +91,16 @@ def open_study(folder: str | os.PathLike[str]) -> Study:
     place = as_path(folder)
     if not os.path.isfile(place / PLAN):  # noqa: PTH113 - Path.is_file raises for names that no file can have
         raise RecordsError(no_study(place))
-    plan, chain = plan_of(read_bytes(place / PLAN), PLAN), read_log(place)
+    plan, chain = parse_study_plan(read_bytes(place / PLAN), PLAN), read_log(place)
     return Study(folder=place, plan=plan, chain=chain, readings=_readings(chain, plan))
 
 
 def no_study(place: Path) -> str:
     """What to say of a folder that holds none."""
-    return f"{shown(place)} must be the folder of a study; it holds no {PLAN} (tsis study new makes one)"
+    return f"{printable_path(place)} must be the folder of a study; it holds no {PLAN} (tsis study new makes one)"
 
 
-def read_seal(study: Study) -> tuple[Seal, bool]:
+def read_seal(study: Study) -> tuple[SealedTruth, bool]:
     """The truth of a study, and whether it is the one that was sealed.
 
     Raises
@@ -109,7 +109,7 @@ def read_seal(study: Study) -> tuple[Seal, bool]:
         When it cannot be read, or some code is missing in it.
     """
     content = read_bytes(study.folder / SEAL)
-    seal = seal_of(content, SEAL)
+    seal = parse_seal(content, SEAL)
     lost = [code for code in study.plan.codes if code not in seal.truths]
     if lost:
         raise RecordsError(f"{SEAL} must tell what every code stands for; it lacks {', '.join(lost[:5])}")
@@ -124,7 +124,7 @@ def committed(chain: Chain, plan: StudyPlan) -> str:
 
 
 def enter_readings(
-    study: Study, readings: Sequence[Reading], *, actor: str, imported: Mapping[str, object] | None = None
+    study: Study, readings: Sequence[DeviceReading], *, actor: str, imported: Mapping[str, object] | None = None
 ) -> Study:
     """Enter readings, all or none, and return the study as it is then.
 
@@ -146,7 +146,7 @@ def enter_readings(
     RecordsError
         When the study is unblinded, or its files are not as they were written.
     """
-    named("actor", actor)
+    require_short_name("actor", actor)
 
     def drafts(chain: Chain) -> list[Draft]:
         if any(entry.action == UNBLINDED for entry in chain.entries):
@@ -166,7 +166,7 @@ def enter_readings(
         head = [] if imported is None else [Draft(actor=actor, action=IMPORTED, content=imported)]
         return [*head, *(Draft(actor=actor, action=READING, content=reading.plain()) for reading in readings)]
 
-    append(study.folder, drafts)
+    append_log(study.folder, drafts)
     return open_study(study.folder)
 
 
@@ -175,7 +175,7 @@ def require_plan_unchanged(folder: Path, chain: Chain) -> None:
     first = chain.entries[0] if chain.entries else None
     if first is None or first.content.get("study_sha256") != commitment(read_bytes(folder / PLAN)):
         raise RecordsError(
-            f"{shown(folder / PLAN)} must be as it was made; it was changed (tsis study verify tells more)"
+            f"{printable_path(folder / PLAN)} must be as it was made; it was changed (tsis study verify tells more)"
         )
 
 
@@ -188,21 +188,21 @@ def before_unblinding(chain: Chain) -> tuple[Entry, ...]:
 
 def _threshold(entry: Entry, device: str) -> float:
     try:
-        return check.number("threshold", entry.content.get("threshold"), -1e12, 1e12)
+        return check.require_number("threshold", entry.content.get("threshold"), -1e12, 1e12)
     except InputError as error:
         raise RecordsError(
-            f"{LOG}, line {entry.number}, must hold the threshold of {device!r:.60}; {error} (tsis study verify tells "
+            f"{LOG_FILE}, line {entry.number}, must hold the threshold of {device!r:.60}; {error} (tsis study verify tells "
             "more)"
         ) from error
 
 
-def _readings(chain: Chain, plan: StudyPlan) -> tuple[Reading, ...]:
-    found: dict[tuple[str, str, str, int], Reading] = {}
+def _readings(chain: Chain, plan: StudyPlan) -> tuple[DeviceReading, ...]:
+    found: dict[tuple[str, str, str, int], DeviceReading] = {}
     codes = set(plan.codes)
     for entry in before_unblinding(chain):
         if entry.action == READING:
             try:
-                reading = reading_of(entry.content)
+                reading = parse_reading(entry.content)
             except InputError:  # which `verify` tells
                 continue
             if reading.code in codes:
@@ -213,7 +213,7 @@ def _readings(chain: Chain, plan: StudyPlan) -> tuple[Reading, ...]:
 def user() -> str:
     """Name of who uses this machine, as far as it is one."""
     try:
-        return named("user", getpass.getuser())
+        return require_short_name("user", getpass.getuser())
     except (OSError, KeyError, InputError):  # a container's user without a name
         return "unknown"
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.detection import Interval
-    from tsis.study.judged import Judged
+    from tsis.study.judged import DeviceResults
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -67,12 +67,12 @@ class FoundErrors:
         return float(np.abs(self.read - self.true).max())
 
 
-def found_errors(judged: Judged) -> tuple[FoundErrors, ...]:
+def found_errors(judged: DeviceResults) -> tuple[FoundErrors, ...]:
     """Errors of every quantity that the device read of inclusions which it found."""
     return tuple(errors for quantity in QUANTITIES if (errors := _of(judged, quantity)) is not None)
 
 
-def _of(judged: Judged, quantity: str) -> FoundErrors | None:
+def _of(judged: DeviceResults, quantity: str) -> FoundErrors | None:
     held = [(each, each.reading) for each in judged.found if each.reading and quantity in each.reading.values]
     if not held:
         return None

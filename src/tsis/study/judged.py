@@ -14,12 +14,12 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.study.reading import Reading
+    from tsis.study.reading import DeviceReading
     from tsis.study.truth import TargetTruth
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class JudgedTarget:
+class TargetResult:
     """A target and the first reading of it by one device.
 
     Attributes
@@ -34,7 +34,7 @@ class JudgedTarget:
 
     code: str
     truth: TargetTruth
-    reading: Reading | None
+    reading: DeviceReading | None
 
     @property
     def score(self) -> float | None:
@@ -43,7 +43,7 @@ class JudgedTarget:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Judged:
+class DeviceResults:
     """All targets of a study before one device.
 
     Attributes
@@ -58,29 +58,29 @@ class Judged:
 
     device: str
     threshold: float
-    targets: tuple[JudgedTarget, ...]
+    targets: tuple[TargetResult, ...]
 
     @property
-    def decided(self) -> tuple[JudgedTarget, ...]:
+    def decided(self) -> tuple[TargetResult, ...]:
         """Targets with a score."""
         return tuple(target for target in self.targets if target.score is not None)
 
     @property
-    def undecided(self) -> tuple[JudgedTarget, ...]:
+    def undecided(self) -> tuple[TargetResult, ...]:
         """Targets that were read without an answer."""
         return tuple(each for each in self.targets if each.reading is not None and each.score is None)
 
     @property
-    def unread(self) -> tuple[JudgedTarget, ...]:
+    def unread(self) -> tuple[TargetResult, ...]:
         """Targets that it did not read."""
         return tuple(target for target in self.targets if target.reading is None)
 
     @property
-    def found(self) -> tuple[JudgedTarget, ...]:
+    def found(self) -> tuple[TargetResult, ...]:
         """Targets with an inclusion that was found."""
         return tuple(each for each in self.decided if each.truth.has_inclusion and self.calls(each))
 
-    def calls(self, target: JudgedTarget) -> bool:
+    def calls(self, target: TargetResult) -> bool:
         """Whether a decided target was said to hold an inclusion."""
         return target.score is not None and target.score >= self.threshold
 
@@ -124,15 +124,19 @@ class Judged:
         return Counts.of([one for one, _ in said], [other for _, other in said]) if said else None
 
 
-def judged(
-    device: str, threshold: float, readings: Sequence[Reading], truths: Mapping[str, TargetTruth], codes: Sequence[str]
-) -> Judged:
+def device_results(
+    device: str,
+    threshold: float,
+    readings: Sequence[DeviceReading],
+    truths: Mapping[str, TargetTruth],
+    codes: Sequence[str],
+) -> DeviceResults:
     """Set the first reading of every target by a device beside the truth.
 
     Parameters
     ----------
     device, threshold
-        As of `Judged`.
+        As of `DeviceResults`.
     readings
         Of all devices, in the order in which they were entered.
     truths
@@ -140,12 +144,12 @@ def judged(
     codes
         In the order of the study.
     """
-    first: dict[str, Reading] = {}
+    first: dict[str, DeviceReading] = {}
     for reading in readings:
         if reading.device == device:
             first.setdefault(reading.code, reading)
-    targets = tuple(JudgedTarget(code=code, truth=truths[code], reading=first.get(code)) for code in codes)
-    return Judged(device=device, threshold=threshold, targets=targets)
+    targets = tuple(TargetResult(code=code, truth=truths[code], reading=first.get(code)) for code in codes)
+    return DeviceResults(device=device, threshold=threshold, targets=targets)
 
 
-__all__ = ["Judged", "JudgedTarget", "judged"]
+__all__ = ["DeviceResults", "TargetResult", "device_results"]

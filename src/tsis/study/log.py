@@ -5,11 +5,11 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
-from tsis.instrument.file_bytes import read_bytes, shown
+from tsis.instrument.file_bytes import printable_path, read_bytes
 from tsis.model.durable import DISK, Disk, remove_unfinished, write_durably
 from tsis.model.errors import RecordsError
-from tsis.study.alone import waited_for
-from tsis.study.chain import Chain, joined, read_chain
+from tsis.study.alone import log_lock
+from tsis.study.chain import Chain, link_entries, read_chain
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from tsis.study.chain import Draft, Entry
 
-LOG = "log.jsonl"
+LOG_FILE = "log.jsonl"
 
 
 def read_log(folder: Path) -> Chain:
@@ -28,10 +28,10 @@ def read_log(folder: Path) -> Chain:
     FileInputError
         When there is none that can be read.
     """
-    return read_chain(read_bytes(folder / LOG))
+    return read_chain(read_bytes(folder / LOG_FILE))
 
 
-def append(
+def append_log(
     folder: Path, drafts_after: Callable[[Chain], Sequence[Draft]], *, damaged: bool = False, disk: Disk = DISK
 ) -> tuple[Entry, ...]:
     """Add lines to the log; when this returns they are on the disk.
@@ -55,19 +55,19 @@ def append(
     RecordsError
         When the log does not fit, or cannot be written.
     """
-    with waited_for(folder):
-        content = read_bytes(folder / LOG)
+    with log_lock(folder):
+        content = read_bytes(folder / LOG_FILE)
         chain = read_chain(content)
         if chain.breaks and not damaged:
             line, wrong = min(chain.breaks.items())
             raise RecordsError(
-                f"{shown(folder / LOG)} must be as it was written before anything is added; line {line} {wrong} "
+                f"{printable_path(folder / LOG_FILE)} must be as it was written before anything is added; line {line} {wrong} "
                 f"(tsis study verify tells all)"
             )
-        entries = joined(chain, drafts_after(chain), datetime.now(UTC))
+        entries = link_entries(chain, drafts_after(chain), datetime.now(UTC))
         if entries:
             added = "".join(f"{entry.line()}\n" for entry in entries).encode()
-            _write(folder / LOG, content + (b"" if content.endswith(b"\n") else b"\n") + added, disk)
+            _write(folder / LOG_FILE, content + (b"" if content.endswith(b"\n") else b"\n") + added, disk)
     return entries
 
 
@@ -76,9 +76,9 @@ def _write(path: Path, content: bytes, disk: Disk) -> None:
         write_durably(path, content, disk=disk)
     except OSError as error:
         raise RecordsError(
-            f"{shown(path)} could not be written: {error.strerror or error}; what was entered before is as it was"
+            f"{printable_path(path)} could not be written: {error.strerror or error}; what was entered before is as it was"
         ) from error
     remove_unfinished(path.parent)  # by others who were killed; nobody else writes here now
 
 
-__all__ = ["LOG", "append", "read_log"]
+__all__ = ["LOG_FILE", "append_log", "read_log"]

@@ -8,17 +8,17 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING
 
 from tsis.__about__ import __version__
-from tsis.instrument.file_bytes import as_path, one_line, shown
+from tsis.instrument.file_bytes import as_path, one_line, printable_path
 from tsis.model import check, load_probe
 from tsis.model.errors import InputError, RecordsError
-from tsis.model.whole import new_folder
-from tsis.study.chain import Chain, Draft, joined
+from tsis.model.whole import atomic_folder
+from tsis.study.chain import Chain, Draft, link_entries
 from tsis.study.codes import coded
 from tsis.study.folder import CREATED, PLAN, SEAL, open_study, user
-from tsis.study.log import LOG
+from tsis.study.log import LOG_FILE
 from tsis.study.plan import StudyPlan
-from tsis.study.reading import named
-from tsis.study.seal import Seal, commitment
+from tsis.study.reading import require_short_name
+from tsis.study.seal import SealedTruth, commitment
 from tsis.study.truth import TargetTruth
 
 if TYPE_CHECKING:
@@ -73,14 +73,18 @@ def new_study(
     """
     place = as_path(folder)
     given = seed
-    seed = secrets.randbelow(check.LARGEST_SEED) if seed is None else check.whole("seed", seed, 0, check.LARGEST_SEED)
+    seed = (
+        secrets.randbelow(check.LARGEST_SEED)
+        if seed is None
+        else check.require_integer("seed", seed, 0, check.LARGEST_SEED)
+    )
     listed = tuple(targets(seed) if callable(targets) else targets)
     if not listed:
         raise InputError("targets must be at least one; got none")
     for each in listed:
-        check.kind("targets", each, TargetTruth)
+        check.require_type("targets", each, TargetTruth)
     truths = coded(listed, seed)
-    sealed = Seal(salt=secrets.token_hex(32), seed=seed, truths=truths).content()
+    sealed = SealedTruth(salt=secrets.token_hex(32), seed=seed, truths=truths).content()
     if forces_n is None:
         forces_n = (1.0,) if load_probe(probe).face_curvature_mm is None else (0.5, 1.0)
     plan = StudyPlan(
@@ -90,7 +94,7 @@ def new_study(
         forces_n=tuple(forces_n),
         with_reference=with_reference,
         repeats=repeats,
-        threshold=float(check.number("threshold", threshold, -1e12, 1e12)),
+        threshold=float(check.require_number("threshold", threshold, -1e12, 1e12)),
         codes=tuple(truths),
         commitment=commitment(sealed),
         made=datetime.now(UTC),
@@ -99,20 +103,24 @@ def new_study(
     planned = plan.content()
     begun = {"study_sha256": commitment(planned), "truth_sha256": plan.commitment, "tsis": __version__}
     nothing = Chain(entries=(), lines=0, breaks={})
-    first = joined(nothing, [Draft(actor=named("actor", actor or user()), action=CREATED, content=begun)], plan.made)
+    first = link_entries(
+        nothing, [Draft(actor=require_short_name("actor", actor or user()), action=CREATED, content=begun)], plan.made
+    )
     try:
-        with new_folder(place) as draft:
+        with atomic_folder(place) as draft:
             (draft / PLAN).write_bytes(planned)
             handle = os.open(draft / SEAL, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
             with os.fdopen(handle, "wb") as file:
                 file.write(sealed)
-            (draft / LOG).write_bytes(f"{first[0].line()}\n".encode())
+            (draft / LOG_FILE).write_bytes(f"{first[0].line()}\n".encode())
     except FileExistsError as error:
         raise RecordsError(
-            f"{shown(place)} must be a new name; there is such a file or folder (choose another)"
+            f"{printable_path(place)} must be a new name; there is such a file or folder (choose another)"
         ) from error
     except (OSError, ValueError) as error:
-        raise RecordsError(f"{shown(place)} must be a place that can be written; got: {one_line(error)}") from error
+        raise RecordsError(
+            f"{printable_path(place)} must be a place that can be written; got: {one_line(error)}"
+        ) from error
     return open_study(place)
 
 

@@ -75,19 +75,19 @@ class StudyPlan:
     def __post_init__(self) -> None:
         for name in ("name", "tsis"):
             text = getattr(self, name)
-            check.kind(name, text, str)
+            check.require_type(name, text, str)
             if not 0 < len(text) <= LONGEST_NAME or not text.isprintable():
                 raise InputError(f"{name} must be 1 to {LONGEST_NAME} printable letters; got {text!r:.80}")
         if self.seed is not None:
-            check.whole("seed", self.seed, 0, check.LARGEST_SEED)
-        check.known("probe", self.probe, list_probes())
-        forces = tuple(check.number("forces_n", force, 1e-4, 20.0, hint="newtons") for force in self.forces_n)
+            check.require_integer("seed", self.seed, 0, check.LARGEST_SEED)
+        check.require_one_of("probe", self.probe, list_probes())
+        forces = tuple(check.require_number("forces_n", force, 1e-4, 20.0, hint="newtons") for force in self.forces_n)
         if not 0 < len(forces) <= MOST_FORCES or len(set(forces)) < len(forces):
             raise InputError(f"forces_n must be 1 to {MOST_FORCES} different forces; got {list(self.forces_n)!r:.80}")
         object.__setattr__(self, "forces_n", forces)
-        check.kind("with_reference", self.with_reference, bool)
-        check.whole("repeats", self.repeats, 1, MOST_REPEATS)
-        check.number("threshold", self.threshold, -LARGEST_THRESHOLD, LARGEST_THRESHOLD)
+        check.require_type("with_reference", self.with_reference, bool)
+        check.require_integer("repeats", self.repeats, 1, MOST_REPEATS)
+        check.require_number("threshold", self.threshold, -LARGEST_THRESHOLD, LARGEST_THRESHOLD)
         object.__setattr__(self, "codes", tuple(self.codes))
         bad = [code for code in self.codes if not isinstance(code, str) or not CODE.fullmatch(code)]
         if bad or not self.codes or len(set(self.codes)) < len(self.codes):
@@ -96,7 +96,7 @@ class StudyPlan:
             )
         if not isinstance(self.commitment, str) or not SHA256.fullmatch(self.commitment):
             raise InputError(f"commitment must be a SHA-256 in hexadecimal digits; got {self.commitment!r:.80}")
-        check.kind("made", self.made, datetime)
+        check.require_type("made", self.made, datetime)
 
     @property
     def device(self) -> str:
@@ -132,7 +132,7 @@ class StudyPlan:
         ).encode()
 
 
-def plan_of(content: bytes, name: str) -> StudyPlan:
+def parse_study_plan(content: bytes, name: str) -> StudyPlan:
     """The plan in the content of a ``study.json``; ``name`` says in errors where it came from.
 
     Raises
@@ -142,7 +142,7 @@ def plan_of(content: bytes, name: str) -> StudyPlan:
     """
     try:
         plain = parse_object(content, name, values=2_000_000)
-        require_format(plain, FORMAT, VERSION)
+        require_study_format(plain, FORMAT, VERSION)
         return _plan(plain)
     except FileInputError as error:  # which names the file
         raise RecordsError(str(error)) from error
@@ -152,7 +152,7 @@ def plan_of(content: bytes, name: str) -> StudyPlan:
         raise RecordsError(f"{name} must hold every part of a study's plan; wrong or missing: {error!s:.80}") from error
 
 
-def require_format(plain: Mapping[str, Any], form: str, version: int) -> None:
+def require_study_format(plain: Mapping[str, Any], form: str, version: int) -> None:
     """Refuse a file of another kind or version."""
     if plain.get("format") != form:
         raise InputError(f"format must be {form!r}; got {plain.get('format')!r:.60}")
@@ -176,4 +176,4 @@ def _plan(plain: Mapping[str, Any]) -> StudyPlan:
     )
 
 
-__all__ = ["FORMAT", "JUDGED_BY", "VERSION", "StudyPlan", "plan_of"]
+__all__ = ["FORMAT", "JUDGED_BY", "VERSION", "StudyPlan", "parse_study_plan"]

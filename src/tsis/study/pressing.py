@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.__about__ import __version__
-from tsis.calibration.file import ProbeCalibration, identity
+from tsis.calibration.file import ProbeCalibration, calibration_sha256
 from tsis.inclusion import InclusionPrior, estimate
-from tsis.inclusion.verdict import DISTRUSTED
+from tsis.inclusion.verdict import UNTRUSTED_FLAGS
 from tsis.instrument.file_bytes import one_line
-from tsis.mechanics import build_covered_surrogate
+from tsis.mechanics import build_full_contact_surrogate
 from tsis.model import check, load_probe
 from tsis.model.errors import InputError, MechanicsError, RecordsError
-from tsis.model.estimate import INTERVAL
+from tsis.model.estimate import INTERVAL_LEVEL
 from tsis.optics import irradiance
-from tsis.study.alone import one_run
+from tsis.study.alone import run_lock
 from tsis.study.folder import PLAN, enter_readings, open_study, read_seal, user
-from tsis.study.reading import QUANTITIES, Reading, named
+from tsis.study.reading import QUANTITIES, DeviceReading, require_short_name
 from tsis.virtual import VirtualProbe
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ NOT_PRESSED = "the press could not be computed"  # why would tell of the truth
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Pressed:
+class RunResult:
     """What a run did.
 
     Attributes
@@ -68,7 +68,7 @@ def press_study(
     progress: Callable[[int, int], None] | None = None,
     preparing: Callable[[int, int], None] | None = None,
     ended: Callable[[], bool] | None = None,
-) -> Pressed:
+) -> RunResult:
     """Press what an operator has still to read, estimate, and enter each reading at once.
 
     Every reading is made by a virtual probe with errors of its own, drawn for the seed, the code, the operator and the
@@ -99,8 +99,8 @@ def press_study(
     RecordsError
         When the study is unblinded, its files are not as they were made, or another run is under way.
     """
-    operator = named("operator", operator or user())
-    check.whole("seed", seed, 0, check.LARGEST_SEED)
+    operator = require_short_name("operator", operator or user())
+    check.require_integer("seed", seed, 0, check.LARGEST_SEED)
     seal, unchanged = read_seal(study)
     if not unchanged:
         raise RecordsError(
@@ -108,7 +108,7 @@ def press_study(
         )
     if study.unblinded is not None:
         raise RecordsError("readings must come before a study is unblinded; this one is, so nothing was pressed")
-    with one_run(study.folder / PLAN):
+    with run_lock(study.folder / PLAN):
         study = open_study(study.folder)  # another run may just have ended
         left = study.missing(study.plan.device, operator)
         bench = None if not left else _Bench.of(study, preparing)
@@ -125,7 +125,7 @@ def press_study(
             entered, undecided = entered + 1, undecided + reading.undecided
     if progress is not None and left:
         progress(entered, len(left))
-    return Pressed(study=study, entered=entered, undecided=undecided, left=len(left) - entered)
+    return RunResult(study=study, entered=entered, undecided=undecided, left=len(left) - entered)
 
 
 def _rng(seed: int, code: str, operator: str, repeat: int) -> np.random.Generator:
@@ -146,7 +146,7 @@ class _Bench:
     def of(cls, study: Study, preparing: Callable[[int, int], None] | None) -> _Bench:
         probe, prior = load_probe(study.plan.probe), InclusionPrior()
         light = irradiance(probe, progress=preparing)
-        build_covered_surrogate(probe, prior.box(), progress=preparing)
+        build_full_contact_surrogate(probe, prior.box(), progress=preparing)
         return cls(study=study, light=light, prior=prior)
 
     def read(
@@ -159,14 +159,14 @@ class _Bench:
         operator: str,
         repeat: int,
         seed: int,
-    ) -> Reading:
+    ) -> DeviceReading:
         """Press one target and estimate."""
         plan = self.study.plan
-        blank = Reading(code=code, device=plan.device, operator=operator, repeat=repeat, score=None)
+        blank = DeviceReading(code=code, device=plan.device, operator=operator, repeat=repeat, score=None)
         virtual = VirtualProbe(load_probe(plan.probe), rng=rng, light=self.light)
         calibration = virtual.calibration
         known = ProbeCalibration(name=calibration.name, probe=plan.probe, response=calibration)
-        evidence: dict[str, Any] = {"tsis": __version__, "seed": seed, "calibration_sha256": identity(known)}
+        evidence: dict[str, Any] = {"tsis": __version__, "seed": seed, "calibration_sha256": calibration_sha256(known)}
         try:
             targets, references = self._frames(virtual, truth.phantom, rng, code)
         except (InputError, MechanicsError):
@@ -181,7 +181,7 @@ class _Bench:
             return replace(blank, reason=one_line(error), evidence=evidence)
         if store is not None:
             evidence["kept_as"] = _kept(store, found, known, targets, references, code, self.prior)
-        doubts = DISTRUSTED.intersection(found.flags) - {NO_INCLUSION}
+        doubts = UNTRUSTED_FLAGS.intersection(found.flags) - {NO_INCLUSION}
         if doubts or found.presence is None:
             reason = f"{NOT_TRUSTED}: {', '.join(sorted(doubts))}"
             return replace(blank, reason=reason, flags=found.flags, evidence=evidence)
@@ -193,7 +193,7 @@ class _Bench:
             reading,
             values={name: found.mean[name] for name in QUANTITIES},
             sd={name: found.sd[name] for name in QUANTITIES},
-            interval_90=found.interval(INTERVAL),
+            interval_90=found.interval(INTERVAL_LEVEL),
         )
 
     def _frames(
@@ -232,9 +232,9 @@ def _kept(
     prior: InclusionPrior,
 ) -> int:
     """Number under which the store has it: the code is all that it is told of the target."""
-    from tsis.records.keeping import Keepable, keep
+    from tsis.records.keeping import SavableResult, save_results
 
-    keepable = Keepable(
+    keepable = SavableResult(
         kind="inclusion",
         estimate=found,
         probe=known.probe,
@@ -243,7 +243,7 @@ def _kept(
         options={"prior": asdict(prior)},
         name=code,
     )
-    return int(keep(store, keepable)["target"])
+    return int(save_results(store, keepable)["target"])
 
 
-__all__ = ["Pressed", "press_study"]
+__all__ = ["RunResult", "press_study"]

@@ -19,7 +19,7 @@ LARGEST_VALUE = 1e6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Reading:
+class DeviceReading:
     """One reading.
 
     Parameters
@@ -68,21 +68,25 @@ class Reading:
 
     def __post_init__(self) -> None:
         for name in ("code", "device", "operator"):
-            named(name, getattr(self, name))
-        check.whole("repeat", self.repeat, 1, MOST_REPEATS)
+            require_short_name(name, getattr(self, name))
+        check.require_integer("repeat", self.repeat, 1, MOST_REPEATS)
         if self.score is not None:
-            score = check.number("score", self.score, -LARGEST_SCORE, LARGEST_SCORE)
+            score = check.require_number("score", self.score, -LARGEST_SCORE, LARGEST_SCORE)
             object.__setattr__(self, "score", score)
         if self.rank is not None:
-            object.__setattr__(self, "rank", check.number("rank", self.rank, -LARGEST_SCORE, LARGEST_SCORE))
+            object.__setattr__(self, "rank", check.require_number("rank", self.rank, -LARGEST_SCORE, LARGEST_SCORE))
         for name in ("values", "sd"):
             held = {
-                check.known("quantity", each, QUANTITIES): check.number(each, value, 0.0, LARGEST_VALUE)
+                check.require_one_of("quantity", each, QUANTITIES): check.require_number(
+                    each, value, 0.0, LARGEST_VALUE
+                )
                 for each, value in getattr(self, name).items()
             }
             object.__setattr__(self, name, MappingProxyType(held))
         ends = {
-            check.known("quantity", each, QUANTITIES): check.pair(each, tuple(float(end) for end in pair))
+            check.require_one_of("quantity", each, QUANTITIES): check.require_pair(
+                each, tuple(float(end) for end in pair)
+            )
             for each, pair in self.interval_90.items()
         }
         object.__setattr__(self, "interval_90", MappingProxyType(ends))
@@ -120,8 +124,8 @@ class Reading:
         }
 
 
-def reading_of(plain: Mapping[str, Any]) -> Reading:
-    """The reading that `Reading.plain` wrote.
+def parse_reading(plain: Mapping[str, Any]) -> DeviceReading:
+    """The reading that `DeviceReading.plain` wrote.
 
     Raises
     ------
@@ -129,14 +133,14 @@ def reading_of(plain: Mapping[str, Any]) -> Reading:
         When it holds something else.
     """
     try:
-        return Reading(**plain)
+        return DeviceReading(**plain)
     except (TypeError, AttributeError, ValueError, OverflowError) as error:
         if isinstance(error, InputError):
             raise
         raise InputError(f"a reading must hold what a study writes of it; wrong or missing: {error!s:.80}") from error
 
 
-def named(what: str, name: object) -> str:
+def require_short_name(what: str, name: object) -> str:
     """Return a short printable name, or say that it is none."""
     if not isinstance(name, str) or not 0 < len(name) <= LONGEST or not name.isprintable() or name != name.strip():
         raise InputError(
@@ -145,4 +149,4 @@ def named(what: str, name: object) -> str:
     return name
 
 
-__all__ = ["QUANTITIES", "Reading", "named", "reading_of"]
+__all__ = ["QUANTITIES", "DeviceReading", "parse_reading", "require_short_name"]

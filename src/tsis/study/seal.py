@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.instrument.file_bytes import parse_object
 from tsis.model.errors import FileInputError, InputError, RecordsError
-from tsis.study.plan import require_format
-from tsis.study.truth import TargetTruth, truth_of
+from tsis.study.plan import require_study_format
+from tsis.study.truth import TargetTruth, parse_target_truth
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -24,7 +24,7 @@ FORMAT, VERSION = "tsis-study-truth", 1
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seal:
+class SealedTruth:
     """What every code stands for.
 
     Attributes
@@ -65,7 +65,7 @@ def commitment(content: bytes) -> str:
     return hashlib.sha256(content).hexdigest()
 
 
-def seal_of(content: bytes, name: str) -> Seal:
+def parse_seal(content: bytes, name: str) -> SealedTruth:
     """The truth in the content of a ``sealed.json``; ``name`` says in errors where it came from.
 
     Raises
@@ -75,9 +75,9 @@ def seal_of(content: bytes, name: str) -> Seal:
     """
     try:
         plain = parse_object(content, name, values=8_000_000)
-        require_format(plain, FORMAT, VERSION)
-        truths = {str(code): truth_of(each) for code, each in plain["targets"].items()}
-        return Seal(salt=plain["salt"], seed=plain["seed"], truths=truths)
+        require_study_format(plain, FORMAT, VERSION)
+        truths = {str(code): parse_target_truth(each) for code, each in plain["targets"].items()}
+        return SealedTruth(salt=plain["salt"], seed=plain["seed"], truths=truths)
     except FileInputError as error:  # which names the file
         raise RecordsError(str(error)) from error
     except InputError as error:
@@ -86,4 +86,4 @@ def seal_of(content: bytes, name: str) -> Seal:
         raise RecordsError(f"{name} must hold salt, seed and targets; wrong or missing: {error!s:.80}") from error
 
 
-__all__ = ["Seal", "commitment", "seal_of"]
+__all__ = ["SealedTruth", "commitment", "parse_seal"]

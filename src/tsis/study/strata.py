@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from tsis.detection import Proportion
 
 if TYPE_CHECKING:
-    from tsis.study.judged import Judged
+    from tsis.study.judged import DeviceResults
 
 EDGES_MM = {"diameter_mm": (5.0, 8.0), "depth_mm": (6.0, 8.0)}  # a value at an edge belongs below it, but sizes above
 
@@ -37,7 +37,7 @@ class Stratum:
     undecided: int
 
 
-def strata(judged: Judged) -> tuple[Stratum, ...]:
+def strata(judged: DeviceResults) -> tuple[Stratum, ...]:
     """Inclusions by size, then by depth."""
     return tuple(
         _of(judged, quantity, low, high)
@@ -46,7 +46,7 @@ def strata(judged: Judged) -> tuple[Stratum, ...]:
     )
 
 
-def _of(judged: Judged, quantity: str, low: float, high: float) -> Stratum:
+def _of(judged: DeviceResults, quantity: str, low: float, high: float) -> Stratum:
     def inside(value: float) -> bool:
         return low <= value < high if quantity == "diameter_mm" else low < value <= high
 

@@ -10,14 +10,14 @@ from tsis.instrument.file_bytes import as_path, printable_name, read_bytes
 from tsis.model import check
 from tsis.model.errors import FileInputError, InputError
 from tsis.records.export.csv_files import table_bytes
-from tsis.study.csv_rows import LARGEST_BYTES, rows_of
+from tsis.study.csv_rows import LARGEST_BYTES, parse_csv_rows
 from tsis.study.folder import enter_readings, user
-from tsis.study.reading import QUANTITIES, Reading, named
+from tsis.study.reading import QUANTITIES, DeviceReading, require_short_name
 
 if TYPE_CHECKING:
     import os
 
-    from tsis.study.csv_rows import Cells
+    from tsis.study.csv_rows import CsvRow
     from tsis.study.folder import Study
 
 COLUMNS = ("code", "score", "operator", "repeat", *QUANTITIES)
@@ -71,13 +71,13 @@ def import_table(
     study: Study, content: bytes, name: str, *, device: str, threshold: float | None = None, actor: str = ""
 ) -> Study:
     """The same from the content of such a file, as somebody uploaded it under a name."""
-    named("device", device)
+    require_short_name("device", device)
     if device == study.plan.device:
         raise InputError(f"device must not be {device!r:.60}, which tsis study run reads with (choose another name)")
     limit = _threshold(study, device, threshold)
-    readings: dict[tuple[str, str, str, int], Reading] = {}
+    readings: dict[tuple[str, str, str, int], DeviceReading] = {}
     known, codes = {reading.key for reading in study.readings}, frozenset(study.plan.codes)
-    for row in rows_of(content, name, COLUMNS):
+    for row in parse_csv_rows(content, name, COLUMNS):
         reading = _reading(row, codes, device)
         if reading.key in readings or reading.key in known:
             raise FileInputError(
@@ -102,7 +102,7 @@ def _threshold(study: Study, device: str, threshold: float | None) -> float:
     before = study.threshold_of(device)
     if threshold is None:
         return before
-    check.number("threshold", threshold, -1e12, 1e12)
+    check.require_number("threshold", threshold, -1e12, 1e12)
     if device in study.devices and threshold != before:
         raise InputError(
             f"threshold must stay what it was when the first readings of {device!r:.60} came in, {before:g}; "
@@ -111,7 +111,7 @@ def _threshold(study: Study, device: str, threshold: float | None) -> float:
     return float(threshold)
 
 
-def _reading(row: Cells, codes: frozenset[str], device: str) -> Reading:
+def _reading(row: CsvRow, codes: frozenset[str], device: str) -> DeviceReading:
     code, repeat = row.text("code"), row.number("repeat")
     if code not in codes:
         raise row.refused("code", "one of this study's codes", code)
@@ -120,7 +120,7 @@ def _reading(row: Cells, codes: frozenset[str], device: str) -> Reading:
     score = row.number("score")
     values = {name: value for name in QUANTITIES if (value := row.number(name)) is not None}
     try:
-        return Reading(
+        return DeviceReading(
             code=code,
             device=device,
             operator=row.text("operator"),

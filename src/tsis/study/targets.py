@@ -59,7 +59,7 @@ def random_targets(present: int, blank: int, *, rng: np.random.Generator) -> tup
         When a number is negative or too large, or both are 0.
     """
     _check_numbers(present, blank)
-    check.kind("rng", rng, np.random.Generator)
+    check.require_type("rng", rng, np.random.Generator)
     prior = InclusionPrior()
     with_one = [
         TargetTruth(label=f"random-{number + 1}", phantom=_drawn_with_inclusion(prior, rng))
@@ -89,8 +89,8 @@ def _drawn_tissue(prior: InclusionPrior, rng: np.random.Generator, *, at_least_m
 
 
 def _check_numbers(present: int, blank: int) -> None:
-    check.whole("present", present, 0, MOST_TARGETS)
-    check.whole("blank", blank, 0 if present else 1, MOST_TARGETS, hint="a study needs a target")
+    check.require_integer("present", present, 0, MOST_TARGETS)
+    check.require_integer("blank", blank, 0 if present else 1, MOST_TARGETS, hint="a study needs a target")
 
 
 def _unnamed(phantom: Phantom) -> Phantom:

@@ -37,8 +37,8 @@ class TargetTruth:
     phantom: Phantom
 
     def __post_init__(self) -> None:
-        check.kind("label", self.label, str)
-        check.kind("phantom", self.phantom, Phantom)
+        check.require_type("label", self.label, str)
+        check.require_type("phantom", self.phantom, Phantom)
         if not 0 < len(self.label) <= LONGEST_LABEL or not self.label.isprintable():
             raise InputError(f"label must be 1 to {LONGEST_LABEL} printable letters; got {self.label!r:.80}")
         lump = self.phantom.inclusion
@@ -71,7 +71,7 @@ class TargetTruth:
         }
 
 
-def truth_of(plain: Mapping[str, Any]) -> TargetTruth:
+def parse_target_truth(plain: Mapping[str, Any]) -> TargetTruth:
     """The target that `TargetTruth.plain` wrote.
 
     Raises
@@ -82,7 +82,7 @@ def truth_of(plain: Mapping[str, Any]) -> TargetTruth:
     Examples
     --------
     >>> blank = TargetTruth(label="gel", phantom=Phantom(young_kpa=5.0, thickness_mm=30.0))
-    >>> truth_of(blank.plain()) == blank
+    >>> parse_target_truth(blank.plain()) == blank
     True
     """
     try:
@@ -98,4 +98,4 @@ def truth_of(plain: Mapping[str, Any]) -> TargetTruth:
         ) from error
 
 
-__all__ = ["TargetTruth", "truth_of"]
+__all__ = ["TargetTruth", "parse_target_truth"]

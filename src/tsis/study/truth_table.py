@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tsis.instrument.file_bytes import as_path, shown
+from tsis.instrument.file_bytes import as_path, printable_path
 from tsis.model import Inclusion, Phantom, load_phantom
 from tsis.model.errors import FileInputError, InputError
-from tsis.study.csv_rows import read_rows
+from tsis.study.csv_rows import read_csv_rows
 from tsis.study.truth import TargetTruth
 
 if TYPE_CHECKING:
     import os
 
-    from tsis.study.csv_rows import Cells
+    from tsis.study.csv_rows import CsvRow
 
 COLUMNS = ("label", "diameter_mm", "depth_mm", "young_kpa")
 MORE_COLUMNS = ("offset_mm", "tissue_kpa", "thickness_mm", "poisson")
@@ -35,17 +35,17 @@ def read_truth_table(path: str | os.PathLike[str]) -> tuple[TargetTruth, ...]:
     """
     place = as_path(path)
     found: dict[str, TargetTruth] = {}
-    for row in read_rows(place, COLUMNS, MORE_COLUMNS):
+    for row in read_csv_rows(place, COLUMNS, MORE_COLUMNS):
         target = _target(row)
         if target.label in found:
             raise row.refused("label", "different in every row", target.label)
         found[target.label] = target
     if not found:
-        raise FileInputError(f"{shown(place)} must hold at least one target; it has headings alone")
+        raise FileInputError(f"{printable_path(place)} must hold at least one target; it has headings alone")
     return tuple(found.values())
 
 
-def _target(row: Cells) -> TargetTruth:
+def _target(row: CsvRow) -> TargetTruth:
     usual = load_phantom("detection-blank")
     numbers = {name: row.number(name) for name in (*COLUMNS[1:], *MORE_COLUMNS)}
     given = [name for name in COLUMNS[1:] if numbers[name] is not None]

@@ -8,9 +8,9 @@ from tsis.__about__ import __version__
 from tsis.model.errors import RecordsError
 from tsis.study.chain import Draft
 from tsis.study.folder import ANALYSED, UNBLINDED, open_study, read_seal
-from tsis.study.log import append
-from tsis.study.reading import named
-from tsis.study.verification import verify
+from tsis.study.log import append_log
+from tsis.study.reading import require_short_name
+from tsis.study.verification import verify_study
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -43,11 +43,11 @@ def unblind(study: Study, *, by: str) -> Study:
     RecordsError
         When there is no reading, or the truth cannot be read.
     """
-    named("by", by)
+    require_short_name("by", by)
     read_seal(study)
     if not open_study(study.folder).readings:
         raise RecordsError("a study must have a reading before it is unblinded; this one has none (tsis study run)")
-    found = verify(study.folder)
+    found = verify_study(study.folder)
 
     def drafts(chain: Chain) -> list[Draft]:
         if any(entry.action == UNBLINDED for entry in chain.entries):
@@ -55,7 +55,7 @@ def unblind(study: Study, *, by: str) -> Study:
         faults = [fault.key for fault in found.faults]
         return [Draft(actor=by, action=UNBLINDED, content={"faults": faults, "tsis": __version__})]
 
-    append(study.folder, drafts, damaged=True)
+    append_log(study.folder, drafts, damaged=True)
     return open_study(study.folder)
 
 
@@ -81,7 +81,11 @@ def enter_analysis(study: Study, *, by: str, folder: str, files: Mapping[str, st
     if study.unblinded is None:
         raise RecordsError("a study must be unblinded before it is analysed; this one is blind")
     told = {"folder": folder, "files": dict(files), "tsis": __version__}
-    append(study.folder, lambda _chain: [Draft(actor=named("by", by), action=ANALYSED, content=told)], damaged=True)
+    append_log(
+        study.folder,
+        lambda _chain: [Draft(actor=require_short_name("by", by), action=ANALYSED, content=told)],
+        damaged=True,
+    )
     return open_study(study.folder)
 
 

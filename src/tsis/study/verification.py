@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, TypeGuard
 from tsis.instrument.file_bytes import as_path, one_line, read_bytes
 from tsis.model.errors import InputError, RecordsError
 from tsis.study.folder import ANALYSED, CREATED, IMPORTED, PLAN, READING, SEAL, UNBLINDED, no_study
-from tsis.study.log import LOG, read_log
-from tsis.study.plan import plan_of
-from tsis.study.reading import reading_of
+from tsis.study.log import LOG_FILE, read_log
+from tsis.study.plan import parse_study_plan
+from tsis.study.reading import parse_reading
 from tsis.study.seal import commitment
 
 if TYPE_CHECKING:
@@ -27,7 +27,7 @@ BEFORE, AFTER = "before the unblinding", "after the unblinding"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Fault:
+class StudyFault:
     """What is not as it was written.
 
     Attributes
@@ -58,7 +58,7 @@ class Fault:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Verification:
+class StudyVerification:
     """What was found.
 
     Attributes
@@ -73,7 +73,7 @@ class Verification:
         When and by whom, in words; empty while the study is blind.
     """
 
-    faults: tuple[Fault, ...]
+    faults: tuple[StudyFault, ...]
     head: str
     lines: int
     unblinded: str
@@ -84,7 +84,7 @@ class Verification:
         return not self.faults
 
 
-def verify(folder: str | os.PathLike[str], *, head: str | None = None) -> Verification:
+def verify_study(folder: str | os.PathLike[str], *, head: str | None = None) -> StudyVerification:
     """Compare every file of a study with its log, and every line of the log with the one before.
 
     Parameters
@@ -103,17 +103,17 @@ def verify(folder: str | os.PathLike[str], *, head: str | None = None) -> Verifi
         When the folder holds no study.
     """
     place = as_path(folder)
-    if not any(os.path.lexists(place / name) for name in (PLAN, LOG)):
+    if not any(os.path.lexists(place / name) for name in (PLAN, LOG_FILE)):
         raise RecordsError(no_study(place))
     chain = read_log(place)
-    faults = [Fault(file=LOG, line=line, what=what) for line, what in sorted(chain.breaks.items())]
+    faults = [StudyFault(file=LOG_FILE, line=line, what=what) for line, what in sorted(chain.breaks.items())]
     faults += _file_faults(place, chain)
     faults += _order_faults(chain, _plan(place))
     if head is not None and not _holds(chain, head):
         cut = f"lacks the line with the hash {head[:16]}...: it was cut short or written anew"
-        faults.append(Fault(file=LOG, line=0, what=cut))
+        faults.append(StudyFault(file=LOG_FILE, line=0, what=cut))
     by = next((entry for entry in chain.entries if entry.action == UNBLINDED), None)
-    return Verification(
+    return StudyVerification(
         faults=tuple(replace(fault, when=_when(fault, by)) for fault in faults),
         head=chain.head,
         lines=chain.lines,
@@ -121,7 +121,7 @@ def verify(folder: str | os.PathLike[str], *, head: str | None = None) -> Verifi
     )
 
 
-def _when(fault: Fault, unblinded: Entry | None) -> str:
+def _when(fault: StudyFault, unblinded: Entry | None) -> str:
     """The line of the unblinding says what did not fit at that moment."""
     if unblinded is None:
         return ""
@@ -131,14 +131,14 @@ def _when(fault: Fault, unblinded: Entry | None) -> str:
 
 def _plan(place: Path) -> StudyPlan | None:
     try:
-        return plan_of(read_bytes(place / PLAN), PLAN)
+        return parse_study_plan(read_bytes(place / PLAN), PLAN)
     except (InputError, RecordsError):  # its hash tells that it was changed
         return None
 
 
-def _file_faults(place: Path, chain: Chain) -> list[Fault]:
+def _file_faults(place: Path, chain: Chain) -> list[StudyFault]:
     first = chain.entries[0] if chain.entries and chain.entries[0].action == CREATED else None
-    faults = [] if first is not None else [Fault(file=LOG, line=1, what="does not tell how the study began")]
+    faults = [] if first is not None else [StudyFault(file=LOG_FILE, line=1, what="does not tell how the study began")]
     begun = {} if first is None else first.content
     faults += _changed(place / PLAN, begun.get("study_sha256"))
     plan = _plan(place)
@@ -159,20 +159,20 @@ def is_one_name(name: object) -> TypeGuard[str]:
     return isinstance(name, str) and name not in ("", ".", "..") and not set(name) & set("/\\\0")
 
 
-def _changed(path: Path, digest: object, *, shown_as: str = "") -> list[Fault]:
+def _changed(path: Path, digest: object, *, shown_as: str = "") -> list[StudyFault]:
     name = shown_as or path.name
     try:
         content = read_bytes(path)
     except InputError:
-        return [Fault(file=name, line=0, what="is missing or cannot be read")]
+        return [StudyFault(file=name, line=0, what="is missing or cannot be read")]
     if digest is None or commitment(content) == digest:
         return []
-    return [Fault(file=name, line=0, what="was changed: its SHA-256 is not the one in the log")]
+    return [StudyFault(file=name, line=0, what="was changed: its SHA-256 is not the one in the log")]
 
 
-def _order_faults(chain: Chain, plan: StudyPlan | None) -> list[Fault]:
+def _order_faults(chain: Chain, plan: StudyPlan | None) -> list[StudyFault]:
     """Lines whose hashes fit, and which no study writes."""
-    faults: list[Fault] = []
+    faults: list[StudyFault] = []
     seen: Counter[tuple[str, str, str, int]] = Counter()
     blind = True
     for entry in chain.entries:
@@ -187,13 +187,13 @@ def _order_faults(chain: Chain, plan: StudyPlan | None) -> list[Fault]:
             what = _reading_fault(entry, plan, seen)
         blind = blind and entry.action != UNBLINDED
         if what and entry.number not in chain.breaks:
-            faults.append(Fault(file=LOG, line=entry.number, what=what))
+            faults.append(StudyFault(file=LOG_FILE, line=entry.number, what=what))
     return faults
 
 
 def _reading_fault(entry: Entry, plan: StudyPlan | None, seen: Counter[tuple[str, str, str, int]]) -> str:
     try:
-        reading = reading_of(entry.content)
+        reading = parse_reading(entry.content)
     except InputError:
         return "holds no reading that a study writes"
     seen[reading.key] += 1
@@ -209,4 +209,4 @@ def _holds(chain: Chain, head: str) -> bool:
     return any(entry.hash.startswith(wanted) for entry in chain.entries)
 
 
-__all__ = ["Fault", "Verification", "verify"]
+__all__ = ["StudyFault", "StudyVerification", "verify_study"]

@@ -8,11 +8,11 @@ if TYPE_CHECKING:
     from types import TracebackType
     from typing import Self
 
-    from tsis.sweep.samples import Batch
+    from tsis.sweep.samples import SweepBatch
     from tsis.sweep.work import Answer
 
 
-class Crew(Protocol):
+class WorkerPool(Protocol):
     """Workers that finish batches in any order."""
 
     @property
@@ -20,7 +20,7 @@ class Crew(Protocol):
         """How many batches it should hold at a time: enough that no worker waits, never all."""
         ...
 
-    def submit(self, batch: Batch) -> None:
+    def submit(self, batch: SweepBatch) -> None:
         """Hand over a batch."""
         ...
 

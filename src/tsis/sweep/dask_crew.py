@@ -13,15 +13,15 @@ from typing import TYPE_CHECKING, Any
 from uuid import uuid4
 
 from tsis.model.errors import InputError, SweepError
-from tsis.model.extra import library
-from tsis.sweep.work import Lost, finish
+from tsis.model.extra import import_extra
+from tsis.sweep.work import Lost, finish_batch
 
 if TYPE_CHECKING:
     from types import TracebackType
     from typing import Self
 
-    from tsis.sweep.samples import Batch
-    from tsis.sweep.work import Answer, Job
+    from tsis.sweep.samples import SweepBatch
+    from tsis.sweep.work import Answer, SweepJob
 
 AHEAD = 2  # batches a thread of a worker
 ADDRESS = re.compile(r"(tcp|tls)://[\w.\-\[\]:]+:\d{1,5}")
@@ -32,7 +32,7 @@ LOGGERS = ("distributed", "distributed.client", "distributed.core", "distributed
 CURE = "what is done is kept: start the cluster and run the same command again"
 
 
-class DaskCrew:
+class DaskPool:
     """The workers of a Dask scheduler.
 
     Parameters
@@ -48,14 +48,14 @@ class DaskCrew:
         When ``address`` has another form.
     """
 
-    def __init__(self, job: Job, address: str) -> None:
+    def __init__(self, job: SweepJob, address: str) -> None:
         if not ADDRESS.fullmatch(address):
             raise InputError(f"scheduler must be an address such as tcp://127.0.0.1:8786; got {address!r:.80}")
-        self._distributed = library("distributed", feature="a sweep on a cluster", extra="cluster")
+        self._distributed = import_extra("distributed", feature="a sweep on a cluster", extra="cluster")
         self._job, self._address = job, address
         self._run = uuid4().hex  # results of an earlier client must not answer for this one
         self._number = count()
-        self._batches: dict[str, Batch] = {}
+        self._batches: dict[str, SweepBatch] = {}
         self._window, self._counted = 1, float("-inf")
         self._loggers = {logger: logger.level for logger in map(logging.getLogger, LOGGERS)}
 
@@ -68,11 +68,11 @@ class DaskCrew:
             self._counted = time.monotonic()
         return self._window
 
-    def submit(self, batch: Batch) -> None:
+    def submit(self, batch: SweepBatch) -> None:
         """Hand over a batch."""
         key = f"tsis-sweep-{self._run}-{next(self._number)}"
         self._batches[key] = batch
-        self._answers.add(self._client.submit(finish, self._job, batch, key=key, pure=False))
+        self._answers.add(self._client.submit(finish_batch, self._job, batch, key=key, pure=False))
 
     def collect(self) -> Answer:
         """Wait for the next answer.

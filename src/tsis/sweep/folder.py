@@ -8,10 +8,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tsis.instrument import shown
+from tsis.instrument import printable_path
 from tsis.model.durable import UNFINISHED
 from tsis.model.errors import FileInputError
-from tsis.sweep.manifest import LIBRARIES, MANIFEST, data_set_key, read_manifest, write_manifest
+from tsis.sweep.manifest import LIBRARIES, MANIFEST_FILE, data_set_key, read_manifest, write_manifest
 from tsis.sweep.shards import NAME, data_set_of
 
 if TYPE_CHECKING:
@@ -44,7 +44,7 @@ def begun(folder: Path, start: Mapping[str, Any]) -> Iterator[None]:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with _alone(folder):
-            if (folder / MANIFEST).exists():
+            if (folder / MANIFEST_FILE).exists():
                 _refuse_other(folder, start)
             else:
                 _refuse_content(folder, start)
@@ -52,14 +52,14 @@ def begun(folder: Path, start: Mapping[str, Any]) -> Iterator[None]:
             yield
     except OSError as error:
         reason = error.strerror or str(error)
-        raise FileInputError(f"{shown(folder)} must be a folder that can be written; got: {reason}") from error
+        raise FileInputError(f"{printable_path(folder)} must be a folder that can be written; got: {reason}") from error
 
 
 def _refuse_other(folder: Path, start: Mapping[str, Any]) -> None:
     found = read_manifest(folder)
     if found["plan_sha256"] != start["plan_sha256"]:
         raise FileInputError(
-            f"{shown(folder)} must hold no other data set; got one of another plan, which differs in "
+            f"{printable_path(folder)} must hold no other data set; got one of another plan, which differs in "
             f"{', '.join(_differences(found['plan'], start['plan']))} (choose another folder)"
         )
     versions = {"tsis": found["tsis"], **found["libraries"]}
@@ -71,11 +71,11 @@ def _refuse_other(folder: Path, start: Mapping[str, Any]) -> None:
     ]
     if other:
         raise FileInputError(
-            f"{shown(folder)} was begun with {', '.join(other)}; install those versions or choose another folder, "
+            f"{printable_path(folder)} was begun with {', '.join(other)}; install those versions or choose another folder, "
             "so that all of its files are computed alike"
         )
     if found["data_set"] != data_set_key(start):
-        raise FileInputError(f"{shown(folder)} must hold no other data set; got one of another kind")
+        raise FileInputError(f"{printable_path(folder)} must hold no other data set; got one of another kind")
 
 
 def _differences(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[str]:
@@ -90,7 +90,7 @@ def _refuse_content(folder: Path, start: Mapping[str, Any]) -> None:
             continue
         if not NAME.fullmatch(path.name) or data_set_of(path) != data_set_key(start):
             raise FileInputError(
-                f"{shown(folder)} must be new, empty, or a folder that this plan began; got {path.name!r:.80} in it"
+                f"{printable_path(folder)} must be new, empty, or a folder that this plan began; got {path.name!r:.80} in it"
             )
 
 
@@ -107,7 +107,9 @@ def _alone(folder: Path) -> Iterator[None]:
         try:
             fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError as error:
-            raise FileInputError(f"{shown(folder)} must not be in use; another sweep is writing into it") from error
+            raise FileInputError(
+                f"{printable_path(folder)} must not be in use; another sweep is writing into it"
+            ) from error
         except OSError:
             pass  # some network file systems have no such locks; two sweeps there only do the work twice
         yield

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from types import TracebackType
     from typing import Self
 
-    from tsis.sweep.samples import Batch
-    from tsis.sweep.work import Answer, Job
+    from tsis.sweep.samples import SweepBatch
+    from tsis.sweep.work import Answer, SweepJob
 
 HELD = 2  # batches that a worker has: it need not wait for the next one
 AHEAD = HELD + 1  # and one a worker that waits here
@@ -29,7 +29,7 @@ COMMAND = (sys.executable, "-P", "-m", "tsis.sweep.worker_process")
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 
 
-class LocalCrew:
+class LocalPool:
     """Worker processes on this machine.
 
     Parameters
@@ -40,10 +40,10 @@ class LocalCrew:
         Number of processes.
     """
 
-    def __init__(self, job: Job, count: int) -> None:
+    def __init__(self, job: SweepJob, count: int) -> None:
         self.window = AHEAD * count
         self._job = pickle.dumps(job)
-        self._todo: SimpleQueue[Batch | None] = SimpleQueue()
+        self._todo: SimpleQueue[SweepBatch | None] = SimpleQueue()
         self._answers: SimpleQueue[Answer] = SimpleQueue()
         self._stopping = False
         self._lock = threading.RLock()
@@ -53,7 +53,7 @@ class LocalCrew:
         self._spare: subprocess.Popen[bytes] | None = None
         self._threads = [threading.Thread(target=self._look_after, daemon=True) for _ in range(count)]
 
-    def submit(self, batch: Batch) -> None:
+    def submit(self, batch: SweepBatch) -> None:
         """Hand over a batch."""
         self._todo.put(batch)
 
@@ -83,7 +83,7 @@ class LocalCrew:
     def _look_after(self) -> None:
         """Keep one process busy, and replace it when it dies."""
         process: subprocess.Popen[bytes] | None = None
-        given: deque[Batch] = deque()  # what the process has; it works on the first
+        given: deque[SweepBatch] = deque()  # what the process has; it works on the first
         while not self._stopping:
             batch = self._next(wait=not given)
             try:
@@ -105,7 +105,7 @@ class LocalCrew:
                 given.clear()
         self._end(process)
 
-    def _next(self, *, wait: bool) -> Batch | None:
+    def _next(self, *, wait: bool) -> SweepBatch | None:
         try:
             return self._todo.get(block=wait)
         except Empty:
@@ -152,7 +152,7 @@ class LocalCrew:
             self._processes.discard(process)
 
 
-def _hand_over(process: subprocess.Popen[bytes], batch: Batch) -> None:
+def _hand_over(process: subprocess.Popen[bytes], batch: SweepBatch) -> None:
     assert process.stdin is not None
     pickle.dump(batch, process.stdin)
     process.stdin.flush()

@@ -9,12 +9,12 @@ from importlib import metadata
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.instrument import shown
+from tsis.instrument import printable_path
 from tsis.instrument.file_bytes import one_line, read_object
 from tsis.model.durable import write_durably
 from tsis.model.errors import FileInputError, InputError
-from tsis.model.extra import library
-from tsis.sweep.plan_file import plan_document, plan_of
+from tsis.model.extra import import_extra
+from tsis.sweep.plan_file import plan_document, plan_from_document
 from tsis.sweep.shards import FEATURE, NAME, Receipt, shard_name
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
     from tsis.sweep.plan import Plan
 
-MANIFEST = "manifest.json"
+MANIFEST_FILE = "manifest.json"
 LARGEST_BYTES, MOST_VALUES = 64 * 2**20, 1_000_000  # of 100 000 files
 FORMAT, VERSION = "tsis-sweep", 1
 # Their versions can change the last digits, or the bytes of a file.
@@ -32,7 +32,7 @@ LIBRARIES = ("numpy", "scipy", "pyarrow")
 
 def head(plan: Plan) -> dict[str, Any]:
     """What decides every byte of a data set; no time, machine or worker is part of it."""
-    library("pyarrow", feature=FEATURE, extra="cluster")
+    import_extra("pyarrow", feature=FEATURE, extra="cluster")
     document = plan_document(plan)
     return {
         "format": FORMAT,
@@ -61,7 +61,7 @@ def write_manifest(folder: Path, start: Mapping[str, Any], receipts: Iterable[Re
         "refused": sum(one.refused for one in files or ()),
         "shards": [{"file": shard_name(one.shard), **asdict(one)} for one in files or ()],
     }
-    write_durably(folder / MANIFEST, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
+    write_durably(folder / MANIFEST_FILE, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -72,21 +72,25 @@ def read_manifest(folder: Path) -> dict[str, Any]:
     FileInputError
         When there is none, or it is no manifest of a sweep.
     """
-    path = folder / MANIFEST
+    path = folder / MANIFEST_FILE
     document = read_object(path, most=LARGEST_BYTES, values=MOST_VALUES)
     try:
         found = (document["format"], document["version"])
         entries = [(str(entry["file"]), int(entry["shard"]), str(entry["sha256"])) for entry in document["shards"]]
         whole = all(NAME.fullmatch(name) and name == shard_name(shard) for name, shard, _ in entries)
-        plan_of(document["plan"])
+        plan_from_document(document["plan"])
         whole = whole and document.get("data_set") == data_set_key({key: document[key] for key in START})
         whole = whole and document["plan_sha256"] == _hash(document["plan"])
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError, InputError) as error:
-        raise FileInputError(f"{shown(path)} must be the manifest of a sweep; got: {one_line(error)}") from error
+        raise FileInputError(
+            f"{printable_path(path)} must be the manifest of a sweep; got: {one_line(error)}"
+        ) from error
     if found != (FORMAT, VERSION):
-        raise FileInputError(f"{shown(path)} must be of {FORMAT}, version {VERSION}; got another format")
+        raise FileInputError(f"{printable_path(path)} must be of {FORMAT}, version {VERSION}; got another format")
     if not whole:
-        raise FileInputError(f"{shown(path)} must be as it was written; its hashes do not agree with its content")
+        raise FileInputError(
+            f"{printable_path(path)} must be as it was written; its hashes do not agree with its content"
+        )
     return dict(document)
 
 

@@ -90,7 +90,7 @@ class Plan:
     _samples: int = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        check.kind("probe", self.probe, Probe)
+        check.require_type("probe", self.probe, Probe)
         for name, value, choices in (
             ("sample", self.sample, SAMPLINGS),
             ("strain", self.strain, MODELS),
@@ -225,7 +225,9 @@ class Plan:
 
 
 def _checked_quantities(quantities: Mapping[str, Quantity]) -> dict[str, Quantity]:
-    given = {check.known("quantity", name, QUANTITIES): _checked(name, value) for name, value in quantities.items()}
+    given = {
+        check.require_one_of("quantity", name, QUANTITIES): _checked(name, value) for name, value in quantities.items()
+    }
     missing = [name for name in ("tissue_young_kpa", "thickness_mm") if name not in given]
     of_inclusion = [name for name in INCLUSION if name in given]
     if of_inclusion:
@@ -243,17 +245,17 @@ def _checked_quantities(quantities: Mapping[str, Quantity]) -> dict[str, Quantit
 def _checked(name: str, value: Any) -> Quantity:
     if isinstance(value, Range):
         for end in (value.low, value.high):
-            check.number(name, end, 0.0, 1e6)
+            check.require_number(name, end, 0.0, 1e6)
         return value
     if isinstance(value, tuple):
         return _numbers(name, value, 0.0, 1e6, LARGEST_PRESSES)
-    return check.number(name, value, 0.0, 1e6)
+    return check.require_number(name, value, 0.0, 1e6)
 
 
 def _checked_columns(columns: Any, *, has_inclusion: bool) -> tuple[str, ...]:
     if not isinstance(columns, (tuple, list)) or not columns:
         raise InputError(f"columns must be a list of names ({', '.join(COLUMNS)}); got {columns!r:.80}")
-    chosen = {check.known("column", name, COLUMNS) for name in columns}
+    chosen = {check.require_one_of("column", name, COLUMNS) for name in columns}
     if "change_by_inclusion_mm" in chosen and not has_inclusion:
         raise InputError("change_by_inclusion_mm must be left out of columns for plain tissue, where nothing changes")
     return tuple(name for name in COLUMNS if name in chosen)
@@ -263,7 +265,7 @@ def _numbers(name: str, values: Any, low: float, high: float, most: int) -> tupl
     if not isinstance(values, (tuple, list)) or not 0 < len(values) <= most:
         got = f"{len(values)}" if isinstance(values, (tuple, list)) else f"{values!r:.80}"
         raise InputError(f"{name} must be a list of 1 to {most} numbers; got {got}")
-    numbers = tuple(check.number(name, value, low, high) for value in values)
+    numbers = tuple(check.require_number(name, value, low, high) for value in values)
     if len(set(numbers)) < len(numbers):
         raise InputError(f"{name} must not repeat a value; got {list(values)!r:.80}")
     return numbers

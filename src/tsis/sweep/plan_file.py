@@ -60,10 +60,10 @@ def load_plan(path: str | os.PathLike[str]) -> Plan:
     FileInputError
         When the file is missing, no TOML, or holds a value that a plan cannot take.
     """
-    return read_parsed(Path(path), parse_plan, most=LARGEST_PLAN_BYTES)
+    return read_parsed(Path(path), parse_plan_text, most=LARGEST_PLAN_BYTES)
 
 
-def parse_plan(text: str) -> Plan:
+def parse_plan_text(text: str) -> Plan:
     """Read a plan from the text of a TOML file.
 
     Raises
@@ -73,7 +73,7 @@ def parse_plan(text: str) -> Plan:
 
     Examples
     --------
-    >>> plan = parse_plan(EXAMPLE)
+    >>> plan = parse_plan_text(EXAMPLE)
     >>> plan.presses, plan.shards, plan.sampled
     (1024, 16, ('diameter_mm', 'depth_mm', 'young_kpa'))
     """
@@ -82,10 +82,10 @@ def parse_plan(text: str) -> Plan:
         document = tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # a number of 5000 digits is no error of TOML's
         raise InputError(f"a plan must be TOML; got: {one_line(error)}") from error
-    return plan_of(document)
+    return plan_from_document(document)
 
 
-def plan_of(document: Mapping[str, Any]) -> Plan:
+def plan_from_document(document: Mapping[str, Any]) -> Plan:
     """The plan that a document describes: the tables of a TOML file, or what `plan_document` made.
 
     Raises
@@ -94,12 +94,12 @@ def plan_of(document: Mapping[str, Any]) -> Plan:
         When it holds an unknown key, or a value that a plan cannot take.
     """
     for key in document:
-        check.known("key of a plan", key, KEYS)
+        check.require_one_of("key of a plan", key, KEYS)
     if "probe" not in document:
         raise InputError('a plan must name its probe; got none (probe = "tsis-2011", say)')
     outputs = _table("outputs", document.get("outputs", {}))
     for key in outputs:
-        check.known("key of [outputs]", key, OUTPUTS)
+        check.require_one_of("key of [outputs]", key, OUTPUTS)
     given = {key: _tuple(document[key]) for key in document if key in _PLAIN}
     given |= {key: _tuple(value) for key, value in outputs.items()}
     return Plan(probe=_probe(document["probe"]), quantities=_quantities(document), **given)
@@ -182,10 +182,10 @@ def _quantities(document: Mapping[str, Any]) -> dict[str, Quantity]:
 
 def _ranged(name: str, value: Any, *, logarithmic: bool) -> Quantity:
     if not isinstance(value, list):
-        return check.number(name, value, 0.0, 1e6)
+        return check.require_number(name, value, 0.0, 1e6)
     if len(value) != 2:
         raise InputError(f"{name} must be a number or [low, high]; got {value!r:.80} (lists of values go under [grid])")
-    low, high = (check.number(name, end, 0.0, 1e6) for end in value)
+    low, high = (check.require_number(name, end, 0.0, 1e6) for end in value)
     try:
         return Range(low=low, high=high, logarithmic=logarithmic)
     except InputError as error:
@@ -197,7 +197,7 @@ def _probe(value: Any) -> Probe:
         return load_probe(value).unlit()  # of which the document of a plan holds no light
     table = _table("probe", value)
     for key in table:
-        check.known("key of [probe]", key, _PROBE_KEYS)
+        check.require_one_of("key of [probe]", key, _PROBE_KEYS)
     layers = table.get("layers")
     if "radius_mm" not in table or not isinstance(layers, list):
         raise InputError(f"[probe] must give radius_mm and a list of layers; got {', '.join(table) or 'nothing'}")
@@ -208,7 +208,7 @@ def _layer(value: Any) -> Layer:
     table = _table("layers", value)
     known = [item.name for item in fields(Layer)]
     for key in table:
-        check.known("key of a layer", key, known)
+        check.require_one_of("key of a layer", key, known)
     if not {"thickness_mm", "young_kpa"} <= set(table):
         raise InputError(f"a layer must give thickness_mm and young_kpa; got {', '.join(table) or 'nothing'}")
     return Layer(**table)

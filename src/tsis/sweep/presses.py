@@ -18,14 +18,14 @@ if TYPE_CHECKING:
 
     from tsis.model import Phantom, PressField, Probe
     from tsis.sweep.plan import Plan
-    from tsis.sweep.samples import Batch
+    from tsis.sweep.samples import SweepBatch
 
 LONGEST_ERROR = 300
 # Sums of matrices that cannot be solved; everything else that fails is a fault of the program and stops the sweep.
 REFUSALS = (TsisError, np.linalg.LinAlgError, ArithmeticError)
 
 
-class Press(Protocol):
+class PressFunction(Protocol):
     """What computes a press: `tsis.mechanics.press`, or a stand-in."""
 
     def __call__(self, probe: Probe, phantom: Phantom, /, *, force_n: float, strain: str) -> PressField:
@@ -58,7 +58,7 @@ class Rows:
         return sum(map(bool, self.error))
 
 
-def press_all(plan: Plan, batch: Batch, press: Press) -> Rows:
+def press_all(plan: Plan, batch: SweepBatch, press: PressFunction) -> Rows:
     """Press every phantom of ``batch`` with every force of ``plan``."""
     forces, count = len(plan.forces_n), batch.samples * len(plan.forces_n)
     numbers = {"force_n": np.tile(np.array(plan.forces_n), batch.samples)}
@@ -81,7 +81,7 @@ def press_all(plan: Plan, batch: Batch, press: Press) -> Rows:
     return Rows(sample=sample, numbers=numbers | results, error=error)
 
 
-def _kept(plan: Plan, values: Mapping[str, float], press: Press) -> dict[str, float | NDArray[np.float64]]:
+def _kept(plan: Plan, values: Mapping[str, float], press: PressFunction) -> dict[str, float | NDArray[np.float64]]:
     phantom, force = plan.phantom(values), values["force_n"]
     field = press(plan.probe, phantom, force_n=force, strain=plan.strain)
     found: dict[str, float | NDArray[np.float64]] = {

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.instrument import read_bytes, shown
+from tsis.instrument import printable_path, read_bytes
 from tsis.model import check
 from tsis.model.errors import FileInputError
-from tsis.sweep.manifest import MANIFEST, read_manifest
+from tsis.sweep.manifest import MANIFEST_FILE, read_manifest
 from tsis.sweep.plan import PROFILES
-from tsis.sweep.plan_file import plan_document, plan_of
-from tsis.sweep.shards import LARGEST_BYTES, decode, sha256
+from tsis.sweep.plan_file import plan_document, plan_from_document
+from tsis.sweep.shards import LARGEST_BYTES, decode_shard, sha256
 
 if TYPE_CHECKING:
     import os
@@ -29,7 +29,7 @@ def first_few(files: Sequence[str]) -> str:
     return ", ".join(files[:MOST_NAMED]) + (", ..." if len(files) > MOST_NAMED else "")
 
 
-def verify(folder: str | os.PathLike[str]) -> dict[str, Any]:
+def verify_data_set(folder: str | os.PathLike[str]) -> dict[str, Any]:
     """Check every file of a data set against its manifest, and return the manifest.
 
     Raises
@@ -44,13 +44,13 @@ def verify(folder: str | os.PathLike[str]) -> dict[str, Any]:
     ]
     if wrong:
         raise FileInputError(
-            f"{shown(place)} must be as it was written; got {len(wrong)} wrong files: {first_few(wrong)}"
+            f"{printable_path(place)} must be as it was written; got {len(wrong)} wrong files: {first_few(wrong)}"
             " (tsis sweep run with its plan computes damaged and missing files again)"
         )
     return manifest
 
 
-def read(folder: str | os.PathLike[str], columns: Sequence[str] | None = None) -> dict[str, NDArray[Any]]:
+def read_data_set(folder: str | os.PathLike[str], columns: Sequence[str] | None = None) -> dict[str, NDArray[Any]]:
     """Read a data set after checking the SHA-256 of every file that is read.
 
     Parameters
@@ -72,26 +72,28 @@ def read(folder: str | os.PathLike[str], columns: Sequence[str] | None = None) -
         When the data set is not complete or a file is not as it was written.
     """
     place, manifest = _complete(folder)
-    outputs = plan_document(plan_of(manifest["plan"]))["outputs"]
+    outputs = plan_document(plan_from_document(manifest["plan"]))["outputs"]
     parts: dict[str, list[NDArray[Any]]] = {}
     for entry in manifest["shards"]:
         content = read_bytes(place / entry["file"], most=LARGEST_BYTES)
         if sha256(content) != entry["sha256"]:
-            raise FileInputError(f"{shown(place / entry['file'])} must be as it was written; its SHA-256 differs")
-        table = decode(content)
+            raise FileInputError(
+                f"{printable_path(place / entry['file'])} must be as it was written; its SHA-256 differs"
+            )
+        table = decode_shard(content)
         for name in table.column_names if columns is None else columns:
-            check.known("column", name, table.column_names)
+            check.require_one_of("column", name, table.column_names)
             try:
                 parts.setdefault(name, []).append(_array(table.column(name), name))
             except (ValueError, AttributeError, TypeError, NotImplementedError) as error:
                 raise FileInputError(
-                    f"{shown(place / entry['file'])} must hold numbers by column; got others"
+                    f"{printable_path(place / entry['file'])} must hold numbers by column; got others"
                 ) from error
     radius = np.array(outputs["radii_mm"], dtype=float)
     try:
         return {"radius_mm": radius} | {name: np.concatenate(values) for name, values in parts.items()}
     except (ValueError, TypeError) as error:
-        raise FileInputError(f"{shown(place)} must hold files with alike columns; got others") from error
+        raise FileInputError(f"{printable_path(place)} must hold files with alike columns; got others") from error
 
 
 def _array(column: Any, name: str) -> NDArray[Any]:
@@ -108,7 +110,9 @@ def _complete(folder: str | os.PathLike[str]) -> tuple[Path, dict[str, Any]]:
     place = Path(folder)
     manifest = read_manifest(place)
     if not manifest.get("complete"):
-        raise FileInputError(f"{shown(place)} must hold a complete data set; tsis sweep run with its plan finishes it")
+        raise FileInputError(
+            f"{printable_path(place)} must hold a complete data set; tsis sweep run with its plan finishes it"
+        )
     return place, manifest
 
 
@@ -121,5 +125,5 @@ def _fault(place: Path, entry: dict[str, Any]) -> str:
 
 
 def _extra(place: Path, manifest: dict[str, Any]) -> list[str]:
-    expected = {MANIFEST, *(entry["file"] for entry in manifest["shards"])}
+    expected = {MANIFEST_FILE, *(entry["file"] for entry in manifest["shards"])}
     return sorted(path.name for path in place.iterdir() if path.name not in expected)

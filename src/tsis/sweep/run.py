@@ -13,23 +13,23 @@ from tsis.mechanics import press as press_by_elements
 from tsis.model import Phantom, check
 from tsis.model.durable import remove_unfinished
 from tsis.model.errors import MechanicsError, SweepError
-from tsis.sweep.dask_crew import DaskCrew
+from tsis.sweep.dask_crew import DaskPool
 from tsis.sweep.folder import as_folder, begun
-from tsis.sweep.local_crew import LocalCrew
+from tsis.sweep.local_crew import LocalPool
 from tsis.sweep.manifest import data_set_key, head, write_manifest
 from tsis.sweep.plan import TISSUE
 from tsis.sweep.presses import press_all
 from tsis.sweep.quantity import extremes
-from tsis.sweep.samples import Batch, batches
+from tsis.sweep.samples import SweepBatch, sweep_batches
 from tsis.sweep.shards import Receipt, shard_name
-from tsis.sweep.work import Failed, Job, Lost
+from tsis.sweep.work import Failed, Lost, SweepJob
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from tsis.sweep.crew import Crew
+    from tsis.sweep.crew import WorkerPool
     from tsis.sweep.plan import Plan
-    from tsis.sweep.presses import Press
+    from tsis.sweep.presses import PressFunction
 
 MOST_WORKERS = 1024
 # So many times its window may a crew lose batches in a row: then no worker lives long enough to finish one.
@@ -39,7 +39,7 @@ GENTLE_N = 1e-6
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Summary:
+class SweepSummary:
     """What a sweep did.
 
     Attributes
@@ -78,8 +78,8 @@ def run_sweep(
     workers: int | None = None,
     scheduler: str | None = None,
     progress: Callable[[int, int], None] | None = None,
-    press: Press = press_by_elements,
-) -> Summary:
+    press: PressFunction = press_by_elements,
+) -> SweepSummary:
     """Press all phantoms of a plan and write the data set, or finish the one that an earlier run began.
 
     The bytes of the data set depend on the plan, the versions of the libraries and the kind of processor, and on
@@ -111,17 +111,17 @@ def run_sweep(
     started = time.monotonic()
     count = worker_count(workers)
     start = head(plan)
-    refuse_model(plan, press)
+    require_working_model(plan, press)
     place = as_folder(folder)
-    job = Job(folder=str(place), plan=plan, data_set=data_set_key(start), press=press)
-    crew: Crew = LocalCrew(job, count) if scheduler is None else DaskCrew(job, scheduler)
+    job = SweepJob(folder=str(place), plan=plan, data_set=data_set_key(start), press=press)
+    crew: WorkerPool = LocalPool(job, count) if scheduler is None else DaskPool(job, scheduler)
     with begun(place, start):
         with crew:
             done, lost = _finish_all(plan, crew, progress or (lambda *_: None))
         write_manifest(place, start, [receipt for receipt, _ in done.values()])
         remove_unfinished(place)
     states = Counter(state for _, state in done.values())
-    return Summary(
+    return SweepSummary(
         folder=str(place),
         presses=sum(receipt.rows for receipt, _ in done.values()),
         refused=sum(receipt.refused for receipt, _ in done.values()),
@@ -144,10 +144,10 @@ def worker_count(workers: int | None) -> int:
     """
     if workers is None:
         return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return int(check.number("workers", workers, 1, MOST_WORKERS))
+    return int(check.require_number("workers", workers, 1, MOST_WORKERS))
 
 
-def refuse_model(plan: Plan, press: Press = press_by_elements) -> None:
+def require_working_model(plan: Plan, press: PressFunction = press_by_elements) -> None:
     """Refuse a plan whose model takes no press of this probe at all, before a million rows say so.
 
     A press of almost no force is quick in every model. What a model cannot solve becomes a row, here as in the sweep.
@@ -163,7 +163,7 @@ def refuse_model(plan: Plan, press: Press = press_by_elements) -> None:
         press(plan.probe, slab, force_n=GENTLE_N, strain=plan.strain)
 
 
-def seconds_per_press(plan: Plan, press: Press = press_by_elements) -> float:
+def seconds_per_press(plan: Plan, press: PressFunction = press_by_elements) -> float:
     """Mean time of the plan's first presses on this machine, after one that warms up, s.
 
     Raises
@@ -171,11 +171,11 @@ def seconds_per_press(plan: Plan, press: Press = press_by_elements) -> float:
     TsisError
         When the model takes no press of this probe.
     """
-    refuse_model(plan, press)
-    batch = next(batches(plan))
+    require_working_model(plan, press)
+    batch = next(sweep_batches(plan))
     started, done = time.perf_counter(), 0
     for k in range(min(TRIED, batch.samples)):
-        one = Batch(shard=0, first=k, values={name: values[k : k + 1] for name, values in batch.values.items()})
+        one = SweepBatch(shard=0, first=k, values={name: values[k : k + 1] for name, values in batch.values.items()})
         press_all(plan, one, press)
         done += len(plan.forces_n)
         if k == 0 and batch.samples > 1:
@@ -186,10 +186,10 @@ def seconds_per_press(plan: Plan, press: Press = press_by_elements) -> float:
 
 
 def _finish_all(
-    plan: Plan, crew: Crew, progress: Callable[[int, int], None]
+    plan: Plan, crew: WorkerPool, progress: Callable[[int, int], None]
 ) -> tuple[dict[int, tuple[Receipt, str]], int]:
     """Keep the crew busy until every file is there; receipts and states by file, and how many batches were lost."""
-    left, again = batches(plan), deque[Batch]()
+    left, again = sweep_batches(plan), deque[SweepBatch]()
     done: dict[int, tuple[Receipt, str]] = {}
     under_way = lost = in_a_row = 0
     progress(0, plan.shards)
@@ -213,13 +213,13 @@ def _finish_all(
     return done, lost
 
 
-def _next(left: Iterator[Batch], again: deque[Batch], most: int) -> Batch | None:
+def _next(left: Iterator[SweepBatch], again: deque[SweepBatch], most: int) -> SweepBatch | None:
     """The next batch; one that lost its worker waits for the others, because it may end every worker that it meets."""
     batch = None if len(again) > most else next(left, None)
     return again.popleft() if batch is None and again else batch
 
 
-def _hopeless(lost: int, batch: Batch) -> str:
+def _hopeless(lost: int, batch: SweepBatch) -> str:
     return (
         f"{lost} batches in a row lost their worker, the last one that of {shard_name(batch.shard)}, phantoms "
         f"{batch.first} to {batch.first + batch.samples - 1}; try a smaller batch, or fewer workers if memory is short "

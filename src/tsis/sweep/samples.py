@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Batch:
+class SweepBatch:
     """The phantoms of one file.
 
     Attributes
@@ -43,13 +43,13 @@ class Batch:
         return len(next(iter(self.values.values())))
 
 
-def batches(plan: Plan) -> Iterator[Batch]:
+def sweep_batches(plan: Plan) -> Iterator[SweepBatch]:
     """Every batch of ``plan`` in the order of its files."""
     values = _grid(plan) if plan.sample == "grid" else _sampled(plan)
     for shard in range(plan.shards):
         first = shard * plan.batch
         size = min(plan.batch, plan.samples - first)
-        yield Batch(shard=shard, first=first, values=values(first, size))
+        yield SweepBatch(shard=shard, first=first, values=values(first, size))
 
 
 def _sampled(plan: Plan) -> Callable[[int, int], dict[str, NDArray[np.float64]]]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.instrument.file_bytes import one_line, read_bytes
 from tsis.model.errors import FileInputError, SweepError
-from tsis.model.extra import library
+from tsis.model.extra import import_extra
 from tsis.sweep.plan import PROFILES
 
 if TYPE_CHECKING:
@@ -61,7 +61,7 @@ def shard_name(shard: int) -> str:
     return f"part-{shard:06d}.parquet"
 
 
-def encode(rows: Rows, *, shard: int, data_set: str) -> bytes:
+def encode_shard(rows: Rows, *, shard: int, data_set: str) -> bytes:
     """The bytes of a file."""
     pa, parquet = _arrow()
     columns = {"sample": pa.array(rows.sample, pa.int64())}
@@ -125,7 +125,7 @@ def is_whole(content: bytes) -> bool:
     return content[place : place + len(_ZEROS)] == _digest(content, place)
 
 
-def decode(content: bytes) -> Any:
+def decode_shard(content: bytes) -> Any:
     """The Arrow table of a file whose bytes were checked.
 
     Raises
@@ -151,7 +151,7 @@ def sha256(content: bytes) -> str:
 
 
 def _arrow() -> tuple[Any, Any]:
-    pa, parquet = (library(name, feature=FEATURE, extra="cluster") for name in ("pyarrow", "pyarrow.parquet"))
+    pa, parquet = (import_extra(name, feature=FEATURE, extra="cluster") for name in ("pyarrow", "pyarrow.parquet"))
     return pa, parquet
 
 

@@ -10,21 +10,21 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from tsis.model.durable import write_durably
 from tsis.model.errors import SweepError
-from tsis.sweep.manifest import MANIFEST
+from tsis.sweep.manifest import MANIFEST_FILE
 from tsis.sweep.presses import press_all
-from tsis.sweep.shards import LARGEST_BYTES, Receipt, encode, receipt_of, shard_name
+from tsis.sweep.shards import LARGEST_BYTES, Receipt, encode_shard, receipt_of, shard_name
 
 if TYPE_CHECKING:
     from tsis.sweep.plan import Plan
-    from tsis.sweep.presses import Press
-    from tsis.sweep.samples import Batch
+    from tsis.sweep.presses import PressFunction
+    from tsis.sweep.samples import SweepBatch
 
 # Threads of one process share the number of threads of its linear algebra, which decides the last digits.
 _ONE_AT_A_TIME = threading.Lock()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Job:
+class SweepJob:
     """What all batches of a sweep share.
 
     Attributes
@@ -42,7 +42,7 @@ class Job:
     folder: str
     plan: Plan
     data_set: str
-    press: Press
+    press: PressFunction
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,7 +57,7 @@ class Finished:
 class Lost:
     """The worker that had this batch is gone."""
 
-    batch: Batch
+    batch: SweepBatch
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,7 +70,7 @@ class Failed:
 Answer: TypeAlias = Finished | Lost | Failed
 
 
-def finish(job: Job, batch: Batch) -> Finished | Failed:
+def finish_batch(job: SweepJob, batch: SweepBatch) -> Finished | Failed:
     """Keep the batch's file where it is whole, else compute and write it; failures are an answer too."""
     try:
         with _ONE_AT_A_TIME:
@@ -84,9 +84,9 @@ def finish(job: Job, batch: Batch) -> Finished | Failed:
         return Failed(reason=f"{shard_name(batch.shard)} could not be computed: {type(error).__name__}: {error}")
 
 
-def _finish(job: Job, batch: Batch) -> Finished:
+def _finish(job: SweepJob, batch: SweepBatch) -> Finished:
     folder = Path(job.folder)
-    if not (folder / MANIFEST).is_file():
+    if not (folder / MANIFEST_FILE).is_file():
         raise SweepError(f"the folder {job.folder!r} must be seen by every worker; one of them does not find it")
     path = folder / shard_name(batch.shard)
     present = _present(path)
@@ -94,7 +94,7 @@ def _finish(job: Job, batch: Batch) -> Finished:
         receipt = receipt_of(present, shard=batch.shard, data_set=job.data_set)
         if receipt is not None:
             return Finished(receipt=receipt, state="kept")
-    content = encode(press_all(job.plan, batch, job.press), shard=batch.shard, data_set=job.data_set)
+    content = encode_shard(press_all(job.plan, batch, job.press), shard=batch.shard, data_set=job.data_set)
     write_durably(path, content)
     receipt = receipt_of(content, shard=batch.shard, data_set=job.data_set)
     if receipt is None:

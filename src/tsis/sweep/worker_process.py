@@ -11,23 +11,23 @@ import signal
 import sys
 from typing import TYPE_CHECKING
 
-from tsis.sweep.work import finish
+from tsis.sweep.work import finish_batch
 
 if TYPE_CHECKING:
     from typing import BinaryIO
 
-    from tsis.sweep.work import Job
+    from tsis.sweep.work import SweepJob
 
 
 def serve(questions: BinaryIO, answers: BinaryIO) -> None:
     """Answer every batch until there are no more."""
-    job: Job = pickle.load(questions)
+    job: SweepJob = pickle.load(questions)
     while True:
         try:
             batch = pickle.load(questions)
         except EOFError:
             return
-        pickle.dump(finish(job, batch), answers)
+        pickle.dump(finish_batch(job, batch), answers)
         answers.flush()
 
 

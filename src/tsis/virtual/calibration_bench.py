@@ -7,7 +7,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from tsis.calibration.force.loading import loading_forces
-from tsis.calibration.session import Shot, Step
+from tsis.calibration.session import CalibrationFrame, CalibrationStep
 from tsis.calibration.session.steps import BOARD, BOARD_UNTOUCHED, DARK, EDGE, FLAT, UNTOUCHED
 from tsis.model.errors import InputError
 from tsis.virtual.loading_machine import FLAT_LEVELS as LEVELS
@@ -70,17 +70,17 @@ class VirtualBench:
         """Where its camera sees the lamps past the probe."""
         return self.machine.patch_px
 
-    def shots(self, step: Step) -> Iterator[Shot]:
+    def shots(self, step: CalibrationStep) -> Iterator[CalibrationFrame]:
         """Yield the frames of a step."""
         if step.tip_mm is not None:
             for image, shown_n in self.machine.loading(step.tip_mm, loading_forces()):
-                yield Shot(image=_bare(image), force_n=shown_n)
+                yield CalibrationFrame(image=_bare(image), force_n=shown_n)
             return
         take = self._take(step)
         for number in range(step.frames):
-            yield Shot(image=_bare(take()), time_s=number / FRAMES_PER_S)
+            yield CalibrationFrame(image=_bare(take()), time_s=number / FRAMES_PER_S)
 
-    def _take(self, step: Step) -> Callable[[], TactileImage]:
+    def _take(self, step: CalibrationStep) -> Callable[[], TactileImage]:
         sensor, rng = self.machine.sensor, self._rng
         if step.name == BOARD:
             board = dot_board_frame(sensor, rng=rng, pitch_mm=self._pitch_mm, angle_deg=BOARD_TURN_DEG, bright=True)

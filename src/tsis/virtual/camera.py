@@ -27,7 +27,7 @@ USUAL_PER_S = 30.0
 USUAL_MS = 20.0  # exposure under which the light is that of the probe's calibration
 
 
-class Rig(Protocol):
+class VirtualScene(Protocol):
     """What a camera may look at: a `VirtualProbe` on tissue, or a `DirectContactRig` on objects."""
 
     @property
@@ -89,7 +89,7 @@ class VirtualCamera:
 
     def __init__(
         self,
-        probe: Rig,
+        probe: VirtualScene,
         phantom: Phantom | SoftSphere,
         *,
         rng: np.random.Generator,
@@ -100,7 +100,7 @@ class VirtualCamera:
         light: NDArray[np.float64] | None = None,
     ) -> None:
         self._probe, self._rng = probe, rng
-        rate = check.number("frames_per_s", frames_per_s, 0.1, 1000.0)
+        rate = check.require_number("frames_per_s", frames_per_s, 0.1, 1000.0)
         self._paced, self._clock = paced, clock
         self._settings = {
             one.name: one
@@ -159,7 +159,7 @@ class VirtualCamera:
         MechanicsError
             When the tissue cannot be pressed so hard; the press is as it was.
         """
-        check.known("setting", name, (FORCE, *self._settings))
+        check.require_one_of("setting", name, (FORCE, *self._settings))
         if name != FORCE:
             setting = self._settings[name]
             self._settings[name] = replace(setting, value=setting.checked(value))

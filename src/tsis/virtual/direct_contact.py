@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 
 from tsis.hardness.likelihood import DRIFT_SD
-from tsis.hardness.seen_sphere import check_size, press_fields
+from tsis.hardness.seen_sphere import press_fields, require_small_sphere
 from tsis.imaging.render import render
 from tsis.imaging.sensor import Sensor, expose
 from tsis.mechanics import SphereResolution
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from tsis.model import PressField
 
 # Finer and of another order than the mesh of the estimates, so that an estimate is never checked by itself.
-FINE = SphereResolution(order=4, cells=6, rings=2, face_cells=6)
+DIRECT_CONTACT_RESOLUTION = SphereResolution(order=4, cells=6, rings=2, face_cells=6)
 FILLED = 0.8  # share of the scale above the background that the brightest place of the nominal exposure takes
 SATURATION = 5.0  # times the greatest pressure: there the answer is a line to within one per cent
 LIT = 0.05  # of the brightest place: what is brighter belongs to the contact
@@ -90,22 +90,22 @@ class DirectContactRig:
         radius_sd_mm: float = 0.03,
         drift_sd: float = DRIFT_SD,
         offset_sd_mm: float = 0.2,
-        resolution: SphereResolution = FINE,
+        resolution: SphereResolution = DIRECT_CONTACT_RESOLUTION,
         solve: Callable[..., Sequence[PressField]] = press_fields,
     ) -> None:
-        check.kind("probe", probe, Probe)
+        check.require_type("probe", probe, Probe)
         self._light = LightMap.uniform() if light is None else light
-        check.kind("light", self._light, LightMap)
-        check.kind("resolution", resolution, SphereResolution)
+        check.require_type("light", self._light, LightMap)
+        check.require_type("resolution", resolution, SphereResolution)
         sensor = Sensor() if sensor is None else sensor
         if calibration is None:
             calibration = direct_contact_calibration(sensor, probe=probe, light=light)
         # The errors of a rig are those of a virtual probe, which draws and checks them.
         self._bench = VirtualProbe(probe, rng=rng, sensor=sensor, light=self._light, calibration=calibration)
         self.probe, self.sensor, self.calibration = probe, sensor, calibration
-        self._radius_sd_mm = check.number("radius_sd_mm", radius_sd_mm, 0.0, 5.0, hint="millimetres")
-        self._drift_sd = check.number("drift_sd", drift_sd, 0.0, 1.0, hint="a share of one")
-        self._offset_sd_mm = check.number("offset_sd_mm", offset_sd_mm, 0.0, 5.0, hint="millimetres")
+        self._radius_sd_mm = check.require_number("radius_sd_mm", radius_sd_mm, 0.0, 5.0, hint="millimetres")
+        self._drift_sd = check.require_number("drift_sd", drift_sd, 0.0, 1.0, hint="a share of one")
+        self._offset_sd_mm = check.require_number("offset_sd_mm", offset_sd_mm, 0.0, 5.0, hint="millimetres")
         self._rng, self._resolution, self._solve = rng, resolution, solve
         self._written = dict[SoftSphere, float]()
 
@@ -118,7 +118,7 @@ class DirectContactRig:
         """The same rig with another solution of its presses, for objects whose radius is known so closely."""
         other = copy(self)
         other._solve = solve
-        other._radius_sd_mm = check.number("radius_sd_mm", radius_sd_mm, 0.0, 5.0, hint="millimetres")
+        other._radius_sd_mm = check.require_number("radius_sd_mm", radius_sd_mm, 0.0, 5.0, hint="millimetres")
         return other
 
     def press(self, sphere: SoftSphere, *, force_n: float) -> TactileImage:
@@ -146,11 +146,11 @@ class DirectContactRig:
 
     def _commanded(self, sphere: SoftSphere, forces_n: Sequence[float]) -> list[PressField]:
         """Presses that miss their commanded forces a little."""
-        check.kind("sphere", sphere, SoftSphere)
-        check_size(self.probe, sphere.radius_mm)
-        commanded = check.array("forces_n", forces_n, ndim=1)
+        check.require_type("sphere", sphere, SoftSphere)
+        require_small_sphere(self.probe, sphere.radius_mm)
+        commanded = check.require_array("forces_n", forces_n, ndim=1)
         for force in commanded:
-            check.number("forces_n", force, 1e-3, LARGEST_FORCE_N, hint="newtons")
+            check.require_number("forces_n", force, 1e-3, LARGEST_FORCE_N, hint="newtons")
         missed = 1 + self.calibration.force_sd * self._rng.standard_normal(len(commanded))
         return self._fields(sphere, commanded * np.maximum(missed, 0.1))
 
@@ -228,11 +228,11 @@ def direct_contact_calibration(
     InputError
         When an argument is of the wrong kind or outside its range.
     """
-    check.kind("sensor", sensor, Sensor)
-    check.kind("probe", probe, Probe)
+    check.require_type("sensor", sensor, Sensor)
+    check.require_type("probe", probe, Probe)
     if peak_kpa is None:
         peak_kpa = float(np.clip(0.6 * probe.layers[0].young_kpa, 50.0, 220.0))
-    check.number("peak_kpa", peak_kpa, 0.1, 1e5, hint="kilopascals")
+    check.require_number("peak_kpa", peak_kpa, 0.1, 1e5, hint="kilopascals")
     brightest = 1.0 if light is None else float(light.relative.max())
     return Calibration(
         name="virtual rig of direct contact, nominal",

@@ -74,13 +74,13 @@ class GigEServer:
         frames_per_s: float = 30.0,
         library: Callable[[], Aravis] = load,
     ) -> None:
-        check.kind("camera", camera, VirtualCamera)
-        check.kind("interface", interface, str)
-        check.kind("serial", serial, str)
+        check.require_type("camera", camera, VirtualCamera)
+        check.require_type("interface", interface, str)
+        check.require_type("serial", serial, str)
         if not SERIAL.fullmatch(serial):
             raise InputError(f"serial must be 1 to 15 letters, digits, dots, hyphens or underscores; got {serial!r}")
         self._camera, self._interface, self._serial = camera, interface, serial
-        self._period_us = round(1e6 / check.number("frames_per_s", frames_per_s, 0.1, 1000.0))
+        self._period_us = round(1e6 / check.require_number("frames_per_s", frames_per_s, 0.1, 1000.0))
         self._library = library
         self._handle: int | None = None
         self._frames: Iterator[Frame] = iter(())
@@ -107,7 +107,7 @@ class GigEServer:
             When this machine has no such address or another program serves a camera there.
         """
         self._aravis = self._library()
-        require_free(self._interface)
+        require_free_address(self._interface)
         self._camera.open()
         self._camera.start()
         self._frames = self._camera.frames()
@@ -157,7 +157,7 @@ class GigEServer:
             self._camera.adjust("exposure_ms", exposure_us / 1000)
             self._camera.adjust("gain", gain_db)
             pixels = next(self._frames).pixels
-            content = laid_out(pixels, self._region(), pixel_format)
+            content = region_bytes(pixels, self._region(), pixel_format)
             # Aravis has made sure that a frame of the registers' size fits, and only this thread changes them.
             ctypes.memmove(self._aravis.call("buffer_get_data", buffer, None), content, len(content))
             self.sent += 1
@@ -174,7 +174,7 @@ class GigEServer:
         return slice(first_row, first_row + rows), slice(first_column, first_column + columns)
 
 
-def require_free(interface: str) -> None:
+def require_free_address(interface: str) -> None:
     """Refuse an address that is not of this machine, or at which a camera is served; Aravis would not notice.
 
     Raises
@@ -195,7 +195,7 @@ def require_free(interface: str) -> None:
             raise CameraError(f"interface must be an address of this machine; got {interface}") from error
 
 
-def laid_out(pixels: NDArray[Any], region: tuple[slice, slice], pixel_format: int) -> bytes:
+def region_bytes(pixels: NDArray[Any], region: tuple[slice, slice], pixel_format: int) -> bytes:
     r"""Bytes of a region of a grey frame of 8 bits; what lies beside the frame is dark.
 
     Parameters
@@ -209,7 +209,7 @@ def laid_out(pixels: NDArray[Any], region: tuple[slice, slice], pixel_format: in
 
     Examples
     --------
-    >>> laid_out(np.array([[1, 2]], dtype=np.uint8), (slice(0, 1), slice(1, 3)), 0x01100007)
+    >>> region_bytes(np.array([[1, 2]], dtype=np.uint8), (slice(0, 1), slice(1, 3)), 0x01100007)
     b'\x02\x02\x00\x00'
     """
     rows, columns = (part.stop - part.start for part in region)

@@ -60,11 +60,14 @@ class LoadingCamera:
         warm_s: float = 1800.0,
         frame_s: float = 10.0,
     ) -> None:
-        check.kind("sensor", sensor, Sensor)
-        check.kind("rng", rng, np.random.Generator)
+        check.require_type("sensor", sensor, Sensor)
+        check.require_type("rng", rng, np.random.Generator)
         self.sensor, self.patch = sensor, PATCH if patch else None
         self._rng = rng
-        start, step = check.number("warm_s", warm_s, 0.0, 1e6), check.number("frame_s", frame_s, 1e-3, 1e4)
+        start, step = (
+            check.require_number("warm_s", warm_s, 0.0, 1e6),
+            check.require_number("frame_s", frame_s, 1e-3, 1e4),
+        )
         self._lamps = (drift or LedDrift()).factors(start + step * np.arange(LONGEST), rng)
         self._taken = 0
         self._hot, self._dead = rng.integers(0, sensor.rows * sensor.columns, (2, BAD_PIXELS))

@@ -64,7 +64,7 @@ class MachineErrors:
 
     def __post_init__(self) -> None:
         for one in fields(self):
-            check.number(one.name, getattr(self, one.name), 0.0, 100.0)
+            check.require_number(one.name, getattr(self, one.name), 0.0, 100.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.imaging.contact_light import named_model
+from tsis.imaging.contact_light import as_contact_model
 from tsis.imaging.render import render
 from tsis.imaging.sensor import Sensor, expose
 from tsis.mechanics import FiniteResolution, Resolution, press, press_solid
@@ -22,8 +22,11 @@ if TYPE_CHECKING:
     from tsis.model import Phantom, PressField, PressMap
 
 # Finer and of another order than the mesh inside the estimator, so that an estimate is never checked by itself.
-FINE = Resolution(order=6, edge=0.006, growth=1.9, largest=0.17, below_cells=4, ray_layers=6)
-RESOLUTIONS: dict[str, Resolution | FiniteResolution] = {"small": FINE, "finite": FiniteResolution()}  # by strain
+FINE_RESOLUTION = Resolution(order=6, edge=0.006, growth=1.9, largest=0.17, below_cells=4, ray_layers=6)
+RESOLUTIONS: dict[str, Resolution | FiniteResolution] = {
+    "small": FINE_RESOLUTION,
+    "finite": FiniteResolution(),
+}  # by strain
 LARGEST_FORCE_N = 20.0  # commanded; the press itself takes more, so that no drawn error runs into its limit
 DARKEST = 0.02  # of the mean light
 
@@ -89,21 +92,21 @@ class VirtualProbe:
         strain: str = "small",
         resolution: Resolution | FiniteResolution | None = None,
     ) -> None:
-        check.kind("probe", probe, Probe)
-        check.kind("rng", rng, np.random.Generator)
+        check.require_type("probe", probe, Probe)
+        check.require_type("rng", rng, np.random.Generator)
         self.probe = probe
         self.sensor = Sensor() if sensor is None else sensor
-        check.kind("sensor", self.sensor, Sensor)
+        check.require_type("sensor", self.sensor, Sensor)
         self._light = irradiance(probe) if light is None else _checked_light(light, probe)
         if calibration is None:
             calibration = replace(nominal_calibration(self.sensor, self._light), probe=probe.name)
         self.calibration = calibration
-        check.kind("calibration", self.calibration, Calibration)
-        self._contact_model = named_model(contact_model)
+        check.require_type("calibration", self.calibration, Calibration)
+        self._contact_model = as_contact_model(contact_model)
         self._rng = rng
-        self._strain = check.known("strain", strain, RESOLUTIONS)
+        self._strain = check.require_one_of("strain", strain, RESOLUTIONS)
         self._resolution = RESOLUTIONS[strain] if resolution is None else resolution
-        check.kind("resolution", self._resolution, type(RESOLUTIONS[strain]))
+        check.require_type("resolution", self._resolution, type(RESOLUTIONS[strain]))
         self._gain = 1 + self.calibration.gain_sd * rng.standard_normal()
         self._emphasis = self.calibration.shading_sd * rng.standard_normal()
         self._pattern = self._ring_pattern(self.calibration.pattern_sd)
@@ -123,13 +126,13 @@ class VirtualProbe:
             When an inclusion lies off the axis, is no body of revolution or is one of several, and NGSolve, which
             presses those, is not installed.
         """
-        check.number("force_n", force_n, 1e-4, LARGEST_FORCE_N, hint="newtons")
+        check.require_number("force_n", force_n, 1e-4, LARGEST_FORCE_N, hint="newtons")
         light = self.light(phantom, force_n=force_n)
         return self._image(light, force_n=force_n, name=phantom.name or "phantom")
 
     def light(self, phantom: Phantom, *, force_n: float) -> NDArray[np.float64]:
         """Expected grey levels above the background of one press that misses ``force_n`` a little; 0 is no contact."""
-        check.number("force_n", force_n, 0.0, LARGEST_FORCE_N, hint="newtons")
+        check.require_number("force_n", force_n, 0.0, LARGEST_FORCE_N, hint="newtons")
         force = force_n * max(0.0, 1 + self.calibration.force_sd * self._rng.standard_normal())
         seen = self._seen(phantom, force)
         seen *= self._gain * self._pattern * self._ring_pattern(self.calibration.repeatability_sd)

@@ -7,12 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from tsis.calibration import ForceLine, Measured
+from tsis.calibration import ForceLine, MeasuredValue
 from tsis.calibration.file import (
     ProbeCalibration,
 )
-from tsis.calibration.reference.making import Reference
-from tsis.calibration.scale import Scale
+from tsis.calibration.reference.making import CameraReference
+from tsis.calibration.scale import PixelScale
 from tsis.calibration.specification.sheet import Specification, SpecificationRow
 from tsis.model import Calibration, LightMap
 
@@ -20,14 +20,14 @@ MADE = datetime(2026, 11, 22, 10, 0, tzinfo=UTC)
 LATER = MADE + timedelta(days=180)
 
 
-def measured(value: float, unit: str = "") -> Measured:
-    return Measured(value=value, sd=0.01 * abs(value), unit=unit)
+def measured(value: float, unit: str = "") -> MeasuredValue:
+    return MeasuredValue(value=value, sd=0.01 * abs(value), unit=unit)
 
 
-def bench_scale(x: float = 0.0336, y: float = 0.0392) -> Scale:
-    return Scale(
-        mm_per_pixel_x=Measured(value=x, sd=1e-5, degrees_of_freedom=40.5, unit="mm/px"),
-        mm_per_pixel_y=Measured(value=y, sd=1e-5, degrees_of_freedom=40.5, unit="mm/px"),
+def bench_scale(x: float = 0.0336, y: float = 0.0392) -> PixelScale:
+    return PixelScale(
+        mm_per_pixel_x=MeasuredValue(value=x, sd=1e-5, degrees_of_freedom=40.5, unit="mm/px"),
+        mm_per_pixel_y=MeasuredValue(value=y, sd=1e-5, degrees_of_freedom=40.5, unit="mm/px"),
         shape=(30, 40),
         at_px=(19.5, 14.5),
         method="dots",
@@ -35,11 +35,11 @@ def bench_scale(x: float = 0.0336, y: float = 0.0392) -> Scale:
     )
 
 
-def bench_reference() -> Reference:
+def bench_reference() -> CameraReference:
     rng = np.random.default_rng(3)
     usable = np.ones((30, 40), dtype=bool)
     usable[2, 3] = False
-    return Reference(
+    return CameraReference(
         dark_grey=rng.normal(8.0, 0.1, (30, 40)),
         untouched_grey=rng.normal(2.0, 0.1, (30, 40)),
         relative_light=np.ones((30, 40)),

@@ -23,7 +23,7 @@ from tests.calibration.file.bench import (
 from tsis.calibration.file import (
     ProbeCalibration,
     calibration_bytes,
-    identity,
+    calibration_sha256,
     parse_calibration,
     read_calibration,
     write_calibration,
@@ -46,7 +46,7 @@ def test_everything_comes_back(path: Path) -> None:
     known = bench()
     cited = write_calibration(known, path)
     again = read_calibration(path)
-    assert cited == identity(known) == identity(again)
+    assert cited == calibration_sha256(known) == calibration_sha256(again)
     assert again.scale == known.scale
     assert again.scale is not None
     assert again.scale.mm_per_pixel_x.degrees_of_freedom == 40.5
@@ -69,9 +69,9 @@ def test_people_can_read_it(path: Path) -> None:
 
 
 def test_it_is_named_by_its_content_alone(path: Path) -> None:
-    assert identity(bench()) == identity(bench())
-    assert identity(bench()) != identity(bench(name="other"))
-    assert identity(bench()) != identity(bench(scale=bench_scale(x=0.0337)))
+    assert calibration_sha256(bench()) == calibration_sha256(bench())
+    assert calibration_sha256(bench()) != calibration_sha256(bench(name="other"))
+    assert calibration_sha256(bench()) != calibration_sha256(bench(scale=bench_scale(x=0.0337)))
     assert bench().known_response("0123456789abcdef").name == "bench (0123456789ab)"
     write_calibration(bench(), path)
     write_calibration(bench(), path.with_name("elsewhere.json"))
@@ -116,7 +116,9 @@ def test_damaged_files_are_one_sentence_never_another_calibration(path: Path, at
         again = read_calibration(path)
     except TsisError:
         return
-    assert identity(again) == identity(bench())  # what was hit lies outside the calibration: notice, spaces
+    assert calibration_sha256(again) == calibration_sha256(
+        bench()
+    )  # what was hit lies outside the calibration: notice, spaces
 
 
 @pytest.mark.parametrize(
@@ -154,7 +156,7 @@ def _documented_hash(content: Any) -> str:
 
 def test_the_hash_is_the_documented_one_whatever_packed_the_maps() -> None:
     document = json.loads(calibration_bytes(bench()))
-    assert document["sha256"] == _documented_hash(document["calibration"]) == identity(bench())
+    assert document["sha256"] == _documented_hash(document["calibration"]) == calibration_sha256(bench())
     dark = document["calibration"]["reference"]["dark_grey"]
     raw = zlib.decompress(base64.b64decode(dark["zlib"]))
     assert hashlib.sha256(raw).hexdigest() == dark["sha256"]
@@ -165,7 +167,7 @@ def test_maps_packed_otherwise_are_the_same_calibration(path: Path) -> None:
     dark = document["calibration"]["reference"]["dark_grey"]
     dark["zlib"] = base64.b64encode(zlib.compress(zlib.decompress(base64.b64decode(dark["zlib"])), 1)).decode()
     path.write_text(json.dumps(document))
-    assert identity(read_calibration(path)) == document["sha256"]
+    assert calibration_sha256(read_calibration(path)) == document["sha256"]
 
 
 @pytest.mark.parametrize("level", [0, 1, 9])
@@ -235,7 +237,7 @@ def test_maps_that_are_almost_all_zero_come_back(path: Path, lit: float) -> None
     written = write_calibration(known, path)
     assert path.stat().st_size < 2048 * 2448 * (3 * 4 + 1) / 100  # of what the maps take
     back = read_calibration(path)
-    assert identity(back) == written
+    assert calibration_sha256(back) == written
     assert back.reference is not None
     assert known.reference is not None
     np.testing.assert_array_equal(back.reference.dark_grey, known.reference.dark_grey)
@@ -252,7 +254,7 @@ def test_what_could_not_be_read_back_is_not_written(path: Path, monkeypatch: pyt
     read_calibration(path)
     bounds = require_bounded_maps.__globals__
     monkeypatch.setitem(bounds, "MOST_UNPACKED", 30 * 40 * (3 * 4 + 1))
-    assert identity(parse_calibration(path.read_bytes(), "a file")) == identity(known)
+    assert calibration_sha256(parse_calibration(path.read_bytes(), "a file")) == calibration_sha256(known)
     monkeypatch.setitem(bounds, "MOST_UNPACKED", 30 * 40 * (3 * 4 + 1) - 1)
     with pytest.raises(InputError, match="unpack to at most 15599 bytes; got 15600"):
         calibration_bytes(known)

@@ -21,7 +21,7 @@ from tests.calibration.file.bench import (
 )
 
 from tsis.calibration import ForceLine
-from tsis.calibration.scale import Scale
+from tsis.calibration.scale import PixelScale
 from tsis.model import Calibration
 from tsis.model.errors import CalibrationError, InputError
 
@@ -53,7 +53,7 @@ def test_its_own_probe_may_use_it_in_any_time_zone() -> None:
 def test_a_part_that_was_not_measured_is_named() -> None:
     with pytest.raises(CalibrationError, match="a force needs the part 'force_line', which calibration 'bench'"):
         bench().need(ForceLine, "a force")
-    assert bench().need(Scale, "a size") == bench_scale()
+    assert bench().need(PixelScale, "a size") == bench_scale()
 
 
 @pytest.mark.parametrize(

@@ -13,8 +13,8 @@ from tsis.calibration.force.curves import run_of
 from tsis.calibration.force.fit import fit_force_line
 from tsis.calibration.force.line import ForceLine
 from tsis.calibration.force.loading import Loading, loading_forces
-from tsis.calibration.measured import Measured
-from tsis.calibration.reference.value import Reference
+from tsis.calibration.measured import MeasuredValue
+from tsis.calibration.reference.value import CameraReference
 from tsis.model.errors import CalibrationError, InputError
 
 if TYPE_CHECKING:
@@ -24,10 +24,10 @@ SLOPE, TIPS = 4e5, (2.0, 10.0, 14.0)
 FORCES = np.array(loading_forces())
 
 
-def reference(*, patched: bool = True) -> Reference:
+def reference(*, patched: bool = True) -> CameraReference:
     flat = np.zeros((216, 256))
-    some = Measured(value=0.5, sd=0.01)
-    return Reference(
+    some = MeasuredValue(value=0.5, sd=0.01)
+    return CameraReference(
         dark_grey=flat + 8,
         untouched_grey=flat + 3,
         relative_light=flat + 1,
@@ -112,8 +112,8 @@ def test_millinewtons_are_refused_with_the_cure() -> None:
 
 
 def test_the_printed_line_read_in_millinewtons_is_refused() -> None:
-    def sure(value: float) -> Measured:
-        return Measured(value=value, sd=0.0)
+    def sure(value: float) -> MeasuredValue:
+        return MeasuredValue(value=value, sd=0.0)
 
     def printed(slope_grey_per_n: float) -> ForceLine:
         return ForceLine(
@@ -267,7 +267,7 @@ def test_intervals_hold_although_errors_of_a_run_go_together() -> None:
     assert naive / count < 0.5  # what least squares over all presses would claim
 
 
-def _holds(value: Measured, truth: float) -> bool:
+def _holds(value: MeasuredValue, truth: float) -> bool:
     low, high = value.interval()
     return low <= truth <= high
 

@@ -15,7 +15,7 @@ from tsis.calibration.guard.flags import FLAGS
 from tsis.calibration.guard.flicker import flicker_amplitude
 from tsis.calibration.guard.limits import RANGES, GuardLimits
 from tsis.calibration.guard.press_check import check_press
-from tsis.calibration.guard.reading import read_press
+from tsis.calibration.guard.reading import read_guard_frame
 from tsis.calibration.guard.reference import GuardReference, prepared
 from tsis.calibration.guard.watch import PressWatch, WatchState
 from tsis.calibration.lamps.patch import ReferencePatch
@@ -100,7 +100,7 @@ def test_one_fault_is_not_taken_for_another(image: TactileImage, only: list[str]
 @settings(max_examples=15)
 def test_the_gradient_read_is_that_put_in(x: float, y: float) -> None:
     image = scene(gradient=(x, y))
-    reading = read_press(image.grey, prepared(reference(), FrameShape.of(image)))
+    reading = read_guard_frame(image.grey, prepared(reference(), FrameShape.of(image)))
     # The lens draws the foot of the brighter side out, which takes some of a steep gradient.
     assert reading.tilt == pytest.approx((x, y), abs=0.02 + 0.15 * max(abs(x), abs(y)))
     assert reading.off_centre == pytest.approx(0.0, abs=0.02)
@@ -110,7 +110,7 @@ def test_the_gradient_read_is_that_put_in(x: float, y: float) -> None:
 @settings(max_examples=15)
 def test_the_distance_read_is_that_put_in(x: float, y: float) -> None:
     image = scene(centre=(x, y))
-    reading = read_press(image.grey, prepared(reference(), FrameShape.of(image)))
+    reading = read_guard_frame(image.grey, prepared(reference(), FrameShape.of(image)))
     assert reading.off_centre == pytest.approx(np.hypot(x, y) / RADIUS_PX, abs=0.02)
     assert reading.tilt == pytest.approx((0.0, 0.0), abs=0.02)
 
@@ -119,7 +119,7 @@ def test_the_distance_read_is_that_put_in(x: float, y: float) -> None:
 @settings(max_examples=15)
 def test_lamps_and_light_from_outside_are_told_apart(lamps: float, stray: float) -> None:
     image = scene(lamps=lamps, stray=stray)
-    reading = read_press(image.grey, prepared(reference(), FrameShape.of(image)))
+    reading = read_guard_frame(image.grey, prepared(reference(), FrameShape.of(image)))
     assert reading.led_drift == pytest.approx(lamps - 1, abs=0.004)
     assert reading.ambient_grey == pytest.approx(stray, abs=0.25)
 

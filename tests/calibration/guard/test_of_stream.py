@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from tests.calibration.file.bench import bench, bench_reference
 
-from tsis.calibration.cited import CitedCalibration
+from tsis.calibration.cited import UsableCalibration
 from tsis.calibration.guard import WatchState
-from tsis.calibration.guard.of_stream import guard_reference, press_watch, scaled
+from tsis.calibration.guard.of_stream import guard_reference, press_watch, with_calibrated_scale
 from tsis.instrument import Frame
 from tsis.model import TactileImage, load_probe
 from tsis.model.errors import ImageMismatchError
@@ -18,8 +18,8 @@ from tsis.model.errors import ImageMismatchError
 PROBE = load_probe("tsis-2011")
 
 
-def known(**changes: Any) -> CitedCalibration:
-    return CitedCalibration(known=bench(**changes), identity="0" * 64)
+def known(**changes: Any) -> UsableCalibration:
+    return UsableCalibration(known=bench(**changes), identity="0" * 64)
 
 
 def test_the_untouched_probe_is_that_of_the_calibration() -> None:
@@ -45,18 +45,18 @@ def test_what_was_not_measured_is_not_compared() -> None:
 
 def test_a_frame_gets_the_scale_of_its_camera_alone() -> None:
     image = TactileImage(grey=np.full((30, 40), 9.0))
-    assert scaled(image, known()).mm_per_pixel == (0.0336, 0.0392)
-    assert scaled(image, None) is image
-    assert scaled(image, known(scale=None)) is image
+    assert with_calibrated_scale(image, known()).mm_per_pixel == (0.0336, 0.0392)
+    assert with_calibrated_scale(image, None) is image
+    assert with_calibrated_scale(image, known(scale=None)) is image
     with pytest.raises(ImageMismatchError, match=r"\(30, 40\) that the scale was measured on"):
-        scaled(TactileImage(grey=np.full((40, 30), 9.0)), known())
+        with_calibrated_scale(TactileImage(grey=np.full((40, 30), 9.0)), known())
 
 
 def test_only_with_a_calibration_does_the_watch_tell_light_that_was_not_there() -> None:
     measured = bench_reference()
     untouched = np.rint(measured.dark_grey + measured.untouched_grey).astype(np.uint8)
 
-    def told(added: int, calibration: CitedCalibration | None) -> set[str]:
+    def told(added: int, calibration: UsableCalibration | None) -> set[str]:
         frame = Frame(pixels=(untouched + added).astype(np.uint8), sequence=0, time_s=0.0, full_scale=255.0)
         flags, _ = press_watch(frame, calibration).step(WatchState(), frame)
         return {flag.name for flag in flags}

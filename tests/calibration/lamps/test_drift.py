@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tsis.calibration.lamps.patch import ReferencePatch, drift_corrected, patch_ratio
-from tsis.calibration.lamps.warming import warm_up
+from tsis.calibration.lamps.warming import fit_warm_up
 from tsis.imaging.led_drift import LedDrift
 from tsis.model import TactileImage
 from tsis.model.errors import CalibrationError, ImageMismatchError, InputError
@@ -69,7 +69,7 @@ def test_intervals_of_warming_up_hold_the_truth_though_lamps_wander() -> None:
         rng = np.random.default_rng(child)
         size, tau = rng.uniform(0.02, 0.08), rng.uniform(120.0, 600.0)
         lamps = LedDrift(warm_up=size, warm_up_s=tau, wander=0.005).factors(time, rng)
-        found = warm_up(time, lamps * (1 + 5e-4 * rng.standard_normal(time.size)))
+        found = fit_warm_up(time, lamps * (1 + 5e-4 * rng.standard_normal(time.size)))
         low, high = found.amplitude.interval(0.95)
         held += low <= size <= high
         low, high = found.time_constant_s.interval(0.95)
@@ -81,7 +81,7 @@ def test_intervals_of_warming_up_hold_the_truth_though_lamps_wander() -> None:
 
 def test_without_noise_the_numbers_are_those_put_in() -> None:
     time = np.arange(0.0, 2000.0, 10.0)
-    found = warm_up(
+    found = fit_warm_up(
         time, 1.02 * LedDrift(warm_up=0.05, warm_up_s=300.0, wander=0.0).factors(time, np.random.default_rng())
     )
     assert found.amplitude.value == pytest.approx(0.05, rel=1e-3)
@@ -92,14 +92,14 @@ def test_without_noise_the_numbers_are_those_put_in() -> None:
 
 def test_steady_lamps_need_no_waiting() -> None:
     time = np.arange(0.0, 1200.0, 10.0)
-    found = warm_up(time, 1 + 1e-4 * np.random.default_rng(2).standard_normal(time.size))
+    found = fit_warm_up(time, 1 + 1e-4 * np.random.default_rng(2).standard_normal(time.size))
     assert found.wait_s(0.01) == 0.0
 
 
 def test_a_record_that_ends_too_early_is_refused() -> None:
     time = np.arange(0.0, 60.0, 1.0)
     with pytest.raises(CalibrationError, match="record longer"):
-        warm_up(time, 1 + 0.05 * np.exp(-time / 600.0) + 1e-6 * np.random.default_rng(1).standard_normal(time.size))
+        fit_warm_up(time, 1 + 0.05 * np.exp(-time / 600.0) + 1e-6 * np.random.default_rng(1).standard_normal(time.size))
 
 
 @pytest.mark.parametrize(
@@ -115,4 +115,4 @@ def test_a_record_that_ends_too_early_is_refused() -> None:
 )
 def test_series_that_cannot_be_fitted_are_refused(time: np.ndarray, ratio: np.ndarray) -> None:
     with pytest.raises(InputError):
-        warm_up(time, ratio)
+        fit_warm_up(time, ratio)

@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import tsis
-from tsis.calibration.force.reading import patch_mask, read_press, total_grey
+from tsis.calibration.force.reading import patch_mask, read_loading_frame, total_grey
 from tsis.calibration.guard.blocks import FrameShape
 from tsis.calibration.guard.reference import GuardReference, prepared
-from tsis.calibration.reference.making import Reference, make_reference
+from tsis.calibration.reference.making import CameraReference, make_reference
 from tsis.imaging.sensor import Sensor
 from tsis.model import TactileImage
 from tsis.model.errors import CalibrationError, ImageMismatchError, InputError
@@ -26,7 +26,7 @@ def machine(seed: int = 1, *, patch: bool = True) -> VirtualLoadingMachine:
     )
 
 
-def of(bench: VirtualLoadingMachine, *, flats: bool = True) -> Reference:
+def of(bench: VirtualLoadingMachine, *, flats: bool = True) -> CameraReference:
     dark, untouched = ([take() for _ in range(8)] for take in (bench.dark, bench.no_contact))
     levels = [[bench.flat(level) for _ in range(6)] for level in FLAT_LEVELS] if flats else []
     return make_reference(dark, untouched, levels, patch_px=bench.patch_px)
@@ -38,11 +38,11 @@ def bench() -> VirtualLoadingMachine:
 
 
 @pytest.fixture(scope="module")
-def reference(bench: VirtualLoadingMachine) -> Reference:
+def reference(bench: VirtualLoadingMachine) -> CameraReference:
     return of(bench)
 
 
-def test_no_contact_reads_zero(bench: VirtualLoadingMachine, reference: Reference) -> None:
+def test_no_contact_reads_zero(bench: VirtualLoadingMachine, reference: CameraReference) -> None:
     frame = bench.no_contact()
     corrected = reference.corrected(frame).grey[reference.usable]
     noise = np.sqrt(0.5**2 + 1 / 12 + 0.017 * 3.0) * np.sqrt(1 + 1 / 8 + 1 / 8)
@@ -52,7 +52,7 @@ def test_no_contact_reads_zero(bench: VirtualLoadingMachine, reference: Referenc
     assert total_grey(frame, reference) == 0.0
 
 
-def test_what_lies_beside_the_contact_reads_zero(bench: VirtualLoadingMachine, reference: Reference) -> None:
+def test_what_lies_beside_the_contact_reads_zero(bench: VirtualLoadingMachine, reference: CameraReference) -> None:
     corrected = reference.corrected(bench.press(2.0, 1.0)[0])
     beside = reference.usable & ~patch_mask(corrected)
     assert abs(corrected.grey[beside].mean()) < 0.02
@@ -69,7 +69,7 @@ def test_the_light_becomes_even() -> None:
     assert abs(np.polyfit(shading, even / even.mean(), 1)[0]) < 0.01
 
 
-def test_the_reference_patch_takes_the_lamps_away(bench: VirtualLoadingMachine, reference: Reference) -> None:
+def test_the_reference_patch_takes_the_lamps_away(bench: VirtualLoadingMachine, reference: CameraReference) -> None:
     frame = bench.press(10.0, 1.0)[0]
     dimmer = replace(frame, grey=reference.dark_grey + 0.93 * (frame.grey - reference.dark_grey))
     assert reference.lamp_ratio(dimmer) == pytest.approx(0.93 * reference.lamp_ratio(frame), rel=1e-9)
@@ -79,7 +79,7 @@ def test_the_reference_patch_takes_the_lamps_away(bench: VirtualLoadingMachine, 
 CORNER, DEPTH = (4, 4, 20, 16), 4095.0
 
 
-def of_twelve_bits(patch_grey: float, *, glow: float = 0.0) -> Reference:
+def of_twelve_bits(patch_grey: float, *, glow: float = 0.0) -> CameraReference:
     """A camera of 4095 levels whose patch has that light, and whose dark frame is brighter there by ``glow``."""
     rng = np.random.default_rng(8)
     dark = np.full((60, 80), 64.0)
@@ -98,7 +98,7 @@ def of_twelve_bits(patch_grey: float, *, glow: float = 0.0) -> Reference:
     return make_reference(still, untouched, [even], patch_px=CORNER)
 
 
-def guards(known: Reference) -> GuardReference:
+def guards(known: CameraReference) -> GuardReference:
     """What the press guard is given of a reference."""
     return GuardReference(
         untouched=TactileImage(grey=known.dark_grey + known.untouched_grey, full_scale=known.full_scale),
@@ -143,7 +143,7 @@ def test_patches_that_no_lamp_can_be_read_from_are_refused(
         make_reference(dark, untouched, [flat], patch_px=patch_px)
 
 
-def test_hot_and_dead_pixels_are_found_and_mended(bench: VirtualLoadingMachine, reference: Reference) -> None:
+def test_hot_and_dead_pixels_are_found_and_mended(bench: VirtualLoadingMachine, reference: CameraReference) -> None:
     bad, box = bench.camera.bad_pixels, np.zeros((SENSOR.rows, SENSOR.columns), dtype=bool)
     assert bad.sum() == 16
     assert bench.patch_px is not None
@@ -154,14 +154,14 @@ def test_hot_and_dead_pixels_are_found_and_mended(bench: VirtualLoadingMachine, 
     assert np.abs(corrected[bad & ~box]).max() < 3.0  # a hot pixel is 40 brighter
 
 
-def test_noise_is_that_of_the_camera(reference: Reference) -> None:
+def test_noise_is_that_of_the_camera(reference: CameraReference) -> None:
     low, high = reference.read_noise_grey.interval(0.999)
     assert low < SENSOR.read_noise_grey < high
     low, high = reference.shot_noise_grey.interval(0.999)
     assert low < SENSOR.shot_noise_grey < high
 
 
-def test_a_saturated_frame_is_refused(bench: VirtualLoadingMachine, reference: Reference) -> None:
+def test_a_saturated_frame_is_refused(bench: VirtualLoadingMachine, reference: CameraReference) -> None:
     frame = bench.no_contact()
     grey = np.array(frame.grey)
     grey[80:120, 80:120] = 255.0
@@ -169,14 +169,14 @@ def test_a_saturated_frame_is_refused(bench: VirtualLoadingMachine, reference: R
         reference.corrected(replace(frame, grey=grey))
 
 
-def test_frames_of_another_camera_mode_are_refused(reference: Reference) -> None:
+def test_frames_of_another_camera_mode_are_refused(reference: CameraReference) -> None:
     with pytest.raises(ImageMismatchError, match="shape"):
         reference.corrected(TactileImage(grey=np.zeros((10, 10))))
     with pytest.raises(ImageMismatchError, match="full scale"):
         reference.corrected(TactileImage(grey=np.zeros((216, 256)), full_scale=4095.0))
 
 
-def test_lamps_that_are_off_are_refused(bench: VirtualLoadingMachine, reference: Reference) -> None:
+def test_lamps_that_are_off_are_refused(bench: VirtualLoadingMachine, reference: CameraReference) -> None:
     with pytest.raises(InputError, match="lamps"):
         reference.corrected(bench.dark())
     without = machine(patch=False)
@@ -202,19 +202,19 @@ def test_frames_of_two_sizes_are_refused(bench: VirtualLoadingMachine) -> None:
         make_reference([bench.dark()] * 4, [TactileImage(grey=np.zeros((9, 9)))] * 4)
 
 
-def test_without_a_scale_a_press_cannot_be_read(bench: VirtualLoadingMachine, reference: Reference) -> None:
+def test_without_a_scale_a_press_cannot_be_read(bench: VirtualLoadingMachine, reference: CameraReference) -> None:
     frame = replace(bench.press(2.0, 1.0)[0], mm_per_pixel=None)
     with pytest.raises(InputError, match="mm_per_pixel"):
-        read_press(frame, replace(reference, mm_per_pixel=None), force_n=1.0, touched=True)
+        read_loading_frame(frame, replace(reference, mm_per_pixel=None), force_n=1.0, touched=True)
 
 
 @pytest.mark.parametrize("tip_mm", [2.0, 14.0])
 def test_threshold_and_canny_find_the_same_light(
-    bench: VirtualLoadingMachine, reference: Reference, tip_mm: float
+    bench: VirtualLoadingMachine, reference: CameraReference, tip_mm: float
 ) -> None:
     frame = bench.press(tip_mm, 1.5)[0]
     cut, edges = (total_grey(frame, reference, method=name) for name in ("threshold", "canny"))
     assert edges == pytest.approx(cut, rel=0.005)
-    read = read_press(frame, reference, force_n=1.5, touched=True)
+    read = read_loading_frame(frame, reference, force_n=1.5, touched=True)
     assert read.total_grey == pytest.approx(cut, rel=1e-12)
     assert cut == pytest.approx(read.field_grey, rel=0.005)

@@ -8,12 +8,12 @@ from scipy.integrate import quad
 from scipy.special import erf
 
 from tsis.calibration.force.loading import Loading
-from tsis.calibration.force.reading import MIDDLE, read_press
-from tsis.calibration.measured import Measured
-from tsis.calibration.reference.value import Reference
+from tsis.calibration.force.reading import MIDDLE, read_loading_frame
+from tsis.calibration.measured import MeasuredValue
+from tsis.calibration.reference.value import CameraReference
 from tsis.calibration.response.fit import fit_response
 from tsis.calibration.response.shape import light_share, peakedness, spread_factor
-from tsis.calibration.response.value import Response, Saturation
+from tsis.calibration.response.value import PressureResponse, Saturation
 from tsis.imaging.render import render
 from tsis.imaging.sensor import Sensor
 from tsis.mechanics.closed_form import HertzContact
@@ -25,10 +25,10 @@ GAIN, FORCES, MODULUS = 0.5, (0.2, 0.4, 0.8, 1.2, 1.6, 2.0), 660.0
 C = np.sqrt(np.pi) / 2
 
 
-def reference(*, lamp_sd: float | None = None) -> Reference:
+def reference(*, lamp_sd: float | None = None) -> CameraReference:
     flat = np.zeros((SENSOR.rows, SENSOR.columns))
-    some = Measured(value=0.5, sd=0.01)
-    return Reference(
+    some = MeasuredValue(value=0.5, sd=0.01)
+    return CameraReference(
         dark_grey=flat,
         untouched_grey=flat,
         relative_light=flat + 1,
@@ -39,7 +39,7 @@ def reference(*, lamp_sd: float | None = None) -> Reference:
         untouched_frames=8,
         flat_frames=18,
         read_noise_grey=some,
-        shot_noise_grey=Measured(value=0.02, sd=0.001),
+        shot_noise_grey=MeasuredValue(value=0.02, sd=0.001),
         stray_grey=some,
         patch_px=None if lamp_sd is None else (4, 4, 36, 36),
         patch_grey=None if lamp_sd is None else some,
@@ -69,7 +69,7 @@ def loading(
         grey = render(field, SENSOR, answer, blur_mm=blur_mm)
         grey = grey + noise * rng.standard_normal(grey.shape)
         image = TactileImage(grey=grey, mm_per_pixel=SENSOR.mm_per_pixel)
-        readings.append(read_press(image, reference(), force_n=force, touched=True))
+        readings.append(read_loading_frame(image, reference(), force_n=force, touched=True))
     return Loading.of(tip_mm, readings)
 
 
@@ -136,9 +136,9 @@ def test_tips_that_differ_widen_the_gain() -> None:
 
 
 def test_the_estimates_get_what_was_measured() -> None:
-    response = Response(
-        gain_grey_per_kpa=Measured(value=0.5, sd=0.01),
-        saturation=Saturation(bend_per_kpa2=Measured(value=1e-6, sd=1e-8)),
+    response = PressureResponse(
+        gain_grey_per_kpa=MeasuredValue(value=0.5, sd=0.01),
+        saturation=Saturation(bend_per_kpa2=MeasuredValue(value=1e-6, sd=1e-8)),
         repeatability_share=0.002,
         gauge_share=0.001,
     )
@@ -150,7 +150,7 @@ def test_the_estimates_get_what_was_measured() -> None:
     for lamp_sd, drift in ((0.015, 0.015), (None, 0.01)):  # lamps that no patch tells count as 1 %, as in every force
         doubtful = response.calibration(reference(lamp_sd=lamp_sd), name="", probe="")
         assert doubtful.gain_sd == pytest.approx(np.linalg.norm([0.02, 0.002, drift]), rel=1e-3)
-    few = replace(response, gain_grey_per_kpa=Measured(value=0.5, sd=0.01, degrees_of_freedom=2))
+    few = replace(response, gain_grey_per_kpa=MeasuredValue(value=0.5, sd=0.01, degrees_of_freedom=2))
     wide = few.calibration(reference(lamp_sd=0.0), name="", probe="").gain_sd
     assert wide == pytest.approx(0.02 * 4.303 / 1.96, rel=0.01)
 

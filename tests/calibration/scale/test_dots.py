@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from tsis import TactileImage
-from tsis.calibration.scale import DotDiagnostics, Scale, scale_from_dots
+from tsis.calibration.scale import DotDiagnostics, PixelScale, scale_from_dots
 from tsis.imaging.sensor import Sensor
 from tsis.instrument import read_image
 from tsis.model.errors import CalibrationError, ImageMismatchError, InputError
@@ -28,7 +28,7 @@ def board(seed: int = 1, sensor: Sensor = SENSOR, **drawn: float | tuple[float, 
     return dot_board_frame(sensor, rng=np.random.default_rng(seed), pitch_mm=PITCH_MM, **drawn)  # type: ignore[arg-type]
 
 
-def near_truth(scale: Scale, truth: tuple[float, float], *, sds: float = 4.5) -> bool:
+def near_truth(scale: PixelScale, truth: tuple[float, float], *, sds: float = 4.5) -> bool:
     sizes = (scale.mm_per_pixel_x, scale.mm_per_pixel_y)
     # 2e-4: the truth is that of the middle, the scale that of a pitch about it.
     return all(abs(size.value - true) < sds * size.sd + 2e-4 * true for size, true in zip(sizes, truth, strict=True))
@@ -277,7 +277,7 @@ def published(folder: Path) -> float:
     return float(np.load(folder / "camera_calibration_position_scale.npy", allow_pickle=False)[2])
 
 
-def real_board(folder: Path) -> tuple[Scale, DotDiagnostics]:
+def real_board(folder: Path) -> tuple[PixelScale, DotDiagnostics]:
     frames = (read_image(folder / f"camera_calibration_{name}.png") for name in ("sample", "ref"))
     return scale_from_dots(*frames, pitch_mm=2.5)
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 from tsis import TactileImage
-from tsis.calibration import Measured
-from tsis.calibration.scale import Scale
+from tsis.calibration import MeasuredValue
+from tsis.calibration.scale import PixelScale
 from tsis.model.errors import ImageMismatchError, InputError
 
 FIELDS = {
-    "mm_per_pixel_x": Measured(value=0.0336, sd=1e-4, degrees_of_freedom=9, unit="mm/px"),
-    "mm_per_pixel_y": Measured(value=0.0392, sd=1e-4, unit="mm/px"),
+    "mm_per_pixel_x": MeasuredValue(value=0.0336, sd=1e-4, degrees_of_freedom=9, unit="mm/px"),
+    "mm_per_pixel_y": MeasuredValue(value=0.0392, sd=1e-4, unit="mm/px"),
     "shape": (492, 768),
     "at_px": (383.5, 245.5),
     "method": "dots",
@@ -18,8 +18,8 @@ FIELDS = {
 }
 
 
-def scale(**other: object) -> Scale:
-    return Scale(**(FIELDS | other))  # type: ignore[arg-type]
+def scale(**other: object) -> PixelScale:
+    return PixelScale(**(FIELDS | other))  # type: ignore[arg-type]
 
 
 def test_a_frame_gets_both_axes() -> None:
@@ -40,8 +40,8 @@ def test_a_frame_of_another_mode_is_refused() -> None:
     "wrong",
     [
         {"mm_per_pixel_x": 0.0336},
-        {"mm_per_pixel_x": Measured(value=0.0336, sd=0.0, unit="mm")},
-        {"mm_per_pixel_y": Measured(value=-1.0, sd=0.0, unit="mm/px")},
+        {"mm_per_pixel_x": MeasuredValue(value=0.0336, sd=0.0, unit="mm")},
+        {"mm_per_pixel_y": MeasuredValue(value=-1.0, sd=0.0, unit="mm/px")},
         {"shape": 5},
         {"shape": (0, 768)},
         {"at_px": (np.nan, 1.0)},

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from benchmarks.calibration_force import PROBE, SENSOR
 
-from tsis.calibration.session import SessionFolder, SessionTerms
+from tsis.calibration.session import SessionFolder, SessionSetup
 from tsis.virtual.calibration_bench import VirtualBench
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def bench(tmp_path_factory: pytest.TempPathFactory) -> Bench:
     virtual = VirtualBench(PROBE, rng=np.random.default_rng(5), sensor=SENSOR, pitch_mm=PITCH_MM)
     session = SessionFolder(tmp_path_factory.mktemp("bench") / "frames")
     session.begin(
-        SessionTerms(
+        SessionSetup(
             name="bench",
             probe=PROBE.name,
             camera="small",

@@ -12,8 +12,8 @@ import pytest
 from benchmarks.calibration_force import PROBE, SENSOR, true_line
 from tests.calibration.session.conftest import BEGAN
 
-from tsis.calibration.file import calibration_bytes, identity
-from tsis.calibration.session import SessionFindings, SessionFolder, calibrate
+from tsis.calibration.file import calibration_bytes, calibration_sha256
+from tsis.calibration.session import SessionFolder, SessionResult, calibrate
 from tsis.model.errors import CalibrationError, ImageMismatchError, InputError, TsisError
 from tsis.report.calibration import calibration_notes
 
@@ -22,14 +22,14 @@ if TYPE_CHECKING:
 
     from tests.calibration.session.conftest import Bench
 
-    from tsis.calibration import Measured
+    from tsis.calibration import MeasuredValue
     from tsis.calibration.file import ProbeCalibration
 
 LEVEL = 0.999  # of eight intervals of one bench, all should hold
 
 
 @pytest.fixture(scope="module")
-def made(bench: Bench) -> tuple[ProbeCalibration, SessionFindings]:
+def made(bench: Bench) -> tuple[ProbeCalibration, SessionResult]:
     return calibrate(bench.session, days=90)
 
 
@@ -46,7 +46,7 @@ def replace_frames(session: SessionFolder, step: str, by: str) -> None:
 
 
 def test_the_bench_is_recovered_within_the_intervals(
-    bench: Bench, made: tuple[ProbeCalibration, SessionFindings]
+    bench: Bench, made: tuple[ProbeCalibration, SessionResult]
 ) -> None:
     known, findings = made
     assert known.scale is not None
@@ -54,7 +54,9 @@ def test_the_bench_is_recovered_within_the_intervals(
     assert known.force_line is not None
     intercept, slope = true_line(bench.virtual.machine, bench.lamps)
     truth = bench.virtual.machine.truth
-    found: tuple[tuple[float, Measured, float], ...] = (  # truth, found, widest half of the interval that is of use
+    found: tuple[
+        tuple[float, MeasuredValue, float], ...
+    ] = (  # truth, found, widest half of the interval that is of use
         (SENSOR.mm_per_pixel[0], known.scale.mm_per_pixel_x, 0.02),
         (SENSOR.mm_per_pixel[1], known.scale.mm_per_pixel_y, 0.02),
         (SENSOR.read_noise_grey, known.reference.read_noise_grey, 0.01),
@@ -73,7 +75,7 @@ def test_the_bench_is_recovered_within_the_intervals(
     assert low <= truth.answer.saturation_kpa <= high
 
 
-def test_it_says_whose_it_is_and_how_long_it_is_good(made: tuple[ProbeCalibration, SessionFindings]) -> None:
+def test_it_says_whose_it_is_and_how_long_it_is_good(made: tuple[ProbeCalibration, SessionResult]) -> None:
     known, _ = made
     assert (known.name, known.probe, known.camera) == ("bench", PROBE.name, "small")
     assert dict(known.settings) == {"exposure_ms": 10.0}
@@ -84,7 +86,7 @@ def test_it_says_whose_it_is_and_how_long_it_is_good(made: tuple[ProbeCalibratio
         known.require_usable(BEGAN + timedelta(days=91))
 
 
-def test_the_sheet_is_measured(bench: Bench, made: tuple[ProbeCalibration, SessionFindings]) -> None:
+def test_the_sheet_is_measured(bench: Bench, made: tuple[ProbeCalibration, SessionResult]) -> None:
     known, _ = made
     assert known.specification is not None
     rows = {row.quantity: row.measured for row in known.specification.rows}
@@ -97,7 +99,7 @@ def test_the_sheet_is_measured(bench: Bench, made: tuple[ProbeCalibration, Sessi
 
 
 def test_the_same_frames_give_the_same_file_and_grow_no_younger(
-    bench: Bench, made: tuple[ProbeCalibration, SessionFindings]
+    bench: Bench, made: tuple[ProbeCalibration, SessionResult]
 ) -> None:
     told: list[tuple[int, int]] = []
     again, _ = calibrate(bench.session, days=90, progress=lambda done, total: told.append((done, total)))
@@ -108,7 +110,7 @@ def test_the_same_frames_give_the_same_file_and_grow_no_younger(
 
 
 def test_a_simulated_one_does_not_age_and_steps_left_out_are_named(
-    copied: SessionFolder, made: tuple[ProbeCalibration, SessionFindings]
+    copied: SessionFolder, made: tuple[ProbeCalibration, SessionResult]
 ) -> None:
     document = json.loads((copied.path / "session.json").read_text())
     document["terms"] |= {"began": None, "patch_px": None, "tips_mm": [10.0, 14.0]}
@@ -128,11 +130,11 @@ def test_a_simulated_one_does_not_age_and_steps_left_out_are_named(
     rows = {row.quantity: row.measured for row in known.specification.rows}
     assert rows["spatial resolution"] is None
     assert rows["frame rate"] is None
-    assert identity(known) != identity(made[0])
+    assert calibration_sha256(known) != calibration_sha256(made[0])
 
 
 def test_a_pitch_that_is_poorly_known_widens_the_gain_twice_and_the_force_line_not_at_all(
-    copied: SessionFolder, made: tuple[ProbeCalibration, SessionFindings]
+    copied: SessionFolder, made: tuple[ProbeCalibration, SessionResult]
 ) -> None:
     document = json.loads((copied.path / "session.json").read_text())
     document["terms"]["pitch_sd_mm"] = 0.02 * document["terms"]["pitch_mm"]
@@ -157,7 +159,7 @@ def test_without_any_flat_light_counts_as_even_and_the_boards_frames_tell_the_no
 
 
 def test_presses_too_light_to_tell_are_left_out(
-    copied: SessionFolder, made: tuple[ProbeCalibration, SessionFindings]
+    copied: SessionFolder, made: tuple[ProbeCalibration, SessionResult]
 ) -> None:
     zero = float(made[1].loadings[0].force_n[0])
     change_rows(copied, "tip-2mm-1", lambda rows: rows[3].__setitem__(2, f"{zero + 0.02:.4f}"))

@@ -17,7 +17,7 @@ from tsis.model.errors import CameraError, GaugeError
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from tsis.calibration.session import Shot
+    from tsis.calibration.session import CalibrationFrame
 
 
 class Log:
@@ -101,7 +101,7 @@ def test_a_loading_takes_forces_at_the_frames_until_it_is_over(
     camera: ScriptedCamera, acquisition: Acquisition
 ) -> None:
     over = itertools.chain([False] * 5, itertools.repeat(True))
-    shots: list[Shot] = []
+    shots: list[CalibrationFrame] = []
 
     def take() -> None:
         shots.extend(LiveBench(acquisition, Log()).loading(lambda: next(over), every_s=0.0))  # type: ignore[arg-type]
@@ -123,7 +123,7 @@ def test_a_loading_takes_forces_at_the_frames_until_it_is_over(
 
 def test_a_loading_takes_no_more_often_than_told(camera: ScriptedCamera, acquisition: Acquisition) -> None:
     over = itertools.chain([False] * 20, itertools.repeat(True))
-    shots: list[Shot] = []
+    shots: list[CalibrationFrame] = []
 
     def take() -> None:
         shots.extend(LiveBench(acquisition, Log()).loading(lambda: next(over), every_s=1e6))  # type: ignore[arg-type]

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tsis.calibration.session import SessionFolder, SessionTerms, Shot
+from tsis.calibration.session import CalibrationFrame, SessionFolder, SessionSetup
 from tsis.model import TactileImage
 from tsis.model.errors import CalibrationError, CameraError, FileInputError, InputError, TsisError
 
@@ -27,14 +27,14 @@ def image(seed: int = 1, *, full_scale: float = 255.0) -> TactileImage:
     return TactileImage(grey=levels.astype(float), full_scale=full_scale)
 
 
-def taken(count: int = 3, **changes: Any) -> list[Shot]:
-    return [Shot(image=image(seed), time_s=0.1 * seed, **changes) for seed in range(count)]
+def taken(count: int = 3, **changes: Any) -> list[CalibrationFrame]:
+    return [CalibrationFrame(image=image(seed), time_s=0.1 * seed, **changes) for seed in range(count)]
 
 
 @pytest.fixture
 def session(tmp_path: Path) -> SessionFolder:
     folder = SessionFolder(tmp_path / "session")
-    folder.begin(SessionTerms(name="bench", probe="tsis-direct", camera="cam", tips_mm=(10.0, 14.0)))
+    folder.begin(SessionSetup(name="bench", probe="tsis-direct", camera="cam", tips_mm=(10.0, 14.0)))
     return folder
 
 
@@ -43,7 +43,7 @@ def entries(session: SessionFolder) -> set[str]:
 
 
 def test_terms_come_back_as_they_were(tmp_path: Path) -> None:
-    terms = SessionTerms(
+    terms = SessionSetup(
         name="May <b>",
         probe="p",
         camera="c",
@@ -84,14 +84,14 @@ def test_terms_that_no_calibration_can_end_with_are_refused_before_it_begins(
     changes: dict[str, Any], sentence: str
 ) -> None:
     with pytest.raises(InputError, match=sentence):
-        SessionTerms(**{"name": "n", "probe": "p", "camera": "c", **changes})
+        SessionSetup(**{"name": "n", "probe": "p", "camera": "c", **changes})
 
 
 @pytest.mark.parametrize("full_scale", [255.0, 1023.0, 4095.0, 65535.0])
 def test_frames_come_back_in_order_with_every_grey_level(session: SessionFolder, full_scale: float) -> None:
     shots = [
-        Shot(image=image(1, full_scale=full_scale), time_s=12345.678901, force_n=-0.0125),
-        Shot(image=image(2, full_scale=full_scale)),
+        CalibrationFrame(image=image(1, full_scale=full_scale), time_s=12345.678901, force_n=-0.0125),
+        CalibrationFrame(image=image(2, full_scale=full_scale)),
     ]
     step = session.plan()[-1]
     counted: list[int] = []
@@ -111,7 +111,7 @@ def test_frames_come_back_in_order_with_every_grey_level(session: SessionFolder,
 def test_a_step_that_is_interrupted_leaves_nothing_and_earlier_steps_stay(
     session: SessionFolder, error: BaseException
 ) -> None:
-    def interrupted() -> Iterator[Shot]:
+    def interrupted() -> Iterator[CalibrationFrame]:
         yield from taken()
         raise error
 
@@ -260,4 +260,4 @@ def test_terms_that_are_none_are_refused(session: SessionFolder, document: str) 
 def test_a_file_in_place_of_the_folder_is_refused(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("here")
     with pytest.raises(FileInputError, match="must be a folder that can be written"):
-        SessionFolder(tmp_path / "file").begin(SessionTerms(name="n", probe="p", camera="c"))
+        SessionFolder(tmp_path / "file").begin(SessionSetup(name="n", probe="p", camera="c"))

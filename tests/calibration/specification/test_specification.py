@@ -6,7 +6,7 @@ from scipy.special import erf
 
 import tsis
 from tsis.calibration.force.line import ForceLine, ForceLineDiagnostics
-from tsis.calibration.measured import Measured
+from tsis.calibration.measured import MeasuredValue
 from tsis.calibration.reference.making import make_reference
 from tsis.calibration.specification.edge import edge_width
 from tsis.calibration.specification.rate import frame_rate
@@ -94,17 +94,17 @@ def test_the_frame_rate_counts_what_was_lost() -> None:
             frame_rate(bad)
 
 
-LOOP = Measured(value=-0.002, sd=2e-5)
+LOOP = MeasuredValue(value=-0.002, sd=2e-5)
 
 
 def sheet(
     *,
     line: ForceLine | None = None,
-    edge_mm: Measured | None = None,
-    hysteresis: Measured | None = LOOP,
+    edge_mm: MeasuredValue | None = None,
+    hysteresis: MeasuredValue | None = LOOP,
 ) -> Specification:
-    def known(value: float, unit: str = "") -> Measured:
-        return Measured(value=value, sd=0.01 * abs(value), degrees_of_freedom=9, unit=unit)
+    def known(value: float, unit: str = "") -> MeasuredValue:
+        return MeasuredValue(value=value, sd=0.01 * abs(value), degrees_of_freedom=9, unit=unit)
 
     some_line = ForceLine(
         intercept_grey=known(0.0),
@@ -134,8 +134,8 @@ def sheet(
 
 
 def test_the_sheet_holds_what_was_measured_and_leaves_the_rest_empty() -> None:
-    found = sheet(edge_mm=Measured(value=0.13, sd=0.001, unit="mm"))
-    assert found["spatial resolution"].measured == Measured(value=0.13, sd=0.001, unit="mm")
+    found = sheet(edge_mm=MeasuredValue(value=0.13, sd=0.001, unit="mm"))
+    assert found["spatial resolution"].measured == MeasuredValue(value=0.13, sd=0.001, unit="mm")
     assert found["frame rate"].measured is None
     assert found["repeatability"].measured is None
     detectable = found["smallest detectable force"].measured
@@ -149,10 +149,10 @@ def test_the_sheet_holds_what_was_measured_and_leaves_the_rest_empty() -> None:
 
 
 def test_the_interval_of_the_largest_force_rests_on_the_few_tips_that_were_loaded() -> None:
-    sure = Measured(value=0.0, sd=0.0)
+    sure = MeasuredValue(value=0.0, sd=0.0)
     line = ForceLine(
         intercept_grey=sure,
-        slope_grey_per_n=Measured(value=4e5, sd=1e3, degrees_of_freedom=2),
+        slope_grey_per_n=MeasuredValue(value=4e5, sd=1e3, degrees_of_freedom=2),
         unit_covariance=(0.0, 0.0, (0.01 * 4e5) ** 2),
         units=3,
         residual_grey=sure,

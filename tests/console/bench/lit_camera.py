@@ -85,7 +85,7 @@ class LitCamera:
         return (Setting(name="gain", value=self.gain, low=0.0, high=self._world.most_gain, unit="dB"),)
 
     def adjust(self, name: str, value: float) -> None:
-        check.known("setting", name, ["gain"])
+        check.require_one_of("setting", name, ["gain"])
         self.gain = self.settings()[0].checked(value)
         self.adjusted.append(self.gain)
 

@@ -32,20 +32,20 @@ if TYPE_CHECKING:
 
     from tsis.console.bench import Bench, Job
     from tsis.console.bench.snapshots import Kept
-    from tsis.records import Dossier, Press
+    from tsis.records import StoredPress, TargetRecord
 
 SAMPLE = sample_dossier()
 FIRST = SAMPLE.presses[0]
 
 
-def press(name: str, role: str, force_n: float | None, **changes: Any) -> Press:
+def press(name: str, role: str, force_n: float | None, **changes: Any) -> StoredPress:
     return replace(FIRST, id=name.ljust(32, "0"), role=role, force_n=force_n, **changes)
 
 
-def taken(*presses: Press) -> list[str]:
+def taken(*presses: StoredPress) -> list[str]:
     """Which presses an estimate takes, those given in the order in which they were taken."""
     ordered = tuple(replace(each, taken=WHEN + timedelta(hours=i)) for i, each in enumerate(presses))
-    dossier: Dossier = replace(SAMPLE, presses=ordered)
+    dossier: TargetRecord = replace(SAMPLE, presses=ordered)
     return [each.id.rstrip("0") for each in newest_presses(dossier, "inclusion")]
 
 

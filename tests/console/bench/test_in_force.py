@@ -14,9 +14,9 @@ from tests.console.bench.places import ANN, LIT, lit_bench
 from tests.records.sample import sample_calibration
 from tests.waiting import until
 
-from tsis.calibration import Measured, Scale
-from tsis.calibration.cited import CitedCalibration
-from tsis.calibration.file import identity, write_calibration
+from tsis.calibration import MeasuredValue, PixelScale
+from tsis.calibration.cited import UsableCalibration
+from tsis.calibration.file import calibration_sha256, write_calibration
 from tsis.model.errors import CalibrationError, FileInputError
 
 if TYPE_CHECKING:
@@ -29,16 +29,16 @@ if TYPE_CHECKING:
 NOW = datetime.now(UTC)
 
 
-def scale(shape: tuple[int, int]) -> Scale:
-    size = [Measured(value=value, sd=1e-3, unit="mm/px") for value in (0.3, 0.4)]
-    return Scale(
+def scale(shape: tuple[int, int]) -> PixelScale:
+    size = [MeasuredValue(value=value, sd=1e-3, unit="mm/px") for value in (0.3, 0.4)]
+    return PixelScale(
         mm_per_pixel_x=size[0], mm_per_pixel_y=size[1], shape=shape, at_px=(20.0, 20.0), method="dots", count=63
     )
 
 
-def known(**changes: Any) -> CitedCalibration:
+def known(**changes: Any) -> UsableCalibration:
     made = replace(sample_calibration(), camera=LIT, settings={"gain": 2.0}, **changes)
-    return CitedCalibration(known=made, identity=identity(made))
+    return UsableCalibration(known=made, identity=calibration_sha256(made))
 
 
 def test_presses_are_taken_under_it_with_its_scale_and_probe(bench: Bench) -> None:
@@ -51,7 +51,7 @@ def test_presses_are_taken_under_it_with_its_scale_and_probe(bench: Bench) -> No
     kept = bench.snapshot(by=ANN)
     assert (kept.press.calibration, kept.press.probe) == (fits.identity, "tsis-2011")
     assert kept.press.mm_per_pixel == pytest.approx((0.3, 0.4))
-    assert identity(bench.store.calibration(fits.identity)) == fits.identity
+    assert calibration_sha256(bench.store.calibration(fits.identity)) == fits.identity
 
 
 def test_another_setting_puts_it_out_of_force_until_it_is_set_back(bench: Bench) -> None:
@@ -96,7 +96,7 @@ def test_one_that_does_not_fit_is_refused_and_the_one_before_stays(
     bench.use_calibration(known(), by=ANN)
     bench.start(by=ANN)
     until(lambda: bench.state().camera.rows > 0)
-    other = CitedCalibration(known=replace(known().known, **changes), identity="0" * 64)
+    other = UsableCalibration(known=replace(known().known, **changes), identity="0" * 64)
     with pytest.raises(CalibrationError, match=words):
         bench.use_calibration(other, by=ANN)
     assert bench.state().calibration_identity == known().identity
@@ -107,7 +107,7 @@ def test_one_that_was_given_before_the_start_and_does_not_fit_is_told_and_nothin
     bench: Bench, changes: dict[str, Any]
 ) -> None:
     other = replace(known().known, **changes)
-    bench.use_calibration(CitedCalibration(known=other, identity=identity(other)), by=ANN)
+    bench.use_calibration(UsableCalibration(known=other, identity=calibration_sha256(other)), by=ANN)
     bench.start(by=ANN)
     until(lambda: bench.state().camera.rows > 0)
     assert "The calibration is not in force" in bench.state().trouble[0]

@@ -24,9 +24,9 @@ from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.instrument.gauge.alignment import LONGEST_GAP_S
 from tsis.model.durable import DISK
 from tsis.model.errors import CameraError, ControlError, FileInputError, GaugeError, InputError, RecordsError
-from tsis.records import engines, open_store, verify
-from tsis.records.database import FILE
-from tsis.records.importing import Given, batches, enter
+from tsis.records import engines, open_store, verify_store
+from tsis.records.database import DATABASE_FILE
+from tsis.records.importing import ImportOptions, enter, find_import_batches
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -83,7 +83,7 @@ def test_the_press_is_the_frame_that_is_seen(bench: Bench, world: World) -> None
     assert (sidecar["role"], sidecar["probe"], sidecar["calibration"]) == ("plain", "tsis-domed", None)
     assert (sidecar["target"], sidecar["settings"]) == (1, {"gain": 2.0})
     assert {flag["name"] for flag in sidecar["flags"]} == set(kept.press.flags) == {flag.name for flag in kept.flags}
-    assert verify(bench.store).sound
+    assert verify_store(bench.store).sound
 
 
 def test_it_is_kept_when_the_frame_came_and_not_when_it_was_written(
@@ -252,7 +252,7 @@ def test_a_disk_that_is_full_at_any_step_leaves_nothing_half_kept(
     else:
         pytest.fail("it never passed")
     assert min(refused.values()) > 2
-    assert verify(bench.store).sound
+    assert verify_store(bench.store).sound
 
 
 def test_the_first_press_of_a_target_on_a_full_disk(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -279,7 +279,7 @@ def test_a_workspace_that_cannot_be_made_is_named(tmp_path: Path) -> None:
 
 def _locked(store: Path) -> Callable[[], None]:
     """Hold the database as another program that writes; the answer lets go."""
-    other = sqlite3.connect(store / FILE, isolation_level=None)
+    other = sqlite3.connect(store / DATABASE_FILE, isolation_level=None)
     other.execute("BEGIN IMMEDIATE")
     return other.close
 
@@ -320,7 +320,7 @@ def test_a_press_that_the_store_did_not_take_can_be_entered_from_its_files(
             bench.snapshot(by=ANN)
         let_go()
     with open_store(tmp_path / "store") as store:
-        enter(store, batches([tmp_path / "workspace" / "Target1"], Given()))
+        enter(store, find_import_batches([tmp_path / "workspace" / "Target1"], ImportOptions()))
         (press,) = store.presses(store.target(1))
         assert (press.role, press.force_n, press.settings["gain"]) == ("plain", 0.6, 2.0)
         assert press.probe == "tsis-domed"

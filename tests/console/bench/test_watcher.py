@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.instrument.acquisition import Arrival
+    from tsis.instrument.acquisition import ReceivedFrame
 
 SHAPE = (120, 160)
 DARK = np.full(SHAPE, 8, dtype=np.uint8)
@@ -55,7 +55,7 @@ class Watched:
         self.asked += 1
         return self.reference, None
 
-    def _force(self, arrival: Arrival) -> ForceSeen:
+    def _force(self, arrival: ReceivedFrame) -> ForceSeen:
         self.forces += 1
         if isinstance(self.force, Exception):
             raise self.force

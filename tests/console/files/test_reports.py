@@ -15,7 +15,7 @@ from tsis.console.files.reports import Reports
 from tsis.model.errors import InputError, RecordsError
 from tsis.records import open_store
 from tsis.report.forms import PAGES, page_bytes
-from tsis.report.of_store import StorePlace, stored_report
+from tsis.report.of_store import StoreAddress, report_of_stored_target
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -44,9 +44,9 @@ def test_a_report_is_made_elsewhere_and_is_the_same(tmp_path: Path, monkeypatch:
 def test_another_store_in_its_place_is_not_taken_for_it(tmp_path: Path) -> None:
     with open_store(tmp_path) as store:
         store.take_in(sample_dossier())
-        place = StorePlace(folder=tmp_path, kind=store.kind, database=None, identity=store.identity)
-    assert stored_report(place, NUMBER, "html").startswith(b"<!DOCTYPE html>")
+        place = StoreAddress(folder=tmp_path, kind=store.kind, database=None, identity=store.identity)
+    assert report_of_stored_target(place, NUMBER, "html").startswith(b"<!DOCTYPE html>")
     with pytest.raises(RecordsError, match="the store must be 000"):
-        stored_report(replace(place, identity="0" * 32), NUMBER, "html")
+        report_of_stored_target(replace(place, identity="0" * 32), NUMBER, "html")
     with pytest.raises(RecordsError, match="there is none"):
-        stored_report(replace(place, folder=tmp_path / "elsewhere"), NUMBER, "html")
+        report_of_stored_target(replace(place, folder=tmp_path / "elsewhere"), NUMBER, "html")

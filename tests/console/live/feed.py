@@ -6,7 +6,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 from tsis.instrument import Frame
-from tsis.instrument.acquisition import Arrival, FrameRing
+from tsis.instrument.acquisition import FrameRing, ReceivedFrame
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -19,13 +19,13 @@ class Feed:
         self.ring = FrameRing(8)
         self.lost = self.ended = False
 
-    def latest(self) -> Arrival | None:
+    def latest(self) -> ReceivedFrame | None:
         return self.ring.latest()
 
-    def bring(self, pixels: NDArray[Any], *, full_scale: float = 255.0) -> Arrival:
+    def bring(self, pixels: NDArray[Any], *, full_scale: float = 255.0) -> ReceivedFrame:
         """A new frame."""
         now_s = time.monotonic()
         frame = Frame(pixels=pixels, sequence=self.ring.end, time_s=now_s, full_scale=full_scale)
-        arrival = Arrival(frame=frame, arrived_s=now_s)
+        arrival = ReceivedFrame(frame=frame, arrived_s=now_s)
         self.ring.put(arrival)
         return arrival

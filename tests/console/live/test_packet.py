@@ -14,14 +14,14 @@ from PIL import Image
 
 from tsis.console.live.packet import display_levels, packet
 from tsis.instrument import Frame
-from tsis.instrument.acquisition import Arrival
+from tsis.instrument.acquisition import ReceivedFrame
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 
-def arrival(pixels: NDArray[Any], full_scale: float = 255.0) -> Arrival:
-    return Arrival(frame=Frame(pixels=pixels, sequence=0, full_scale=full_scale), arrived_s=1.0)
+def arrival(pixels: NDArray[Any], full_scale: float = 255.0) -> ReceivedFrame:
+    return ReceivedFrame(frame=Frame(pixels=pixels, sequence=0, full_scale=full_scale), arrived_s=1.0)
 
 
 def taken_apart(made: bytes) -> tuple[dict[str, Any], bytes]:

@@ -5,12 +5,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.instrument.scripted_camera import frame
 
-from tsis.instrument.acquisition import Arrival, FrameRing
+from tsis.instrument.acquisition import FrameRing, ReceivedFrame
 from tsis.model.errors import InputError
 
 
-def _arrival(number: int) -> Arrival:
-    return Arrival(frame=frame(number), arrived_s=number / 30)
+def _arrival(number: int) -> ReceivedFrame:
+    return ReceivedFrame(frame=frame(number), arrived_s=number / 30)
 
 
 @given(capacity=st.integers(1, 8), steps=st.lists(st.integers(0, 20), max_size=8))

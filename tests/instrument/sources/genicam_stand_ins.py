@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.instrument.sources.genicam_link import Grab
-from tsis.instrument.sources.genicam_nodes import Choice, Number
+from tsis.instrument.sources.genicam_nodes import ChoiceNode, NumberNode
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
@@ -46,18 +46,18 @@ class FakeNodes:
         }
         self.writes: list[str] = []
 
-    def read(self, name: str) -> Number | Choice | None:
+    def read(self, name: str) -> NumberNode | ChoiceNode | None:
         if name in ("WidthMax", "HeightMax"):
-            return Number(value={"WidthMax": 1024, "HeightMax": 768}[name])
+            return NumberNode(value={"WidthMax": 1024, "HeightMax": 768}[name])
         if name == "TriggerMode":
-            return Choice(value=self.trigger[self.values["TriggerSelector"]], options=self.options[name])
+            return ChoiceNode(value=self.trigger[self.values["TriggerSelector"]], options=self.options[name])
         if name not in self.values:
             return None
         value = self.values[name]
         if isinstance(value, str):
-            return Choice(value=value, options=self.options[name])
+            return ChoiceNode(value=value, options=self.options[name])
         low, high, step, unit = self._range(name)
-        return Number(value=float(value), low=low, high=high, step=step, unit=unit)
+        return NumberNode(value=float(value), low=low, high=high, step=step, unit=unit)
 
     def write(self, name: str, value: float | str) -> None:
         self.writes.append(name)

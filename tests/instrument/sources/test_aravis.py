@@ -8,7 +8,7 @@ from typing import NoReturn
 
 import pytest
 
-from tsis.instrument.sources.aravis import AravisCamera, found, missing
+from tsis.instrument.sources.aravis import AravisCamera, find_cameras_here, missing_requirement
 from tsis.instrument.sources.aravis.library import Aravis, load
 from tsis.instrument.sources.aravis.watch import Watch
 from tsis.model.errors import CameraError, InputError, MissingExtraError
@@ -19,11 +19,11 @@ def _absent() -> NoReturn:
 
 
 def test_a_missing_library_is_one_sentence_everywhere() -> None:
-    assert missing(_absent) == "cameras through Aravis need its library"
+    assert missing_requirement(_absent) == "cameras through Aravis need its library"
     with pytest.raises(MissingExtraError, match="need its library"):
         AravisCamera("some camera", library=_absent).open()
     with pytest.raises(MissingExtraError, match="need its library"):
-        found(_absent)
+        find_cameras_here(_absent)
 
 
 @pytest.mark.parametrize(
@@ -35,7 +35,7 @@ def test_the_sentence_tells_how_to_install_it(monkeypatch: pytest.MonkeyPatch, p
 
     monkeypatch.setattr("sys.platform", platform)
     monkeypatch.setattr("ctypes.CDLL", no_library)
-    sentence = missing(load.__wrapped__)
+    sentence = missing_requirement(load.__wrapped__)
     assert sentence is not None
     assert "which is not installed" in sentence
     assert cure in sentence

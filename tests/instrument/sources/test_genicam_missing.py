@@ -38,7 +38,7 @@ def test_a_library_that_is_not_installed_is_named_with_its_cure(
         f"the camera source {name} needs {package}, which is not installed; "
         f'install it with: python -m pip install "tsis[camera-{name}]"'
     )
-    assert source.missing() == sentence
+    assert source.missing_requirement() == sentence
     with pytest.raises(MissingExtraError) as told:
         camera().open()
     assert str(told.value) == sentence

@@ -9,8 +9,8 @@ from scipy.optimize import brentq
 from tsis.mechanics import mesh
 from tsis.mechanics.element import lame_constants
 from tsis.mechanics.finite_strain import load_path, neo_hookean
-from tsis.mechanics.finite_strain.elastic_body import FIXED, OWN, ElasticBody, number
-from tsis.mechanics.finite_strain.meshed_solid import Patch, Solid, beside, weld
+from tsis.mechanics.finite_strain.elastic_body import FIXED, OWN, ElasticBody, number_unknowns
+from tsis.mechanics.finite_strain.meshed_solid import MeshPatch, Solid, join_meshes, weld
 from tsis.mechanics.finite_strain.obstacle import Plate, SoftFace
 from tsis.mechanics.finite_strain.potential import Load, Potential
 from tsis.mechanics.finite_strain.sliding_contact import SlidingContact
@@ -22,18 +22,20 @@ YOUNG, POISSON, RADIUS = 5.0, 0.49, 3.0
 
 def cylinder(columns: int, low: float, high: float, order: int = 4, *, bent: float = 0.0) -> Solid:
     """A cylinder of radius 3 mm, its inner nodes bent so that the elements are no rectangles."""
-    straight = mesh.rectangle(np.linspace(0, RADIUS, columns + 1), np.linspace(low, high, 3), order, a_is_radius=True)
+    straight = mesh.mesh_rectangle(
+        np.linspace(0, RADIUS, columns + 1), np.linspace(low, high, 3), order, a_is_radius=True
+    )
     nodes = straight.nodes.copy()
     # Quadratic, so that integration is still exact.
     swell = nodes[..., 0] * (RADIUS - nodes[..., 0]) * (nodes[..., 1] - low) * (high - nodes[..., 1])
     nodes += bent * swell[..., None] * [1.0, -0.7]
     layers = np.full(2, 1.0)
-    patch = Patch(mesh=LayeredMesh(nodes=nodes, order=order), young_kpa=YOUNG * layers, poisson=POISSON * layers)
+    patch = MeshPatch(mesh=LayeredMesh(nodes=nodes, order=order), young_kpa=YOUNG * layers, poisson=POISSON * layers)
     return weld([patch])
 
 
 def free_body(solid: Solid) -> ElasticBody:
-    return ElasticBody(solid, number(solid, np.full((len(solid.nodes), 2), OWN), 0))
+    return ElasticBody(solid, number_unknowns(solid, np.full((len(solid.nodes), 2), OWN), 0))
 
 
 def test_an_even_deformation_of_uneven_elements_is_exact() -> None:
@@ -68,7 +70,7 @@ def test_element_forces_and_matrices_are_derivatives_of_the_energy() -> None:
 def two_cylinders(upper_columns: int) -> tuple[Solid, SlidingContact, np.ndarray]:
     """One cylinder on another, with meshes that do not match; the face belongs to the upper one."""
     upper, lower = cylinder(upper_columns, -2.0, 0.0), cylinder(3, 0.0, 2.0)
-    solid = beside(upper, lower)
+    solid = join_meshes(upper, lower)
     face_nodes, skin = solid.patches[0][:, -1], solid.patches[1][:, 0]
     face = SmoothFace(upper.nodes[face_nodes, 0], 4, lambda arc: np.column_stack([arc, np.zeros_like(arc)]))
     contact = SlidingContact(solid.nodes, skin, 4, SoftFace(face, face_nodes), 2e3, 1e2)
@@ -81,7 +83,7 @@ def test_an_even_pressure_passes_between_meshes_that_do_not_match() -> None:
     shared[solid.nodes[:, 0] < 1e-9, 0] = FIXED
     shared[top, 1] = 0
     shared[solid.nodes[:, 1] > 2 - 1e-9, 1] = FIXED
-    body = ElasticBody(solid, number(solid, shared, 1))
+    body = ElasticBody(solid, number_unknowns(solid, shared, 1))
     potential = Potential(body, [contact], 0)
 
     def moved(travel: float) -> np.ndarray:
@@ -90,9 +92,9 @@ def test_an_even_pressure_passes_between_meshes_that_do_not_match() -> None:
         unknowns[axial[axial >= 0]] = travel
         return unknowns
 
-    first = load_path.touch(potential, moved, 0.02, 1e6, below_mn=10.0)
+    first = load_path.find_first_contact(potential, moved, 0.02, 1e6, below_mn=10.0)
     force = 40.0
-    (state,) = load_path.walk(potential, first, [force], refuse=lambda _: None)
+    (state,) = load_path.follow_load_path(potential, first, [force], refuse=lambda _: None)
     mu, lam = (float(value) for value in lame_constants(np.array(YOUNG), np.array(POISSON)))
 
     def across(axial: float) -> float:
@@ -167,7 +169,7 @@ def test_the_condensed_model_predicts_the_energy() -> None:
     shared[solid.nodes[:, 0] < 1e-9, 0] = FIXED
     shared[top, 1] = 0
     shared[solid.nodes[:, 1] > 2 - 1e-9, 1] = FIXED
-    body = ElasticBody(solid, number(solid, shared, 1))
+    body = ElasticBody(solid, number_unknowns(solid, shared, 1))
     potential = Potential(body, [contact], 0)
     unknowns = np.zeros(potential.size)
     axial = body.numbering.of_node[: solid.patches[1].min(), 1]

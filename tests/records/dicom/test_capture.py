@@ -20,13 +20,13 @@ from tsis.records.dicom import dicom_files
 if TYPE_CHECKING:
     from pydicom.dataset import Dataset
 
-    from tsis.records import Dossier
+    from tsis.records import TargetRecord
 
 SINGLE = "1.2.840.10008.5.1.4.1.1.7"
 BYTES, WORDS = f"{SINGLE}.2", f"{SINGLE}.3"
 
 
-def images(dossier: Dossier, *, identified: bool = False) -> list[Dataset]:
+def images(dossier: TargetRecord, *, identified: bool = False) -> list[Dataset]:
     found = [file.dataset() for file in dicom_files(dossier, identified=identified)]
     return [each for each in found if "PixelData" in each]
 

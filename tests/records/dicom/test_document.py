@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
     from pydicom.dataset import Dataset
 
-    from tsis.records import Dossier
+    from tsis.records import TargetRecord
 
 MEAN, SD, LOW, HIGH = "373098007", "386136009", "371888009", "371889001"
 
 
-def report(dossier: Dossier, *, identified: bool = False) -> Dataset:
+def report(dossier: TargetRecord, *, identified: bool = False) -> Dataset:
     return dicom_files(dossier, identified=identified)[-1].dataset()
 
 
@@ -35,7 +35,7 @@ def items(parent: Dataset) -> Iterator[Dataset]:
         yield from items(item)
 
 
-def numbers(dossier: Dossier) -> dict[tuple[str, str], tuple[float, str]]:
+def numbers(dossier: TargetRecord) -> dict[tuple[str, str], tuple[float, str]]:
     """Concept and derivation -> value and unit, of the estimate alone."""
     found = {}
     for item in items(report(dossier)):
@@ -48,7 +48,7 @@ def numbers(dossier: Dossier) -> dict[tuple[str, str], tuple[float, str]]:
     return found
 
 
-def texts(dossier: Dossier, *, identified: bool = False) -> list[tuple[str, str]]:
+def texts(dossier: TargetRecord, *, identified: bool = False) -> list[tuple[str, str]]:
     return [
         (item.ConceptNameCodeSequence[0].CodeMeaning, item.TextValue)
         for item in items(report(dossier, identified=identified))

@@ -11,9 +11,9 @@ import numpy as np
 from tests.records.sample import SECRET, WHEN, sample_dossier, sample_estimate
 
 from tsis.calibration import ProbeCalibration
-from tsis.calibration.file import identity
+from tsis.calibration.file import calibration_sha256
 from tsis.model import Calibration, Estimate
-from tsis.records import Dossier, Press, StoredEstimate, Target
+from tsis.records import StoredEstimate, StoredPress, Target, TargetRecord
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -31,12 +31,12 @@ SECRETS = (
 )
 
 
-def framed(frames: Sequence[NDArray[Any]], **known: Any) -> Dossier:
+def framed(frames: Sequence[NDArray[Any]], **known: Any) -> TargetRecord:
     """A target of which frames of any size and depth were taken, a second apart, with their presses' fields."""
     levels = {hashlib.sha256(repr(i).encode()).hexdigest(): frame for i, frame in enumerate(frames)}
     given = {"role": "target", "full_scale": 255.0, "axis_px": (0.0, 0.0), **known}
     presses = tuple(
-        Press(
+        StoredPress(
             taken=WHEN + timedelta(seconds=i),
             frame=name,
             rows=frame.shape[0],
@@ -48,7 +48,7 @@ def framed(frames: Sequence[NDArray[Any]], **known: Any) -> Dossier:
         for i, (name, frame) in enumerate(levels.items())
     )
     target = Target(number=7, kind="phantom", name="any", made=WHEN, id="target-b")
-    return Dossier(target=target, presses=presses, read=levels.__getitem__, secret=SECRET)
+    return TargetRecord(target=target, presses=presses, read=levels.__getitem__, secret=SECRET)
 
 
 def noise(rows: int, columns: int, *, bits: int = 8, seed: int = 0) -> NDArray[Any]:
@@ -59,12 +59,14 @@ def noise(rows: int, columns: int, *, bits: int = 8, seed: int = 0) -> NDArray[A
     return found
 
 
-def with_presses(dossier: Dossier, **known: Any) -> Dossier:
+def with_presses(dossier: TargetRecord, **known: Any) -> TargetRecord:
     """The same with other fields of its presses."""
     return replace(dossier, presses=tuple(replace(press, **known) for press in dossier.presses))
 
 
-def with_estimate(dossier: Dossier, estimate: Estimate, kind: str = "inclusion", **environment: Any) -> Dossier:
+def with_estimate(
+    dossier: TargetRecord, estimate: Estimate, kind: str = "inclusion", **environment: Any
+) -> TargetRecord:
     """The same with another estimate in force."""
     stored = StoredEstimate(
         kind=kind,
@@ -90,7 +92,7 @@ def hardness() -> Estimate:
     )
 
 
-def named(kind: str = "subject") -> Dossier:
+def named(kind: str = "subject") -> TargetRecord:
     """A target whose every text says who it is of, some of them in words that look like those of this program."""
     dossier = sample_dossier(kind=kind)
     known = ProbeCalibration(
@@ -108,7 +110,7 @@ def named(kind: str = "subject") -> Dossier:
             settings={"file": SETTING, "camera": CAMERA, SETTING: 1.0},
             flags=(FLAG, "moving"),
             probe=PROBE,
-            calibration=identity(known),
+            calibration=calibration_sha256(known),
             target=TARGET_ID,
         )
         for i, press in enumerate(dossier.presses)
@@ -136,7 +138,7 @@ def named(kind: str = "subject") -> Dossier:
         dossier.estimates[0],
         estimate=estimate,
         probe=PROBE,
-        calibration=identity(known),
+        calibration=calibration_sha256(known),
         options={SETTING: SETTING, "prior": {SETTING: 1.0}},
         environment={"tsis": SETTING, "machine": SETTING, "libraries": {SETTING: "1.0", "numpy": SETTING}},
         supersedes="estimate-of-quixote",
@@ -147,11 +149,11 @@ def named(kind: str = "subject") -> Dossier:
         target=replace(dossier.target, id=TARGET_ID, name=NAME, note=NOTE),
         presses=presses,
         estimates=(stored,),
-        calibrations={identity(known): known},
+        calibrations={calibration_sha256(known): known},
     )
 
 
-def variants() -> Iterator[tuple[str, Dossier]]:
+def variants() -> Iterator[tuple[str, TargetRecord]]:
     """Name and dossier of each kind of export."""
     for kind in ("phantom", "subject"):
         for bits in (8, 10, 12, 16):

@@ -11,7 +11,7 @@ from tsis.records.export.bundle.writing import _write
 from tsis.records.plain import estimate_to_plain, press_to_plain, target_to_plain
 
 if TYPE_CHECKING:
-    from tsis.records import Dossier
+    from tsis.records import TargetRecord
 
 
 class Memory:
@@ -25,7 +25,7 @@ class Memory:
         return self.files[name][: most + 1]
 
 
-def files_of(dossier: Dossier) -> dict[str, bytes]:
+def files_of(dossier: TargetRecord) -> dict[str, bytes]:
     found: dict[str, bytes] = {}
     _write(dossier, found.__setitem__)
     return found
@@ -43,7 +43,7 @@ def sealed(files: dict[str, bytes]) -> dict[str, bytes]:
     return files | {"manifest.json": sealed_bytes(manifest)}
 
 
-def plain(dossier: Dossier) -> Any:
+def plain(dossier: TargetRecord) -> Any:
     """All of a dossier but its frames."""
     return [
         target_to_plain(dossier.target),

@@ -13,7 +13,7 @@ from tests.records.sample import sample_dossier
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.calibration.file import calibration_bytes
 from tsis.model.errors import FileInputError, InputError, RecordsError
-from tsis.records import Dossier
+from tsis.records import TargetRecord
 from tsis.records.export import read_bundle, write_bundle
 
 
@@ -35,7 +35,7 @@ def test_a_dossier_comes_back_as_it_was(tmp_path: Path, name: str, full_scale: f
 
 def test_a_target_without_presses_is_a_bundle_too(tmp_path: Path) -> None:
     dossier = sample_dossier(estimated=False)
-    bare = Dossier(target=dossier.target, presses=(), read=dossier.read)
+    bare = TargetRecord(target=dossier.target, presses=(), read=dossier.read)
     write_bundle(bare, tmp_path / "out")
     assert plain(read_bundle(tmp_path / "out")) == plain(bare)
 

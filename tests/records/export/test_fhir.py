@@ -9,11 +9,11 @@ from tests.records.dicom.variants import SECRETS, named
 from tests.records.sample import sample_dossier, sample_estimate
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.records import Dossier
+from tsis.records import TargetRecord
 from tsis.records.export.fhir import fhir_observations
 
 
-def observed(dossier: Dossier, **options: bool) -> dict[str, list[dict[str, Any]]]:
+def observed(dossier: TargetRecord, **options: bool) -> dict[str, list[dict[str, Any]]]:
     """Observations by their code."""
     found: dict[str, list[dict[str, Any]]] = {}
     for entry in json.loads(fhir_observations(dossier, **options))["entry"]:
@@ -22,7 +22,7 @@ def observed(dossier: Dossier, **options: bool) -> dict[str, list[dict[str, Any]
     return found
 
 
-def with_estimate(dossier: Dossier, **changes: Any) -> Dossier:
+def with_estimate(dossier: TargetRecord, **changes: Any) -> TargetRecord:
     stored = replace(dossier.estimates[0], estimate=replace(dossier.estimates[0].estimate, **changes))
     return replace(dossier, estimates=(stored,))
 

@@ -14,12 +14,12 @@ from tests.records.importing.result_folder import SIZE_8, levels, make_demo
 from tests.records.importing.snapshot_folder import save
 from tests.records.sample import sample_calibration, sample_estimate
 
-from tsis.calibration.file import identity
+from tsis.calibration.file import calibration_sha256
 from tsis.model.durable import Disk
 from tsis.model.errors import RecordsError
-from tsis.records import open_store, verify
-from tsis.records.estimation import Answer
-from tsis.records.importing import Entering, Given, batches, enter, held_calibration
+from tsis.records import open_store, verify_store
+from tsis.records.estimation import EstimationResult
+from tsis.records.importing import Entering, ImportOptions, enter, find_import_batches, stored_calibration
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -34,8 +34,8 @@ HARD = {"diameter_mm": 10.0, "depth_mm": 5.0, "young_kpa": 100.0}
 def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Store]:
     """Where an estimate costs nothing."""
 
-    def estimated(_: Any, wanted: Any) -> Answer:
-        return Answer(estimate=sample_estimate(), options=wanted.options)
+    def estimated(_: Any, wanted: Any) -> EstimationResult:
+        return EstimationResult(estimate=sample_estimate(), options=wanted.options)
 
     monkeypatch.setattr("tsis.records.estimation.estimate_stored", estimated)
     with open_store(tmp_path / "phantoms") as opened:
@@ -55,7 +55,7 @@ def test_two_phantoms_of_one_seed_are_two_targets_with_their_own_truth(
     store: Store, two: list[Path], *, together: bool, apart: bool
 ) -> None:
     for paths in [two] if together else [[two[0]], [two[1]]]:
-        assert all(each.new for each in enter(store, batches(paths, Given()), apart=apart))
+        assert all(each.new for each in enter(store, find_import_batches(paths, ImportOptions()), apart=apart))
     first, second = (store.target(number) for number in (1, 2))
     assert (first.name, dict(first.truth)) == ("hardness-100", HARD)
     assert (second.name, dict(second.truth)) == ("size-8", SIZE_8)
@@ -64,22 +64,22 @@ def test_two_phantoms_of_one_seed_are_two_targets_with_their_own_truth(
     assert len({press.id for press in (*one, *other)}) == 8
     assert len({press.frame for press in (*one, *other)}) == 6  # what they share is one file, pressed in both
     assert [len(store.estimates(target)) for target in (first, second)] == [1, 1]
-    assert verify(store).sound
+    assert verify_store(store).sound
 
 
 def test_the_same_folders_again_add_nothing(store: Store, two: list[Path]) -> None:
-    enter(store, batches(two, Given()))
-    head = verify(store).head
+    enter(store, find_import_batches(two, ImportOptions()))
+    head = verify_store(store).head
     for paths in (two, two[::-1], [two[1]]):
-        for each in enter(store, batches(paths, Given())):
+        for each in enter(store, find_import_batches(paths, ImportOptions())):
             assert (each.new, each.added, each.present, each.estimates, each.batch.notes) == (False, 0, 4, 0, ())
             assert each.target.name == each.batch.name
-    assert verify(store).head == head
+    assert verify_store(store).head == head
 
 
 def test_a_new_target_is_new_though_every_frame_is_known(store: Store, two: list[Path]) -> None:
     for number in (1, 2):
-        (entered,) = enter(store, batches([two[0]], Given()), apart=True)
+        (entered,) = enter(store, find_import_batches([two[0]], ImportOptions()), apart=True)
         assert (entered.target.number, entered.new, entered.added, entered.present) == (number, True, 4, 0)
 
 
@@ -87,7 +87,7 @@ def test_a_new_target_is_new_though_every_frame_is_known(store: Store, two: list
 def test_a_demo_that_was_cut_short_goes_on_beside_one_that_shares_its_frames(
     store: Store, two: list[Path], monkeypatch: pytest.MonkeyPatch, after: int
 ) -> None:
-    enter(store, batches([two[0]], Given()))
+    enter(store, find_import_batches([two[0]], ImportOptions()))
     whole, count = store.add_press, 0
 
     def pulled_out(*arguments: Any, **options: Any) -> Any:
@@ -101,8 +101,8 @@ def test_a_demo_that_was_cut_short_goes_on_beside_one_that_shares_its_frames(
         patch.setattr(store, "add_press", pulled_out)
         if after < 4:
             with pytest.raises(RecordsError, match=f"{after} of 4 presses are stored"):
-                enter(store, batches([two[1]], Given()))
-    (entered,) = enter(store, batches([two[1]], Given()))
+                enter(store, find_import_batches([two[1]], ImportOptions()))
+    (entered,) = enter(store, find_import_batches([two[1]], ImportOptions()))
     own = [each for each in store.targets() if each.target.id == entered.target.id]
     assert [each.presses for each in own] == [4]
     assert dict(entered.target.truth) == SIZE_8
@@ -122,7 +122,7 @@ def test_a_new_target_that_was_cut_short_says_how_to_go_on(
 
     monkeypatch.setattr(store, "add_press", pulled_out)
     with pytest.raises(RecordsError, match=r"the last in target 1 \(go on with --target 1 for its files\)"):
-        enter(store, batches([two[0]], Given()), apart=True, tally=Entering())
+        enter(store, find_import_batches([two[0]], ImportOptions()), apart=True, tally=Entering())
 
 
 def test_no_empty_target_is_left_where_nothing_could_be_stored(
@@ -131,7 +131,7 @@ def test_no_empty_target_is_left_where_nothing_could_be_stored(
     def full(_: Disk, __: Any, ___: bytes) -> None:
         raise OSError(28, "No space left on device")
 
-    looked = batches(two, Given())
+    looked = find_import_batches(two, ImportOptions())
     monkeypatch.setattr(Disk, "write", full)
     with pytest.raises(RecordsError, match=r"No space left on device .*; 0 of 8 presses are stored"):
         enter(store, looked)
@@ -139,19 +139,19 @@ def test_no_empty_target_is_left_where_nothing_could_be_stored(
 
 
 def test_another_truth_of_a_named_target_is_said(store: Store, two: list[Path]) -> None:
-    enter(store, batches([two[0]], Given()))
-    (entered,) = enter(store, batches([two[1]], Given()), target=1)
+    enter(store, find_import_batches([two[0]], ImportOptions()))
+    (entered,) = enter(store, find_import_batches([two[1]], ImportOptions()), target=1)
     assert any("target 1 has another truth than these frames came with" in note for note in entered.batch.notes)
 
 
 def test_what_is_said_otherwise_of_a_press_that_is_there_is_told(tmp_path: Path, store: Store) -> None:
     for number in range(3):
         save(tmp_path, number)
-    enter(store, batches([tmp_path / "Target3"], Given()))
-    (same,) = enter(store, batches([tmp_path / "Target3"], Given()))
+    enter(store, find_import_batches([tmp_path / "Target3"], ImportOptions()))
+    (same,) = enter(store, find_import_batches([tmp_path / "Target3"], ImportOptions()))
     assert same.batch.notes == ()
-    said = Given(role="plain", mm_per_pixel=(0.1, 0.1), calibration=sample_calibration())
-    (again,) = enter(store, batches([tmp_path / "Target3"], said))
+    said = ImportOptions(role="plain", mm_per_pixel=(0.1, 0.1), calibration=sample_calibration())
+    (again,) = enter(store, find_import_batches([tmp_path / "Target3"], said))
     assert [note.split(" that ")[0] for note in again.batch.notes] == [
         "role of 3",
         "mm_per_pixel of 3",
@@ -167,10 +167,10 @@ def test_another_packing_of_the_same_file_is_the_same_press(
 ) -> None:
     save(tmp_path / "snapshots", 1)
     paths = [*two, tmp_path / "snapshots"]
-    before = enter(store, batches(paths, Given()))
+    before = enter(store, find_import_batches(paths, ImportOptions()))
     frames = {press.frame for each in before for press in each.presses}
     monkeypatch.setattr("tsis.records.frame_file.QUICK", [cv2.IMWRITE_PNG_COMPRESSION, 9])
-    looked = batches(paths, Given())
+    looked = find_import_batches(paths, ImportOptions())
     assert not frames & {each.frame for batch in looked for each in batch.presses}
     after = enter(store, looked)
     assert [(each.new, each.added) for each in after] == [(False, 0)] * 3
@@ -191,7 +191,7 @@ def test_images_join_a_target_only_where_it_holds_all_of_them_or_nothing_else(
             for number, path in zip(sorted(numbers), paths, strict=True):
                 cv2.imwrite(str(path), levels(number))
                 os.utime(path, (1e9, 1e9 + number))
-            (entered,) = enter(store, batches(paths, Given()))
+            (entered,) = enter(store, find_import_batches(paths, ImportOptions()))
             fitting = [each for each in model if numbers <= each or each <= numbers]
             most = max((len(each & numbers) for each in fitting), default=0)
             own = next((each for each in fitting if len(each & numbers) == most), None)
@@ -207,13 +207,13 @@ def test_images_join_a_target_only_where_it_holds_all_of_them_or_nothing_else(
 
 def test_a_calibration_that_is_damaged_is_not_taken_for_one_that_is_not_there(tmp_path: Path, store: Store) -> None:
     known = sample_calibration()
-    save(tmp_path, 1, calibration={"name": "bench", "sha256": identity(known)})
-    enter(store, batches([tmp_path / "Target3"], Given(calibration=known)))
-    held = held_calibration(store, identity(known))
+    save(tmp_path, 1, calibration={"name": "bench", "sha256": calibration_sha256(known)})
+    enter(store, find_import_batches([tmp_path / "Target3"], ImportOptions(calibration=known)))
+    held = stored_calibration(store, calibration_sha256(known))
     assert held is not None
-    assert identity(held) == identity(known)
-    assert held_calibration(store, identity(replace(known, name="other"))) is None
+    assert calibration_sha256(held) == calibration_sha256(known)
+    assert stored_calibration(store, calibration_sha256(replace(known, name="other"))) is None
     for path in (store.folder / "files").glob("*/*.json"):
         path.write_bytes(path.read_bytes()[:-3])
     with pytest.raises(RecordsError, match="does not match its name"):
-        held_calibration(store, identity(known))
+        stored_calibration(store, calibration_sha256(known))

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from tsis.model.errors import FileInputError, InputError
 from tsis.records import open_store
-from tsis.records.importing import Given, batches, enter
+from tsis.records.importing import ImportOptions, enter, find_import_batches
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -37,9 +37,9 @@ def image(folder: Path, number: int) -> Path:
 
 def test_images_come_in_with_what_was_said(tmp_path: Path) -> None:
     paths = [image(tmp_path, number) for number in range(2)]
-    said = Given(role="plain", force_n=(0.5, 1.0), mm_per_pixel=(0.1, 0.2), probe="tsis-2011")
+    said = ImportOptions(role="plain", force_n=(0.5, 1.0), mm_per_pixel=(0.1, 0.2), probe="tsis-2011")
     with open_store(tmp_path / "store") as store:
-        (entered,) = enter(store, batches(paths, said))
+        (entered,) = enter(store, find_import_batches(paths, said))
         for number, press in enumerate(sorted(store.presses(entered.target), key=lambda press: press.name)):
             np.testing.assert_array_equal(store.levels(press.frame), grey(number))
             assert (press.role, press.force_n, press.mm_per_pixel) == ("plain", (0.5, 1.0)[number], (0.1, 0.2))
@@ -54,7 +54,7 @@ def test_whatever_is_imported_how_often_each_file_is_one_press(tmp_path: Path, r
     folder.mkdir()
     with open_store(folder / "store") as store:
         for numbers in rounds:
-            enter(store, batches([image(folder, number) for number in numbers], Given()), target=1)
+            enter(store, find_import_batches([image(folder, number) for number in numbers], ImportOptions()), target=1)
         names = sorted(press.name for press in store.presses(store.target(1)))
     assert names == sorted({f"press-{number}.png" for numbers in rounds for number in numbers})
 
@@ -62,19 +62,19 @@ def test_whatever_is_imported_how_often_each_file_is_one_press(tmp_path: Path, r
 def test_colours_are_refused_with_what_to_do(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "colour.png"), np.random.default_rng(1).integers(0, 256, (12, 20, 3)).astype(np.uint8))
     with pytest.raises(FileInputError, match="save it as a grey PNG file"):
-        batches([tmp_path / "colour.png"], Given())
+        find_import_batches([tmp_path / "colour.png"], ImportOptions())
 
 
 def test_grey_that_was_saved_as_colour_keeps_its_levels(tmp_path: Path) -> None:
     cv2.imwrite(str(tmp_path / "grey.png"), np.repeat(grey(3)[..., None], 3, axis=2))
     with open_store(tmp_path / "store") as store:
-        (entered,) = enter(store, batches([tmp_path / "grey.png"], Given()))
+        (entered,) = enter(store, find_import_batches([tmp_path / "grey.png"], ImportOptions()))
         np.testing.assert_array_equal(store.levels(store.presses(entered.target)[0].frame), grey(3))
 
 
 def test_forces_that_fit_no_count_are_refused(tmp_path: Path) -> None:
     paths = [image(tmp_path, number) for number in range(3)]
     with pytest.raises(InputError, match="once for each of 3; got 2"):
-        batches(paths, Given(force_n=(0.5, 1.0)))
+        find_import_batches(paths, ImportOptions(force_n=(0.5, 1.0)))
     with pytest.raises(InputError, match="force_n must lie in"):
-        batches(paths, Given(force_n=(1e6,)))
+        find_import_batches(paths, ImportOptions(force_n=(1e6,)))

@@ -8,11 +8,11 @@ import pytest
 from tests.records.importing.snapshot_folder import save
 from tests.records.sample import sample_calibration
 
-from tsis.calibration.cited import cited
-from tsis.calibration.file import identity, write_calibration
+from tsis.calibration.cited import read_usable_calibration
+from tsis.calibration.file import calibration_sha256, write_calibration
 from tsis.model.errors import FileInputError
 from tsis.records import open_store
-from tsis.records.importing import Given, batches, enter
+from tsis.records.importing import ImportOptions, enter, find_import_batches
 from tsis.records.importing.one_snapshot import keep_snapshot
 
 if TYPE_CHECKING:
@@ -23,7 +23,9 @@ def test_it_is_kept_as_an_import_brings_it(tmp_path: Path) -> None:
     saved = save(tmp_path / "camera", 1)
     with open_store(tmp_path / "here") as here, open_store(tmp_path / "imported") as imported:
         said = keep_snapshot(here, saved.sidecar, role="plain", probe="tsis-domed", calibration=None)
-        (entered,) = enter(imported, batches([tmp_path / "camera"], Given(role="plain", probe="tsis-domed")))
+        (entered,) = enter(
+            imported, find_import_batches([tmp_path / "camera"], ImportOptions(role="plain", probe="tsis-domed"))
+        )
         (press,), (other,) = here.presses(here.target(3)), imported.presses(entered.target)
         assert (said["target"], said["press"]) == (3, press.id)
         assert said["store"] == str((tmp_path / "here").resolve())
@@ -34,13 +36,13 @@ def test_it_is_kept_as_an_import_brings_it(tmp_path: Path) -> None:
 def test_the_calibration_tells_the_probe_and_is_kept_with_it(tmp_path: Path) -> None:
     known = sample_calibration()
     write_calibration(known, tmp_path / "calibration.json")
-    with_it = cited(tmp_path / "calibration.json")
+    with_it = read_usable_calibration(tmp_path / "calibration.json")
     saved = save(tmp_path / "camera", 1, calibration=with_it.citation())
     with open_store(tmp_path / "records") as store:
         said = keep_snapshot(store, saved.sidecar, role="target", probe="tsis-domed", calibration=with_it)
         (press,) = store.presses(store.target(3))
         assert press.probe == known.probe == "tsis-2011"
-        assert identity(store.calibration(press.calibration or "")) == with_it.identity
+        assert calibration_sha256(store.calibration(press.calibration or "")) == with_it.identity
         assert said["notes"] == []
 
 

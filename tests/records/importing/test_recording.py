@@ -18,7 +18,7 @@ from tsis.instrument.acquisition import Acquisition
 from tsis.instrument.recording import FrameFolder, FurtherColumns, LosslessVideo, record
 from tsis.model.errors import FileInputError
 from tsis.records import open_store
-from tsis.records.importing import Given, batches, enter
+from tsis.records.importing import ImportOptions, enter, find_import_batches
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -75,7 +75,7 @@ def write_rows(folder: Path, given: list[dict[str, str]]) -> None:
 
 def test_a_recording_comes_in_with_its_times_and_forces(tmp_path: Path, recorded: Path) -> None:
     with open_store(tmp_path / "store") as store:
-        (entered,) = enter(store, batches([recorded], Given(mm_per_pixel=(0.1, 0.1))))
+        (entered,) = enter(store, find_import_batches([recorded], ImportOptions(mm_per_pixel=(0.1, 0.1))))
         assert (entered.new, entered.added) == (True, FRAMES)
         presses = store.presses(entered.target)
         assert [press.settings["sequence"] for press in presses] == [str(number) for number in range(FRAMES)]
@@ -84,7 +84,7 @@ def test_a_recording_comes_in_with_its_times_and_forces(tmp_path: Path, recorded
         for number, (press, then) in enumerate(zip(presses, arrived, strict=True)):
             np.testing.assert_array_equal(store.levels(press.frame), frame(number).pixels)
             assert (BEGUN - press.taken) / timedelta(seconds=1) == pytest.approx(BEGUN_S - then, abs=2e-6)
-        (again,) = enter(store, batches([recorded], Given()))
+        (again,) = enter(store, find_import_batches([recorded], ImportOptions()))
         assert (again.target, again.added, again.present) == (entered.target, 0, FRAMES)
 
 
@@ -98,7 +98,7 @@ def test_the_recorder_tells_when_it_began(tmp_path: Path) -> None:
     before, before_s = datetime.now(UTC), time.monotonic()
     folder = record_into(tmp_path / "now", FrameFolder)
     after = datetime.now(UTC)
-    (found,) = batches([folder], Given())
+    (found,) = find_import_batches([folder], ImportOptions())
     for press, row in zip(found.presses, rows(folder), strict=True):
         assert before <= press.taken <= after
         away = (press.taken - before) / timedelta(seconds=1) - (float(row["arrived_s"]) - before_s)
@@ -107,7 +107,7 @@ def test_the_recorder_tells_when_it_began(tmp_path: Path) -> None:
 
 def test_a_recording_of_an_older_release_ends_when_its_index_was_written(recorded: Path) -> None:
     told(recorded, begun=..., begun_s=...)
-    (found,) = batches([recorded], Given())
+    (found,) = find_import_batches([recorded], ImportOptions())
     arrived = [float(row["arrived_s"]) for row in rows(recorded)]
     for press, then in zip(found.presses, arrived, strict=True):
         assert (ENDED - press.taken) / timedelta(seconds=1) == pytest.approx(arrived[-1] - then, abs=2e-6)
@@ -115,9 +115,9 @@ def test_a_recording_of_an_older_release_ends_when_its_index_was_written(recorde
 
 def test_a_recording_stays_the_same_one_when_its_files_are_copied(tmp_path: Path, recorded: Path) -> None:
     with open_store(tmp_path / "store") as store:
-        (before,) = enter(store, batches([recorded], Given()))
+        (before,) = enter(store, find_import_batches([recorded], ImportOptions()))
         os.utime(recorded / "frames.csv", (1e9, 1e9))
-        (again,) = batches([recorded], Given())
+        (again,) = find_import_batches([recorded], ImportOptions())
         assert [each.taken for each in again.presses] == [press.taken for press in before.presses]
 
 
@@ -134,19 +134,19 @@ def test_a_recording_stays_the_same_one_when_its_files_are_copied(tmp_path: Path
 def test_a_beginning_that_is_none_is_refused(recorded: Path, changes: dict[str, Any], sentence: str) -> None:
     told(recorded, **changes)
     with pytest.raises(FileInputError, match=sentence):
-        batches([recorded], Given())
+        find_import_batches([recorded], ImportOptions())
 
 
 def test_a_recording_that_was_cut_short_comes_in_and_says_so(recorded: Path) -> None:
     (recorded / "recording.json").unlink()
-    (found,) = batches([recorded], Given())
+    (found,) = find_import_batches([recorded], ImportOptions())
     assert len(found.presses) == FRAMES
     assert "cut short" in found.notes[0]
 
 
 def test_a_video_is_refused_with_what_to_do(tmp_path: Path) -> None:
     with pytest.raises(FileInputError, match="record without --video"):
-        batches([record_into(tmp_path / "video", LosslessVideo)], Given())
+        find_import_batches([record_into(tmp_path / "video", LosslessVideo)], ImportOptions())
 
 
 @pytest.mark.parametrize(
@@ -168,24 +168,24 @@ def test_an_index_that_tells_nonsense_is_refused(recorded: Path, column: str, va
     changed[1][column] = value
     write_rows(recorded, changed)
     with pytest.raises(ValueError, match=sentence):
-        batches([recorded], Given())
+        find_import_batches([recorded], ImportOptions())
 
 
 def test_an_index_of_fewer_frames_than_the_report_is_refused(recorded: Path) -> None:
     write_rows(recorded, rows(recorded)[:-1])
     with pytest.raises(FileInputError, match=r"must tell of the 4 frames of the report; it tells of 3"):
-        batches([recorded], Given())
+        find_import_batches([recorded], ImportOptions())
 
 
 @pytest.mark.parametrize("content", [b"", b"number\n", b"\xff\xfe", b"a,b\n1,2\n", b'"'])
 def test_an_index_that_is_none_is_refused(recorded: Path, content: bytes) -> None:
     (recorded / "frames.csv").write_bytes(content)
     with pytest.raises(FileInputError, match=r"frames\.csv"):
-        batches([recorded], Given())
+        find_import_batches([recorded], ImportOptions())
 
 
 def test_a_report_of_another_format_is_refused(recorded: Path) -> None:
     document = json.loads((recorded / "recording.json").read_text()) | {"version": 9}
     (recorded / "recording.json").write_text(json.dumps(document))
     with pytest.raises(FileInputError, match="must be of tsis-recording 1; got 'tsis-recording' 9"):
-        batches([recorded], Given())
+        find_import_batches([recorded], ImportOptions())

@@ -11,7 +11,7 @@ from tests.records.importing.result_folder import levels, make_demo, write
 
 from tsis.model.errors import FileInputError, InputError
 from tsis.records import open_store
-from tsis.records.importing import Given, batches, enter
+from tsis.records.importing import ImportOptions, enter, find_import_batches
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -38,7 +38,7 @@ PROVENANCE = ("estimate", "provenance")
 
 
 def test_presses_get_their_roles_and_the_phantom_its_truth(demo: Path) -> None:
-    (found,) = batches([demo], Given())
+    (found,) = find_import_batches([demo], ImportOptions())
     roles = [(press.name, press.role) for press in found.presses]
     assert roles == [
         ("target-0.5N.png", "target"),
@@ -55,14 +55,14 @@ def test_presses_get_their_roles_and_the_phantom_its_truth(demo: Path) -> None:
 
 def test_plain_tissue_has_no_truth(demo: Path) -> None:
     changed(demo, "simulated", "phantom", "inclusion", to=None)
-    (found,) = batches([demo], Given())
+    (found,) = find_import_batches([demo], ImportOptions())
     assert found.truth == {}
 
 
 def test_a_frame_that_is_not_the_estimated_one_is_refused(demo: Path) -> None:
     cv2.imwrite(str(demo / "target-1N.png"), levels(7))
     with pytest.raises(FileInputError, match=r"target-1N\.png.*must be the frame that was estimated"):
-        batches([demo], Given())
+        find_import_batches([demo], ImportOptions())
 
 
 def test_virtual_presses_stay_out_of_a_store_of_subjects(demo: Path, tmp_path: Path) -> None:
@@ -70,13 +70,13 @@ def test_virtual_presses_stay_out_of_a_store_of_subjects(demo: Path, tmp_path: P
         open_store(tmp_path / "subjects", kind="subject") as store,
         pytest.raises(InputError, match="must go into a store of phantoms"),
     ):
-        enter(store, batches([demo], Given()))
+        enter(store, find_import_batches([demo], ImportOptions()))
 
 
 def test_the_folder_of_another_command_says_what_to_do(demo: Path) -> None:
     changed(demo, "command", to="examine")
     with pytest.raises(FileInputError, match="repeat the command with --keep"):
-        batches([demo], Given())
+        find_import_batches([demo], ImportOptions())
 
 
 @pytest.mark.parametrize(
@@ -103,7 +103,7 @@ def test_a_result_that_tells_nonsense_is_refused(
 ) -> None:
     changed(demo, *place, to=to)
     with pytest.raises(ValueError, match=sentence) as refused:
-        batches([demo], Given())
+        find_import_batches([demo], ImportOptions())
     assert "\n" not in str(refused.value)
 
 
@@ -111,4 +111,4 @@ def test_a_changed_calibration_is_refused(demo: Path) -> None:
     content = (demo / "calibration.json").read_text()
     (demo / "calibration.json").write_text(content.replace("2.0", "3.0", 1))
     with pytest.raises(Exception, match="does not match its hash"):
-        batches([demo], Given())
+        find_import_batches([demo], ImportOptions())

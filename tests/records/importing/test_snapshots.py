@@ -12,10 +12,10 @@ import pytest
 from tests.records.importing.snapshot_folder import WHEN, frame, save
 from tests.records.sample import sample_calibration
 
-from tsis.calibration.file import identity
+from tsis.calibration.file import calibration_sha256
 from tsis.model.errors import FileInputError, InputError, RecordsError, TsisError
-from tsis.records import open_store, verify
-from tsis.records.importing import Entering, Given, batches, enter
+from tsis.records import open_store, verify_store
+from tsis.records.importing import Entering, ImportOptions, enter, find_import_batches
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -39,7 +39,7 @@ def test_a_folder_comes_in_with_all_that_its_sidecars_say(tmp_path: Path, store:
     for number in range(3):
         save(tmp_path, number, force_n=0.1 * number)
     save(tmp_path, 9, target=4, force_n=None)
-    entered = enter(store, batches([tmp_path], Given(role="plain", mm_per_pixel=(0.1, 0.2))))
+    entered = enter(store, find_import_batches([tmp_path], ImportOptions(role="plain", mm_per_pixel=(0.1, 0.2))))
     assert [(each.target.number, each.new, each.added, each.present) for each in entered] == [
         (3, True, 3, 0),
         (4, True, 1, 0),
@@ -53,12 +53,12 @@ def test_a_folder_comes_in_with_all_that_its_sidecars_say(tmp_path: Path, store:
         assert press.settings["exposure_ms"] == 10.0
         assert press.settings["camera"] == "scripted"
     assert store.presses(store.target(4))[0].force_n is None
-    assert verify(store).sound
+    assert verify_store(store).sound
 
 
 def test_a_camera_of_twelve_bits_keeps_its_full_scale(tmp_path: Path, store: Store) -> None:
     save(tmp_path, 1, full_scale=4095.0)
-    enter(store, batches([tmp_path], Given()))
+    enter(store, find_import_batches([tmp_path], ImportOptions()))
     (press,) = store.presses(store.target(3))
     assert press.full_scale == 4095.0
     np.testing.assert_array_equal(store.levels(press.frame), frame(1, full_scale=4095.0).pixels)
@@ -67,49 +67,51 @@ def test_a_camera_of_twelve_bits_keeps_its_full_scale(tmp_path: Path, store: Sto
 def test_again_it_is_there_already_whichever_of_its_files_is_named(tmp_path: Path, store: Store) -> None:
     saved = save(tmp_path, 1)
     for paths in ([tmp_path], [saved.sidecar], [saved.raw], [saved.colour, saved.raw, saved.sidecar, tmp_path]):
-        enter(store, batches(paths, Given()))
+        enter(store, find_import_batches(paths, ImportOptions()))
     assert len(store.presses(store.target(3))) == 1
-    enter(store, batches([tmp_path], Given()), target=8)
+    enter(store, find_import_batches([tmp_path], ImportOptions()), target=8)
     assert len(store.presses(store.target(8))) == 1  # another target was asked for by name
 
 
 def test_apart_means_a_new_target_whatever_the_files_say(tmp_path: Path, store: Store) -> None:
     save(tmp_path, 1)
-    (entered,) = enter(store, batches([tmp_path], Given()), apart=True)
+    (entered,) = enter(store, find_import_batches([tmp_path], ImportOptions()), apart=True)
     assert (entered.target.number, entered.new) == (1, True)
-    (again,) = enter(store, batches([tmp_path], Given()), apart=True)
+    (again,) = enter(store, find_import_batches([tmp_path], ImportOptions()), apart=True)
     assert (again.target.number, again.new, again.present) == (2, True, 0)
 
 
 def test_equal_frames_of_one_folder_are_presses_of_their_own(tmp_path: Path, store: Store) -> None:
     names = {save(tmp_path / "a", 1).raw.name for _ in range(2)}  # the same moment gives another name
     assert len(names) == 2
-    entered = enter(store, batches([tmp_path / "a"], Given()))
+    entered = enter(store, find_import_batches([tmp_path / "a"], ImportOptions()))
     assert entered[0].added == 2
-    assert enter(store, batches([tmp_path / "a"], Given()))[0].present == 2
+    assert enter(store, find_import_batches([tmp_path / "a"], ImportOptions()))[0].present == 2
 
 
 def test_a_cited_calibration_is_asked_for_found_or_refused(tmp_path: Path, store: Store) -> None:
     known = sample_calibration()
-    save(tmp_path, 1, calibration={"name": "bench", "sha256": identity(known)})
-    (alone,) = batches([tmp_path], Given())
+    save(tmp_path, 1, calibration={"name": "bench", "sha256": calibration_sha256(known)})
+    (alone,) = find_import_batches([tmp_path], ImportOptions())
     assert "is not in this store: give its file by --calibration" in alone.notes[0]
     assert alone.presses[0].calibration is None
-    (found,) = batches([tmp_path], Given(calibration_of={identity(known): known}.get))
+    (found,) = find_import_batches([tmp_path], ImportOptions(calibration_of={calibration_sha256(known): known}.get))
     assert found.presses[0].calibration is known
     assert found.presses[0].probe == "tsis-2011"
-    (given,) = batches([tmp_path], Given(calibration=known))
+    (given,) = find_import_batches([tmp_path], ImportOptions(calibration=known))
     assert given.notes == ()
     enter(store, [given])
-    assert identity(store.calibration(store.presses(store.target(3))[0].calibration or "")) == identity(known)
+    assert calibration_sha256(
+        store.calibration(store.presses(store.target(3))[0].calibration or "")
+    ) == calibration_sha256(known)
     with pytest.raises(InputError, match=r"must be the one that .* cites"):
-        batches([tmp_path], Given(calibration=replace(known, name="other")))
+        find_import_batches([tmp_path], ImportOptions(calibration=replace(known, name="other")))
 
 
 def test_a_snapshot_that_was_cut_short_is_left_out_and_said(tmp_path: Path) -> None:
     save(tmp_path, 1)
     (tmp_path / "Target3" / "Target3-112226-093059.json").touch()
-    (found,) = batches([tmp_path], Given())
+    (found,) = find_import_batches([tmp_path], ImportOptions())
     assert len(found.presses) == 1
     assert "1 snapshots in" in found.notes[0]
 
@@ -144,7 +146,7 @@ def test_a_sidecar_that_tells_nonsense_is_refused_before_anything_is_stored(
     save(tmp_path, 1)
     rewrite(save(tmp_path, 2).sidecar, **changes)
     with pytest.raises(FileInputError) as refused:
-        enter(store, batches([tmp_path], Given()))
+        enter(store, find_import_batches([tmp_path], ImportOptions()))
     assert sentence in str(refused.value)
     assert store.targets() == ()
 
@@ -154,19 +156,19 @@ def test_a_link_instead_of_a_frame_is_refused(tmp_path: Path) -> None:
     saved.raw.unlink()
     saved.raw.symlink_to(other.raw)
     with pytest.raises(FileInputError, match="it is a link that leads elsewhere"):
-        batches([tmp_path], Given())
+        find_import_batches([tmp_path], ImportOptions())
 
 
 def test_a_frame_that_changes_between_looking_and_storing_is_noticed(tmp_path: Path, store: Store) -> None:
     save(tmp_path, 1)
     saved, other = save(tmp_path, 2), save(tmp_path / "else", 3)
-    looked = batches([tmp_path], Given())
+    looked = find_import_batches([tmp_path], ImportOptions())
     saved.raw.write_bytes(other.raw.read_bytes())
     with pytest.raises(RecordsError) as told:
         enter(store, looked)
     assert "it was changed meanwhile; 1 of 2 presses are stored and stay" in str(told.value)
     assert len(store.presses(store.target(3))) == 1
-    assert verify(store).sound
+    assert verify_store(store).sound
 
 
 def test_an_import_that_ends_early_goes_on_where_it_ended(
@@ -174,7 +176,7 @@ def test_an_import_that_ends_early_goes_on_where_it_ended(
 ) -> None:
     for number in range(4):
         save(tmp_path, number)
-    looked, whole = batches([tmp_path], Given()), store.add_press
+    looked, whole = find_import_batches([tmp_path], ImportOptions()), store.add_press
     stored: list[Any] = []
 
     def pulled_out(*arguments: Any, **options: Any) -> Any:
@@ -189,7 +191,7 @@ def test_an_import_that_ends_early_goes_on_where_it_ended(
         enter(store, looked, tally=tally)
     assert tally.sentence == "2 of 4 presses are stored and stay (the same import goes on from there)"
     monkeypatch.undo()
-    (entered,) = enter(store, batches([tmp_path], Given()))
+    (entered,) = enter(store, find_import_batches([tmp_path], ImportOptions()))
     assert (entered.added, entered.present) == (2, 2)
     assert [press.settings["sequence"] for press in store.presses(entered.target)] == [0, 1, 2, 3]
 
@@ -197,15 +199,15 @@ def test_an_import_that_ends_early_goes_on_where_it_ended(
 @pytest.mark.parametrize("name", ["absent", "absent.json", "absent.png", "absent.zip"])
 def test_what_is_not_there_is_one_sentence(tmp_path: Path, name: str) -> None:
     with pytest.raises(TsisError, match="absent"):
-        batches([tmp_path / name], Given())
+        find_import_batches([tmp_path / name], ImportOptions())
 
 
 def test_a_folder_of_nothing_that_is_known_says_what_may_be_imported(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("hello")
     with pytest.raises(FileInputError, match="must be a folder that tsis wrote"):
-        batches([tmp_path], Given())
+        find_import_batches([tmp_path], ImportOptions())
 
 
 def test_an_unknown_role_is_refused_at_once(tmp_path: Path) -> None:
     with pytest.raises(InputError, match="no role of a press is called 'palin'; did you mean 'plain'"):
-        batches([tmp_path], Given(role="palin"))
+        find_import_batches([tmp_path], ImportOptions(role="palin"))

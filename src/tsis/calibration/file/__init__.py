@@ -1,11 +1,11 @@
 """A probe's calibration as one value and one file: versioned, hashed, readable, refused when it may not serve."""
 
 from tsis.calibration.file.content import (
-    FILE_NAME,
-    FORMAT,
-    VERSION,
+    CALIBRATION_FILE,
+    CALIBRATION_FORMAT,
+    CALIBRATION_VERSION,
     calibration_bytes,
-    identity,
+    calibration_sha256,
     parse_calibration,
     read_calibration,
     write_calibration,
@@ -13,12 +13,12 @@ from tsis.calibration.file.content import (
 from tsis.calibration.file.probe_calibration import ProbeCalibration
 
 __all__ = [
-    "FILE_NAME",
-    "FORMAT",
-    "VERSION",
+    "CALIBRATION_FILE",
+    "CALIBRATION_FORMAT",
+    "CALIBRATION_VERSION",
     "ProbeCalibration",
     "calibration_bytes",
-    "identity",
+    "calibration_sha256",
     "parse_calibration",
     "read_calibration",
     "write_calibration",

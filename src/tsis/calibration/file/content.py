@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.calibration.file.plain_values import from_plain, require_bounded_maps, to_plain, without_maps
 from tsis.calibration.file.probe_calibration import ProbeCalibration
-from tsis.instrument import shown
+from tsis.instrument import printable_path
 from tsis.instrument.file_bytes import as_path, parse_object, read_object
 from tsis.model.durable import write_durably
 from tsis.model.errors import CalibrationError, FileInputError, InputError
@@ -17,12 +17,12 @@ from tsis.model.errors import CalibrationError, FileInputError, InputError
 if TYPE_CHECKING:
     import os
 
-FORMAT, VERSION = "tsis-calibration", 3
-FILE_NAME = "calibration.json"  # where nobody chooses another, and in every folder that holds one
+CALIBRATION_FORMAT, CALIBRATION_VERSION = "tsis-calibration", 3
+CALIBRATION_FILE = "calibration.json"  # where nobody chooses another, and in every folder that holds one
 LARGEST_BYTES = 128 * 2**20  # maps of a camera of 8 million pixels
 
 
-def identity(known: ProbeCalibration) -> str:
+def calibration_sha256(known: ProbeCalibration) -> str:
     """SHA-256 of the content: the name under which results cite the calibration."""
     found = _hash(to_plain(known, pack=False))
     assert found is not None  # values hold neither NaN nor endless nesting
@@ -40,11 +40,11 @@ def calibration_bytes(known: ProbeCalibration) -> bytes:
     plain = to_plain(known)
     require_bounded_maps(plain, "calibration")
     document = {
-        "format": FORMAT,
-        "version": VERSION,
+        "format": CALIBRATION_FORMAT,
+        "version": CALIBRATION_VERSION,
         "notice": RESEARCH_USE_ONLY,
         "tsis": __version__,
-        "sha256": identity(known),
+        "sha256": calibration_sha256(known),
         "calibration": plain,
     }
     content = (json.dumps(document, indent=2, allow_nan=False) + "\n").encode()
@@ -69,13 +69,15 @@ def write_calibration(known: ProbeCalibration, path: str | os.PathLike[str]) -> 
     content = calibration_bytes(known)
     try:
         if target.exists():
-            raise FileInputError(f"{shown(target)} must be a new file; it exists already (choose another name)")
+            raise FileInputError(
+                f"{printable_path(target)} must be a new file; it exists already (choose another name)"
+            )
         target.parent.mkdir(parents=True, exist_ok=True)
         write_durably(target, content)
     except OSError as error:
         reason = error.strerror or error
-        raise FileInputError(f"{shown(target)} must be a file that can be written; got: {reason}") from error
-    return identity(known)
+        raise FileInputError(f"{printable_path(target)} must be a file that can be written; got: {reason}") from error
+    return calibration_sha256(known)
 
 
 def read_calibration(path: str | os.PathLike[str]) -> ProbeCalibration:
@@ -89,7 +91,7 @@ def read_calibration(path: str | os.PathLike[str]) -> ProbeCalibration:
         When its content is not what was written: it was changed or damaged.
     """
     source = as_path(path)
-    return _known(read_object(source, most=LARGEST_BYTES), shown(source))
+    return _known(read_object(source, most=LARGEST_BYTES), printable_path(source))
 
 
 def parse_calibration(content: bytes, name: str) -> ProbeCalibration:
@@ -108,11 +110,11 @@ def parse_calibration(content: bytes, name: str) -> ProbeCalibration:
 
 
 def _known(document: dict[str, Any], name: str) -> ProbeCalibration:
-    if document.get("format") != FORMAT:
-        raise FileInputError(f"{name} must be a file of {FORMAT}; got {document.get('format')!r:.60}")
-    if document.get("version") != VERSION:
+    if document.get("format") != CALIBRATION_FORMAT:
+        raise FileInputError(f"{name} must be a file of {CALIBRATION_FORMAT}; got {document.get('format')!r:.60}")
+    if document.get("version") != CALIBRATION_VERSION:
         raise FileInputError(
-            f"{name} must be of version {VERSION}; got {document.get('version')!r:.20} "
+            f"{name} must be of version {CALIBRATION_VERSION}; got {document.get('version')!r:.20} "
             "(calibrate again, or read it with the release of tsis that wrote it)"
         )
     content = document.get("calibration")

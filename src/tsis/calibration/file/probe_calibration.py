@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, TypeVar
 
 from tsis.calibration.file.soundness import require_measured, require_name, require_sheet, require_time
 from tsis.calibration.force.line import ForceLine
-from tsis.calibration.reference.making import Reference
-from tsis.calibration.scale import Scale
+from tsis.calibration.reference.making import CameraReference
+from tsis.calibration.scale import PixelScale
 from tsis.calibration.specification.sheet import Specification
 from tsis.model import Calibration, check
 from tsis.model.errors import CalibrationError, InputError
@@ -18,7 +18,7 @@ from tsis.model.errors import CalibrationError, InputError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-Part = TypeVar("Part", Scale, Reference, ForceLine, Calibration, Specification)
+Part = TypeVar("Part", PixelScale, CameraReference, ForceLine, Calibration, Specification)
 SETTING_TOLERANCE = 1e-3  # share by which a camera may round what it was set to
 
 
@@ -71,8 +71,8 @@ new one: tsis calibrate)
     settings: Mapping[str, float] = field(default_factory=dict)
     made: datetime | None = None
     expires: datetime | None = None
-    scale: Scale | None = None
-    reference: Reference | None = None
+    scale: PixelScale | None = None
+    reference: CameraReference | None = None
     force_line: ForceLine | None = None
     response: Calibration | None = None
     specification: Specification | None = None
@@ -82,14 +82,16 @@ new one: tsis calibrate)
             require_name(name, getattr(self, name))
         for name, kind in PARTS.items():
             if getattr(self, name) is not None:
-                check.kind(name, getattr(self, name), kind)
+                check.require_type(name, getattr(self, name), kind)
                 require_measured(name, getattr(self, name))
         self._require_one_probe()
         if self.specification is not None:
             require_sheet(self.specification)
         for name in self.settings:
             require_name("the name of a setting", name)
-        values = {name: check.number(f"settings.{name}", value, -1e12, 1e12) for name, value in self.settings.items()}
+        values = {
+            name: check.require_number(f"settings.{name}", value, -1e12, 1e12) for name, value in self.settings.items()
+        }
         object.__setattr__(self, "settings", MappingProxyType(values))
         for name in ("made", "expires"):
             require_time(name, getattr(self, name))
@@ -182,8 +184,8 @@ new one: tsis calibrate)
 
 PARTS: Mapping[str, type] = MappingProxyType(
     {
-        "scale": Scale,
-        "reference": Reference,
+        "scale": PixelScale,
+        "reference": CameraReference,
         "force_line": ForceLine,
         "response": Calibration,
         "specification": Specification,

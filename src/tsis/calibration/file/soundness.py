@@ -11,7 +11,7 @@ from tsis.model.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from tsis.calibration.measured import Measured
+    from tsis.calibration.measured import MeasuredValue
     from tsis.calibration.specification.sheet import Specification
 
 LONGEST_NAME, LONGEST_NOTE = 200, 1000
@@ -65,7 +65,7 @@ def require_time(what: str, moment: object) -> None:
 def require_measured(part: str, value: Any) -> None:
     """Refuse a part whose measured numbers are in another unit, or negative where nothing can be."""
     for name, unit in MEASURED_IN.get(part, {}).items():
-        number: Measured | None = getattr(value, name)
+        number: MeasuredValue | None = getattr(value, name)
         if number is None:
             continue
         _require_unit(f"{part}.{name}", number, unit)
@@ -83,6 +83,6 @@ def require_sheet(sheet: Specification) -> None:
             _require_unit(f"{where}.measured", row.measured, row.unit)
 
 
-def _require_unit(where: str, number: Measured, unit: str) -> None:
+def _require_unit(where: str, number: MeasuredValue, unit: str) -> None:
     if number.unit != unit:
         raise InputError(f"{where} must be in {unit or 'no unit, a pure number'}; got {number.unit!r:.40}")

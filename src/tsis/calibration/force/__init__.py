@@ -3,16 +3,16 @@
 from tsis.calibration.force.fit import fit_force_line
 from tsis.calibration.force.line import ForceLine, ForceLineDiagnostics
 from tsis.calibration.force.loading import TIPS_MM, Loading, loading_forces
-from tsis.calibration.force.reading import PressReading, read_press, total_grey
+from tsis.calibration.force.reading import LoadingFrame, read_loading_frame, total_grey
 
 __all__ = [
     "TIPS_MM",
     "ForceLine",
     "ForceLineDiagnostics",
     "Loading",
-    "PressReading",
+    "LoadingFrame",
     "fit_force_line",
     "loading_forces",
-    "read_press",
+    "read_loading_frame",
     "total_grey",
 ]

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.calibration.measured import Measured
+from tsis.calibration.measured import MeasuredValue
 from tsis.model.errors import CalibrationError
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ FEWEST = 4
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Run:
+class LoadingRun:
     """A loading's usable presses and the least-squares line through them.
 
     Attributes
@@ -69,7 +69,7 @@ def usable(loading: Loading) -> NDArray[np.bool]:
     return np.asarray(loading.touched & (loading.total_grey > 0) & (loading.clipped <= CLIPPED_SHARE))
 
 
-def run_of(loading: Loading) -> Run:
+def run_of(loading: Loading) -> LoadingRun:
     """The line of one loading.
 
     Raises
@@ -92,7 +92,7 @@ def run_of(loading: Loading) -> Run:
             f"the sum of grey levels must rise with the force; it falls by {-slope:.3g} grey levels a newton under the "
             f"{loading.tip_radius_mm:g} mm tip (are forces and frames in one order?)"
         )
-    return Run(
+    return LoadingRun(
         tip_mm=loading.tip_radius_mm,
         force_n=force,
         total_grey=total,
@@ -102,22 +102,22 @@ def run_of(loading: Loading) -> Run:
     )
 
 
-def common_forces(runs: Sequence[Run]) -> NDArray[np.float64]:
+def common_forces(runs: Sequence[LoadingRun]) -> NDArray[np.float64]:
     """Forces that every run covers, shape (GRID,)."""
     low = max(float(run.force_n.min()) for run in runs)
     high = min(float(run.force_n.max()) for run in runs)
     return np.linspace(low, high, GRID)
 
 
-def mean_of(values: NDArray[np.float64], *, unit: str = "") -> Measured:
+def mean_of(values: NDArray[np.float64], *, unit: str = "") -> MeasuredValue:
     """Mean of independent values and its standard error; 2 values or more."""
     count = len(values)
     sd = float(np.std(values, ddof=1)) / float(np.sqrt(count))
-    return Measured(value=float(np.mean(values)), sd=sd, degrees_of_freedom=count - 1.0, unit=unit)
+    return MeasuredValue(value=float(np.mean(values)), sd=sd, degrees_of_freedom=count - 1.0, unit=unit)
 
 
-def spread_of(variance: float, freedom: float, *, unit: str = "") -> Measured:
+def spread_of(variance: float, freedom: float, *, unit: str = "") -> MeasuredValue:
     """A standard deviation that rests on so many degrees of freedom, with its own uncertainty."""
     freedom = max(freedom, 1.0)
     sd = float(np.sqrt(variance))
-    return Measured(value=sd, sd=sd / float(np.sqrt(2 * freedom)), degrees_of_freedom=freedom, unit=unit)
+    return MeasuredValue(value=sd, sd=sd / float(np.sqrt(2 * freedom)), degrees_of_freedom=freedom, unit=unit)

@@ -13,11 +13,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import nnls
 
-from tsis.calibration.force.curves import CLIPPED_SHARE, Run, run_of, spread_of
+from tsis.calibration.force.curves import CLIPPED_SHARE, LoadingRun, run_of, spread_of
 from tsis.calibration.force.line import ForceLine, ForceLineDiagnostics, joined
 from tsis.calibration.force.loading import Loading
-from tsis.calibration.force.quality import detectable_n, hysteresis, linearity, repeatability, tip_difference
-from tsis.calibration.measured import Measured
+from tsis.calibration.force.quality import (
+    detectable_n,
+    loading_hysteresis,
+    loading_linearity,
+    loading_repeatability,
+    tip_difference,
+)
+from tsis.calibration.measured import MeasuredValue
 from tsis.model import check
 from tsis.model.errors import CalibrationError
 
@@ -26,7 +32,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.calibration.reference.making import Reference
+    from tsis.calibration.reference.making import CameraReference
 
 GAUGE_SHARE = 0.001  # of the reading: what a gauge of class 0.1 % states
 PRINTED_TIP_SHARE = 0.0245  # the source's difference between two tips, where one tip only was used
@@ -35,7 +41,7 @@ PRINTED_TIP_SHARE = 0.0245  # the source's difference between two tips, where on
 def fit_force_line(
     loadings: Sequence[Loading],
     *,
-    reference: Reference,
+    reference: CameraReference,
     gauge_share: float = GAUGE_SHARE,
     drift_share: float | None = None,
     method: str = "threshold",
@@ -54,7 +60,7 @@ def fit_force_line(
         Relative standard deviation of the lamps between the reference and a later frame, after correction; that of
         ``reference`` when None.
     method
-        How `tsis.calibration.force.reading.read_press` found the bright patch.
+        How `tsis.calibration.force.reading.read_loading_frame` found the bright patch.
 
     Returns
     -------
@@ -68,13 +74,13 @@ def fit_force_line(
         When forces are in another unit.
     """
     for loading in loadings:
-        check.kind("loadings", loading, Loading)
+        check.require_type("loadings", loading, Loading)
     if len(loadings) < 2:
         raise CalibrationError(
             f"a force line needs at least 2 loadings, of two tips or repeats of one, for the lamps' drift hides in the "
             f"slope of a single one; got {len(loadings)}"
         )
-    gauge = check.number("gauge_share", gauge_share, 0.0, 0.5, hint="a share of one")
+    gauge = check.require_number("gauge_share", gauge_share, 0.0, 0.5, hint="a share of one")
     runs = [run_of(loading) for loading in loadings]
     tips = tuple(sorted({run.tip_mm for run in runs}))
     units = _units(runs)
@@ -102,7 +108,7 @@ def fit_force_line(
     return line, _diagnostics(runs, line, detectable, saturated=saturated)
 
 
-def _units(runs: Sequence[Run]) -> NDArray[np.float64]:
+def _units(runs: Sequence[LoadingRun]) -> NDArray[np.float64]:
     """Intercept and slope of each tip, or of each repeat when there is one tip, shape (units, 2)."""
     lines = np.array([(run.intercept, run.slope) for run in runs])
     tips = np.array([run.tip_mm for run in runs])
@@ -111,20 +117,22 @@ def _units(runs: Sequence[Run]) -> NDArray[np.float64]:
     return np.array([lines[tips == tip].mean(axis=0) for tip in sorted(set(tips.tolist()))])
 
 
-def _mean_line(units: NDArray[np.float64], gauge: float) -> tuple[Measured, Measured, NDArray[np.float64]]:
+def _mean_line(units: NDArray[np.float64], gauge: float) -> tuple[MeasuredValue, MeasuredValue, NDArray[np.float64]]:
     """Intercept and slope of the mean of the units' lines, and the covariance of the lines of single units."""
     covariance = np.cov(units, rowvar=False)
     intercept, slope = (float(value) for value in units.mean(axis=0))
     count, freedom = len(units), len(units) - 1.0
     variance, slope_freedom = joined(((float(covariance[1, 1]) / count, freedom), ((gauge * slope) ** 2, np.inf)))
     return (
-        Measured(value=intercept, sd=float(np.sqrt(covariance[0, 0] / count)), degrees_of_freedom=freedom, unit="grey"),
-        Measured(value=slope, sd=float(np.sqrt(variance)), degrees_of_freedom=slope_freedom, unit="grey/N"),
+        MeasuredValue(
+            value=intercept, sd=float(np.sqrt(covariance[0, 0] / count)), degrees_of_freedom=freedom, unit="grey"
+        ),
+        MeasuredValue(value=slope, sd=float(np.sqrt(variance)), degrees_of_freedom=slope_freedom, unit="grey/N"),
         covariance,
     )
 
 
-def _residuals(runs: Sequence[Run], slope: float) -> tuple[Measured, Measured]:
+def _residuals(runs: Sequence[LoadingRun], slope: float) -> tuple[MeasuredValue, MeasuredValue]:
     """Scatter of presses about the line of their run: a part in grey levels, and one in proportion to the sum."""
     light = np.concatenate([slope * run.force_n for run in runs])
     squares = np.concatenate([run.left**2 * len(run.left) / (len(run.left) - 2) for run in runs])
@@ -139,7 +147,7 @@ def _residuals(runs: Sequence[Run], slope: float) -> tuple[Measured, Measured]:
     return spread_of(float(parts[0]), freedom, unit="grey"), spread_of(float(parts[1]), freedom)
 
 
-def _range(loadings: Sequence[Loading], detectable: Measured | None) -> tuple[float, float, bool]:
+def _range(loadings: Sequence[Loading], detectable: MeasuredValue | None) -> tuple[float, float, bool]:
     """Smallest and largest force that the line holds for, and whether clipping ends it."""
     touched = np.concatenate([one.load_n[one.touched] for one in loadings])
     seen = np.concatenate([one.total_grey[one.touched] > 0 for one in loadings])
@@ -159,7 +167,7 @@ def _range(loadings: Sequence[Loading], detectable: Measured | None) -> tuple[fl
 
 
 def _diagnostics(
-    runs: Sequence[Run], line: ForceLine, detectable: Measured | None, *, saturated: bool
+    runs: Sequence[LoadingRun], line: ForceLine, detectable: MeasuredValue | None, *, saturated: bool
 ) -> ForceLineDiagnostics:
     force = np.concatenate([run.force_n for run in runs])
     total = np.concatenate([run.total_grey for run in runs])
@@ -168,10 +176,10 @@ def _diagnostics(
     return ForceLineDiagnostics(
         residual_sd_grey=float(np.sqrt(np.sum(own**2) / max(1, len(own) - 2 * len(runs)))),
         r_squared=float(1 - left.var() / total.var()),
-        linearity=linearity(runs),
+        linearity=loading_linearity(runs),
         exponent=float(np.polyfit(np.log(np.maximum(force, 1e-6)), np.log(total), 1)[0]),
-        hysteresis=hysteresis(runs),
-        repeatability=repeatability(runs),
+        hysteresis=loading_hysteresis(runs),
+        repeatability=loading_repeatability(runs),
         tip_difference=tip_difference(runs),
         detectable_n=detectable,
         saturated=saturated,

@@ -8,8 +8,8 @@ import numpy as np
 import scipy
 from scipy.optimize import brentq
 
-from tsis.calibration.force.reading import METHODS
-from tsis.calibration.measured import Measured
+from tsis.calibration.force.reading import PATCH_METHODS
+from tsis.calibration.measured import MeasuredValue
 from tsis.model import check
 from tsis.model.errors import InputError
 
@@ -59,7 +59,7 @@ class ForceLine:
     Examples
     --------
     >>> def sure(value, unit):
-    ...     return Measured(value=value, sd=0.0, unit=unit)
+    ...     return MeasuredValue(value=value, sd=0.0, unit=unit)
     >>> line = ForceLine(intercept_grey=sure(0.056e6, "grey"), slope_grey_per_n=sure(1.4778e6, "grey/N"), units=3,
     ...     unit_covariance=(0.0, 0.0, 0.0), residual_grey=sure(500.0, "grey"), residual_share=sure(0.0, ""),
     ...     least_n=0.1, most_n=2.0, pixels=768 * 492, full_scale=255.0, tips_mm=(2.0,))
@@ -68,12 +68,12 @@ class ForceLine:
     '1.000 N, sd 0.34 mN'
     """
 
-    intercept_grey: Measured
-    slope_grey_per_n: Measured
+    intercept_grey: MeasuredValue
+    slope_grey_per_n: MeasuredValue
     unit_covariance: tuple[float, float, float]
     units: int
-    residual_grey: Measured
-    residual_share: Measured
+    residual_grey: MeasuredValue
+    residual_share: MeasuredValue
     least_n: float
     most_n: float
     pixels: int
@@ -86,22 +86,22 @@ class ForceLine:
 
     def __post_init__(self) -> None:
         for name in ("intercept_grey", "slope_grey_per_n", "residual_grey", "residual_share"):
-            check.kind(name, getattr(self, name), Measured)
-        check.number("slope_grey_per_n", self.slope_grey_per_n.value, 1e-9, 1e15, hint="grey levels a newton")
+            check.require_type(name, getattr(self, name), MeasuredValue)
+        check.require_number("slope_grey_per_n", self.slope_grey_per_n.value, 1e-9, 1e15, hint="grey levels a newton")
         for value, least in zip(self.unit_covariance, (0.0, -1e30, 0.0), strict=True):
-            check.number("unit_covariance", value, least, 1e30, hint="variance, covariance, variance")
-        check.whole("units", self.units, 2, 10_000)
+            check.require_number("unit_covariance", value, least, 1e30, hint="variance, covariance, variance")
+        check.require_integer("units", self.units, 2, 10_000)
         for name in ("assumed_tip_share", "drift_share", "gauge_share"):
-            check.number(name, getattr(self, name), 0.0, 1.0, hint="a share of one")
-        check.number("most_n", self.most_n, 0.0, LARGEST_GAUGE_N, hint="newtons")
-        check.number("least_n", self.least_n, 0.0, self.most_n, hint="newtons, at most most_n")
-        check.whole("pixels", self.pixels, 1, 2**40)
-        check.number("full_scale", self.full_scale, 1.0, 65535.0)
+            check.require_number(name, getattr(self, name), 0.0, 1.0, hint="a share of one")
+        check.require_number("most_n", self.most_n, 0.0, LARGEST_GAUGE_N, hint="newtons")
+        check.require_number("least_n", self.least_n, 0.0, self.most_n, hint="newtons, at most most_n")
+        check.require_integer("pixels", self.pixels, 1, 2**40)
+        check.require_number("full_scale", self.full_scale, 1.0, 65535.0)
         if not self.tips_mm:
             raise InputError("tips_mm must hold the radius of at least one tip; got none")
         for tip in self.tips_mm:
-            check.number("tips_mm", tip, 0.1, 1000.0, hint="millimetres")
-        check.known("segmentation method", self.method, METHODS)
+            check.require_number("tips_mm", tip, 0.1, 1000.0, hint="millimetres")
+        check.require_one_of("segmentation method", self.method, PATCH_METHODS)
         self._refuse_impossible_sums()
 
     def _refuse_impossible_sums(self) -> None:
@@ -118,7 +118,7 @@ class ForceLine:
         """Sum of a frame that is all at full scale."""
         return self.pixels * self.full_scale
 
-    def force_n(self, total_grey: float) -> Measured:
+    def force_n(self, total_grey: float) -> MeasuredValue:
         """The force of a new frame in newtons, of an object that was not among the tips.
 
         Parameters
@@ -136,7 +136,7 @@ class ForceLine:
         InputError
             When the force lies outside the valid range.
         """
-        total = check.number("total_grey", total_grey, -1e15, 1e15)
+        total = check.require_number("total_grey", total_grey, -1e15, 1e15)
         force = (total - self.intercept_grey.value) / self.slope_grey_per_n.value
         if not self.least_n <= force <= self.most_n:
             raise InputError(
@@ -145,7 +145,7 @@ class ForceLine:
             )
         return self.uncertain(force)
 
-    def uncertain(self, force_n: float) -> Measured:
+    def uncertain(self, force_n: float) -> MeasuredValue:
         """A force in newtons with the prediction uncertainty that it has when it is read from one new frame."""
         slope = self.slope_grey_per_n.value
         light = (slope * force_n) ** 2
@@ -159,7 +159,7 @@ class ForceLine:
             (sure, np.inf),
         )
         variance, freedom = joined(parts)
-        return Measured(value=force_n, sd=float(np.sqrt(variance)) / slope, degrees_of_freedom=freedom, unit="N")
+        return MeasuredValue(value=force_n, sd=float(np.sqrt(variance)) / slope, degrees_of_freedom=freedom, unit="N")
 
 
 def joined(parts: tuple[tuple[float, float], ...]) -> tuple[float, float]:
@@ -217,10 +217,10 @@ class ForceLineDiagnostics:
 
     residual_sd_grey: float
     r_squared: float
-    linearity: Measured
+    linearity: MeasuredValue
     exponent: float
-    hysteresis: Measured | None
-    repeatability: Measured | None
-    tip_difference: Measured | None
-    detectable_n: Measured | None
+    hysteresis: MeasuredValue | None
+    repeatability: MeasuredValue | None
+    tip_difference: MeasuredValue | None
+    detectable_n: MeasuredValue | None
     saturated: bool

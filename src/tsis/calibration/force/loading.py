@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.calibration.force.reading import PressReading
+    from tsis.calibration.force.reading import LoadingFrame
 
 TIPS_MM = (2.0, 10.0, 14.0)
 LARGEST_N, STEP_N = 2.0, 0.1
@@ -43,8 +43,8 @@ def loading_forces(largest_n: float = LARGEST_N, step_n: float = STEP_N) -> tupl
     >>> loading_forces(0.3)
     (0.0, 0.1, 0.2, 0.3, 0.2, 0.1, 0.0)
     """
-    check.number("largest_n", largest_n, 1e-3, LARGEST_GAUGE_N, hint="newtons")
-    steps = round(largest_n / check.number("step_n", step_n, 1e-4, largest_n, hint="newtons"))
+    check.require_number("largest_n", largest_n, 1e-3, LARGEST_GAUGE_N, hint="newtons")
+    steps = round(largest_n / check.require_number("step_n", step_n, 1e-4, largest_n, hint="newtons"))
     up = [round(largest_n * step / steps, 9) for step in range(steps + 1)]
     return (*up, *up[-2::-1])
 
@@ -85,10 +85,10 @@ class Loading:
     run: int = 1
 
     def __post_init__(self) -> None:
-        check.number("tip_radius_mm", self.tip_radius_mm, 0.1, 1000.0, hint="millimetres")
-        check.whole("run", self.run, 1, 10_000)
+        check.require_number("tip_radius_mm", self.tip_radius_mm, 0.1, 1000.0, hint="millimetres")
+        check.require_integer("run", self.run, 1, 10_000)
         for name in ("force_n", "total_grey", "field_grey", "peak_grey", "mean_square_mm2", "clipped"):
-            values = check.array(name, getattr(self, name), ndim=1)
+            values = check.require_array(name, getattr(self, name), ndim=1)
             object.__setattr__(self, name, values)
             if len(values) != len(self.force_n):
                 raise InputError(f"{name} must hold one number a press, {len(self.force_n)}; got {len(values)}")
@@ -109,7 +109,7 @@ class Loading:
             )
 
     @classmethod
-    def of(cls, tip_radius_mm: float, readings: Sequence[PressReading], *, run: int = 1) -> Self:
+    def of(cls, tip_radius_mm: float, readings: Sequence[LoadingFrame], *, run: int = 1) -> Self:
         """The loading of presses that were read one by one."""
         return cls(
             tip_radius_mm=tip_radius_mm,

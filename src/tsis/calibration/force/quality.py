@@ -8,14 +8,14 @@ import numpy as np
 import scipy
 
 from tsis.calibration.force.curves import common_forces, mean_of, spread_of
-from tsis.calibration.measured import Measured
+from tsis.calibration.measured import MeasuredValue
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from tsis.calibration.force.curves import Run
+    from tsis.calibration.force.curves import LoadingRun
     from tsis.calibration.force.loading import Loading
 
 COMPARED_N = 0.8  # where the source compares its tips
@@ -24,7 +24,7 @@ WIDEST = 0.6  # of the largest force
 FEWEST_UNTOUCHED = 3
 
 
-def linearity(runs: Sequence[Run]) -> Measured:
+def loading_linearity(runs: Sequence[LoadingRun]) -> MeasuredValue:
     """Largest departure of the mean curve from a straight line over the largest sum, signed.
 
     The place is picked for being largest, so noise makes it larger; the interval is that of the picked place.
@@ -39,7 +39,7 @@ def linearity(runs: Sequence[Run]) -> Measured:
     return mean_of(found[:, int(np.abs(found.mean(axis=0)).argmax())])
 
 
-def hysteresis(runs: Sequence[Run]) -> Measured | None:
+def loading_hysteresis(runs: Sequence[LoadingRun]) -> MeasuredValue | None:
     """Loading less unloading over the range, at 0.6 of the largest force; None with fewer than two loops.
 
     Each run's loop is smoothed to ``f (1 - f) (c0 + c1 f)``, f the force over the largest one, which is closed at both
@@ -57,7 +57,7 @@ def _basis(share: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.stack([closed, closed * share], axis=1)
 
 
-def _loop(run: Run) -> NDArray[np.float64]:
+def _loop(run: LoadingRun) -> NDArray[np.float64]:
     largest = float(run.force_n.max())
     force = np.unique(np.round(run.force_n[~run.rising], 12))
     width = (run.at(force, rising=True) - run.at(force, rising=False)) / (run.intercept + run.slope * largest)
@@ -65,7 +65,7 @@ def _loop(run: Run) -> NDArray[np.float64]:
     return np.asarray(found)
 
 
-def repeatability(runs: Sequence[Run]) -> Measured | None:
+def loading_repeatability(runs: Sequence[LoadingRun]) -> MeasuredValue | None:
     """Standard deviation of sums of one tip and force in repeated loadings over the range; None without repeats."""
     squares, freedom = 0.0, 0
     for tip in {run.tip_mm for run in runs}:
@@ -81,7 +81,7 @@ def repeatability(runs: Sequence[Run]) -> Measured | None:
     return spread_of(squares / (2 * freedom), freedom) if freedom else None
 
 
-def tip_difference(runs: Sequence[Run]) -> Measured | None:
+def tip_difference(runs: Sequence[LoadingRun]) -> MeasuredValue | None:
     """Line of the widest tip over that of the second widest at 0.8 N, less one; None with one tip."""
     tips = sorted({run.tip_mm for run in runs})
     if len(tips) < 2:
@@ -92,15 +92,15 @@ def tip_difference(runs: Sequence[Run]) -> Measured | None:
     error = float(np.sqrt(np.mean(np.square(legs)))) if legs else 0.0
     wide, other = np.mean(sums[tips[-1]]), np.mean(sums[tips[-2]])
     sd = error * np.sqrt(1 / len(sums[tips[-1]]) + 1 / len(sums[tips[-2]]))
-    return Measured(value=float(wide / other - 1), sd=float(sd), degrees_of_freedom=max(1.0, float(len(legs))))
+    return MeasuredValue(value=float(wide / other - 1), sd=float(sd), degrees_of_freedom=max(1.0, float(len(legs))))
 
 
-def _legs(run: Run) -> float:
+def _legs(run: LoadingRun) -> float:
     up, down = (float(run.at(np.array([COMPARED_N]), rising=way)[0]) for way in (True, False))
     return (up - down) / (up + down)
 
 
-def detectable_n(loadings: Sequence[Loading], slope_grey_per_n: float) -> Measured | None:
+def detectable_n(loadings: Sequence[Loading], slope_grey_per_n: float) -> MeasuredValue | None:
     """Smallest force that the sum over the whole frame tells from no contact, newtons; None without untouched frames.
 
     Currie's limit ``(z_a + z_b) s sqrt(1 + 1 / n)`` of n untouched sums with the standard deviation s.

@@ -16,9 +16,9 @@ from tsis.model.errors import InputError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.calibration.reference.making import Reference
+    from tsis.calibration.reference.making import CameraReference
 
-METHODS = ("threshold", "canny")
+PATCH_METHODS = ("threshold", "canny")
 MARGIN = 0.06  # of the patch's radius, by which it is widened to hold all of its light
 LEAST_MARGIN_PX = 3
 MIDDLE = 0.3  # of the contact's radius: what counts as its middle
@@ -26,7 +26,7 @@ HERTZ_SPREAD = 2.5  # square of the radius over the mean square distance of a He
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PressReading:
+class LoadingFrame:
     """One frame with the force that the gauge showed.
 
     Attributes
@@ -52,9 +52,9 @@ class PressReading:
     clipped: float
 
 
-def read_press(
-    image: TactileImage, reference: Reference, *, force_n: float, touched: bool, method: str = "threshold"
-) -> PressReading:
+def read_loading_frame(
+    image: TactileImage, reference: CameraReference, *, force_n: float, touched: bool, method: str = "threshold"
+) -> LoadingFrame:
     """Read one frame of the loading procedure; clipped pixels are counted, not refused, so that the range shows.
 
     Parameters
@@ -82,7 +82,7 @@ def read_press(
     field = float(grey[reference.usable].sum())
     mask = patch_mask(TactileImage(grey=grey, full_scale=reference.full_scale), method=method)
     if not mask.any():
-        return PressReading(
+        return LoadingFrame(
             force_n=force_n,
             touched=touched,
             total_grey=0.0,
@@ -92,7 +92,7 @@ def read_press(
             clipped=0.0,
         )
     peak, spread = _shape(grey, mask, scale)
-    return PressReading(
+    return LoadingFrame(
         force_n=force_n,
         touched=touched,
         total_grey=float(grey[mask].sum()),
@@ -103,7 +103,7 @@ def read_press(
     )
 
 
-def total_grey(image: TactileImage, reference: Reference, *, method: str = "threshold") -> float:
+def total_grey(image: TactileImage, reference: CameraReference, *, method: str = "threshold") -> float:
     """Sum of grey levels above no contact over the bright patch of a frame, 0 when nothing stands out of the noise.
 
     It is what `ForceLine.force_n` takes.
@@ -129,7 +129,7 @@ def patch_mask(image: TactileImage, *, method: str = "threshold") -> NDArray[np.
         ``"threshold"`` cuts six standard deviations of the noise above the dark side; ``"canny"`` fills the outline
         that Canny's edges draw, and takes the threshold's patch where they do not close.
     """
-    check.known("segmentation method", method, METHODS)
+    check.require_one_of("segmentation method", method, PATCH_METHODS)
     patch = segment(image, method="noise")
     mask = np.asarray(patch.mask)
     if not patch.found:

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from tsis.calibration.guard.limits import GuardLimits
-    from tsis.calibration.guard.reading import PressReading
+    from tsis.calibration.guard.reading import GuardReading
     from tsis.calibration.settling.verdict import Settling
 
 WORST = 1e6  # a value over its limit is said to be at most so far over it
@@ -109,7 +109,7 @@ FLAGS = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Finding:
+class LimitExcess:
     """A number held against its limit.
 
     Attributes
@@ -125,13 +125,13 @@ class Finding:
 
 
 def findings(
-    reading: PressReading,
+    reading: GuardReading,
     limits: GuardLimits,
     *,
     settling: Settling | None = None,
     flicker_grey: float | None = None,
     in_a_row: int = 0,
-) -> Iterator[Finding]:
+) -> Iterator[LimitExcess]:
     """Hold every number that is known against its limit, in the order in which faults are best cured.
 
     Parameters
@@ -187,7 +187,7 @@ def findings(
         yield _above("moving", settling.bound, limits.moving, _hold(settling))
 
 
-def _contact_findings(reading: PressReading, limits: GuardLimits) -> Iterator[Finding]:
+def _contact_findings(reading: GuardReading, limits: GuardLimits) -> Iterator[LimitExcess]:
     if reading.saturated is not None:
         yield _clipping(reading.saturated, limits)
     advice = f"press more or expose longer: the contact's peak is {reading.contrast:.1%} of full scale"
@@ -206,7 +206,7 @@ def _contact_findings(reading: PressReading, limits: GuardLimits) -> Iterator[Fi
         yield _above("tilted", size, limits.tilt, advice)
 
 
-def _clipping(share: float, limits: GuardLimits) -> Finding:
+def _clipping(share: float, limits: GuardLimits) -> LimitExcess:
     advice = f"press less or expose shorter: {share:.2%} of the contact clips"
     return _above("saturated", share, limits.saturated, advice)
 
@@ -229,11 +229,11 @@ def _duration(seconds: float) -> str:
     return f"{math.ceil(seconds)} s" if seconds <= 120 else f"{math.ceil(seconds / 60)} min"
 
 
-def _above(name: str, value: float, limit: float, advice: str) -> Finding:
+def _above(name: str, value: float, limit: float, advice: str) -> LimitExcess:
     excess = min(value / limit, WORST) if limit > 0 else (WORST if value > 0 else 0.0)
-    return Finding(flag=GuardFlag(name=name, value=value, limit=limit, advice=advice), excess=excess)
+    return LimitExcess(flag=GuardFlag(name=name, value=value, limit=limit, advice=advice), excess=excess)
 
 
-def _below(name: str, value: float, limit: float, advice: str) -> Finding:
+def _below(name: str, value: float, limit: float, advice: str) -> LimitExcess:
     excess = min(limit / value, WORST) if value > 0 else WORST
-    return Finding(flag=GuardFlag(name=name, value=value, limit=limit, advice=advice), excess=excess)
+    return LimitExcess(flag=GuardFlag(name=name, value=value, limit=limit, advice=advice), excess=excess)

@@ -10,11 +10,11 @@ from tsis.calibration.guard.watch import PressWatch
 from tsis.model import TactileImage, list_probes, load_probe
 
 if TYPE_CHECKING:
-    from tsis.calibration.cited import CitedCalibration
+    from tsis.calibration.cited import UsableCalibration
     from tsis.instrument import Frame
 
 
-def guard_reference(calibration: CitedCalibration | None) -> GuardReference:
+def guard_reference(calibration: UsableCalibration | None) -> GuardReference:
     """The untouched probe of a calibration; nothing without one."""
     reference = None if calibration is None else calibration.known.reference
     if reference is None:
@@ -31,24 +31,24 @@ def guard_reference(calibration: CitedCalibration | None) -> GuardReference:
     )
 
 
-def press_watch(frame: Frame, calibration: CitedCalibration | None) -> PressWatch:
+def press_watch(frame: Frame, calibration: UsableCalibration | None) -> PressWatch:
     """A guard for the stream that this frame belongs to."""
     shape = FrameShape.of(frame.tactile_image(mm_per_pixel=_scale(calibration)))
     return PressWatch(shape, reference=guard_reference(calibration))
 
 
-def scaled(image: TactileImage, calibration: CitedCalibration | None) -> TactileImage:
+def with_calibrated_scale(image: TactileImage, calibration: UsableCalibration | None) -> TactileImage:
     """A frame with the calibration's scale, or as it is; `ImageMismatchError` when that was of another size."""
     scale = None if calibration is None else calibration.known.scale
     return image if scale is None else scale.on(image)
 
 
-def _scale(calibration: CitedCalibration | None) -> tuple[float, float] | None:
+def _scale(calibration: UsableCalibration | None) -> tuple[float, float] | None:
     scale = None if calibration is None else calibration.known.scale
     return None if scale is None else scale.mm_per_pixel
 
 
-def _face_radius_mm(calibration: CitedCalibration | None) -> float | None:
+def _face_radius_mm(calibration: UsableCalibration | None) -> float | None:
     """Radius of the face of a probe that the catalog knows."""
     name = "" if calibration is None else calibration.known.probe
     return load_probe(name).radius_mm if name in list_probes() else None

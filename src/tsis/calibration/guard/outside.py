@@ -21,7 +21,7 @@ LEAST_SHARE = 0.1  # of the frame: a smaller dark part may be the foot of a cont
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Outside:
+class OutsideLevel:
     """Levels where no press reaches.
 
     Attributes
@@ -41,23 +41,23 @@ class Outside:
     mean_grey: float | None = None
 
 
-def level_outside(grey: NDArray[np.float64], change: NDArray[np.float64], prepared: Prepared) -> Outside:
+def level_outside(grey: NDArray[np.float64], change: NDArray[np.float64], prepared: Prepared) -> OutsideLevel:
     """Look beyond the face's rim where that is known, else at the darkest part of the change."""
     if prepared.beyond_rim:
         parts, level = prepared.beyond_rim, None
     else:
         level, dark = darkest(change)
         if dark is None:
-            return Outside(level=level if prepared.untouched is None else 0.0)
+            return OutsideLevel(level=level if prepared.untouched is None else 0.0)
         parts = (dark,)
     mean = float(np.mean([grey[part].mean() for part in parts]))
     levels = [float(np.median(change[part])) for part in parts]
     if prepared.untouched is None:
-        return Outside(level=float(np.median(levels)), mean_grey=mean)
+        return OutsideLevel(level=float(np.median(levels)), mean_grey=mean)
     added = [prepared.sign * level for level in levels]
     brightest = int(np.argmax(added))
     before = float(np.median(prepared.untouched[parts[brightest]]))
-    return Outside(level=float(np.median(levels)), before=before, since=added[brightest], mean_grey=mean)
+    return OutsideLevel(level=float(np.median(levels)), before=before, since=added[brightest], mean_grey=mean)
 
 
 def darkest(change: NDArray[np.float64]) -> tuple[float, NDArray[np.bool] | None]:

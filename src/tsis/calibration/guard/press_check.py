@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 from tsis.calibration.guard.blocks import FrameShape
 from tsis.calibration.guard.flags import findings
 from tsis.calibration.guard.limits import GuardLimits
-from tsis.calibration.guard.reading import read_press
+from tsis.calibration.guard.reading import read_guard_frame
 from tsis.calibration.guard.reference import GuardReference, prepared
-from tsis.imaging.correct import check_image
+from tsis.imaging.correct import require_image
 from tsis.model import TactileImage, check
 
 if TYPE_CHECKING:
@@ -64,12 +64,12 @@ def check_press(
     ...     print(f"{flag.name}: {flag.advice}")
     force-too-large: press less: 2.3 N is above 2 N
     """
-    check_image("image", image)
+    require_image("image", image)
     if isinstance(reference, TactileImage) or reference is None:
         reference = GuardReference(untouched=reference)
-    check.kind("reference", reference, GuardReference)
+    check.require_type("reference", reference, GuardReference)
     limits = GuardLimits() if limits is None else limits
-    check.kind("limits", limits, GuardLimits)
-    force = image.force_n if force_n is None else check.number("force_n", force_n, 0.0, 1000.0, hint="newtons")
-    reading = read_press(image.grey, prepared(reference, FrameShape.of(image)), force_n=force)
+    check.require_type("limits", limits, GuardLimits)
+    force = image.force_n if force_n is None else check.require_number("force_n", force_n, 0.0, 1000.0, hint="newtons")
+    reading = read_guard_frame(image.grey, prepared(reference, FrameShape.of(image)), force_n=force)
     return tuple(one.flag for one in findings(reading, limits, settling=settling) if one.excess > 1.0)

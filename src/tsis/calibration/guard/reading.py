@@ -15,7 +15,7 @@ from tsis.imaging.patch import NOISE_FACTOR, QUANTISATION, SMOOTH_PX, pixel_nois
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.calibration.guard.outside import Outside
+    from tsis.calibration.guard.outside import OutsideLevel
     from tsis.calibration.guard.reference import Prepared
 
 FOOT = 0.05  # of the peak: where the contact's light counts as its own
@@ -25,7 +25,7 @@ LEAST_AREA = 9  # blocks: a smaller contact has no moments
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class PressReading:
+class GuardReading:
     """Numbers of one frame; None is what cannot be told from what was given.
 
     Attributes
@@ -71,7 +71,7 @@ class PressReading:
     outside_grey: float | None
 
 
-def read_press(pixels: NDArray[Any], prepared: Prepared, *, force_n: float | None = None) -> PressReading:
+def read_guard_frame(pixels: NDArray[Any], prepared: Prepared, *, force_n: float | None = None) -> GuardReading:
     """Read a frame of the shape that the companions were prepared for.
 
     Parameters
@@ -105,7 +105,7 @@ def read_press(pixels: NDArray[Any], prepared: Prepared, *, force_n: float | Non
     everywhere = float((pixels >= shape.full_scale).mean())
     if everywhere > MOST:
         saturated = everywhere
-    return PressReading(
+    return GuardReading(
         force_n=force_n,
         full_scale=shape.full_scale,
         contrast=peak / shape.full_scale,
@@ -121,7 +121,9 @@ def read_press(pixels: NDArray[Any], prepared: Prepared, *, force_n: float | Non
     )
 
 
-def lamps_and_ambient(pixels: NDArray[Any], outside: Outside, prepared: Prepared) -> tuple[float | None, float | None]:
+def lamps_and_ambient(
+    pixels: NDArray[Any], outside: OutsideLevel, prepared: Prepared
+) -> tuple[float | None, float | None]:
     """Change of the lamps, a share, and light from outside, grey levels; None is what cannot be told.
 
     Lamps that brighten by r multiply what they light, light from outside adds the same a everywhere. A lit patch P and

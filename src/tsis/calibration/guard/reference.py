@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-from tsis.calibration.guard.reading import read_press
+from tsis.calibration.guard.reading import read_guard_frame
 from tsis.calibration.lamps.patch import LEAST_LIT, ReferencePatch, require_lit
-from tsis.imaging.correct import check_image, check_same_frame
+from tsis.imaging.correct import require_image, require_same_frame
 from tsis.model import TactileImage, check
 from tsis.model.errors import ImageMismatchError, InputError
 
@@ -56,20 +56,20 @@ class GuardReference:
 
     def __post_init__(self) -> None:
         if self.untouched is not None:
-            check_image("untouched", self.untouched)
+            require_image("untouched", self.untouched)
         if self.level is not None:
-            check_same_frame(self.level, self.untouched or self.level, "untouched")
+            require_same_frame(self.level, self.untouched or self.level, "untouched")
         for name, wanted in (("patch", self.patch is not None), ("invert", self.invert)):
             if wanted and self.untouched is None:
                 raise InputError(f"{name} needs a frame of the untouched probe to compare with; give untouched")
         if self.patch is not None:
-            check.kind("patch", self.patch, ReferencePatch)
+            check.require_type("patch", self.patch, ReferencePatch)
             assert self.untouched is not None
             self.patch.of(self.untouched)  # inside the frame
         if self.face_radius_mm is not None:
-            check.number("face_radius_mm", self.face_radius_mm, 0.1, 1000.0, hint="millimetres")
+            check.require_number("face_radius_mm", self.face_radius_mm, 0.1, 1000.0, hint="millimetres")
         if self.dark_grey is not None:
-            check.number("dark_grey", self.dark_grey, 0.0, 65535.0)
+            check.require_number("dark_grey", self.dark_grey, 0.0, 65535.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -164,7 +164,7 @@ def prepared(reference: GuardReference, shape: FrameShape) -> Prepared:
         found = replace(found, patch_before=level)
     if reference.level is None:
         return found
-    tilt = read_press(reference.level.grey, found).tilt
+    tilt = read_guard_frame(reference.level.grey, found).tilt
     if tilt is None:
         raise InputError("the level press shows no contact; press the probe square on plain tissue for it")
     return replace(found, level_tilt=tilt)

@@ -15,7 +15,7 @@ LEAST_NOISY = 0.01  # of the pixels: stuck ones of a black picture are fewer
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Stillness:
+class RepeatedFrames:
     """How often in a row the same picture came.
 
     Attributes
@@ -30,12 +30,12 @@ class Stillness:
     checksum: int | None = None
     in_a_row: int = 0
 
-    def with_picture(self, pixels: NDArray[Any]) -> Stillness:
+    def with_picture(self, pixels: NDArray[Any]) -> RepeatedFrames:
         """The count with one picture more.
 
         Examples
         --------
-        >>> still = Stillness()
+        >>> still = RepeatedFrames()
         >>> grey, black = np.arange(9.0).reshape(3, 3), np.zeros((3, 3))
         >>> for picture in (grey, grey, grey):
         ...     still = still.with_picture(picture)
@@ -44,7 +44,7 @@ class Stillness:
         """
         checksum = zlib.crc32(np.ascontiguousarray(pixels).data)
         again = checksum == self.checksum and _noisy(pixels)
-        return Stillness(checksum=checksum, in_a_row=self.in_a_row + 1 if again else 1)
+        return RepeatedFrames(checksum=checksum, in_a_row=self.in_a_row + 1 if again else 1)
 
 
 def _noisy(pixels: NDArray[Any]) -> bool:

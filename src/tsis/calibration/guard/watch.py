@@ -12,15 +12,15 @@ from tsis.calibration.guard.flags import findings
 from tsis.calibration.guard.flicker import FRAMES, flicker_amplitude
 from tsis.calibration.guard.history import PressHistory
 from tsis.calibration.guard.limits import GuardLimits
-from tsis.calibration.guard.reading import read_press
+from tsis.calibration.guard.reading import read_guard_frame
 from tsis.calibration.guard.reference import GuardReference, prepared
-from tsis.calibration.guard.stillness import Stillness
-from tsis.calibration.settling.verdict import LONGEST_S, judged
+from tsis.calibration.guard.stillness import RepeatedFrames
+from tsis.calibration.settling.verdict import LONGEST_S, assess_history
 from tsis.model import check
 
 if TYPE_CHECKING:
     from tsis.calibration.guard.flags import GuardFlag
-    from tsis.calibration.guard.reading import PressReading
+    from tsis.calibration.guard.reading import GuardReading
     from tsis.calibration.guard.reference import Prepared
     from tsis.calibration.settling.verdict import Settling
     from tsis.instrument import Frame
@@ -47,8 +47,8 @@ class WatchState:
     raised: frozenset[str] = frozenset()
     history: PressHistory = field(default_factory=PressHistory)
     outside: tuple[tuple[float, float], ...] = ()
-    stillness: Stillness = field(default_factory=Stillness)
-    reading: PressReading | None = None
+    stillness: RepeatedFrames = field(default_factory=RepeatedFrames)
+    reading: GuardReading | None = None
     settling: Settling | None = None
 
 
@@ -95,12 +95,12 @@ class PressWatch:
         limits: GuardLimits | None = None,
         longest_s: float = LONGEST_S,
     ) -> None:
-        check.kind("shape", shape, FrameShape)
+        check.require_type("shape", shape, FrameShape)
         reference = GuardReference() if reference is None else reference
-        check.kind("reference", reference, GuardReference)
+        check.require_type("reference", reference, GuardReference)
         self.limits = GuardLimits() if limits is None else limits
-        check.kind("limits", self.limits, GuardLimits)
-        self._longest_s = check.number("longest_s", longest_s, 1e-2, 1e5, hint="seconds")
+        check.require_type("limits", self.limits, GuardLimits)
+        self._longest_s = check.require_number("longest_s", longest_s, 1e-2, 1e5, hint="seconds")
         self._prepared: Prepared = prepared(reference, shape)
 
     def step(
@@ -134,8 +134,8 @@ class PressWatch:
         """
         self._prepared.check_fits(frame.pixels, frame.full_scale)
         if force_n is not None:
-            check.number("force_n", force_n, 0.0, 1000.0, hint="newtons")
-        reading = read_press(frame.pixels, self._prepared, force_n=force_n)
+            check.require_number("force_n", force_n, 0.0, 1000.0, hint="newtons")
+        reading = read_guard_frame(frame.pixels, self._prepared, force_n=force_n)
         history, outside = self._remembered(state, frame.time_s, reading)
         # Between two closed bins the series is the same, and so is the verdict.
         settling = state.settling if history.time_s is state.history.time_s else self._judged(history)
@@ -161,7 +161,7 @@ class PressWatch:
         )
 
     def _remembered(
-        self, state: WatchState, time_s: float | None, reading: PressReading
+        self, state: WatchState, time_s: float | None, reading: GuardReading
     ) -> tuple[PressHistory, tuple[tuple[float, float], ...]]:
         """Histories with the new frame; those of an earlier press or stream are dropped."""
         if time_s is None:
@@ -177,7 +177,7 @@ class PressWatch:
         if history.last_s is None:  # no contact
             return None
         time, value = np.array(history.time_s), np.array(history.value)
-        return judged(time, value, tolerance=self.limits.moving, longest_s=self._longest_s)
+        return assess_history(time, value, tolerance=self.limits.moving, longest_s=self._longest_s)
 
 
 def _columns(outside: tuple[tuple[float, float], ...]) -> tuple[list[float], list[float]]:

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from tsis.calibration.measured import Measured
-from tsis.imaging.correct import check_image, check_same_frame
+from tsis.calibration.measured import MeasuredValue
+from tsis.imaging.correct import require_image, require_same_frame
 from tsis.imaging.patch import pixel_noise
 from tsis.model import check
 from tsis.model.errors import InputError
@@ -52,10 +52,12 @@ class ReferencePatch:
 
     def __post_init__(self) -> None:
         for first, last in (("first_row", "last_row"), ("first_column", "last_column")):
-            start = check.whole(first, getattr(self, first), 0, 65534, hint="pixels")
+            start = check.require_integer(first, getattr(self, first), 0, 65534, hint="pixels")
             object.__setattr__(self, first, start)
             object.__setattr__(
-                self, last, check.whole(last, getattr(self, last), start + 1, 65535, hint="pixels, beyond the first")
+                self,
+                last,
+                check.require_integer(last, getattr(self, last), start + 1, 65535, hint="pixels, beyond the first"),
             )
         if self.pixels < LEAST_PIXELS:
             raise InputError(f"a reference patch must hold at least {LEAST_PIXELS} pixels; got {self.pixels}")
@@ -92,7 +94,7 @@ class ReferencePatch:
         InputError
             When it reaches beyond the frame.
         """
-        check_image("image", image)
+        require_image("image", image)
         self.require_inside(image.grey.shape)
         return replace(image, grey=self.cut(image.grey), axis_px=None)
 
@@ -121,7 +123,7 @@ def require_lit(light_grey: float, full_scale: float) -> None:
 
 def patch_ratio(
     image: TactileImage, reference: TactileImage, *, patch: ReferencePatch, dark_grey: float = 0.0
-) -> Measured:
+) -> MeasuredValue:
     """How bright the lamps are, as a ratio to what they were in the reference.
 
     Parameters
@@ -153,13 +155,13 @@ def patch_ratio(
     >>> round(patch_ratio(after, before, patch=corner).value, 4)
     1.03
     """
-    check_same_frame(image, reference, "reference")
-    check.number("dark_grey", dark_grey, 0.0, image.full_scale)
+    require_same_frame(image, reference, "reference")
+    check.require_number("dark_grey", dark_grey, 0.0, image.full_scale)
     levels = [_level("image", image, patch, dark_grey), _level("reference", reference, patch, dark_grey)]
     (now, now_sd), (before, before_sd) = levels
     require_lit(before, reference.full_scale)
     ratio = now / before
-    return Measured(value=ratio, sd=float(np.hypot(now_sd, ratio * before_sd)) / before)
+    return MeasuredValue(value=ratio, sd=float(np.hypot(now_sd, ratio * before_sd)) / before)
 
 
 def _level(name: str, image: TactileImage, patch: ReferencePatch, dark_grey: float) -> tuple[float, float]:
@@ -172,7 +174,7 @@ def _level(name: str, image: TactileImage, patch: ReferencePatch, dark_grey: flo
     return float(grey.mean()) - dark_grey, noise / float(np.sqrt(grey.size))
 
 
-def drift_corrected(image: TactileImage, ratio: Measured | float, *, dark_grey: float = 0.0) -> TactileImage:
+def drift_corrected(image: TactileImage, ratio: MeasuredValue | float, *, dark_grey: float = 0.0) -> TactileImage:
     """The frame as the lamps of the reference would have shown it: its light over the ratio of `patch_ratio`.
 
     Parameters
@@ -200,7 +202,7 @@ def drift_corrected(image: TactileImage, ratio: Measured | float, *, dark_grey: 
     >>> float(drift_corrected(TactileImage(grey=np.full((8, 8), 103.0)), 1.03).grey.max())
     100.0
     """
-    check_image("image", image)
-    value = check.number("ratio", ratio.value if isinstance(ratio, Measured) else ratio, 0.05, 20.0)
-    check.number("dark_grey", dark_grey, 0.0, image.full_scale)
+    require_image("image", image)
+    value = check.require_number("ratio", ratio.value if isinstance(ratio, MeasuredValue) else ratio, 0.05, 20.0)
+    check.require_number("dark_grey", dark_grey, 0.0, image.full_scale)
     return replace(image, grey=dark_grey + (image.grey - dark_grey) / value)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.calibration.measured import Measured
+from tsis.calibration.measured import MeasuredValue
 from tsis.model import check
 from tsis.model.errors import CalibrationError, InputError
 
@@ -43,9 +43,9 @@ class WarmUp:
         Ratio when warm.
     """
 
-    amplitude: Measured
-    time_constant_s: Measured
-    level: Measured
+    amplitude: MeasuredValue
+    time_constant_s: MeasuredValue
+    level: MeasuredValue
 
     def wait_s(self, share: float, *, now_s: float = 0.0) -> float:
         """Seconds from ``now_s`` after switching on until the light is within ``share`` of that when warm.
@@ -59,20 +59,20 @@ class WarmUp:
 
         Examples
         --------
-        >>> five = Measured(value=0.05, sd=0.0)
-        >>> lamps = WarmUp(amplitude=five, time_constant_s=Measured(value=300.0, sd=0.0, unit="s"), level=five)
+        >>> five = MeasuredValue(value=0.05, sd=0.0)
+        >>> lamps = WarmUp(amplitude=five, time_constant_s=MeasuredValue(value=300.0, sd=0.0, unit="s"), level=five)
         >>> round(lamps.wait_s(0.01))
         483
         """
-        check.number("share", share, 1e-5, 1.0, hint="a share of the warm lamps' light")
-        check.number("now_s", now_s, 0.0, 1e7, hint="seconds")
+        check.require_number("share", share, 1e-5, 1.0, hint="a share of the warm lamps' light")
+        check.require_number("now_s", now_s, 0.0, 1e7, hint="seconds")
         largest = max(abs(end) for end in self.amplitude.interval())
         if largest <= share:
             return 0.0
         return max(0.0, self.time_constant_s.interval()[1] * float(np.log(largest / share)) - now_s)
 
 
-def warm_up(time_s: ArrayLike, ratio: ArrayLike) -> WarmUp:
+def fit_warm_up(time_s: ArrayLike, ratio: ArrayLike) -> WarmUp:
     """Fit how lamps warm up.
 
     Parameters
@@ -98,7 +98,7 @@ def warm_up(time_s: ArrayLike, ratio: ArrayLike) -> WarmUp:
     --------
     >>> minutes = np.arange(0.0, 2400.0, 20.0)
     >>> noise = 1e-4 * np.random.default_rng(1).standard_normal(minutes.size)
-    >>> found = warm_up(minutes, 1 + 0.05 * np.exp(-minutes / 300.0) + noise)
+    >>> found = fit_warm_up(minutes, 1 + 0.05 * np.exp(-minutes / 300.0) + noise)
     >>> round(found.amplitude.value, 3), round(found.time_constant_s.value / 60, 1)
     (0.05, 5.0)
     """
@@ -126,7 +126,7 @@ def warm_up(time_s: ArrayLike, ratio: ArrayLike) -> WarmUp:
 
 
 def _checked(time_s: ArrayLike, ratio: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    time, value = check.array("time_s", time_s, ndim=1), check.array("ratio", ratio, ndim=1)
+    time, value = check.require_array("time_s", time_s, ndim=1), check.require_array("ratio", ratio, ndim=1)
     if time.shape != value.shape:
         raise InputError(f"time_s and ratio must be of one length; got {time.size} and {value.size}")
     if time.size < FEWEST:
@@ -173,7 +173,7 @@ def _weighed(
 
 def _mixed(
     weight: NDArray[np.float64], mean: NDArray[np.float64], sd: NDArray[np.float64], free: float, unit: str
-) -> Measured:
+) -> MeasuredValue:
     middle = float(weight @ mean)
     spread = float(np.sqrt(weight @ (sd**2 + (mean - middle) ** 2)))
-    return Measured(value=middle, sd=spread, degrees_of_freedom=free, unit=unit)
+    return MeasuredValue(value=middle, sd=spread, degrees_of_freedom=free, unit=unit)

@@ -2,11 +2,11 @@
 
 from tsis.calibration.reference.making import make_reference
 from tsis.calibration.reference.noise import PhotonTransfer, photon_transfer
-from tsis.calibration.reference.value import Reference
+from tsis.calibration.reference.value import CameraReference
 
 __all__ = [
+    "CameraReference",
     "PhotonTransfer",
-    "Reference",
     "make_reference",
     "photon_transfer",
 ]

@@ -1,4 +1,4 @@
-"""From dark, untouched and flat frames to a `Reference`: means, bad pixels, the light's pattern, the camera's noise."""
+"""From dark, untouched and flat frames to a `CameraReference`: means, bad pixels, the light's pattern, the camera's noise."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ import cv2
 import numpy as np
 
 from tsis.calibration.lamps.patch import ReferencePatch, require_lit
-from tsis.calibration.measured import Measured
+from tsis.calibration.measured import MeasuredValue
 from tsis.calibration.reference.noise import photon_transfer, stack
-from tsis.calibration.reference.value import LEAST_LIGHT, Reference
+from tsis.calibration.reference.value import LEAST_LIGHT, CameraReference
 from tsis.imaging.patch import GAUSSIAN_MAD
 from tsis.model.errors import CalibrationError
 
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tsis.calibration.lamps.patch import Box
     from tsis.model import TactileImage
 
-__all__ = ["Reference", "make_reference"]
+__all__ = ["CameraReference", "make_reference"]
 
 LEAST_FRAMES = 4
 BAD_FACTOR = 8.0  # robust standard deviations by which a hot or dead pixel stands out
@@ -38,7 +38,7 @@ def make_reference(
     *,
     patch_px: Box | None = None,
     scenes: Sequence[Sequence[TactileImage]] = (),
-) -> Reference:
+) -> CameraReference:
     """Average frames into a reference, and measure the camera's noise.
 
     Parameters
@@ -90,7 +90,7 @@ def make_reference(
     patch_grey, lamp_sd = _patch_light(groups[1], base, patch, noise.shot_noise_grey.value)
     stray = light[field]
     scales = {image.mm_per_pixel for image in every}
-    return Reference(
+    return CameraReference(
         dark_grey=base_single,
         untouched_grey=light_single,
         relative_light=_single(relative),
@@ -102,7 +102,7 @@ def make_reference(
         flat_frames=sum(len(level) for level in flats),
         read_noise_grey=noise.read_noise_grey,
         shot_noise_grey=noise.shot_noise_grey,
-        stray_grey=Measured(value=float(stray.mean()), sd=float(stray.std() / np.sqrt(stray.size)), unit="grey"),
+        stray_grey=MeasuredValue(value=float(stray.mean()), sd=float(stray.std() / np.sqrt(stray.size)), unit="grey"),
         patch_px=None if patch is None else patch.patch_px,
         patch_grey=patch_grey,
         lamp_sd=lamp_sd,
@@ -135,14 +135,14 @@ def _require_lit(
 
 def _patch_light(
     frames: NDArray[np.float64], base: NDArray[np.float64], patch: ReferencePatch | None, shot: float
-) -> tuple[Measured | None, float]:
+) -> tuple[MeasuredValue | None, float]:
     """Mean light of the patch, and how well one frame tells the lamps."""
     if patch is None:
         return None, 0.0
     light = patch.cut(frames - base)
     mean, count = float(light.mean()), light[0].size
     one = float(np.sqrt((shot * mean + READ_AND_ROUNDING) / count))
-    return Measured(value=mean, sd=one / float(np.sqrt(len(frames))), unit="grey"), one / mean
+    return MeasuredValue(value=mean, sd=one / float(np.sqrt(len(frames))), unit="grey"), one / mean
 
 
 def _bad(dark: NDArray[np.float64], flats: Sequence[NDArray[np.float64]]) -> NDArray[np.bool]:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from tsis.calibration.measured import Measured
+from tsis.calibration.measured import MeasuredValue
 from tsis.model import TactileImage, check
 from tsis.model.errors import CalibrationError, ImageMismatchError
 
@@ -47,8 +47,8 @@ class PhotonTransfer:
         Variance a grey level of light: full scale over the full well.
     """
 
-    read_noise_grey: Measured
-    shot_noise_grey: Measured
+    read_noise_grey: MeasuredValue
+    shot_noise_grey: MeasuredValue
 
 
 @dataclass(frozen=True, slots=True)
@@ -71,7 +71,7 @@ def stack(name: str, images: Sequence[TactileImage], *, least: int) -> NDArray[n
     if len(images) < least:
         raise CalibrationError(f"{name} must hold at least {least} frames; got {len(images)} (take more)")
     for image in images:
-        check.kind(name, image, TactileImage)
+        check.require_type(name, image, TactileImage)
         if image.grey.shape != images[0].grey.shape or image.full_scale != images[0].full_scale:
             raise ImageMismatchError(
                 f"{name} must hold frames of one size and full scale; got {images[0].grey.shape} at "
@@ -186,6 +186,6 @@ def _line(points: list[_Point]) -> PhotonTransfer:
         )
     read, slope = float(np.sqrt(found[0])), float(found[1])
     return PhotonTransfer(
-        read_noise_grey=Measured(value=read, sd=float(np.sqrt(covariance[0, 0])) / (2 * read), unit="grey"),
-        shot_noise_grey=Measured(value=slope, sd=float(np.sqrt(covariance[1, 1])), unit="grey"),
+        read_noise_grey=MeasuredValue(value=read, sd=float(np.sqrt(covariance[0, 0])) / (2 * read), unit="grey"),
+        shot_noise_grey=MeasuredValue(value=slope, sd=float(np.sqrt(covariance[1, 1])), unit="grey"),
     )

@@ -9,11 +9,11 @@ import numpy as np
 from scipy.ndimage import uniform_filter
 
 from tsis.calibration.lamps.patch import Box, ReferencePatch
-from tsis.calibration.measured import Measured
-from tsis.imaging.correct import SCALE_TOLERANCE, check_image
+from tsis.calibration.measured import MeasuredValue
+from tsis.imaging.correct import SCALE_TOLERANCE, require_image
 from tsis.model import TactileImage, check
 from tsis.model.errors import ImageMismatchError, InputError
-from tsis.model.image import pixel_scale
+from tsis.model.image import require_pixel_scale
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -26,7 +26,7 @@ UNSEEN_DRIFT = 0.01  # of the lamps, where no reference patch tells
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Reference:
+class CameraReference:
     """What a camera sees without contact, and how its pixels differ.
 
     Parameters
@@ -67,16 +67,16 @@ class Reference:
     dark_frames: int
     untouched_frames: int
     flat_frames: int
-    read_noise_grey: Measured
-    shot_noise_grey: Measured
-    stray_grey: Measured
+    read_noise_grey: MeasuredValue
+    shot_noise_grey: MeasuredValue
+    stray_grey: MeasuredValue
     patch_px: Box | None = None
-    patch_grey: Measured | None = None
+    patch_grey: MeasuredValue | None = None
     lamp_sd: float = 0.0
 
     def __post_init__(self) -> None:
         for name in ("dark_grey", "untouched_grey", "relative_light"):
-            values = check.array(name, getattr(self, name), ndim=2)
+            values = check.require_array(name, getattr(self, name), ndim=2)
             if values.shape != np.shape(self.dark_grey):
                 raise InputError(
                     f"{name} must have the shape of dark_grey {np.shape(self.dark_grey)}; got {values.shape}"
@@ -89,14 +89,14 @@ class Reference:
             raise InputError(f"relative_light must be at least {LEAST_LIGHT:g} where pixels are usable")
         usable.flags.writeable = False
         object.__setattr__(self, "usable", usable)
-        check.number("full_scale", self.full_scale, 1.0, 65535.0)
+        check.require_number("full_scale", self.full_scale, 1.0, 65535.0)
         if self.mm_per_pixel is not None:
-            object.__setattr__(self, "mm_per_pixel", pixel_scale(self.mm_per_pixel))
+            object.__setattr__(self, "mm_per_pixel", require_pixel_scale(self.mm_per_pixel))
         for name in ("dark_frames", "untouched_frames", "flat_frames"):
-            check.whole(name, getattr(self, name), 0, 10**9)
+            check.require_integer(name, getattr(self, name), 0, 10**9)
         for name in ("read_noise_grey", "shot_noise_grey", "stray_grey"):
-            check.kind(name, getattr(self, name), Measured)
-        check.number("lamp_sd", self.lamp_sd, 0.0, 1.0, hint="a share of one")
+            check.require_type(name, getattr(self, name), MeasuredValue)
+        check.require_number("lamp_sd", self.lamp_sd, 0.0, 1.0, hint="a share of one")
         if self.patch_px is not None:
             patch = ReferencePatch.from_px(self.patch_px)
             patch.require_inside(self.dark_grey.shape)
@@ -169,7 +169,7 @@ class Reference:
         return float(np.mean(image.grey[self.usable] >= self.full_scale))
 
     def _check(self, image: TactileImage) -> None:
-        check_image("image", image)
+        require_image("image", image)
         if image.grey.shape != self.dark_grey.shape or image.full_scale != self.full_scale:
             raise ImageMismatchError(
                 f"image must have the reference's shape {self.dark_grey.shape} and full scale {self.full_scale:g}; got "

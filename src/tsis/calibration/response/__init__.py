@@ -1,10 +1,10 @@
 """A probe's answer to pressure: grey levels a kilopascal, and where it saturates."""
 
 from tsis.calibration.response.fit import fit_response
-from tsis.calibration.response.value import Response, Saturation
+from tsis.calibration.response.value import PressureResponse, Saturation
 
 __all__ = [
-    "Response",
+    "PressureResponse",
     "Saturation",
     "fit_response",
 ]

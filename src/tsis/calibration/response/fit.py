@@ -18,9 +18,9 @@ from tsis.calibration.force.curves import run_of, usable
 from tsis.calibration.force.fit import GAUGE_SHARE
 from tsis.calibration.force.line import joined
 from tsis.calibration.force.reading import HERTZ_SPREAD
-from tsis.calibration.measured import Measured
+from tsis.calibration.measured import MeasuredValue
 from tsis.calibration.response.shape import HIGHEST, light_share, peakedness, spread_factor
-from tsis.calibration.response.value import Response, Saturation
+from tsis.calibration.response.value import PressureResponse, Saturation
 from tsis.model import check
 from tsis.model.errors import CalibrationError, InputError
 from tsis.model.press import MN_PER_N
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.calibration.force.loading import Loading
-    from tsis.calibration.reference.making import Reference
+    from tsis.calibration.reference.making import CameraReference
 
 LEAST_SHARE = 0.1  # of the largest force: below it the contact holds too few pixels to have a shape
 FEWEST = 6
@@ -40,10 +40,10 @@ FEWEST = 6
 def fit_response(
     loadings: Sequence[Loading],
     *,
-    reference: Reference,
+    reference: CameraReference,
     gauge_share: float = GAUGE_SHARE,
     area_share: float = 0.0,
-) -> Response:
+) -> PressureResponse:
     """Fit gain and saturation to the loading branches; unloading, which may remember, is left out.
 
     Parameters
@@ -68,8 +68,8 @@ def fit_response(
         raise InputError("the reference's mm_per_pixel must be known for the gain; calibrate the scale first")
     if len(loadings) < 2:
         raise CalibrationError(f"the answer to pressure needs at least 2 loadings; got {len(loadings)}")
-    check.number("gauge_share", gauge_share, 0.0, 0.5, hint="a share of one")
-    check.number("area_share", area_share, 0.0, 0.5, hint="a share of one")
+    check.require_number("gauge_share", gauge_share, 0.0, 0.5, hint="a share of one")
+    check.require_number("area_share", area_share, 0.0, 0.5, hint="a share of one")
     pixel = reference.mm_per_pixel[0] * reference.mm_per_pixel[1]
     saturation = _saturation(loadings, pixel)
     bend = saturation.bend_per_kpa2
@@ -84,8 +84,8 @@ def fit_response(
         )
     )
     scale = pixel / MN_PER_N
-    return Response(
-        gain_grey_per_kpa=Measured(
+    return PressureResponse(
+        gain_grey_per_kpa=MeasuredValue(
             value=gain * scale, sd=float(np.sqrt(variance)) * scale, degrees_of_freedom=freedom, unit="grey/kPa"
         ),
         saturation=saturation,
@@ -114,7 +114,7 @@ def _saturation(loadings: Sequence[Loading], pixel_mm2: float) -> Saturation:
     slopes = np.asarray(found.jac)
     covariance = np.linalg.inv(slopes.T @ slopes) * float(2 * found.cost) / freedom
     return Saturation(
-        bend_per_kpa2=Measured(
+        bend_per_kpa2=MeasuredValue(
             value=float(found.x[0]) * scale,
             sd=float(np.sqrt(covariance[0, 0])) * scale,
             degrees_of_freedom=freedom,

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.calibration.measured import Measured
+from tsis.calibration.measured import MeasuredValue
 from tsis.model import Calibration, check
 
 if TYPE_CHECKING:
-    from tsis.calibration.reference.making import Reference
+    from tsis.calibration.reference.making import CameraReference
 
 NORMAL_95 = 1.96  # half width of a normal interval of 95 % in standard deviations
 LEAST_SATURATION_KPA, LARGEST_SATURATION_KPA = 1e-3, 1e6
@@ -28,15 +28,15 @@ class Saturation:
 
     Examples
     --------
-    >>> open_above = Saturation(bend_per_kpa2=Measured(value=1e-6, sd=1e-6))
+    >>> open_above = Saturation(bend_per_kpa2=MeasuredValue(value=1e-6, sd=1e-6))
     >>> open_above.value_kpa, round(open_above.interval()[0]), open_above.interval()[1]
     (1000.0, 581, inf)
     """
 
-    bend_per_kpa2: Measured
+    bend_per_kpa2: MeasuredValue
 
     def __post_init__(self) -> None:
-        check.kind("bend_per_kpa2", self.bend_per_kpa2, Measured)
+        check.require_type("bend_per_kpa2", self.bend_per_kpa2, MeasuredValue)
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
         """Ends in kPa; the upper one is infinite when a straight answer cannot be excluded."""
@@ -61,7 +61,7 @@ class Saturation:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Response:
+class PressureResponse:
     """Rough-contact answer of a probe: ``grey = light * gain * saturation * erf(0.886 p / saturation)``.
 
     Parameters
@@ -76,12 +76,12 @@ class Response:
         Relative standard deviation of a force reading.
     """
 
-    gain_grey_per_kpa: Measured
+    gain_grey_per_kpa: MeasuredValue
     saturation: Saturation
     repeatability_share: float
     gauge_share: float
 
-    def calibration(self, reference: Reference, *, name: str, probe: str) -> Calibration:
+    def calibration(self, reference: CameraReference, *, name: str, probe: str) -> Calibration:
         """What `tsis.inclusion.estimate` and `tsis.hardness.estimate` take, for frames that `reference` corrected.
 
         Parameters

@@ -2,12 +2,12 @@
 
 from tsis.calibration.scale.ball import BallDiagnostics, axis_ratio_from_ball, scale_from_ball
 from tsis.calibration.scale.dots import DotDiagnostics, scale_from_dots
-from tsis.calibration.scale.value import Scale
+from tsis.calibration.scale.value import PixelScale
 
 __all__ = [
     "BallDiagnostics",
     "DotDiagnostics",
-    "Scale",
+    "PixelScale",
     "axis_ratio_from_ball",
     "scale_from_ball",
     "scale_from_dots",

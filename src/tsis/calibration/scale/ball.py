@@ -17,10 +17,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.calibration.measured import Measured
+from tsis.calibration.measured import MeasuredValue
 from tsis.calibration.scale.ball_fit import first_shape, fit_shape, shape_slopes
-from tsis.calibration.scale.ball_press import SECTORS, jackknife, read_press, roundness, without_sector
-from tsis.calibration.scale.value import UNIT, Scale, check_field
+from tsis.calibration.scale.ball_press import SECTORS, jackknife, pixel_aspect_ratio, read_ball_press, without_sector
+from tsis.calibration.scale.value import UNIT, PixelScale, check_field
 from tsis.model import check
 from tsis.model.errors import CalibrationError, ImageMismatchError, InputError
 
@@ -54,7 +54,7 @@ class BallDiagnostics:
 
     centres_px: NDArray[np.float64]
     radii_px: NDArray[np.float64]
-    axis_ratio: Measured
+    axis_ratio: MeasuredValue
     residual_grey: float
     darker: bool
 
@@ -65,7 +65,7 @@ class BallDiagnostics:
             object.__setattr__(self, name, values)
 
 
-def axis_ratio_from_ball(image: TactileImage, reference: TactileImage | None = None) -> Measured:
+def axis_ratio_from_ball(image: TactileImage, reference: TactileImage | None = None) -> MeasuredValue:
     """Height over width of a pixel from one press of a ball of any radius: the contact is as wide as it is high.
 
     Parameters
@@ -94,8 +94,8 @@ def axis_ratio_from_ball(image: TactileImage, reference: TactileImage | None = N
     >>> abs(ratio.value - 0.0392 / 0.0336) < 0.01
     True
     """
-    press = read_press(image, reference)
-    ratios = [roundness(without_sector(press, sector)) for sector in (None, *range(SECTORS))]
+    press = read_ball_press(image, reference)
+    ratios = [pixel_aspect_ratio(without_sector(press, sector)) for sector in (None, *range(SECTORS))]
     return jackknife(np.array(ratios[1:]), ratios[0], unit="")
 
 
@@ -107,7 +107,7 @@ def scale_from_ball(
     travel_mm: Sequence[float],
     ball_radius_sd_mm: float = 0.0,
     travel_sd_mm: float = 0.005,
-) -> tuple[Scale, BallDiagnostics]:
+) -> tuple[PixelScale, BallDiagnostics]:
     """Measure the size of a pixel along each image axis with a ball at two or more depths.
 
     It needs a probe whose grey level follows the depth of its face (a translucent gel on a stiff back). Where it
@@ -157,18 +157,18 @@ def scale_from_ball(
     >>> low < 0.0336 < high
     True
     """
-    radius = check.number("ball_radius_mm", ball_radius_mm, 0.2, 50.0, hint="millimetres")
-    check.number("ball_radius_sd_mm", ball_radius_sd_mm, 0.0, 5.0, hint="millimetres")
-    check.number("travel_sd_mm", travel_sd_mm, 0.0, 1.0, hint="millimetres")
+    radius = check.require_number("ball_radius_mm", ball_radius_mm, 0.2, 50.0, hint="millimetres")
+    check.require_number("ball_radius_sd_mm", ball_radius_sd_mm, 0.0, 5.0, hint="millimetres")
+    check.require_number("travel_sd_mm", travel_sd_mm, 0.0, 1.0, hint="millimetres")
     travel = _checked_travel(images, travel_mm, radius)
-    presses = [read_press(image, reference) for image in images]
+    presses = [read_ball_press(image, reference) for image in images]
     if len({image.grey.shape for image in images}) > 1:
         raise ImageMismatchError("images must have one shape; record all presses in one mode of the camera")
     if len({press.darker for press in presses}) > 1:
         raise CalibrationError(
             "the ball must change the light alike in all presses; it makes some darker, some brighter"
         )
-    start = np.array([roundness(press) for press in presses])
+    start = np.array([pixel_aspect_ratio(press) for press in presses])
     fit = fit_shape(presses, travel, radius, first=first_shape(presses, travel, radius, float(np.median(start))))
     shares = [
         fit_shape([without_sector(press, sector) for press in presses], travel, radius, first=fit.x).x
@@ -180,7 +180,7 @@ def scale_from_ball(
     check_field((x.value, y.value), images[0].grey.shape, "ball_radius_mm and travel_mm", radius)
     centres = np.array([press.centre_px for press in presses]) + fit.x[2:].reshape(-1, 2)
     ratios = np.exp(np.array(shares)[:, 1] - np.array(shares)[:, 0])
-    scale = Scale(
+    scale = PixelScale(
         mm_per_pixel_x=x,
         mm_per_pixel_y=y,
         shape=(images[0].grey.shape[0], images[0].grey.shape[1]),
@@ -199,7 +199,7 @@ def scale_from_ball(
 
 
 def _checked_travel(images: Sequence[TactileImage], travel_mm: Sequence[float], radius: float) -> NDArray[np.float64]:
-    travel: NDArray[np.float64] = check.array("travel_mm", travel_mm, ndim=1)
+    travel: NDArray[np.float64] = check.require_array("travel_mm", travel_mm, ndim=1)
     if len(images) != len(travel):
         raise InputError(f"travel_mm must hold one reading for each of the {len(images)} images; got {len(travel)}")
     if len(images) < 2:
@@ -221,7 +221,7 @@ def _sizes(
     slopes: NDArray[np.float64],
     radius_sd_mm: float,
     travel_sd_mm: float,
-) -> tuple[Measured, Measured]:
+) -> tuple[MeasuredValue, MeasuredValue]:
     found = []
     for axis in (0, 1):
         size = float(np.exp(shape[axis]))
@@ -229,5 +229,5 @@ def _sizes(
         known = size**2 * (np.sum((slopes[:-1, axis] * travel_sd_mm) ** 2) + (slopes[-1, axis] * radius_sd_mm) ** 2)
         total = frames.sd**2 + float(known)
         freedom = frames.degrees_of_freedom * (total / frames.sd**2) ** 2 if frames.sd > 0 else np.inf
-        found.append(Measured(value=size, sd=total**0.5, degrees_of_freedom=float(freedom), unit=UNIT))
+        found.append(MeasuredValue(value=size, sd=total**0.5, degrees_of_freedom=float(freedom), unit=UNIT))
     return found[0], found[1]

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.optimize import least_squares
 from skimage.measure import block_reduce
 
-from tsis.calibration.measured import Measured
+from tsis.calibration.measured import MeasuredValue
 from tsis.imaging import find_contact, segment, signal
-from tsis.imaging.correct import check_image
+from tsis.imaging.correct import require_image
 from tsis.imaging.patch import smoothed
 from tsis.model.errors import CalibrationError
 
@@ -41,9 +41,9 @@ class BallPress:
     darker: bool
 
 
-def read_press(image: TactileImage, reference: TactileImage | None) -> BallPress:
+def read_ball_press(image: TactileImage, reference: TactileImage | None) -> BallPress:
     """The pixels in which the face is the ball's, of whichever sign."""
-    check_image("image", image)
+    require_image("image", image)
     change = replace(signal(image, reference), mm_per_pixel=None)
     darkened = replace(change, grey=0.0 - change.grey)
     darker = float(smoothed(darkened.grey).max()) > float(smoothed(change.grey).max())
@@ -99,7 +99,7 @@ def without_sector(press: BallPress, sector: int | None) -> BallPress:
     return replace(press, x=press.x[keep], y=press.y[keep], grey=press.grey[keep], sector=press.sector[keep])
 
 
-def roundness(press: BallPress) -> float:
+def pixel_aspect_ratio(press: BallPress) -> float:
     """Height over width of a pixel, at which the signal is the same all round its centre."""
     size = press.radius_px
 
@@ -118,8 +118,8 @@ def left_by_polynomial(depth: NDArray[np.float64], grey: NDArray[np.float64]) ->
     return np.asarray(grey - basis @ np.linalg.lstsq(basis, grey, rcond=None)[0])
 
 
-def jackknife(shares: NDArray[np.float64], whole: float, *, unit: str) -> Measured:
+def jackknife(shares: NDArray[np.float64], whole: float, *, unit: str) -> MeasuredValue:
     """A number with the spread that it shows when one part of the data after the other is left out."""
     count = len(shares)
     variance = (count - 1) / count * float(((shares - shares.mean()) ** 2).sum())
-    return Measured(value=float(whole), sd=variance**0.5, degrees_of_freedom=count - 1, unit=unit)
+    return MeasuredValue(value=float(whole), sd=variance**0.5, degrees_of_freedom=count - 1, unit=unit)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import scipy
 
-from tsis.calibration.measured import Measured
+from tsis.calibration.measured import MeasuredValue
 from tsis.calibration.scale.value import UNIT
 from tsis.model.errors import CalibrationError
 
@@ -86,7 +86,7 @@ class BoardMap:
         """
         return np.asarray(np.linalg.inv(self._step_px(cell, reach=reach)))
 
-    def pixel_size(self, cell: NDArray[np.float64], *, pitch: Measured) -> tuple[Measured, Measured]:
+    def pixel_size(self, cell: NDArray[np.float64], *, pitch: MeasuredValue) -> tuple[MeasuredValue, MeasuredValue]:
         """Size (x, y) of a pixel on the face about a place on the lattice, by propagation of the residuals' variance.
 
         The degrees of freedom are those of Welch and Satterthwaite for the parts that the two image axes and the pitch
@@ -97,7 +97,9 @@ class BoardMap:
         x, y = (self._one_size(back, slopes, axis, pitch) for axis in (0, 1))
         return x, y
 
-    def _one_size(self, back: NDArray[np.float64], slopes: NDArray[np.float64], axis: int, pitch: Measured) -> Measured:
+    def _one_size(
+        self, back: NDArray[np.float64], slopes: NDArray[np.float64], axis: int, pitch: MeasuredValue
+    ) -> MeasuredValue:
         size = float(np.linalg.norm(back[:, axis]))
         variances = self._variances(back, slopes, axis)
         by_dots, by_pitch = float(variances.sum()) * pitch.value**2, (size * pitch.sd) ** 2
@@ -105,7 +107,7 @@ class BoardMap:
         squares += by_pitch**2 / pitch.degrees_of_freedom
         total = by_dots + by_pitch
         freedom = total**2 / squares if squares > 0.0 else float(self.degrees_of_freedom)
-        return Measured(value=size * pitch.value, sd=total**0.5, degrees_of_freedom=freedom, unit=UNIT)
+        return MeasuredValue(value=size * pitch.value, sd=total**0.5, degrees_of_freedom=freedom, unit=UNIT)
 
     def bend(
         self, cell: NDArray[np.float64], *, point: float = 1e-3

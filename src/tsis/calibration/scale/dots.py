@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial import cKDTree
 
-from tsis.calibration.measured import Measured
+from tsis.calibration.measured import MeasuredValue
 from tsis.calibration.scale.axes import rotation_deg, skew_deg, with_square_axes
 from tsis.calibration.scale.board_map import (
     BEYOND_CHANCE,
@@ -19,12 +19,12 @@ from tsis.calibration.scale.board_map import (
     fit_order,
     without_strays,
 )
-from tsis.calibration.scale.doubt import with_doubt
+from tsis.calibration.scale.doubt import with_model_uncertainty
 from tsis.calibration.scale.lattice import index_lattice
 from tsis.calibration.scale.spots import Spots, find_spots, in_even_light
-from tsis.calibration.scale.value import Scale, check_field
+from tsis.calibration.scale.value import PixelScale, check_field
 from tsis.imaging import subtract_background
-from tsis.imaging.correct import check_image
+from tsis.imaging.correct import require_image
 from tsis.model import check
 from tsis.model.errors import CalibrationError
 
@@ -93,7 +93,7 @@ def scale_from_dots(
     pitch_mm: float,
     pitch_sd_mm: float = 0.0,
     min_dots: int = FEWEST,
-) -> tuple[Scale, DotDiagnostics]:
+) -> tuple[PixelScale, DotDiagnostics]:
     """Measure the size of a pixel along each image axis on a square board of dots.
 
     The dots may be darker or brighter than what surrounds them, turned by any angle, and some may be missing. The scale
@@ -145,13 +145,13 @@ def scale_from_dots(
     >>> [round(size, 4) for size in scale.mm_per_pixel]
     [0.0336, 0.0392]
     """
-    check_image("image", image)
-    pitch = Measured(
-        value=check.number("pitch_mm", pitch_mm, 0.05, 50.0, hint="millimetres"),
-        sd=check.number("pitch_sd_mm", pitch_sd_mm, 0.0, 1.0, hint="millimetres"),
+    require_image("image", image)
+    pitch = MeasuredValue(
+        value=check.require_number("pitch_mm", pitch_mm, 0.05, 50.0, hint="millimetres"),
+        sd=check.require_number("pitch_sd_mm", pitch_sd_mm, 0.0, 1.0, hint="millimetres"),
         unit="mm",
     )
-    min_dots = check.whole("min_dots", min_dots, FEWEST, 10**6)
+    min_dots = check.require_integer("min_dots", min_dots, FEWEST, 10**6)
     change = image if reference is None else subtract_background(image, reference)
     spots = find_spots(change.grey, least=min_dots)
     cells, centres, strays = _dots(spots, min_dots)
@@ -160,11 +160,11 @@ def scale_from_dots(
     fitted = with_square_axes(fitted, cell)
     cell = fitted.cell_at(image.axis())
     _check_rough(fitted)
-    x, y = with_doubt(fitted.pixel_size(cell, pitch=pitch), fitted, cell)
+    x, y = with_model_uncertainty(fitted.pixel_size(cell, pitch=pitch), fitted, cell)
     check_field((x.value, y.value), image.grey.shape, "pitch_mm", pitch_mm)
     residuals = fitted.residuals_px()
     step = fitted.face_step(cell)
-    scale = Scale(
+    scale = PixelScale(
         mm_per_pixel_x=x,
         mm_per_pixel_y=y,
         shape=(image.grey.shape[0], image.grey.shape[1]),

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.calibration.measured import Measured
+from tsis.calibration.measured import MeasuredValue
 from tsis.calibration.scale.axes import skew_deg
 
 if TYPE_CHECKING:
@@ -23,7 +23,9 @@ EVEN = 3**0.5  # bound of an even distribution over its standard deviation
 BY_CHANCE = 2.0  # standard deviations that noise explains
 
 
-def with_doubt(sizes: tuple[Measured, Measured], fitted: BoardMap, cell: NDArray[np.float64]) -> tuple[Measured, ...]:
+def with_model_uncertainty(
+    sizes: tuple[MeasuredValue, MeasuredValue], fitted: BoardMap, cell: NDArray[np.float64]
+) -> tuple[MeasuredValue, ...]:
     """Pixel sizes (x, y) with the uncertainty of what the map of the dots leaves out added to that of its residuals.
 
     Parameters
@@ -55,13 +57,13 @@ def _skew_beyond_noise(fitted: BoardMap, cell: NDArray[np.float64]) -> float:
     by 1 - cos(s), which is less.
     """
     sine = np.sin(np.radians(skew_deg(fitted.face_step(cell))))
-    x, y = fitted.pixel_size(cell, pitch=Measured(value=1.0, sd=0.0))
+    x, y = fitted.pixel_size(cell, pitch=MeasuredValue(value=1.0, sd=0.0))
     return float(_beyond_noise(np.array(sine), np.hypot(x.sd / x.value, y.sd / y.value)))
 
 
-def _widened(size: Measured, share: float) -> Measured:
+def _widened(size: MeasuredValue, share: float) -> MeasuredValue:
     known = (share * size.value) ** 2
     total = size.sd**2 + known
     # Only the residuals' part rests on few degrees of freedom (Welch and Satterthwaite).
     freedom = size.degrees_of_freedom * (total / size.sd**2) ** 2 if size.sd > 0 else np.inf
-    return Measured(value=size.value, sd=total**0.5, degrees_of_freedom=float(freedom), unit=size.unit)
+    return MeasuredValue(value=size.value, sd=total**0.5, degrees_of_freedom=float(freedom), unit=size.unit)

@@ -77,7 +77,7 @@ def find_spots(grey: NDArray[np.float64], *, least: int) -> Spots:
     >>> spots.bright, np.sort(spots.places_px[:, 0]).round(1).tolist()
     (True, [20.3, 60.3, 100.3])
     """
-    least = check.whole("least", least, 1, 10**6)
+    least = check.require_integer("least", least, 1, 10**6)
     noise = max(pixel_noise(grey), QUANTISATION)
     blurs = FINEST_PX * STEP ** np.arange(64)
     blurs = blurs[blurs <= max(COARSEST * min(grey.shape), FINEST_PX)]

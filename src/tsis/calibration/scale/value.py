@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from tsis.calibration.measured import Measured
+from tsis.calibration.measured import MeasuredValue
 from tsis.model import TactileImage, check
 from tsis.model.errors import CalibrationError, ImageMismatchError, InputError
 from tsis.model.image import LARGEST_PIXEL_MM, SMALLEST_PIXEL_MM
@@ -19,7 +19,7 @@ UNIT = "mm/px"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scale:
+class PixelScale:
     """The size of a pixel on the face, along each axis of the image.
 
     Parameters
@@ -51,16 +51,16 @@ class Scale:
 
     Examples
     --------
-    >>> size = Measured(value=0.05, sd=0.0001, unit="mm/px")
-    >>> scale = Scale(
+    >>> size = MeasuredValue(value=0.05, sd=0.0001, unit="mm/px")
+    >>> scale = PixelScale(
     ...     mm_per_pixel_x=size, mm_per_pixel_y=size, shape=(480, 640), at_px=(319.5, 239.5), method="dots", count=63
     ... )
     >>> scale.mm_per_pixel
     (0.05, 0.05)
     """
 
-    mm_per_pixel_x: Measured
-    mm_per_pixel_y: Measured
+    mm_per_pixel_x: MeasuredValue
+    mm_per_pixel_y: MeasuredValue
     shape: tuple[int, int]
     at_px: tuple[float, float]
     method: str
@@ -72,20 +72,20 @@ class Scale:
     def __post_init__(self) -> None:
         for name in ("mm_per_pixel_x", "mm_per_pixel_y"):
             size = getattr(self, name)
-            check.kind(name, size, Measured)
-            check.number(name, size.value, SMALLEST_PIXEL_MM, LARGEST_PIXEL_MM, hint="millimetres per pixel")
+            check.require_type(name, size, MeasuredValue)
+            check.require_number(name, size.value, SMALLEST_PIXEL_MM, LARGEST_PIXEL_MM, hint="millimetres per pixel")
             if size.unit != UNIT:
                 raise InputError(f"{name} must be in {UNIT}; got {size.unit!r}")
         if not isinstance(self.shape, (tuple, list)) or len(self.shape) != 2:
             raise InputError(f"shape must hold rows and columns; got {self.shape!r}")
-        rows, columns = (check.whole("shape", side, 1, 65536) for side in self.shape)
+        rows, columns = (check.require_integer("shape", side, 1, 65536) for side in self.shape)
         object.__setattr__(self, "shape", (rows, columns))
-        object.__setattr__(self, "at_px", check.pair("at_px", self.at_px))
-        check.known("method of a scale", self.method, METHODS)
-        object.__setattr__(self, "count", check.whole("count", self.count, 1, 10**6))
-        check.number("residual_px", self.residual_px, 0.0, 1e4, hint="pixels")
-        check.number("rotation_deg", self.rotation_deg, -45.0, 45.0, hint="degrees")
-        check.number("skew_deg", self.skew_deg, -90.0, 90.0, hint="degrees")
+        object.__setattr__(self, "at_px", check.require_pair("at_px", self.at_px))
+        check.require_one_of("method of a scale", self.method, METHODS)
+        object.__setattr__(self, "count", check.require_integer("count", self.count, 1, 10**6))
+        check.require_number("residual_px", self.residual_px, 0.0, 1e4, hint="pixels")
+        check.require_number("rotation_deg", self.rotation_deg, -45.0, 45.0, hint="degrees")
+        check.require_number("skew_deg", self.skew_deg, -90.0, 90.0, hint="degrees")
 
     @property
     def mm_per_pixel(self) -> tuple[float, float]:
@@ -100,7 +100,7 @@ class Scale:
         ImageMismatchError
             When the frame has another size than those that the scale was measured on.
         """
-        check.kind("image", image, TactileImage)
+        check.require_type("image", image, TactileImage)
         if image.grey.shape != self.shape:
             raise ImageMismatchError(
                 f"image must have the shape {self.shape} that the scale was measured on; got {image.grey.shape} "

@@ -1,23 +1,23 @@
 """A calibration step by step: what to do, the frames of each step on disk, and the calibration made from them."""
 
 from tsis.calibration.session.folder import SessionFolder
-from tsis.calibration.session.kept_result import keep_calibration, kept_calibration, set_aside
+from tsis.calibration.session.kept_result import archive_calibration, save_calibration, saved_calibration
 from tsis.calibration.session.live_bench import LiveBench
-from tsis.calibration.session.result import SessionFindings, calibrate
-from tsis.calibration.session.shot import Shot
-from tsis.calibration.session.steps import Step, plan
-from tsis.calibration.session.terms import SessionTerms
+from tsis.calibration.session.result import SessionResult, calibrate
+from tsis.calibration.session.shot import CalibrationFrame
+from tsis.calibration.session.steps import CalibrationStep, plan_steps
+from tsis.calibration.session.terms import SessionSetup
 
 __all__ = [
+    "CalibrationFrame",
+    "CalibrationStep",
     "LiveBench",
-    "SessionFindings",
     "SessionFolder",
-    "SessionTerms",
-    "Shot",
-    "Step",
+    "SessionResult",
+    "SessionSetup",
+    "archive_calibration",
     "calibrate",
-    "keep_calibration",
-    "kept_calibration",
-    "plan",
-    "set_aside",
+    "plan_steps",
+    "save_calibration",
+    "saved_calibration",
 ]

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.calibration.file.plain_values import from_plain, to_plain
-from tsis.calibration.session.shot import Shot
-from tsis.calibration.session.steps import plan
-from tsis.calibration.session.terms import SessionTerms
-from tsis.instrument import png_bytes, read_bytes, read_image, shown
+from tsis.calibration.session.shot import CalibrationFrame
+from tsis.calibration.session.steps import plan_steps
+from tsis.calibration.session.terms import SessionSetup
+from tsis.instrument import png_bytes, printable_path, read_bytes, read_image
 from tsis.instrument.file_bytes import as_path, one_line, read_object
 from tsis.model.durable import write_durably
 from tsis.model.errors import CalibrationError, FileInputError, InputError
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
     from pathlib import Path
 
-    from tsis.calibration.session.steps import Step
+    from tsis.calibration.session.steps import CalibrationStep
 
 FORMAT, VERSION = "tsis-calibration-session", 1
 TERMS, INDEX = "session.json", "shots.csv"
@@ -50,7 +50,7 @@ class SessionFolder:
         """Whether it holds a session."""
         return (self.path / TERMS).exists()
 
-    def begin(self, terms: SessionTerms) -> None:
+    def begin(self, terms: SessionSetup) -> None:
         """Make the folder and state the terms.
 
         Raises
@@ -60,7 +60,7 @@ class SessionFolder:
         """
         if self.begun:
             raise FileInputError(
-                f"{shown(self.path)} must hold no session yet; it does (go on with it, or choose another)"
+                f"{printable_path(self.path)} must hold no session yet; it does (go on with it, or choose another)"
             )
         document = {"format": FORMAT, "version": VERSION, "notice": RESEARCH_USE_ONLY, "terms": to_plain(terms)}
         try:
@@ -69,7 +69,7 @@ class SessionFolder:
         except OSError as error:
             raise self._refused(error) from error
 
-    def terms(self) -> SessionTerms:
+    def terms(self) -> SessionSetup:
         """The terms of the session.
 
         Raises
@@ -80,19 +80,19 @@ class SessionFolder:
         file = self.path / TERMS
         document = read_object(file, most=LARGEST_TERMS_BYTES)
         if (document.get("format"), document.get("version")) != (FORMAT, VERSION):
-            raise FileInputError(f"{shown(file)} must be a {FORMAT} of version {VERSION}; got another format")
+            raise FileInputError(f"{printable_path(file)} must be a {FORMAT} of version {VERSION}; got another format")
         try:
-            terms: SessionTerms = from_plain(SessionTerms, document.get("terms"), "terms")
+            terms: SessionSetup = from_plain(SessionSetup, document.get("terms"), "terms")
         except InputError as error:
-            raise FileInputError(f"{shown(file)} must be the terms of a session; got: {error}") from error
+            raise FileInputError(f"{printable_path(file)} must be the terms of a session; got: {error}") from error
         return terms
 
-    def plan(self) -> tuple[Step, ...]:
+    def plan(self) -> tuple[CalibrationStep, ...]:
         """The session's steps."""
         terms = self.terms()
-        return plan(terms.tips_mm, repeats=terms.repeats)
+        return plan_steps(terms.tips_mm, repeats=terms.repeats)
 
-    def done(self, step: Step) -> bool:
+    def done(self, step: CalibrationStep) -> bool:
         """Whether the step's frames are all there."""
         return (self.path / step.name / INDEX).exists()
 
@@ -100,7 +100,13 @@ class SessionFolder:
         """Names of the steps that are not done and that no calibration can be made without."""
         return tuple(step.name for step in self.plan() if not (step.optional or self.done(step)))
 
-    def keep(self, step: Step, shots: Iterable[Shot], *, progress: Callable[[int], None] = lambda kept: None) -> int:
+    def keep(
+        self,
+        step: CalibrationStep,
+        shots: Iterable[CalibrationFrame],
+        *,
+        progress: Callable[[int], None] = lambda kept: None,
+    ) -> int:
         """Store the frames of a step, all or none, and return how many.
 
         Raises
@@ -114,7 +120,9 @@ class SessionFolder:
         draft = self.path / f".{step.name}-{secrets.token_hex(4)}"
         try:
             if place.exists():
-                raise FileInputError(f"{shown(place)} must be new; it exists already (remove it to repeat the step)")
+                raise FileInputError(
+                    f"{printable_path(place)} must be new; it exists already (remove it to repeat the step)"
+                )
             for killed in self.path.glob(f".{step.name}-*"):  # what a program that was killed left of it
                 shutil.rmtree(killed, ignore_errors=True)
             draft.mkdir()
@@ -126,11 +134,11 @@ class SessionFolder:
             shutil.rmtree(draft, ignore_errors=True)  # what is left of a step that was not finished
         return kept
 
-    def count(self, step: Step) -> int:
+    def count(self, step: CalibrationStep) -> int:
         """How many frames of the step there are; 0 when it is not done."""
         return len(list((self.path / step.name).glob("frame-*.png"))) if self.done(step) else 0
 
-    def forget(self, step: Step) -> None:
+    def forget(self, step: CalibrationStep) -> None:
         """Remove the frames of a step, so that it can be repeated; without any nothing happens.
 
         Raises
@@ -148,7 +156,7 @@ class SessionFolder:
             raise self._refused(error) from error
         shutil.rmtree(going, ignore_errors=True)  # what stays is removed when the step is done again
 
-    def shots(self, step: Step) -> list[Shot]:
+    def shots(self, step: CalibrationStep) -> list[CalibrationFrame]:
         """Read the frames of a step in the order in which they were taken.
 
         Raises
@@ -161,33 +169,39 @@ class SessionFolder:
         index, rows = self._rows(step)
         return [self._shot(index, row) for row in rows]
 
-    def middle_shot(self, step: Step) -> Shot:
+    def middle_shot(self, step: CalibrationStep) -> CalibrationFrame:
         """The frame in the middle of a step, in loadings near the largest force; errors as `shots`."""
         index, rows = self._rows(step)
         return self._shot(index, rows[len(rows) // 2])
 
-    def _rows(self, step: Step) -> tuple[Path, list[list[str]]]:
+    def _rows(self, step: CalibrationStep) -> tuple[Path, list[list[str]]]:
         """The step's table of frames, and its lines."""
         if not self.done(step):
-            raise CalibrationError(f"step {step.name!r} must be done first; {shown(self.path)} holds no frames of it")
+            raise CalibrationError(
+                f"step {step.name!r} must be done first; {printable_path(self.path)} holds no frames of it"
+            )
         index = self.path / step.name / INDEX
         content = read_bytes(index, most=LARGEST_INDEX_BYTES)
         if content.count(b"\n") + content.count(b"\r") > MOST_LINES:
-            raise FileInputError(f"{shown(index)} must have at most {MOST_LINES} lines; it has more")
+            raise FileInputError(f"{printable_path(index)} must have at most {MOST_LINES} lines; it has more")
         try:
             rows = list(csv.reader(io.StringIO(content.decode("utf-8", errors="replace"))))
         except csv.Error as error:
-            raise FileInputError(f"{shown(index)} must be a table of frames; got: {one_line(error)}") from error
+            raise FileInputError(
+                f"{printable_path(index)} must be a table of frames; got: {one_line(error)}"
+            ) from error
         if not rows or tuple(rows[0]) != COLUMNS:
-            raise FileInputError(f"{shown(index)} must begin with the line {','.join(COLUMNS)}")
+            raise FileInputError(f"{printable_path(index)} must begin with the line {','.join(COLUMNS)}")
         frames = [row for row in rows[1:] if row]
         if len({row[0] for row in frames}) < len(frames):  # one small file could else take any amount of memory
-            raise FileInputError(f"{shown(index)} must name each frame once; it names one twice")
+            raise FileInputError(f"{printable_path(index)} must name each frame once; it names one twice")
         if not frames:
-            raise FileInputError(f"{shown(index)} must name at least one frame; got none (remove the step, repeat it)")
+            raise FileInputError(
+                f"{printable_path(index)} must name at least one frame; got none (remove the step, repeat it)"
+            )
         return index, frames
 
-    def _write(self, draft: Path, shots: Iterable[Shot], progress: Callable[[int], None]) -> int:
+    def _write(self, draft: Path, shots: Iterable[CalibrationFrame], progress: Callable[[int], None]) -> int:
         lines = [",".join(COLUMNS)]
         for number, shot in enumerate(shots):
             name = f"frame-{number:04d}.png"
@@ -199,23 +213,23 @@ class SessionFolder:
         write_durably(draft / INDEX, ("\n".join(lines) + "\n").encode())
         return len(lines) - 1
 
-    def _shot(self, index: Path, row: list[str]) -> Shot:
+    def _shot(self, index: Path, row: list[str]) -> CalibrationFrame:
         try:
             name, time_s, force_n, full_scale = row
             if name != as_path(name).name:
                 raise InputError(f"must name files of its own folder; got {name!r:.80}")
             image = replace(read_image(index.parent / name), full_scale=float(full_scale))
-            return Shot(image=image, time_s=_number(time_s), force_n=_number(force_n))
+            return CalibrationFrame(image=image, time_s=_number(time_s), force_n=_number(force_n))
         except FileInputError:
             raise
         except ValueError as error:
             raise FileInputError(
-                f"{shown(index)} must hold a file, a time, a force and a full scale a line; got: {one_line(error)}"
+                f"{printable_path(index)} must hold a file, a time, a force and a full scale a line; got: {one_line(error)}"
             ) from error
 
     def _refused(self, error: OSError) -> FileInputError:
         reason: Any = error.strerror or error
-        return FileInputError(f"{shown(self.path)} must be a folder that can be written; got: {reason}")
+        return FileInputError(f"{printable_path(self.path)} must be a folder that can be written; got: {reason}")
 
 
 def _text(value: float | None) -> str:

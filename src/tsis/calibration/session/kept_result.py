@@ -5,8 +5,8 @@ from __future__ import annotations
 import secrets
 from typing import TYPE_CHECKING
 
-from tsis.calibration.file import FILE_NAME, calibration_bytes, identity, read_calibration
-from tsis.instrument import shown
+from tsis.calibration.file import CALIBRATION_FILE, calibration_bytes, calibration_sha256, read_calibration
+from tsis.instrument import printable_path
 from tsis.model.durable import write_durably
 from tsis.model.errors import FileInputError, TsisError
 
@@ -19,13 +19,13 @@ if TYPE_CHECKING:
 SHORT = 12  # characters of an identity in names
 
 
-def kept_calibration(session: SessionFolder) -> Path | None:
+def saved_calibration(session: SessionFolder) -> Path | None:
     """The file of the calibration that was made from the frames as they are; None before it was made."""
-    file = session.path / FILE_NAME
+    file = session.path / CALIBRATION_FILE
     return file if file.exists() else None
 
 
-def keep_calibration(session: SessionFolder, known: ProbeCalibration) -> Path:
+def save_calibration(session: SessionFolder, known: ProbeCalibration) -> Path:
     """Write the calibration of the session's frames into its folder, over an earlier one, and return its file.
 
     Raises
@@ -33,7 +33,7 @@ def keep_calibration(session: SessionFolder, known: ProbeCalibration) -> Path:
     FileInputError
         When it cannot be written.
     """
-    file = session.path / FILE_NAME
+    file = session.path / CALIBRATION_FILE
     content = calibration_bytes(known)
     try:
         write_durably(file, content)
@@ -42,7 +42,7 @@ def keep_calibration(session: SessionFolder, known: ProbeCalibration) -> Path:
     return file
 
 
-def set_aside(session: SessionFolder) -> Path | None:
+def archive_calibration(session: SessionFolder) -> Path | None:
     """Rename the calibration after its identity, because its frames change; its new name, or None where there is none.
 
     Results may cite it, so it is never removed; one that is damaged gets a name of its own.
@@ -52,7 +52,7 @@ def set_aside(session: SessionFolder) -> Path | None:
     FileInputError
         When it cannot be renamed.
     """
-    file = kept_calibration(session)
+    file = saved_calibration(session)
     if file is None:
         return None
     aside = file.with_name(f"calibration-{_cited(file)}.json")
@@ -65,10 +65,10 @@ def set_aside(session: SessionFolder) -> Path | None:
 
 def _cited(file: Path) -> str:
     try:
-        return identity(read_calibration(file))[:SHORT]
+        return calibration_sha256(read_calibration(file))[:SHORT]
     except TsisError:  # a damaged one may stand in nobody's way, and takes no other's place
         return f"damaged-{secrets.token_hex(SHORT // 2)}"
 
 
 def _refused(file: Path, error: OSError) -> FileInputError:
-    return FileInputError(f"{shown(file)} must be a file that can be written; got: {error.strerror or error}")
+    return FileInputError(f"{printable_path(file)} must be a file that can be written; got: {error.strerror or error}")

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tsis.calibration.session.shot import Shot
+from tsis.calibration.session.shot import CalibrationFrame
 from tsis.model.errors import CameraError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from tsis.instrument.acquisition import Acquisition, Arrival
+    from tsis.instrument.acquisition import Acquisition, ReceivedFrame
     from tsis.instrument.gauge import ForceLog
 
 PATIENCE_S = 5.0
@@ -31,7 +31,7 @@ class LiveBench:
     def __init__(self, acquisition: Acquisition, log: ForceLog | None = None) -> None:
         self._acquisition, self._log = acquisition, log
 
-    def still(self, frames: int) -> Iterator[Shot]:
+    def still(self, frames: int) -> Iterator[CalibrationFrame]:
         """Yield the next frames; none that was taken before the call.
 
         Raises
@@ -40,9 +40,9 @@ class LiveBench:
             When none comes for 5 s.
         """
         for _, arrival in zip(range(frames), self._fresh(), strict=False):
-            yield Shot(image=arrival.frame.tactile_image(), time_s=arrival.arrived_s)
+            yield CalibrationFrame(image=arrival.frame.tactile_image(), time_s=arrival.arrived_s)
 
-    def loading(self, over: Callable[[], bool], *, every_s: float = 0.5) -> Iterator[Shot]:
+    def loading(self, over: Callable[[], bool], *, every_s: float = 0.5) -> Iterator[CalibrationFrame]:
         """Yield a frame every so often with its force, until ``over`` says so.
 
         Raises
@@ -61,14 +61,14 @@ class LiveBench:
                 last_s = arrival.arrived_s
                 self._log.wait_until(last_s, timeout_s=FORCE_S)
                 force = self._log.at(last_s).force_n
-                yield Shot(image=arrival.frame.tactile_image(), time_s=last_s, force_n=force)
+                yield CalibrationFrame(image=arrival.frame.tactile_image(), time_s=last_s, force_n=force)
 
-    def one(self, force_n: float) -> Shot:
+    def one(self, force_n: float) -> CalibrationFrame:
         """The next frame, with a force that a person read."""
         arrival = next(self._fresh())
-        return Shot(image=arrival.frame.tactile_image(), time_s=arrival.arrived_s, force_n=force_n)
+        return CalibrationFrame(image=arrival.frame.tactile_image(), time_s=arrival.arrived_s, force_n=force_n)
 
-    def _fresh(self) -> Iterator[Arrival]:
+    def _fresh(self) -> Iterator[ReceivedFrame]:
         ring = self._acquisition.ring
         place = ring.end
         while True:

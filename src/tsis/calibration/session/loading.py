@@ -9,23 +9,23 @@ import numpy as np
 
 from tsis.calibration.force.curves import run_of
 from tsis.calibration.force.loading import UNTOUCHED_N, Loading
-from tsis.calibration.force.reading import read_press
+from tsis.calibration.force.reading import read_loading_frame
 from tsis.model.errors import CalibrationError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from tsis.calibration.force.line import ForceLine
-    from tsis.calibration.reference.making import Reference
-    from tsis.calibration.session.shot import Shot
-    from tsis.calibration.session.steps import Step
+    from tsis.calibration.reference.making import CameraReference
+    from tsis.calibration.session.shot import CalibrationFrame
+    from tsis.calibration.session.steps import CalibrationStep
 
 TOUCHED_N = 0.03  # above the zero: between it and an unloaded gauge's wandering nobody can tell
 AT_REST = 0.02  # share of the largest sum of grey levels that a frame without contact may show
 LEAST_CORRELATION = 0.97  # of sums and forces; loops of 10 % and curves as F**(2/3) have 0.99
 
 
-def read_loading(shots: Sequence[Shot], step: Step, reference: Reference) -> Loading:
+def read_loading(shots: Sequence[CalibrationFrame], step: CalibrationStep, reference: CameraReference) -> Loading:
     """Read a loading; presses so light that the gauge cannot tell them from none are left out.
 
     Raises
@@ -43,7 +43,7 @@ def read_loading(shots: Sequence[Shot], step: Step, reference: Reference) -> Loa
     for shot in shots:
         load = float(shot.force_n or 0.0) - zero
         if abs(load) <= UNTOUCHED_N or load >= TOUCHED_N:
-            reading = read_press(shot.image, reference, force_n=zero + load, touched=load >= TOUCHED_N)
+            reading = read_loading_frame(shot.image, reference, force_n=zero + load, touched=load >= TOUCHED_N)
             readings.append(reading)
     loading = Loading.of(step.tip_mm, readings, run=step.run)
     first = float(loading.total_grey[0] / max(loading.total_grey.max(), 1.0))
@@ -56,7 +56,7 @@ def read_loading(shots: Sequence[Shot], step: Step, reference: Reference) -> Loa
     return loading
 
 
-def require_told_slope(line: ForceLine) -> None:
+def require_measured_slope(line: ForceLine) -> None:
     """Refuse a force line whose slope is not told from zero, from which no force can be read."""
     low, high = line.slope_grey_per_n.interval()
     if low <= 0:
@@ -66,7 +66,7 @@ def require_told_slope(line: ForceLine) -> None:
         )
 
 
-def _require_new_frames(shots: Sequence[Shot]) -> None:
+def _require_new_frames(shots: Sequence[CalibrationFrame]) -> None:
     """Refuse a picture that came twice: the noise of a live camera never repeats."""
     for number, (before, after) in enumerate(pairwise(shots), start=1):
         if np.array_equal(before.image.grey, after.image.grey):

@@ -14,12 +14,12 @@ from tsis.calibration.force.fit import fit_force_line
 from tsis.calibration.reference.making import make_reference
 from tsis.calibration.response.fit import fit_response
 from tsis.calibration.scale import scale_from_dots
-from tsis.calibration.session.loading import read_loading, require_told_slope
+from tsis.calibration.session.loading import read_loading, require_measured_slope
 from tsis.calibration.session.steps import BOARD, BOARD_UNTOUCHED, DARK, EDGE, FLAT, UNTOUCHED
 from tsis.calibration.specification.edge import edge_width
 from tsis.calibration.specification.rate import frame_rate
 from tsis.calibration.specification.sheet import specification_sheet
-from tsis.instrument import shown
+from tsis.instrument import printable_path
 from tsis.model import TactileImage, check
 from tsis.model.errors import CalibrationError, ImageMismatchError, InputError
 
@@ -28,19 +28,19 @@ if TYPE_CHECKING:
 
     from tsis.calibration.force.line import ForceLineDiagnostics
     from tsis.calibration.force.loading import Loading
-    from tsis.calibration.measured import Measured
-    from tsis.calibration.reference.making import Reference
-    from tsis.calibration.response.value import Response
-    from tsis.calibration.scale import DotDiagnostics, Scale
+    from tsis.calibration.measured import MeasuredValue
+    from tsis.calibration.reference.making import CameraReference
+    from tsis.calibration.response.value import PressureResponse
+    from tsis.calibration.scale import DotDiagnostics, PixelScale
     from tsis.calibration.session.folder import SessionFolder
-    from tsis.calibration.session.shot import Shot
-    from tsis.calibration.session.steps import Step
+    from tsis.calibration.session.shot import CalibrationFrame
+    from tsis.calibration.session.steps import CalibrationStep
 
 DAYS = 180
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class SessionFindings:
+class SessionResult:
     """What stands behind a calibration, for the reader and for figures.
 
     Attributes
@@ -61,7 +61,7 @@ class SessionFindings:
     board: TactileImage
     loadings: tuple[Loading, ...]
     line: ForceLineDiagnostics
-    response: Response
+    response: PressureResponse
 
 
 def calibrate(
@@ -69,7 +69,7 @@ def calibrate(
     *,
     days: float = DAYS,
     progress: Callable[[int, int], None] = lambda done, total: None,
-) -> tuple[ProbeCalibration, SessionFindings]:
+) -> tuple[ProbeCalibration, SessionResult]:
     """Make the calibration from the frames of a session, steps that may be left out included where they were done.
 
     Parameters
@@ -89,12 +89,14 @@ def calibrate(
     FileInputError
         When a file of the session is missing or damaged.
     """
-    check.number("days", days, 1, 3650)
+    check.require_number("days", days, 1, 3650)
     terms, steps = session.terms(), {step.name: step for step in session.plan()}
     if missing := session.missing():
-        raise CalibrationError(f"steps must be done first: {', '.join(missing)}; {shown(session.path)} lacks them")
+        raise CalibrationError(
+            f"steps must be done first: {', '.join(missing)}; {printable_path(session.path)} lacks them"
+        )
     still = [step for step in steps.values() if not step.is_loading]
-    shots: dict[str, list[Shot]] = {}
+    shots: dict[str, list[CalibrationFrame]] = {}
     for number, step in enumerate(still):
         if session.done(step):
             shots[step.name] = session.shots(step)
@@ -111,7 +113,7 @@ def calibrate(
                 loadings.append(read_loading(pressed, step, reference))
             progress(len(still) + len(loadings), len(steps) + 1)
     line, diagnostics = fit_force_line(loadings, reference=reference, gauge_share=terms.gauge_share)
-    require_told_slope(line)
+    require_measured_slope(line)
     response = fit_response(loadings, reference=reference, gauge_share=terms.gauge_share, area_share=_area_share(scale))
     known = ProbeCalibration(
         name=terms.name,
@@ -133,26 +135,26 @@ def calibrate(
         ),
     )
     progress(len(steps) + 1, len(steps) + 1)
-    return known, SessionFindings(dots=dots, board=board, loadings=tuple(loadings), line=diagnostics, response=response)
+    return known, SessionResult(dots=dots, board=board, loadings=tuple(loadings), line=diagnostics, response=response)
 
 
 def _scale(
-    shots: Mapping[str, Sequence[Shot]], *, pitch_mm: float, pitch_sd_mm: float
-) -> tuple[Scale, DotDiagnostics, TactileImage]:
+    shots: Mapping[str, Sequence[CalibrationFrame]], *, pitch_mm: float, pitch_sd_mm: float
+) -> tuple[PixelScale, DotDiagnostics, TactileImage]:
     board, untouched = _mean(shots[BOARD]), _mean(shots[BOARD_UNTOUCHED])
     with _named(BOARD):
         scale, dots = scale_from_dots(board, untouched, pitch_mm=pitch_mm, pitch_sd_mm=pitch_sd_mm)
     return scale, dots, board
 
 
-def _area_share(scale: Scale) -> float:
+def _area_share(scale: PixelScale) -> float:
     """Relative standard deviation of a pixel's area; one pitch errs along both axes, so their shares add."""
     return sum(size.sd / size.value for size in (scale.mm_per_pixel_x, scale.mm_per_pixel_y))
 
 
 def _reference(
-    shots: Mapping[str, Sequence[Shot]], scale: Scale, patch_px: tuple[int, int, int, int] | None
-) -> Reference:
+    shots: Mapping[str, Sequence[CalibrationFrame]], scale: PixelScale, patch_px: tuple[int, int, int, int] | None
+) -> CameraReference:
     def scaled(name: str) -> list[TactileImage]:
         return [scale.on(shot.image) for shot in shots[name]]
 
@@ -162,19 +164,19 @@ def _reference(
     return make_reference(scaled(DARK), scaled(UNTOUCHED), flats, patch_px=patch_px, scenes=scenes)
 
 
-def _edge(shots: Mapping[str, Sequence[Shot]], reference: Reference) -> Measured | None:
+def _edge(shots: Mapping[str, Sequence[CalibrationFrame]], reference: CameraReference) -> MeasuredValue | None:
     if EDGE not in shots:
         return None
     with _named(EDGE):
         return edge_width(reference.corrected(replace(_mean(shots[EDGE]), mm_per_pixel=reference.mm_per_pixel)))
 
 
-def _rate(shots: Sequence[Shot]) -> Measured | None:
+def _rate(shots: Sequence[CalibrationFrame]) -> MeasuredValue | None:
     times = [shot.time_s for shot in shots if shot.time_s is not None]
     return frame_rate(times) if len(times) == len(shots) else None
 
 
-def _require_alike(shots: Sequence[Shot], step: Step, first: TactileImage) -> None:
+def _require_alike(shots: Sequence[CalibrationFrame], step: CalibrationStep, first: TactileImage) -> None:
     wanted = (first.grey.shape, first.full_scale)
     for shot in shots:
         got = (shot.image.grey.shape, shot.image.full_scale)
@@ -194,6 +196,6 @@ def _named(step: str) -> Iterator[None]:
         raise CalibrationError(f"step {step!r}: {error}") from error
 
 
-def _mean(shots: Sequence[Shot]) -> TactileImage:
+def _mean(shots: Sequence[CalibrationFrame]) -> TactileImage:
     """The mean of frames of one scene."""
     return replace(shots[0].image, grey=np.mean([shot.image.grey for shot in shots], axis=0))

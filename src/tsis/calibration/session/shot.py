@@ -8,7 +8,7 @@ from tsis.model import TactileImage, check
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Shot:
+class CalibrationFrame:
     """One frame.
 
     Parameters
@@ -26,8 +26,8 @@ class Shot:
     time_s: float | None = None
 
     def __post_init__(self) -> None:
-        check.kind("image", self.image, TactileImage)
+        check.require_type("image", self.image, TactileImage)
         if self.force_n is not None:
-            check.number("force_n", self.force_n, -100.0, 100.0, hint="newtons")
+            check.require_number("force_n", self.force_n, -100.0, 100.0, hint="newtons")
         if self.time_s is not None:
-            check.number("time_s", self.time_s, -1e15, 1e15, hint="seconds")
+            check.require_number("time_s", self.time_s, -1e15, 1e15, hint="seconds")

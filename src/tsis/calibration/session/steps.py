@@ -17,7 +17,7 @@ FLAT_LEVELS = 3
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Step:
+class CalibrationStep:
     """One thing to do.
 
     Parameters
@@ -49,7 +49,7 @@ class Step:
         return self.tip_mm is not None
 
 
-def plan(tips_mm: Sequence[float] = TIPS_MM, *, repeats: int = 1) -> tuple[Step, ...]:
+def plan_steps(tips_mm: Sequence[float] = TIPS_MM, *, repeats: int = 1) -> tuple[CalibrationStep, ...]:
     """The steps of a whole calibration.
 
     Parameters
@@ -66,13 +66,13 @@ def plan(tips_mm: Sequence[float] = TIPS_MM, *, repeats: int = 1) -> tuple[Step,
 
     Examples
     --------
-    >>> [step.name for step in plan((2.0, 10.0))]
+    >>> [step.name for step in plan_steps((2.0, 10.0))]
     ['dark', 'untouched', 'flat-1', 'flat-2', 'flat-3', 'board-untouched', 'board', 'edge', 'tip-2mm-1', 'tip-10mm-1']
     """
-    check.whole("repeats", repeats, 1, 20)
-    radii = [check.number("tip_radius_mm", tip, 0.1, 1000.0, hint="millimetres") for tip in tips_mm]
+    check.require_integer("repeats", repeats, 1, 20)
+    radii = [check.require_number("tip_radius_mm", tip, 0.1, 1000.0, hint="millimetres") for tip in tips_mm]
     flats = [
-        Step(
+        CalibrationStep(
             name=f"{FLAT}-{level}",
             instruction=f"Press the whole face evenly on a soft flat pad, {how} (evens out the light)",
             frames=FLAT_FRAMES,
@@ -81,7 +81,7 @@ def plan(tips_mm: Sequence[float] = TIPS_MM, *, repeats: int = 1) -> tuple[Step,
         for level, how in enumerate(("lightly", "harder", "as hard as it goes without white spots"), start=1)
     ]
     loadings = [
-        Step(
+        CalibrationStep(
             name=f"{tip_name(tip)}-{run}",
             instruction=(
                 f"Mount the tip of {tip:g} mm radius, not yet touching; then load from 0 to {LARGEST_N:g} N in steps "
@@ -94,16 +94,16 @@ def plan(tips_mm: Sequence[float] = TIPS_MM, *, repeats: int = 1) -> tuple[Step,
         for tip in radii
     ]
     return (
-        Step(name=DARK, instruction="Switch the lamps off, or cover the lens", frames=STILL_FRAMES),
-        Step(name=UNTOUCHED, instruction="Switch the lamps on, touch nothing", frames=STILL_FRAMES),
+        CalibrationStep(name=DARK, instruction="Switch the lamps off, or cover the lens", frames=STILL_FRAMES),
+        CalibrationStep(name=UNTOUCHED, instruction="Switch the lamps on, touch nothing", frames=STILL_FRAMES),
         *flats,
-        Step(
+        CalibrationStep(
             name=BOARD_UNTOUCHED,
             instruction="Light the probe as for the dot board (white light where it needs some), touch nothing",
             frames=BOARD_FRAMES,
         ),
-        Step(name=BOARD, instruction="Press the dot board on the face", frames=BOARD_FRAMES),
-        Step(
+        CalibrationStep(name=BOARD, instruction="Press the dot board on the face", frames=BOARD_FRAMES),
+        CalibrationStep(
             name=EDGE,
             instruction="Press a block with a straight edge on one half of the face, a little askew",
             frames=EDGE_FRAMES,

@@ -11,7 +11,7 @@ from types import MappingProxyType
 from tsis.calibration.file.probe_calibration import SETTING_TOLERANCE
 from tsis.calibration.file.soundness import require_name, require_time
 from tsis.calibration.force.loading import TIPS_MM
-from tsis.calibration.session.steps import plan
+from tsis.calibration.session.steps import plan_steps
 from tsis.model import check
 from tsis.model.errors import InputError
 
@@ -19,7 +19,7 @@ STATED = ("name", "pitch_mm", "pitch_sd_mm", "gauge_share", "patch_px", "tips_mm
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SessionTerms:
+class SessionSetup:
     """Terms of a calibration session.
 
     Parameters
@@ -63,10 +63,10 @@ class SessionTerms:
         for name in ("name", "probe", "camera"):
             require_name(name, getattr(self, name))
         require_time("began", self.began)
-        check.number("pitch_mm", self.pitch_mm, 0.05, 50.0, hint="millimetres")
-        check.number("pitch_sd_mm", self.pitch_sd_mm, 0.0, 1.0, hint="millimetres")
-        check.number("gauge_share", self.gauge_share, 0.0, 0.5, hint="a share of one")
-        steps = [step.name for step in plan(self.tips_mm, repeats=self.repeats)]
+        check.require_number("pitch_mm", self.pitch_mm, 0.05, 50.0, hint="millimetres")
+        check.require_number("pitch_sd_mm", self.pitch_sd_mm, 0.0, 1.0, hint="millimetres")
+        check.require_number("gauge_share", self.gauge_share, 0.0, 0.5, hint="a share of one")
+        steps = [step.name for step in plan_steps(self.tips_mm, repeats=self.repeats)]
         if len(set(steps)) < len(steps):
             raise InputError(f"tips_mm must hold each tip once; got {list(self.tips_mm)} (take repeats instead)")
         if self.patch_px is not None:
@@ -75,13 +75,13 @@ class SessionTerms:
                 raise InputError(f"patch_px must be left < right and top < bottom, from 0; got {self.patch_px}")
         object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
 
-    def differing(self, other: SessionTerms) -> tuple[str, ...]:
+    def differing(self, other: SessionSetup) -> tuple[str, ...]:
         """Names of the terms that a person states and that are others there; of probe and camera nothing is said.
 
         Examples
         --------
-        >>> terms = SessionTerms(name="bench", probe="tsis-direct", camera="cam")
-        >>> terms.differing(SessionTerms(name="bench", probe="tsis-direct", camera="cam", pitch_mm=2.0, repeats=3))
+        >>> terms = SessionSetup(name="bench", probe="tsis-direct", camera="cam")
+        >>> terms.differing(SessionSetup(name="bench", probe="tsis-direct", camera="cam", pitch_mm=2.0, repeats=3))
         ('pitch_mm', 'repeats')
         """
         return tuple(name for name in STATED if getattr(self, name) != getattr(other, name))
@@ -91,7 +91,7 @@ class SessionTerms:
 
         Examples
         --------
-        >>> terms = SessionTerms(name="bench", probe="tsis-direct", camera="cam", settings={"gain": 2.0})
+        >>> terms = SessionSetup(name="bench", probe="tsis-direct", camera="cam", settings={"gain": 2.0})
         >>> terms.changed_setting({"gain": 3.0, "exposure_ms": 5.0}), terms.changed_setting({"gain": 2.0})
         (('gain', 2.0, 3.0), None)
         """

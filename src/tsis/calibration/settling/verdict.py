@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.special import stdtrit
 
-from tsis.calibration.measured import Measured
+from tsis.calibration.measured import MeasuredValue
 from tsis.calibration.settling.decay import DecayFit
 from tsis.imaging.patch import GAUSSIAN_MAD
 from tsis.model import check
@@ -56,7 +56,7 @@ class Settling:
     """
 
     verdict: str
-    remaining: Measured
+    remaining: MeasuredValue
     bound: float
     wait_s: float | None
 
@@ -66,7 +66,7 @@ class Settling:
         return self.verdict == "settled"
 
 
-UNKNOWN = Settling(verdict="cannot tell", remaining=Measured(value=0.0, sd=CAPPED), bound=CAPPED, wait_s=None)
+UNKNOWN = Settling(verdict="cannot tell", remaining=MeasuredValue(value=0.0, sd=CAPPED), bound=CAPPED, wait_s=None)
 
 
 def judge_settling(
@@ -112,9 +112,9 @@ def judge_settling(
     >>> judge_settling(time[:60], force[:60]).verdict, judge_settling(time, force).verdict
     ('settling', 'settled')
     """
-    check.number("tolerance", tolerance, 1e-4, 0.5, hint="a share of the settled value")
-    check.number("longest_s", longest_s, 1e-2, 1e5, hint="seconds")
-    time, values = check.array("time_s", time_s, ndim=1), check.array("value", value, ndim=1)
+    check.require_number("tolerance", tolerance, 1e-4, 0.5, hint="a share of the settled value")
+    check.require_number("longest_s", longest_s, 1e-2, 1e5, hint="seconds")
+    time, values = check.require_array("time_s", time_s, ndim=1), check.require_array("value", value, ndim=1)
     if time.shape != values.shape:
         raise InputError(f"time_s and value must be of one length; got {time.size} and {values.size}")
     if (np.diff(time) <= 0).any():
@@ -123,10 +123,10 @@ def judge_settling(
     if step is None:
         step = display_step(values)
     else:
-        check.number("step", step, 0.0, 1e12, hint="in the unit of the values")
+        check.require_number("step", step, 0.0, 1e12, hint="in the unit of the values")
     if step is None:
         return UNKNOWN
-    return judged(*_averaged(time, values), tolerance=tolerance, longest_s=longest_s, step=step)
+    return assess_history(*_averaged(time, values), tolerance=tolerance, longest_s=longest_s, step=step)
 
 
 def display_step(value: NDArray[np.float64]) -> float | None:
@@ -138,7 +138,7 @@ def display_step(value: NDArray[np.float64]) -> float | None:
     return float(apart[~equal].min()) if equal.any() else 0.0
 
 
-def judged(
+def assess_history(
     time: NDArray[np.float64],
     value: NDArray[np.float64],
     *,
@@ -198,7 +198,7 @@ def _verdict(found: Decay, count: int, tolerance: float, display: float) -> Sett
     # Less than a step may come without being seen.
     bound = max(-low, high, min(display / abs(present), CAPPED))
     quantile = float(stdtrit(count - TERMS, CERTAINTY))
-    change = Measured(
+    change = MeasuredValue(
         value=float(-fading / present), sd=(high - low) / (2 * quantile), degrees_of_freedom=count - TERMS
     )
     if bound <= tolerance:

@@ -10,7 +10,7 @@ from scipy.optimize import curve_fit
 from scipy.special import erf
 
 from tsis.calibration.force.curves import mean_of
-from tsis.imaging.correct import check_image
+from tsis.imaging.correct import require_image
 from tsis.imaging.patch import pixel_noise
 from tsis.model import TactileImage, check
 from tsis.model.errors import CalibrationError
@@ -18,7 +18,7 @@ from tsis.model.errors import CalibrationError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.calibration.measured import Measured
+    from tsis.calibration.measured import MeasuredValue
 
 SHAPES = ("straight", "circle")
 PARTS = 8  # of the edge, measured one by one
@@ -28,7 +28,7 @@ LEAST_CONTRAST = 8.0  # of the step, in standard deviations of a pixel's noise
 TEN_TO_NINETY = 2.563103  # in standard deviations of a normal blur
 
 
-def edge_width(image: TactileImage, *, shape: str = "straight", reach_mm: float = REACH_MM) -> Measured:
+def edge_width(image: TactileImage, *, shape: str = "straight", reach_mm: float = REACH_MM) -> MeasuredValue:
     """Width in mm from 10 to 90 % across a sharp edge of even contact: a block's straight one or a flat punch's circle.
 
     The edge is found where the light crosses half of the step, its place fitted as a line or a circle; along it, light
@@ -59,9 +59,9 @@ def edge_width(image: TactileImage, *, shape: str = "straight", reach_mm: float 
     >>> round(width.value, 3)
     0.154
     """
-    check_image("image", image)
-    check.known("edge", shape, SHAPES)
-    check.number("reach_mm", reach_mm, 0.05, 20.0, hint="millimetres")
+    require_image("image", image)
+    check.require_one_of("edge", shape, SHAPES)
+    check.require_number("reach_mm", reach_mm, 0.05, 20.0, hint="millimetres")
     places, light = _lit(image)
     distance, along = (_from_line if shape == "straight" else _from_circle)(places, _crossing(image))
     flat = image.grey.ravel()

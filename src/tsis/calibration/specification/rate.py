@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.calibration.measured import Measured
+from tsis.calibration.measured import MeasuredValue
 from tsis.model import check
 from tsis.model.errors import InputError
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 FEWEST = 3
 
 
-def frame_rate(time_s: ArrayLike) -> Measured:
+def frame_rate(time_s: ArrayLike) -> MeasuredValue:
     """Frames a second of a stream: intervals over the time between the first and the last frame.
 
     Parameters
@@ -39,10 +39,10 @@ def frame_rate(time_s: ArrayLike) -> Measured:
     >>> round(frame_rate([0.0, 0.03, 0.07, 0.10]).value, 6)
     30.0
     """
-    time = check.array("time_s", time_s, ndim=1)
+    time = check.require_array("time_s", time_s, ndim=1)
     if len(time) < FEWEST or (np.diff(time) <= 0).any():
         raise InputError(f"time_s must hold at least {FEWEST} ascending times; got {len(time)} values")
     steps = np.diff(time)
     mean = float(steps.mean())
     error = float(steps.std(ddof=1)) / float(np.sqrt(len(steps)))
-    return Measured(value=1 / mean, sd=error / mean**2, degrees_of_freedom=len(steps) - 1.0, unit="1/s")
+    return MeasuredValue(value=1 / mean, sd=error / mean**2, degrees_of_freedom=len(steps) - 1.0, unit="1/s")

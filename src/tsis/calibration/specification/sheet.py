@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tsis.calibration.force.quality import WIDEST
-from tsis.calibration.measured import Measured  # noqa: TC001 - the file format reads the type
+from tsis.calibration.measured import MeasuredValue  # noqa: TC001 - the file format reads the type
 from tsis.model import check
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class SpecificationRow:
 
     quantity: str
     unit: str
-    measured: Measured | None
+    measured: MeasuredValue | None
     fingertip: str
     printed: str
     note: str = ""
@@ -61,7 +61,7 @@ class Specification:
     def __getitem__(self, quantity: str) -> SpecificationRow:
         """The line of a quantity; `UnknownNameError` when there is none."""
         by_name = {row.quantity: row for row in self.rows}
-        return by_name[check.known("quantity", quantity, by_name)]
+        return by_name[check.require_one_of("quantity", quantity, by_name)]
 
 
 def specification_sheet(
@@ -69,8 +69,8 @@ def specification_sheet(
     probe: str,
     line: ForceLine,
     diagnostics: ForceLineDiagnostics,
-    edge_mm: Measured | None = None,
-    frames_per_s: Measured | None = None,
+    edge_mm: MeasuredValue | None = None,
+    frames_per_s: MeasuredValue | None = None,
 ) -> Specification:
     """Write the sheet of what was measured; what was not stays empty and is never copied from the source.
 
@@ -90,7 +90,7 @@ def specification_sheet(
     InputError
         When ``probe`` is no text.
     """
-    check.kind("probe", probe, str)
+    check.require_type("probe", probe, str)
     return Specification(
         probe=probe,
         rows=(

@@ -44,7 +44,7 @@ def connector(spec: str, press: VirtualPress) -> Callable[[], Camera]:
 
 def live_connector(spec: str) -> Callable[[], Camera]:
     """The same of a camera that is not virtual; `UnknownNameError` when no source is called so."""
-    check.known("camera source", spec.partition(":")[0], (VIRTUAL, *SOURCES))
+    check.require_one_of("camera source", spec.partition(":")[0], (VIRTUAL, *SOURCES))
     return partial(connect, spec)
 
 

@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from tsis.calibration.cited import cited
+from tsis.calibration.cited import read_usable_calibration
 from tsis.cli.acquire.chosen_camera import VIRTUAL, VirtualPress, connector, is_stored, wanted_settings
 from tsis.cli.acquire.kept_snapshot import ROLES, SnapshotDestination
 from tsis.cli.acquire.listing import list_cameras, show_camera
@@ -90,13 +90,13 @@ def acquire(
     if watch and (frames is not None or out is not None):
         raise InputError("--watch saves nothing: leave out --frames and --out (--seconds ends it)")
     if seconds is not None:
-        check.number("--seconds", seconds, 0.01, LONGEST_S, hint="seconds")
+        check.require_number("--seconds", seconds, 0.01, LONGEST_S, hint="seconds")
     if keep and (sequence or watch):
         raise InputError("--keep is of snapshots; a sequence goes into a store by tsis records import")
-    check.known("role", role, ROLES)
-    check.known("picture format", picture, FORMATS)
-    check.known("colour map", map_name, COLOUR_MAPS)
-    known = None if calibration is None else cited(calibration)
+    check.require_one_of("role", role, ROLES)
+    check.require_one_of("picture format", picture, FORMATS)
+    check.require_one_of("colour map", map_name, COLOUR_MAPS)
+    known = None if calibration is None else read_usable_calibration(calibration)
     destination = chosen_destination(keep, store, kind)
     where = None
     if destination is not None:

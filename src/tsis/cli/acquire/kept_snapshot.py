@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.calibration.cited import CitedCalibration
+    from tsis.calibration.cited import UsableCalibration
     from tsis.cli.keeping import Destination
 
 ROLES = ("target", "plain", "untouched", "ball")  # those of tsis.records, whose libraries load when one is kept
@@ -32,7 +32,7 @@ class SnapshotDestination:
     role: str
     probe: str = ""
 
-    def keep(self, sidecar: Path, calibration: CitedCalibration | None) -> dict[str, Any]:
+    def keep(self, sidecar: Path, calibration: UsableCalibration | None) -> dict[str, Any]:
         """Store the snapshot of a sidecar; what a result says of it; `TsisError` when it could not be stored."""
         from tsis.records.importing.one_snapshot import keep_snapshot  # loads the libraries of records
 

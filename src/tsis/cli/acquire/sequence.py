@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from tsis.calibration.cited import CitedCalibration
-    from tsis.instrument.acquisition import Acquisition, Arrival
+    from tsis.calibration.cited import UsableCalibration
+    from tsis.instrument.acquisition import Acquisition, ReceivedFrame
     from tsis.instrument.gauge import ForceLog
 
 ENDED_EARLY = 1  # exit code of a recording that is shorter than was asked for
@@ -34,7 +34,7 @@ def take_sequence(
     frames: int | None,
     seconds: float | None,
     video: bool,
-    calibration: CitedCalibration | None,
+    calibration: UsableCalibration | None,
     log: ForceLog | None,
     as_json: bool,
 ) -> None:
@@ -93,7 +93,7 @@ class GaugeColumns:
     def __init__(self, log: ForceLog) -> None:
         self._log, self._without = log, 0
 
-    def of(self, arrival: Arrival) -> tuple[str, str]:
+    def of(self, arrival: ReceivedFrame) -> tuple[str, str]:
         """The columns of a frame."""
         try:
             found = force_then(self._log, arrival.arrived_s)

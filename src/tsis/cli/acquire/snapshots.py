@@ -6,7 +6,7 @@ from dataclasses import asdict
 from datetime import datetime
 from typing import TYPE_CHECKING, Any
 
-from tsis.calibration.guard.of_stream import guard_reference, scaled
+from tsis.calibration.guard.of_stream import guard_reference, with_calibrated_scale
 from tsis.calibration.guard.press_check import check_press
 from tsis.cli.console_output import people, print_json, print_notice
 from tsis.cli.force_gauge import force_then
@@ -23,11 +23,11 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from tsis.calibration.cited import CitedCalibration
+    from tsis.calibration.cited import UsableCalibration
     from tsis.calibration.guard.flags import GuardFlag
     from tsis.cli.acquire.kept_snapshot import SnapshotDestination
     from tsis.instrument import Frame
-    from tsis.instrument.acquisition import Acquisition, Arrival
+    from tsis.instrument.acquisition import Acquisition, ReceivedFrame
     from tsis.instrument.gauge import ForceLog
     from tsis.instrument.snapshot import Snapshot
 
@@ -41,7 +41,7 @@ def take_snapshot(
     target: int,
     picture: str,
     map_name: str,
-    calibration: CitedCalibration | None,
+    calibration: UsableCalibration | None,
     log: ForceLog | None,
     where: SnapshotDestination | None = None,
     as_json: bool,
@@ -50,7 +50,7 @@ def take_snapshot(
     arrival = _next(acquisition)
     force = None if log is None else force_then(log, arrival.arrived_s)
     image = arrival.frame.tactile_image(force_n=None if force is None else max(0.0, force.force_n))
-    flags = check_press(scaled(image, calibration), reference=guard_reference(calibration))
+    flags = check_press(with_calibrated_scale(image, calibration), reference=guard_reference(calibration))
     about: dict[str, Any] = {
         "camera": acquisition.name,
         "calibration": None if calibration is None else calibration.citation(),
@@ -84,7 +84,7 @@ def take_snapshot(
 
 
 def _print(
-    saved: Snapshot, arrival: Arrival, flags: Sequence[GuardFlag], about: dict[str, Any], *, as_json: bool
+    saved: Snapshot, arrival: ReceivedFrame, flags: Sequence[GuardFlag], about: dict[str, Any], *, as_json: bool
 ) -> None:
     files = {name: str(path.resolve()) for name, path in asdict(saved).items()}
     if as_json:
@@ -98,14 +98,14 @@ def _print(
     for flag in flags:
         console.print(f"- {flag.name}: {flag.advice}", markup=False, soft_wrap=True)
     if "kept" in about:
-        from tsis.records.keeping import kept_notes  # loads the libraries of records, as keeping did
+        from tsis.records.keeping import saved_notes  # loads the libraries of records, as keeping did
 
-        for note in kept_notes(about["kept"]):
+        for note in saved_notes(about["kept"]):
             console.print(note, markup=False, soft_wrap=True)
     print_notice(console)
 
 
-def _next(acquisition: Acquisition) -> Arrival:
+def _next(acquisition: Acquisition) -> ReceivedFrame:
     """The newest frame of a camera, the first of stored ones."""
     if not acquisition.ring.wait(0, FRAME_S):
         why = f": {acquisition.failure}" if acquisition.failure is not None else ""

@@ -21,11 +21,11 @@ from tsis.report.document import envelope
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from tsis.calibration.cited import CitedCalibration
+    from tsis.calibration.cited import UsableCalibration
     from tsis.calibration.guard.flags import GuardFlag
     from tsis.calibration.guard.watch import PressWatch
     from tsis.calibration.settling.verdict import Settling
-    from tsis.instrument.acquisition import Acquisition, Arrival
+    from tsis.instrument.acquisition import Acquisition, ReceivedFrame
     from tsis.instrument.gauge import ForceLog
 
 WAIT_S = 0.2
@@ -45,7 +45,7 @@ def watch_presses(
     acquisition: Acquisition,
     *,
     seconds: float | None,
-    calibration: CitedCalibration | None,
+    calibration: UsableCalibration | None,
     log: ForceLog | None,
     as_json: bool,
 ) -> None:
@@ -76,7 +76,7 @@ def watch_presses(
     print_notice(console)
 
 
-def _newest(acquisition: Acquisition, place: int) -> tuple[tuple[Arrival, ...], int]:
+def _newest(acquisition: Acquisition, place: int) -> tuple[tuple[ReceivedFrame, ...], int]:
     """The newest frame, for a guard must not lag; of stored ones all. And where to look next."""
     acquisition.ring.wait(place, WAIT_S)
     arrivals, place, _ = acquisition.ring.read(place)
@@ -96,7 +96,7 @@ class _Troubles:
             self._console.print(f"! {what}: {trouble or 'is back'}", markup=False, soft_wrap=True)
 
 
-def _look(watch: PressWatch, state: WatchState, arrival: Arrival, log: ForceLog | None) -> _Seen:
+def _look(watch: PressWatch, state: WatchState, arrival: ReceivedFrame, log: ForceLog | None) -> _Seen:
     # The newest reading and not that of the frame's time, for which a guard would wait for the next one.
     readings = () if log is None else log.readings(since_s=arrival.arrived_s - FORCE_HOLDS_S)
     force = max(0.0, readings[-1].force_n) if readings else None

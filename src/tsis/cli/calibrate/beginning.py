@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tsis.instrument import shown
+from tsis.instrument import printable_path
 from tsis.model.errors import CalibrationError
 
 if TYPE_CHECKING:
@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from tsis.calibration.session import SessionFolder, SessionTerms
+    from tsis.calibration.session import SessionFolder, SessionSetup
 
 OPTIONS = {  # by the term that each one states
     "name": "--name",
@@ -25,7 +25,7 @@ OPTIONS = {  # by the term that each one states
 }
 
 
-def begin(folder: SessionFolder, terms: SessionTerms, console: Console) -> None:
+def begin(folder: SessionFolder, terms: SessionSetup, console: Console) -> None:
     """Begin a session, or go on with the one in the folder.
 
     Raises
@@ -39,24 +39,24 @@ def begin(folder: SessionFolder, terms: SessionTerms, console: Console) -> None:
     held = folder.terms()
     if (held.probe, held.camera) != (terms.probe, terms.camera):
         raise CalibrationError(
-            f"the session in {shown(folder.path)} must be of probe {terms.probe!r} and camera {terms.camera!r}; it is "
+            f"the session in {printable_path(folder.path)} must be of probe {terms.probe!r} and camera {terms.camera!r}; it is "
             f"of {held.probe!r} and {held.camera!r} (choose another --session)"
         )
     if other := held.differing(terms):
         raise CalibrationError(
-            f"the session in {shown(folder.path)} was begun with {_told(held, other)}; this command says "
+            f"the session in {printable_path(folder.path)} was begun with {_told(held, other)}; this command says "
             f"{_told(terms, other)} (give the options that it was begun with, or choose another --session)"
         )
     if changed := held.changed_setting(terms.settings):
         setting, value, now = changed
         raise CalibrationError(
-            f"the session in {shown(folder.path)} was begun at {setting} = {value:g}; the camera is at {now:g} "
+            f"the session in {printable_path(folder.path)} was begun at {setting} = {value:g}; the camera is at {now:g} "
             f"(--set {setting}={value:g}, or choose another --session)"
         )
     console.print(f"Going on with the session in {folder.path}; its terms hold.", markup=False, soft_wrap=True)
 
 
-def _told(terms: SessionTerms, names: Iterable[str]) -> str:
+def _told(terms: SessionSetup, names: Iterable[str]) -> str:
     """Terms as one types them."""
     return " ".join(_typed(OPTIONS[name], getattr(terms, name)) for name in names)
 

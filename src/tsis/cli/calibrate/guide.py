@@ -12,7 +12,7 @@ import typer
 from rich.console import Console
 
 from tsis.calibration.force.loading import TIPS_MM
-from tsis.calibration.session import LiveBench, SessionFolder, SessionTerms
+from tsis.calibration.session import LiveBench, SessionFolder, SessionSetup
 from tsis.calibration.session.result import DAYS
 from tsis.cli.acquire.chosen_camera import VIRTUAL, live_connector, wanted_settings
 from tsis.cli.calibrate.beginning import begin
@@ -31,7 +31,7 @@ from tsis.virtual.calibration_bench import VirtualBench, bench_name
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable
 
-    from tsis.calibration.session import Shot, Step
+    from tsis.calibration.session import CalibrationFrame, CalibrationStep
 
 
 def guide(
@@ -76,9 +76,9 @@ def guide(
     Frames are kept as they come, a folder a step: whatever interrupts the session, it goes on with the step that was
     not finished. Without --camera the virtual bench does every step by itself.
     """
-    check.number("--days", days, 1, 3650)
+    check.require_number("--days", days, 1, 3650)
     folder, console = SessionFolder(session), Console(stderr=True, highlight=False)
-    terms = SessionTerms(
+    terms = SessionSetup(
         name=name,
         probe=probe,
         camera=camera,
@@ -110,7 +110,9 @@ def guide(
     publish(made(folder, days=days), out, as_json=as_json)
 
 
-def _take_steps(folder: SessionFolder, take: Callable[[Step], Iterable[Shot] | None], console: Console) -> None:
+def _take_steps(
+    folder: SessionFolder, take: Callable[[CalibrationStep], Iterable[CalibrationFrame] | None], console: Console
+) -> None:
     """Take the frames of every step that is not done."""
     steps = folder.plan()
     for number, step in enumerate(steps, start=1):

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from rich.console import Console
 
-    from tsis.calibration.session import LiveBench, Shot, Step
+    from tsis.calibration.session import CalibrationFrame, CalibrationStep, LiveBench
 
 
 class Operator:
@@ -34,7 +34,7 @@ class Operator:
     def __init__(self, bench: LiveBench, console: Console, *, has_gauge: bool) -> None:
         self._bench, self._console, self._has_gauge = bench, console, has_gauge
 
-    def take(self, step: Step) -> Iterator[Shot] | None:
+    def take(self, step: CalibrationStep) -> Iterator[CalibrationFrame] | None:
         """The step's frames; None when the person leaves it out."""
         hint = "Enter when ready" + (", s to leave it out: " if step.optional else ": ")
         answer = self._answer(f"   {hint}").strip().lower()
@@ -44,7 +44,7 @@ class Operator:
             return self._bench.still(step.frames)
         return self._by_gauge() if self._has_gauge else self._by_hand()
 
-    def _by_gauge(self) -> Iterator[Shot]:
+    def _by_gauge(self) -> Iterator[CalibrationFrame]:
         """A frame every half second with its force, until Enter."""
         answers: queue.SimpleQueue[InputError | None] = queue.SimpleQueue()
 
@@ -66,7 +66,7 @@ class Operator:
         threading.Thread(target=wait, name="waiting for Enter", daemon=True).start()
         return self._bench.loading(over)
 
-    def _by_hand(self) -> Iterator[Shot]:
+    def _by_hand(self) -> Iterator[CalibrationFrame]:
         """A frame for each force that the person types."""
         while True:
             text = self._answer(

@@ -7,17 +7,17 @@ from typing import TYPE_CHECKING
 from rich.markup import escape
 from rich.table import Table
 
-from tsis.calibration.file import FILE_NAME, calibration_bytes, identity
+from tsis.calibration.file import CALIBRATION_FILE, calibration_bytes, calibration_sha256
 from tsis.calibration.file.plain_values import to_plain
 from tsis.calibration.session import calibrate
-from tsis.cli.console_output import Outcome, progress_bar
+from tsis.cli.console_output import CommandOutcome, progress_bar
 from tsis.report.calibration import calibration_document, calibration_notes, calibration_report, calibration_rows
 
 if TYPE_CHECKING:
     from tsis.calibration.session import SessionFolder
 
 
-def made(session: SessionFolder, *, days: float) -> Outcome:
+def made(session: SessionFolder, *, days: float) -> CommandOutcome:
     """Make the calibration of a session."""
     with progress_bar("reading the frames") as advance:
         known, findings = calibrate(session, days=days, progress=advance)
@@ -25,11 +25,11 @@ def made(session: SessionFolder, *, days: float) -> Outcome:
     table = Table("quantity", "value", "95 % interval", title=escape(f"Calibration {known.name} of {known.probe}"))
     for row in rows:
         table.add_row(*(escape(cell) for cell in row))
-    provenance = {"session": str(session.path), "terms": to_plain(session.terms()), "sha256": identity(known)}
-    return Outcome(
+    provenance = {"session": str(session.path), "terms": to_plain(session.terms()), "sha256": calibration_sha256(known)}
+    return CommandOutcome(
         document=calibration_document(known, findings, provenance=provenance),
         page=calibration_report(known, findings, provenance=provenance),
         tables=(table,),
         notes=calibration_notes(known, findings),
-        files={FILE_NAME: calibration_bytes(known)},
+        files={CALIBRATION_FILE: calibration_bytes(known)},
     )

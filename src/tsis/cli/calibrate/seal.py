@@ -8,13 +8,13 @@ from typing import Annotated, Any
 
 import typer
 
-from tsis.calibration.file import FILE_NAME, ProbeCalibration, write_calibration
+from tsis.calibration.file import CALIBRATION_FILE, ProbeCalibration, write_calibration
 from tsis.calibration.file.plain_values import from_plain
 from tsis.calibration.session.result import DAYS
 from tsis.cli.calibrate.make import Days
 from tsis.cli.console_output import people, print_json, print_notice
 from tsis.cli.targets import AsJson
-from tsis.instrument import shown
+from tsis.instrument import printable_path
 from tsis.instrument.file_bytes import read_object
 from tsis.model import check
 from tsis.model.errors import FileInputError, InputError
@@ -29,11 +29,11 @@ def seal(
     values: Annotated[Path, typer.Argument(help="JSON file with name, probe, response and what else is known.")],
     *,
     days: Days = DAYS,
-    out: Annotated[Path, typer.Option(help="Calibration file to write; it must not exist.")] = Path(FILE_NAME),
+    out: Annotated[Path, typer.Option(help="Calibration file to write; it must not exist.")] = Path(CALIBRATION_FILE),
     as_json: AsJson = False,
 ) -> None:
     """Check values written by hand, and write them as a calibration file with date, expiry and hash."""
-    check.number("--days", days, 1, 3650)
+    check.require_number("--days", days, 1, 3650)
     known = _read(values, days)
     cited = write_calibration(known, out)
     if as_json:
@@ -49,7 +49,7 @@ def _read(path: Path, days: float) -> ProbeCalibration:
     content = read_object(path, most=LARGEST_VALUES_BYTES)
     if measured := [name for name in FROM_FRAMES if content.get(name) is not None]:
         raise FileInputError(
-            f"{shown(path)} must hold values written by hand (name, probe, camera, settings, response, scale); got "
+            f"{printable_path(path)} must hold values written by hand (name, probe, camera, settings, response, scale); got "
             f"{', '.join(measured)}, which a session's frames give and whose date cannot be renewed (tsis calibrate)"
         )
     now = datetime.now(UTC).replace(microsecond=0)
@@ -57,7 +57,7 @@ def _read(path: Path, days: float) -> ProbeCalibration:
     try:
         known: ProbeCalibration = from_plain(ProbeCalibration, dated, "calibration")
     except InputError as error:
-        raise FileInputError(f"{shown(path)}: {error}") from error
+        raise FileInputError(f"{printable_path(path)}: {error}") from error
     if all(getattr(known, part) is None for part in BY_HAND):
-        raise FileInputError(f"{shown(path)} must hold at least one of {', '.join(BY_HAND)}; got none")
+        raise FileInputError(f"{printable_path(path)} must hold at least one of {', '.join(BY_HAND)}; got none")
     return known

@@ -10,7 +10,7 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from tsis.calibration.file import identity, read_calibration
+from tsis.calibration.file import calibration_sha256, read_calibration
 from tsis.cli.console_output import people, print_json, print_notice
 from tsis.cli.targets import AsJson
 from tsis.model.errors import CalibrationError
@@ -37,7 +37,7 @@ def show(
         print_json(
             envelope(
                 "calibrate show",
-                sha256=identity(known),
+                sha256=calibration_sha256(known),
                 usable=not refusal,
                 refusal=refusal,
                 values=measured_values(known),

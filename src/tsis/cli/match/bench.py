@@ -14,11 +14,11 @@ from tsis.cli import INTERRUPTED
 from tsis.cli.console_output import people, print_json, print_notice, progress_bar
 from tsis.cli.match.bench_output import HOTEL, bench_figures, pooled_tables, write_results
 from tsis.cli.targets import AsJson
-from tsis.matching.contenders import OWN, RIVALS, Contender
+from tsis.matching.contenders import OWN_METHODS, RIVAL_METHODS, BenchmarkMethod
 from tsis.matching.peers import PEERS
 from tsis.matching.trial_runs import run_trials
 from tsis.matching.trial_sets import distorted_set, hotel_set
-from tsis.matching.trial_summary import FAILURE, summarise, summarise_pooled
+from tsis.matching.trial_summary import FAILURE_RMS, summarise, summarise_pooled
 from tsis.matching.trials import FAMILIES
 from tsis.model import check
 from tsis.model.errors import InputError
@@ -26,12 +26,12 @@ from tsis.report.document import envelope
 
 if TYPE_CHECKING:
     from tsis.matching.distort import Family, Trial
-    from tsis.matching.trial_rows import Row
+    from tsis.matching.trial_rows import TrialRow
 
 ROWS = "rows.csv"
 HOTEL_FAILURE_PX = 5.0
 MEANING = (
-    f"RMS errors over all shapes and levels. Failed: above {FAILURE:g}, hotel above {HOTEL_FAILURE_PX:g} px; silent: "
+    f"RMS errors over all shapes and levels. Failed: above {FAILURE_RMS:g}, hotel above {HOTEL_FAILURE_PX:g} px; silent: "
     "failed, and the method trusted its answer. Answers that it does not trust are judged, too, though tsis match "
     "withholds them. Ratio of means to the best coherent point drift of each level, with "
     "the bootstrap interval of 95 %."
@@ -46,7 +46,7 @@ def bench(
     ] = None,
     methods: Annotated[
         str | None,
-        typer.Option(help=f"With commas: {', '.join((*OWN, *PEERS))}.", show_default="all that are installed"),
+        typer.Option(help=f"With commas: {', '.join((*OWN_METHODS, *PEERS))}.", show_default="all that are installed"),
     ] = None,
     families: Annotated[
         str | None, typer.Option(help=f"With commas: {', '.join((*FAMILIES, HOTEL))}.", show_default="all at hand")
@@ -69,7 +69,7 @@ def bench(
     """
     if resume and out is None:
         raise InputError("--resume needs --out, the folder that it goes on in")
-    contenders = [Contender(name=name) for name in (methods.split(",") if methods else (*OWN, *PEERS))]
+    contenders = [BenchmarkMethod(name=name) for name in (methods.split(",") if methods else (*OWN_METHODS, *PEERS))]
     absent = {each.name: each.absent() for each in contenders}
     present = {each.name: each for each in contenders if not absent[each.name]}
     if not present:
@@ -94,7 +94,7 @@ def _trials(
 ) -> list[Trial]:
     chosen = families.split(",") if families else [*FAMILIES, *([HOTEL] if data is not None else [])]
     for name in chosen:
-        check.known("family of trials", name, (*FAMILIES, HOTEL))
+        check.require_one_of("family of trials", name, (*FAMILIES, HOTEL))
     if HOTEL in chosen and data is None:
         raise InputError("--families hotel needs --data, the folder of the sequence")
     distorted: list[Family] = [family for family in FAMILIES if family in chosen]
@@ -127,18 +127,18 @@ def _stop_interrupted(out: Path | None, *, resume: bool) -> None:
     sys.exit(INTERRUPTED)
 
 
-def _publish(rows: list[Row], out: Path | None, notes: list[str], *, as_json: bool) -> None:
+def _publish(rows: list[TrialRow], out: Path | None, notes: list[str], *, as_json: bool) -> None:
     hotel = [row for row in rows if row.trial.startswith(HOTEL)]
     plain = [row for row in rows if not row.trial.startswith(HOTEL)]
-    parts = [(part, limit) for part, limit in ((plain, FAILURE), (hotel, HOTEL_FAILURE_PX)) if part]
-    levels = [each for part, limit in parts for each in summarise(part, rivals=RIVALS, failure=limit)]
-    pooled = [each for part, limit in parts for each in summarise_pooled(part, rivals=RIVALS, failure=limit)]
+    parts = [(part, limit) for part, limit in ((plain, FAILURE_RMS), (hotel, HOTEL_FAILURE_PX)) if part]
+    levels = [each for part, limit in parts for each in summarise(part, rivals=RIVAL_METHODS, failure=limit)]
+    pooled = [each for part, limit in parts for each in summarise_pooled(part, rivals=RIVAL_METHODS, failure=limit)]
     refused = sum(bool(row.refused) for row in rows)
     if refused:
         notes.append(f"{refused} of {len(rows)} answers were refused or broke off and count as no movement at all.")
     document = envelope(
         "match bench",
-        failure={"distorted": FAILURE, HOTEL: HOTEL_FAILURE_PX},
+        failure={"distorted": FAILURE_RMS, HOTEL: HOTEL_FAILURE_PX},
         pooled=[asdict(each) for each in pooled],
         levels=[asdict(each) for each in levels],
         notes=notes,

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from rich import box
 from rich.table import Table
 
-from tsis.instrument.file_bytes import shown
+from tsis.instrument.file_bytes import printable_path
 from tsis.matching.trials import LEVEL_LABELS
 from tsis.model.durable import write_durably
 from tsis.model.errors import FileInputError
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from pathlib import Path
 
-    from tsis.matching.trial_summary import Ratio, Summary
+    from tsis.matching.trial_summary import ErrorRatio, TrialSummary
 
 HOTEL, HIDDEN_KIND = "hotel", "hidden"
 QUANTITIES: tuple[Literal["error", "failures", "seconds"], ...] = ("error", "failures", "seconds")
@@ -32,7 +32,7 @@ COLUMNS = (
 )
 
 
-def pooled_tables(pooled: Sequence[Summary]) -> list[Table]:
+def pooled_tables(pooled: Sequence[TrialSummary]) -> list[Table]:
     """One table a kind of trials, a line a method, narrow enough for any terminal."""
     return [
         _table(title, [each for each in pooled if each.group == title])
@@ -40,7 +40,7 @@ def pooled_tables(pooled: Sequence[Summary]) -> list[Table]:
     ]
 
 
-def _table(kind: str, summaries: Sequence[Summary]) -> Table:
+def _table(kind: str, summaries: Sequence[TrialSummary]) -> Table:
     unit = " / px" if kind.startswith(HIDDEN_KIND) else ""
     title = f"{HOTEL}, {kind}" if unit else kind
     table = Table(title=f"{title}: {summaries[0].trials} trials", box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False)
@@ -60,7 +60,7 @@ def _table(kind: str, summaries: Sequence[Summary]) -> Table:
     return table
 
 
-def ratio_text(ratio: Ratio | None) -> str:
+def ratio_text(ratio: ErrorRatio | None) -> str:
     """A ratio and its interval of 95 %.
 
     Examples
@@ -71,7 +71,7 @@ def ratio_text(ratio: Ratio | None) -> str:
     return "-" if ratio is None else f"{ratio.value:.2f} [{ratio.low:.2f}, {ratio.high:.2f}]"
 
 
-def bench_figures(levels: Sequence[Summary]) -> dict[str, Figure]:
+def bench_figures(levels: Sequence[TrialSummary]) -> dict[str, Figure]:
     """One figure a kind of distortion: error, failures and time over the levels, a column a shape."""
     groups = dict.fromkeys(each.group for each in levels)
     kinds: dict[str, list[str]] = {}
@@ -80,7 +80,7 @@ def bench_figures(levels: Sequence[Summary]) -> dict[str, Figure]:
     return {kind: _figure(kind, members, levels) for kind, members in kinds.items()}
 
 
-def _figure(kind: str, groups: Sequence[str], levels: Sequence[Summary]) -> Figure:
+def _figure(kind: str, groups: Sequence[str], levels: Sequence[TrialSummary]) -> Figure:
     figure = Figure(figsize=(6.0 * len(groups), 11.0), layout="constrained")
     axes = figure.subplots(len(QUANTITIES), len(groups), squeeze=False)
     label, positions = _axis(kind, levels)
@@ -100,7 +100,7 @@ def _figure(kind: str, groups: Sequence[str], levels: Sequence[Summary]) -> Figu
     return figure
 
 
-def _axis(kind: str, levels: Sequence[Summary]) -> tuple[str, dict[str, float]]:
+def _axis(kind: str, levels: Sequence[TrialSummary]) -> tuple[str, dict[str, float]]:
     """Name of the axis, and where each level lies on it."""
     for family, (label, values) in LEVEL_LABELS.items():
         if family == kind:
@@ -109,7 +109,7 @@ def _axis(kind: str, levels: Sequence[Summary]) -> tuple[str, dict[str, float]]:
 
 
 def write_results(
-    out: Path, document: Mapping[str, Any], levels: Sequence[Summary], figures: Mapping[str, Figure]
+    out: Path, document: Mapping[str, Any], levels: Sequence[TrialSummary], figures: Mapping[str, Figure]
 ) -> None:
     """Write result.json, summary.csv and the figures beside the rows.
 
@@ -127,10 +127,12 @@ def write_results(
         for name, content in files.items():
             write_durably(out / name, content)
     except OSError as error:
-        raise FileInputError(f"{shown(out)} must be a folder that can be written; got: {error.strerror}") from error
+        raise FileInputError(
+            f"{printable_path(out)} must be a folder that can be written; got: {error.strerror}"
+        ) from error
 
 
-def _csv(levels: Sequence[Summary]) -> bytes:
+def _csv(levels: Sequence[TrialSummary]) -> bytes:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)

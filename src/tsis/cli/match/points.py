@@ -14,7 +14,7 @@ from rich.table import Table
 
 from tsis.cli.console_output import people, print_json, print_notice, waiting
 from tsis.cli.targets import AsJson
-from tsis.instrument.file_bytes import printable_name, shown
+from tsis.instrument.file_bytes import printable_name, printable_path
 from tsis.matching.fit import UNMATCHED
 from tsis.matching.point_file import csv_text, read_points
 from tsis.matching.registration import METHODS, register
@@ -47,16 +47,16 @@ def points(
     Files hold two or three coordinates a line, with or without a first line of names. Matches count rows from 0; -1 is
     none.
     """
-    check.known("method", method, METHODS)
+    check.require_one_of("method", method, METHODS)
     for file in (out, figure):
         _refuse_existing(file)
     if out is not None and out == figure:
-        raise InputError(f"--out and --figure must be two files; got {shown(out)} for both")
+        raise InputError(f"--out and --figure must be two files; got {printable_path(out)} for both")
     first, second = read_points(source), read_points(target)
     if first.shape[1] != second.shape[1]:
         raise InputError(
             f"both files must hold points of the plane or both of space; got {first.shape[1]} coordinates in "
-            f"{shown(source)} and {second.shape[1]} in {shown(target)}"
+            f"{printable_path(source)} and {second.shape[1]} in {printable_path(target)}"
         )
     with waiting("matching"):
         found = register(first, second, method=method, rng=np.random.default_rng(seed))
@@ -136,11 +136,13 @@ def _picture(first: NDArray[np.float64], second: NDArray[np.float64], found: Reg
 
 def _refuse_existing(file: Path | None) -> None:
     if file is not None and file.exists():
-        raise FileInputError(f"{shown(file)} must be new, so that nothing is overwritten; it exists (choose another)")
+        raise FileInputError(
+            f"{printable_path(file)} must be new, so that nothing is overwritten; it exists (choose another)"
+        )
 
 
 def _write(file: Path, content: bytes) -> None:
     try:
         write_durably(file, content)
     except OSError as error:
-        raise FileInputError(f"{shown(file)} must be writable; got: {error.strerror or error}") from error
+        raise FileInputError(f"{printable_path(file)} must be writable; got: {error.strerror or error}") from error

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 from rich.table import Table
 
-from tsis.cli.answer import Answer, Out, show
+from tsis.cli.answer import CommandResult, Out, show_result
 from tsis.cli.probe_file import given_lit_probe
 from tsis.cli.targets import AimDeg, AsJson, HalfAngleDeg, LampHeightMm, ProbeGiven
-from tsis.optics import accepted
-from tsis.optics.end_face import faced_layer
+from tsis.optics import acceptance
+from tsis.optics.end_face import layer_facing_lamp
 from tsis.report.document import envelope
 
 if TYPE_CHECKING:
@@ -32,15 +32,15 @@ def angles(
 ) -> None:
     """Critical and acceptance angles of the probe's layers, beside the angles of its lamps."""
     chosen = given_lit_probe(probe, half_angle_deg, height_mm, aim_deg)
-    found = accepted([layer.refractive_index for layer in chosen.layers] + [chosen.glass.refractive_index])
-    faced = [(led, faced_layer(chosen, led)) for led in chosen.leds if led.power > 0]
+    found = acceptance([layer.refractive_index for layer in chosen.layers] + [chosen.glass.refractive_index])
+    faced = [(led, layer_facing_lamp(chosen, led)) for led in chosen.leds if led.power > 0]
     lamps = [
         {**asdict(led), "height_mm": chosen.led_height_mm(led), "layer": layer, "widest_deg": _widest(led)}
         for led, layer in faced
     ]
     notes = (*_limits(found), *_lamps(found, faced))
     document = envelope("optics angles", probe=asdict(chosen), layers=asdict(found), leds=lamps)
-    show(Answer(document=document, tables=(_table(chosen, found),), notes=notes), out, as_json=as_json)
+    show_result(CommandResult(document=document, tables=(_table(chosen, found),), notes=notes), out, as_json=as_json)
 
 
 def _widest(led: Led) -> float:

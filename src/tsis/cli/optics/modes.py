@@ -10,7 +10,7 @@ import typer
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from tsis.cli.answer import Answer, Out, show
+from tsis.cli.answer import CommandResult, Out, show_result
 from tsis.cli.console_output import waiting
 from tsis.cli.optics.number_list import numbers
 from tsis.cli.targets import AsJson
@@ -81,13 +81,13 @@ def modes(
         never_sensing=blind,
         n_eff=found.n_eff,
     )
-    answer = Answer(
+    answer = CommandResult(
         document=document,
         tables=(_table(found, indices[0]),) if len(found) else (),
         notes=tuple(_notes(found, indices[0], blind)),
         figures={"modes": lambda: _figure(found)} if len(found) else {},
     )
-    show(answer, out, as_json=as_json)
+    show_result(answer, out, as_json=as_json)
 
 
 def _evenly(count: int, most: int) -> list[int]:

@@ -10,7 +10,7 @@ import typer
 from matplotlib.figure import Figure
 from rich.table import Table
 
-from tsis.cli.answer import Answer, Out, show
+from tsis.cli.answer import CommandResult, Out, show_result
 from tsis.cli.console_output import progress_bar
 from tsis.cli.optics.number_list import numbers
 from tsis.cli.targets import AsJson
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 SHARES = ("guided", "reflected", "top", "bottom")
 
 
-class Method(StrEnum):
+class PropagationMethod(StrEnum):
     """How the wave is computed."""
 
     BPM = "bpm"
@@ -38,8 +38,9 @@ def propagate_command(
     *,
     dent_um: Annotated[str, typer.Option(help="Depths of the dent in micrometres, with commas between.")] = "0,2,4,6",
     method: Annotated[
-        Method, typer.Option(help="bpm: one way, a tenth of a second a depth; fdfd: all directions, seconds.")
-    ] = Method.BPM,
+        PropagationMethod,
+        typer.Option(help="bpm: one way, a tenth of a second a depth; fdfd: all directions, seconds."),
+    ] = PropagationMethod.BPM,
     tip_radius_um: Annotated[float, typer.Option(help="Radius of the round tip in micrometres.")] = 10.0,
     preset: Annotated[
         str, typer.Option(help="dissertation: n 1.16 to 1.13; realistic: PDMS 1.41 on glass 1.515.")
@@ -72,13 +73,13 @@ def propagate_command(
                 memory_gib=memory_gib,
             )
             results.append(found)
-    answer = Answer(
+    answer = CommandResult(
         document=_document(preset, guide, results),
         tables=(_table(preset, results),),
         notes=tuple(_notes(guide, results)),
         figures=_figures(results),
     )
-    show(answer, out, as_json=as_json)
+    show_result(answer, out, as_json=as_json)
 
 
 def _document(preset: str, guide: ThinGuide, results: list[Propagation]) -> dict[str, Any]:

@@ -12,14 +12,14 @@ from matplotlib.figure import Figure
 from rich.table import Table
 from scipy.optimize import brentq
 
-from tsis.cli.answer import Answer, Out, show
+from tsis.cli.answer import CommandResult, Out, show_result
 from tsis.cli.console_output import progress_bar, waiting
 from tsis.cli.probe_file import given_lit_probe
 from tsis.cli.targets import AimDeg, AsJson, HalfAngleDeg, LampHeightMm, ProbeGiven
 from tsis.mechanics import indent
 from tsis.model import check
 from tsis.model.errors import InputError, MechanicsError
-from tsis.optics import accepted, trace_paths, trace_rays
+from tsis.optics import acceptance, trace_paths, trace_rays
 from tsis.optics.rays_face import tip_press
 from tsis.optics.rays_scene import APERTURE
 from tsis.plots import light_on_face, ray_picture
@@ -67,13 +67,13 @@ def trace(
     pressed = _pressed(lit, tip_radius_mm, force_n, depth_mm)
     with progress_bar("tracing rays") as progress:
         found = trace_rays(lit, pressed, rays=rays, seed=seed, progress=progress)
-    answer = Answer(
+    answer = CommandResult(
         document=_document(lit, pressed, found, seed),
         tables=(_table(lit, pressed, found),),
         notes=_notes(lit, found),
         figures=_figures(lit, pressed, found, seed),
     )
-    show(answer, out, as_json=as_json)
+    show_result(answer, out, as_json=as_json)
 
 
 def _pressed(
@@ -100,7 +100,7 @@ def _pressed(
 
 def _force_for(probe: Probe, tip_radius_mm: float, depth_mm: float) -> float:
     """The force under which a sphere sinks so deep."""
-    check.number("depth_mm", depth_mm, 1e-3, probe.thickness_mm, hint="millimetres, less than the layers")
+    check.require_number("depth_mm", depth_mm, 1e-3, probe.thickness_mm, hint="millimetres, less than the layers")
 
     def depth(log_force: float) -> float | None:
         """None where the force strains the probe beyond what the model describes."""
@@ -158,7 +158,7 @@ def _reflected(probe: Probe) -> tuple[str, ...]:
     if probe.face_curvature_mm is not None:
         return ()
     indices = [layer.refractive_index for layer in probe.layers] + [probe.glass.refractive_index]
-    limit = float(accepted(indices).acceptance_deg.min())
+    limit = float(acceptance(indices).acceptance_deg.min())
     return (f"Light up to {limit:.1f} degrees from the horizontal, in air, is totally reflected by an undented face.",)
 
 

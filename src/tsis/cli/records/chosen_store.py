@@ -45,11 +45,11 @@ def opened(folder: Path | None, kind: str, database: str | None, *, create: bool
 def is_there(folder: Path | None, kind: str, database: str | None) -> bool:
     """Whether there is such a store, sound or not, and not just a place for one."""
     from tsis.records import default_folder
-    from tsis.records.database import FILE, Database
+    from tsis.records.database import DATABASE_FILE, Database
 
     place = default_folder(kind) if folder is None else folder
     if not database:
-        return (place / FILE).is_file()
+        return (place / DATABASE_FILE).is_file()
     if not place.is_dir():
         return False
     rows = Database(database, place)
@@ -63,4 +63,4 @@ def target_number(text: str) -> int:
     """The number of a target as a person wrote it."""
     if not text.isascii() or not text.isdigit():
         raise InputError(f"--target must be a number from 1 to {LARGEST_TARGET}, or new; got {text!r:.40}")
-    return check.whole("--target", int(text[:20]), 1, LARGEST_TARGET)
+    return check.require_integer("--target", int(text[:20]), 1, LARGEST_TARGET)

@@ -16,7 +16,7 @@ from tsis.report.document import envelope
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tsis.records import Press, Store, Target
+    from tsis.records import Store, StoredPress, Target
 
 FEWEST_LETTERS = 4  # of an identity
 NONE = "none"
@@ -75,7 +75,7 @@ def edit(
     with opened(store, kind, database) as records:
         target = records.target(number)
         if press is None:
-            edited: Target | Press = records.edit_target(_seen(target, version), **changes)
+            edited: Target | StoredPress = records.edit_target(_seen(target, version), **changes)
         else:
             edited = records.edit_press(_seen(_press(records, target, press), version), **changes)
     what = f"target {number}" if press is None else f"press {edited.id[:8]} of target {number}"
@@ -92,9 +92,9 @@ def _of_a_press(force_n: str | None, role: str | None, flags: Sequence[str] | No
     if flags:
         changes["flags"] = () if _is_none("--flag", flags) else tuple(flags)
     if force_n is not None:
-        from tsis.records.written import written_force
+        from tsis.records.written import parse_force
 
-        changes["force_n"] = written_force(force_n, called="--force-n", nothing=NONE)
+        changes["force_n"] = parse_force(force_n, called="--force-n", nothing=NONE)
     return changes
 
 
@@ -105,9 +105,9 @@ def _is_none(option: str, given: Sequence[str]) -> bool:
 
 
 def _truth(given: Sequence[str]) -> dict[str, float]:
-    from tsis.records.written import written_truth
+    from tsis.records.written import parse_truth
 
-    return {} if _is_none("--truth", given) else written_truth(given, called="--truth")
+    return {} if _is_none("--truth", given) else parse_truth(given, called="--truth")
 
 
 def _seen(record: Any, version: int | None) -> Any:
@@ -115,7 +115,7 @@ def _seen(record: Any, version: int | None) -> Any:
     return record if version is None else replace(record, version=version)
 
 
-def _press(records: Store, target: Target, wanted: str) -> Press:
+def _press(records: Store, target: Target, wanted: str) -> StoredPress:
     found = [each for each in records.presses(target) if each.id.startswith(wanted)]
     if len(wanted) < FEWEST_LETTERS or len(found) != 1:
         raise InputError(

@@ -14,7 +14,7 @@ from tsis.cli.targets import AsJson
 from tsis.model import check
 from tsis.model.errors import InputError
 from tsis.report.document import envelope
-from tsis.report.forms import ENDINGS, MASKED, PAGES, require_free, write_form
+from tsis.report.forms import ENDINGS, MASKED, PAGES, require_absent, write_form
 
 Identified = Annotated[
     bool, typer.Option("--identified", help="Tell label, names and true times in fhir and dicom; masked otherwise.")
@@ -46,12 +46,12 @@ def export(
     """
     wanted = list(dict.fromkeys(part for each in forms for part in each.split(",")))
     for form in wanted:
-        check.known("form of export", form, ENDINGS)
+        check.require_one_of("form of export", form, ENDINGS)
     if identified and not set(wanted) & set(MASKED):
         raise InputError(f"--identified is of {' and '.join(MASKED)}; the other forms mask nothing (leave it out)")
     stem = f"target-{number}"
     place = out or Path(stem if len(wanted) > 1 else f"{stem}{ENDINGS[wanted[0]]}")
-    require_free(place)
+    require_absent(place)
     with opened(store, kind, database) as records, waiting("writing"), ExitStack() as together:
         dossier = records.dossier(records.target(number))
         if set(wanted) - set(PAGES):  # which say what is missing
@@ -59,9 +59,9 @@ def export(
         if len(wanted) == 1:
             seal = write_form(wanted[0], dossier, place, identified=identified)
         else:
-            from tsis.records.export.whole import new_folder
+            from tsis.records.export.whole import export_folder
 
-            draft, seal = together.enter_context(new_folder(place)), ""
+            draft, seal = together.enter_context(export_folder(place)), ""
             for form in wanted:
                 seal += write_form(form, dossier, draft / f"{stem}{ENDINGS[form]}", identified=identified)
     single = len(wanted) == 1

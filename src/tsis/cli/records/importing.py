@@ -23,7 +23,7 @@ from tsis.cli.records.chosen_store import (
 )
 from tsis.cli.targets import AsJson
 from tsis.report.document import envelope
-from tsis.report.imported import entered_words
+from tsis.report.imported import entered_text
 
 if TYPE_CHECKING:
     from tsis.calibration import ProbeCalibration
@@ -63,10 +63,10 @@ def import_(
     a demo folder is made again from its frames; a bundle brings its own.
     """
     from tsis.calibration import read_calibration
-    from tsis.records.importing import Entering, Given, batches, enter, require_enterable
+    from tsis.records.importing import Entering, ImportOptions, enter, find_import_batches, require_enterable
 
     number = None if target in (None, NEW) else target_number(str(target))
-    given = Given(
+    given = ImportOptions(
         role=role,
         force_n=tuple(force_n or ()),
         mm_per_pixel=None if scale_mm is None else scale_of(scale_mm),
@@ -75,7 +75,7 @@ def import_(
         taken=None if taken is None else taken.astimezone(),
     )
     with _Calibrations(store, kind, database) as calibrations, waiting("looking through what there is"):
-        looked = batches(paths, replace(given, calibration_of=calibrations.of))
+        looked = find_import_batches(paths, replace(given, calibration_of=calibrations.of))
     require_enterable(looked, kind, number)  # before a store is made for them
     with opened(store, kind, database, create=True) as records:
         tally = Entering()
@@ -115,17 +115,17 @@ class _Calibrations:
 
     def of(self, cited: str) -> ProbeCalibration | None:
         """The calibration of that identity; None where it is not there, `RecordsError` when it is damaged."""
-        from tsis.records.importing import held_calibration
+        from tsis.records.importing import stored_calibration
 
         if cited not in self._found:
             if self._store is None and is_there(*self._chosen):
                 self._store = self._until.enter_context(opened(*self._chosen))
-            self._found[cited] = None if self._store is None else held_calibration(self._store, cited)
+            self._found[cited] = None if self._store is None else stored_calibration(self._store, cited)
         return self._found[cited]
 
 
 def _line(each: Entered) -> str:
-    words = entered_words(each.target, new=each.new, added=each.added, present=each.present, estimates=each.estimates)
+    words = entered_text(each.target, new=each.new, added=each.added, present=each.present, estimates=each.estimates)
     return f"{each.batch.kind} in {each.batch.source}: {words}"
 
 

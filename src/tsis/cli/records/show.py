@@ -12,13 +12,13 @@ from tsis.cli.console_output import people, print_json, print_notice
 from tsis.cli.estimate_output import estimate_table
 from tsis.cli.records.chosen_store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, TargetNumber, opened
 from tsis.cli.targets import AsJson
-from tsis.report.document import envelope, estimate_document, sentences
+from tsis.report.document import envelope, estimate_document, estimate_messages
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from tsis.calibration import ProbeCalibration
-    from tsis.records import Dossier, Press, StoredEstimate
+    from tsis.records import StoredEstimate, StoredPress, TargetRecord
 
 SHORT = 8  # letters of an identity that are shown; any that are unique will do to name a press
 MOST_SHOWN, MOST_OFFSET = 100_000, 10**12
@@ -53,7 +53,7 @@ def show(
         found = stored.estimate
         truth = target.truth if set(found.samples) <= set(target.truth) else None
         console.print(estimate_table(found, title=f"Estimate in force: {stored.kind}, {stored.probe}", truth=truth))
-        for sentence in sentences(found):
+        for sentence in estimate_messages(found):
             console.print(f"- {sentence}", markup=False)
         console.print(f"Flags: {', '.join(found.flags) or 'none'}", markup=False)
     for sentence in dossier.damaged:
@@ -67,7 +67,7 @@ def show(
     print_notice(console)
 
 
-def _presses(presses: Sequence[Press], total: int, offset: int) -> Table:
+def _presses(presses: Sequence[StoredPress], total: int, offset: int) -> Table:
     shown = f"{offset + 1} to {offset + len(presses)} of {total}" if presses else f"none shown of {total}"
     table = Table("press", "role", "taken (UTC)", "force (N)", "name", "flags", title=f"Presses, {shown}")
     for press in presses:
@@ -91,7 +91,7 @@ def _until(known: ProbeCalibration) -> str:
     return "it is replaced (simulated)" if known.expires is None else f"{known.expires:%Y-%m-%d}"
 
 
-def _document(dossier: Dossier, total: int) -> dict[str, Any]:
+def _document(dossier: TargetRecord, total: int) -> dict[str, Any]:
     from tsis.records.plain import press_to_plain, target_to_plain
 
     truth = dict(dossier.target.truth)

@@ -8,7 +8,7 @@ from tsis.cli.console_output import people, print_json, print_notice, progress_b
 from tsis.cli.records.chosen_store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, opened
 from tsis.cli.targets import AsJson
 from tsis.report.document import envelope
-from tsis.report.verification import verdict, verification_document, verification_notes
+from tsis.report.verification import store_verification_document, verdict, verification_notes
 
 UNSOUND = 1  # exit code of a store that is not as it was stored
 
@@ -21,12 +21,12 @@ def verify(
     as_json: AsJson = False,
 ) -> None:
     """Compare every row and file of a store with its audit; exit code 1 and a list of faults when they differ."""
-    from tsis.records import verify as verification
+    from tsis.records import verify_store as verification
 
     with opened(store, kind, database) as records, progress_bar("reading every file") as advance:
         found = verification(records, progress=advance)
     if as_json:
-        print_json(envelope("records verify", **verification_document(found)))
+        print_json(envelope("records verify", **store_verification_document(found)))
     else:
         console = people()
         for fault in found.faults:

@@ -85,9 +85,9 @@ def _require_whole(study: Study, *, incomplete: bool) -> None:
 def _ask(study: Study, *, as_json: bool) -> None:
     if as_json or not sys.stdin.isatty():
         raise InputError("--yes must be given to unblind a study where nobody can be asked")
-    from tsis.study import verify
+    from tsis.study import verify_study
 
-    for fault in verify(study.folder).faults:
+    for fault in verify_study(study.folder).faults:
         typer.echo(f"Not as it was written: {fault}", err=True)
     question = (
         f"Unblind study {study.plan.name} with {len(study.readings)} readings? It is entered, and no reading is taken "

@@ -10,7 +10,7 @@ import typer
 from rich.table import Table
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.cli.answer import Answer, Out, show
+from tsis.cli.answer import CommandResult, Out, show_result
 from tsis.cli.targets import AsJson, ProbeName
 from tsis.model import load_probe
 from tsis.model.errors import InputError
@@ -73,8 +73,8 @@ def plan(
         found = scan_plan(width_mm, height_mm, radius_mm=radius, spacing_mm=spacing_mm, overlap=overlap)
     seconds = found.duration_s(press_s=press_s, speed_mm_s=speed_mm_s)
     smallest = {} if table is None else {float(h): smallest_found_mm(found, table, float(h)) for h in table.depth_mm}
-    show(
-        Answer(
+    show_result(
+        CommandResult(
             document=_document(found, seconds, smallest, table),
             tables=(_table(found, seconds), *_limits(smallest)),
             notes=_notes(table, measured=reach is None),
@@ -157,7 +157,7 @@ def _notes(table: ReachTable | None, *, measured: bool) -> tuple[str, ...]:
 def _draw(found: ScanPlan, reach_mm: float | None) -> Figure:
     from matplotlib.figure import Figure
 
-    from tsis.plots.scan_plan import scan_plan as draw_plan
+    from tsis.plots.scan_plan import draw_scan_plan as draw_plan
 
     figure = Figure(figsize=(7.0, 6.0), layout="constrained")
     ax = draw_plan(found, figure.subplots(), reach_mm=reach_mm)

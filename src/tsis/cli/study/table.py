@@ -55,11 +55,11 @@ def export(
     as_json: AsJson = False,
 ) -> None:
     """Write the readings of a device as a table, without anything of the truth."""
-    from tsis.records.export.whole import new_file
+    from tsis.records.export.whole import export_file
     from tsis.study import export_readings, open_study
 
     content = export_readings(open_study(folder), device)
-    with new_file(readings) as draft:
+    with export_file(readings) as draft:
         draft.write_bytes(content)
     if as_json:
         print_json(envelope("study export", file=str(readings.resolve())))

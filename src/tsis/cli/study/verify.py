@@ -27,13 +27,13 @@ def verify(
 
     Lines that were cut off the end, and a log that was written anew, show with --head alone.
     """
-    from tsis.report.study_document import verification_document
+    from tsis.report.study_document import study_verification_document
     from tsis.study import open_study
-    from tsis.study import verify as verification
+    from tsis.study import verify_study as verification
 
     found = verification(folder, head=head)
     if as_json:
-        print_json(envelope("study verify", folder=str(folder.resolve()), **verification_document(found)))
+        print_json(envelope("study verify", folder=str(folder.resolve()), **study_verification_document(found)))
     else:
         console = people()
         for fault in found.faults:

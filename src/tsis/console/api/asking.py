@@ -15,7 +15,7 @@ from tsis.instrument.naming import LARGEST_TARGET
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
-    from tsis.records import Press, Target
+    from tsis.records import StoredPress, Target
 
 CONTROL = "TSIS-Control"
 MOST_A_PAGE, MOST_OFFSET = 1000, 10**12
@@ -76,7 +76,7 @@ def known_target(bench: Bench, number: int) -> Target:
         raise AbsentError(str(error)) from error
 
 
-def known_press(bench: Bench, number: int, identity: str) -> tuple[Target, Press]:
+def known_press(bench: Bench, number: int, identity: str) -> tuple[Target, StoredPress]:
     """A press of a target; `AbsentError` when there is none."""
     target = known_target(bench, number)
     try:

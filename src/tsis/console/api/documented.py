@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from tsis.calibration.file import FORMAT, VERSION
+from tsis.calibration.file import CALIBRATION_FORMAT, CALIBRATION_VERSION
 from tsis.console.api.models.common import Problem
 
 Responses = dict[int | str, dict[str, Any]]
@@ -41,8 +41,8 @@ CALIBRATION_BODY: dict[str, Any] = {
                     "type": "object",
                     "required": ["format", "version", "sha256", "calibration"],
                     "properties": {
-                        "format": {"const": FORMAT},
-                        "version": {"const": VERSION},
+                        "format": {"const": CALIBRATION_FORMAT},
+                        "version": {"const": CALIBRATION_VERSION},
                         "sha256": {"type": "string", "description": "SHA-256 of the content"},
                         "calibration": {"type": "object"},
                     },

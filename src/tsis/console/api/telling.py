@@ -16,7 +16,7 @@ from tsis.console.api.models.jobs import (
 )
 from tsis.console.api.models.presses import PressTold
 from tsis.console.api.models.targets import TargetTold
-from tsis.instrument.discovery import Findings
+from tsis.instrument.discovery import CameraListing
 from tsis.records import StoredEstimate
 from tsis.records.plain import estimate_to_plain, press_to_plain, target_to_plain
 from tsis.records.recompute import Recomputation
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
     from tsis.console.api.models.jobs import JobResult
-    from tsis.instrument.found import FoundCamera
-    from tsis.records import Press, Store, Target
+    from tsis.instrument.found import CameraInfo
+    from tsis.records import Store, StoredPress, Target
 
 
-def told_press(press: Press) -> PressTold:
+def told_press(press: StoredPress) -> PressTold:
     """A press as answers tell it; infinities of its settings are words."""
     return PressTold(**press_to_plain(press))
 
@@ -49,7 +49,7 @@ def told_estimate(stored: StoredEstimate, truth: Mapping[str, float] | None = No
     return EstimateTold(**{**plain, **document, "provenance": made["provenance"]})
 
 
-def told_cameras(found: Iterable[FoundCamera]) -> list[FoundCameraTold]:
+def told_cameras(found: Iterable[CameraInfo]) -> list[FoundCameraTold]:
     """The cameras that answered."""
     return [FoundCameraTold(**asdict(each), spec=each.spec) for each in found]
 
@@ -60,7 +60,7 @@ def told_result(result: Any, store: Store) -> JobResult | None:
         case StoredEstimate():
             truths = (each.target.truth for each in store.targets() if each.target.id == result.target)
             return EstimateResult(estimate=told_estimate(result, next(truths, None)))
-        case Findings():
+        case CameraListing():
             return SearchResult(found=told_cameras(result.found), missing=dict(result.missing))
         case (Recomputation(), *_):
             return RecomputeResult(recomputations=[_recomputation(each) for each in result])

@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
-from tsis.calibration.cited import cited
+from tsis.calibration.cited import read_usable_calibration
 from tsis.console.bench.acts import Acts
 from tsis.console.bench.calibrating import CalibrationSessions
 from tsis.console.bench.camera_state import camera_state
@@ -30,14 +30,14 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
     from typing import Any, Self
 
-    from tsis.calibration.cited import CitedCalibration
+    from tsis.calibration.cited import UsableCalibration
     from tsis.console.bench.choice import CameraChoice
     from tsis.console.bench.jobs import Job
     from tsis.console.bench.sight import ForceSeen, Sight
     from tsis.console.bench.snapshots import Kept
     from tsis.console.bench.terms import BenchTerms
     from tsis.instrument import Camera
-    from tsis.instrument.acquisition import Arrival
+    from tsis.instrument.acquisition import ReceivedFrame
     from tsis.instrument.gauge import ForceLog
     from tsis.records import Store
 
@@ -63,7 +63,7 @@ class Bench:
 
     def __init__(self, terms: BenchTerms, *, connect_to: Callable[[str], Camera] = connect) -> None:
         # What can fail comes first, so that nothing is left running then.
-        given = None if terms.calibration is None else cited(terms.calibration)
+        given = None if terms.calibration is None else read_usable_calibration(terms.calibration)
         self.store: Store = open_store(terms.store, kind=terms.kind, database=terms.database)
         self.control, self.jobs, self._place = Control(), Jobs(), StoreInPlace(self.store)
         self._acts, self.search = Acts(self.control), CameraSearch(self.jobs)
@@ -98,7 +98,7 @@ class Bench:
             left.callback(self._acts.close)
 
     @property
-    def calibration(self) -> CitedCalibration | None:
+    def calibration(self) -> UsableCalibration | None:
         """The one in force: that which was given, else the virtual probe's own; None while it does not fit."""
         return self._in_force.now().known
 
@@ -157,12 +157,14 @@ class Bench:
     def set_target(self, number: int, *, by: str) -> None:
         """Choose the target that snapshots go to, in [1, 99999]."""
         with self._acts.act(by, "choosing a target"):
-            self._target = check.whole("target", number, 1, LARGEST_TARGET, hint="number of the target")
+            self._target = check.require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target")
 
     def step_target(self, many: int, *, by: str) -> None:
         """Choose the target so many after the present one, whichever that is when it is done; before where negative."""
         with self._acts.act(by, "choosing a target"):
-            self._target = check.whole("target", self._target + many, 1, LARGEST_TARGET, hint="number of the target")
+            self._target = check.require_integer(
+                "target", self._target + many, 1, LARGEST_TARGET, hint="number of the target"
+            )
 
     def hold(self, *, role: str | None = None, force_n: float | None = None, forget: bool = False, by: str) -> None:
         """Say what is pressed and how hard; the virtual probe is lifted and held there. As of `CameraDesk.wanted`.
@@ -187,7 +189,7 @@ class Bench:
         if not self.desk.choice.is_virtual:
             self.hold(forget=True, by=by)
 
-    def use_calibration(self, known: CitedCalibration | None, *, by: str) -> None:
+    def use_calibration(self, known: UsableCalibration | None, *, by: str) -> None:
         """Put a calibration in force; None for the virtual probe's own, or none.
 
         Raises
@@ -220,7 +222,7 @@ class Bench:
         RecordsError
             When the store does not take the press, whose files stay then.
         """
-        check.known("colour map", map_name, COLOUR_MAPS)
+        check.require_one_of("colour map", map_name, COLOUR_MAPS)
         with self._acts.act(by, "keeping a press"):
             self.desk.look()  # somebody may have changed a setting elsewhere
             arrival, gauge = self.desk.fresh(), self._gauge
@@ -296,5 +298,5 @@ class Bench:
         self.desk.look()  # somebody may have changed a setting elsewhere
         return {"role": self.desk.role, **self._in_force.now().told()}
 
-    def _force(self, arrival: Arrival) -> ForceSeen | None:
+    def _force(self, arrival: ReceivedFrame) -> ForceSeen | None:
         return force_at(arrival, self._gauge, self.desk.force_n)

@@ -9,7 +9,7 @@ from tsis.imaging.sensor import Sensor
 from tsis.instrument.discovery import LIVE_SOURCES, STORED_SOURCES
 from tsis.model import check, list_phantoms, list_probes, list_spheres
 from tsis.model.errors import InputError
-from tsis.model.variants import chosen_phantom
+from tsis.model.variants import phantom_variant
 from tsis.records.values import ROLES
 from tsis.virtual.camera import virtual_mode
 
@@ -55,20 +55,20 @@ class CameraChoice:
     seed: int = 4
 
     def __post_init__(self) -> None:
-        check.kind("spec", self.spec, str)
+        check.require_type("spec", self.spec, str)
         self._require_live()
         if self.mode is not None:
-            check.kind("mode", self.mode, str)
+            check.require_type("mode", self.mode, str)
             if self.is_virtual:  # whose modes are known before it runs
-                check.known("mode", self.mode, [virtual_mode(Sensor()).label])
-        check.known("probe", self.probe, list_probes())
-        check.known("phantom", self.phantom, (*list_phantoms(), *list_spheres()))
+                check.require_one_of("mode", self.mode, [virtual_mode(Sensor()).label])
+        check.require_one_of("probe", self.probe, list_probes())
+        check.require_one_of("phantom", self.phantom, (*list_phantoms(), *list_spheres()))
         changed = (self.diameter_mm, self.depth_mm, self.young_kpa)
         if not self.is_sphere:
-            chosen_phantom(self.phantom, *changed)
+            phantom_variant(self.phantom, *changed)
         elif any(value is not None for value in changed):
             raise InputError(f"diameter_mm, depth_mm and young_kpa are of phantoms; {self.phantom} is a sphere")
-        check.whole("seed", self.seed, 0, check.LARGEST_SEED)
+        check.require_integer("seed", self.seed, 0, check.LARGEST_SEED)
 
     def _require_live(self) -> None:
         source = self.spec.partition(":")[0]
@@ -77,7 +77,7 @@ class CameraChoice:
                 f"camera must be a live one; got {self.spec!r:.80}, which is stored (estimate from stored frames with "
                 "tsis examine, or enter them with tsis records import)"
             )
-        check.known("camera source", source, (VIRTUAL, *LIVE_SOURCES))
+        check.require_one_of("camera source", source, (VIRTUAL, *LIVE_SOURCES))
         if source == VIRTUAL and self.spec != VIRTUAL:
             raise InputError(f"the virtual probe is called virtual and nothing more; got {self.spec!r:.80}")
         if source == OPENCV and not OPENCV_SPEC.fullmatch(self.spec):

@@ -75,11 +75,11 @@ class Control:
         InputError
             When the name cannot be shown, or the time lies outside its range.
         """
-        check.kind("identity", identity, str)
-        check.kind("name", name, str)
+        check.require_type("identity", identity, str)
+        check.require_type("name", name, str)
         if not name.strip() or not name.isprintable() or len(name) > LONGEST_NAME:
             raise InputError(f"name must be 1 to {LONGEST_NAME} characters that can be shown; got {name!r:.80}")
-        check.number("held_s", held_s, SHORTEST_HELD_S, LONGEST_HELD_S, hint="seconds")
+        check.require_number("held_s", held_s, SHORTEST_HELD_S, LONGEST_HELD_S, hint="seconds")
         with self._lock:
             held = self._present()
             other = held is not None and held.identity != identity

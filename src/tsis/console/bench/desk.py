@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from tsis.console.bench.choice import CameraChoice
     from tsis.instrument import Camera, Setting
-    from tsis.instrument.acquisition import Arrival
+    from tsis.instrument.acquisition import ReceivedFrame
 
 FRESH_S = 5.0  # within which a frame must come, or within some frames of a slow camera
 # Frames after a change that may be of before it: of the virtual camera the one under way; of others those that wait
@@ -161,7 +161,7 @@ class CameraDesk:
         """Change a setting now and after each reconnection; errors as `Acquisition.adjust`."""
         acquisition = self._streaming()
         if present := self.settings():
-            check.known("setting", name, [each.name for each in present])
+            check.require_one_of("setting", name, [each.name for each in present])
         acquisition.adjust(name, value)
         self._wanted[name] = float(value)
         self._changed()
@@ -204,16 +204,16 @@ class CameraDesk:
         MechanicsError
             When the tissue cannot be pressed so hard; the press is as it was.
         """
-        check.known("role", role, self.roles)
+        check.require_one_of("role", role, self.roles)
         if self.choice.is_virtual or force_n is not None:
             most = LARGEST_FORCE_N if self.choice.is_virtual else MOST_TYPED_N
-            force_n = check.number("force_n", force_n, 0.0, most, hint="newtons")
+            force_n = check.require_number("force_n", force_n, 0.0, most, hint="newtons")
         if self.stage is not None and force_n is not None:
             self.stage.hold(role, force_n)
         self.role, self.force_n = role, force_n
         self._mark()
 
-    def fresh(self) -> Arrival:
+    def fresh(self) -> ReceivedFrame:
         """The newest frame that was begun after the last change.
 
         Raises

@@ -8,14 +8,14 @@ from tsis.instrument.naming import LARGEST_TARGET
 from tsis.model import check
 from tsis.model.errors import InputError, RecordsError
 from tsis.records.environment import environment
-from tsis.records.estimation import REFERENCES, Request, estimate_stored, require_options
+from tsis.records.estimation import REFERENCES, EstimationRequest, estimate_stored, require_options
 from tsis.records.values import ESTIMATES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
 
     from tsis.console.bench.jobs import Job, Jobs
-    from tsis.records import Dossier, Press, Store, StoredEstimate
+    from tsis.records import Store, StoredEstimate, StoredPress, TargetRecord
 
 
 def estimate_target(
@@ -40,7 +40,7 @@ def estimate_target(
     presses
         Identities of the presses to use; those of `newest_presses` when None.
     options
-        As of `tsis.records.estimation.Request`.
+        As of `tsis.records.estimation.EstimationRequest`.
     progress
         Told (done, all) while the mechanics of a new probe are solved, and (1, 1) before the answer is stored; what it
         raises ends the estimate, and nothing is stored.
@@ -57,7 +57,7 @@ def estimate_target(
     probe, calibration = _terms(chosen, number)
     answer = estimate_stored(
         dossier,
-        Request(kind=kind, probe=probe, presses=chosen, calibration=calibration, options=options or {}),
+        EstimationRequest(kind=kind, probe=probe, presses=chosen, calibration=calibration, options=options or {}),
         progress=progress,
     )
     if progress is not None:
@@ -95,11 +95,11 @@ def require_estimable(
     store: Store, number: int, *, kind: str, presses: Sequence[str] | None, options: Mapping[str, Any]
 ) -> None:
     """Refuse what no estimate can be begun with; parameters as of `estimate_target`, `InputError` says why."""
-    check.known("kind of estimate", kind, ESTIMATES)
+    check.require_one_of("kind of estimate", kind, ESTIMATES)
     require_options(kind, options)
     if presses is not None and not (len(presses) > 0 and all(isinstance(each, str) for each in presses)):
         raise InputError(f"presses must be identities of presses, one at least; got {presses!r:.80}")
-    store.target(check.whole("target", number, 1, LARGEST_TARGET, hint="number of the target"))
+    store.target(check.require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target"))
 
 
 def estimate_title(number: int) -> str:
@@ -107,7 +107,7 @@ def estimate_title(number: int) -> str:
     return f"estimate of target {number}"
 
 
-def newest_presses(dossier: Dossier, kind: str) -> tuple[Press, ...]:
+def newest_presses(dossier: TargetRecord, kind: str) -> tuple[StoredPress, ...]:
     """Of each role and force the newest press, of those with the probe and the calibration of the newest one.
 
     Presses whose force nobody wrote down are all taken: the force line tells them apart. Those at 0 N touch nothing,
@@ -119,14 +119,14 @@ def newest_presses(dossier: Dossier, kind: str) -> tuple[Press, ...]:
     if not on_target:
         return ()
     terms = (on_target[-1].probe, on_target[-1].calibration)
-    newest: dict[object, Press] = {}
+    newest: dict[object, StoredPress] = {}
     for press in used:
         if (press.probe, press.calibration) == terms:
             newest[press.id if press.force_n is None else (press.role, press.force_n)] = press
     return tuple(press for press in used if press in newest.values())
 
 
-def _named(dossier: Dossier, identities: Sequence[str]) -> tuple[Press, ...]:
+def _named(dossier: TargetRecord, identities: Sequence[str]) -> tuple[StoredPress, ...]:
     held = {press.id: press for press in dossier.presses}
     for identity in identities:
         if identity not in held:
@@ -134,7 +134,7 @@ def _named(dossier: Dossier, identities: Sequence[str]) -> tuple[Press, ...]:
     return tuple(held[identity] for identity in identities)
 
 
-def _terms(presses: Sequence[Press], number: int) -> tuple[str, str]:
+def _terms(presses: Sequence[StoredPress], number: int) -> tuple[str, str]:
     """The probe and the calibration that all presses share."""
     if not presses:
         raise RecordsError(f"target {number} must have a press on the target to be estimated; it has none (take one)")

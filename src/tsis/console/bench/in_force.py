@@ -11,7 +11,7 @@ from tsis.model.errors import CalibrationError
 from tsis.virtual.calibration_bench import bench_seed
 
 if TYPE_CHECKING:
-    from tsis.calibration.cited import CitedCalibration
+    from tsis.calibration.cited import UsableCalibration
     from tsis.calibration.guard.reference import GuardReference
     from tsis.console.bench.desk import CameraDesk
     from tsis.console.bench.stage import VirtualStage
@@ -37,7 +37,7 @@ class InForce:
         What the press guard compares frames with.
     """
 
-    known: CitedCalibration | None
+    known: UsableCalibration | None
     why: str
     scale: Pair | None
     probe: str
@@ -64,11 +64,11 @@ class CalibrationInForce:
         What was put in force; None for the virtual probe's own, or none.
     """
 
-    def __init__(self, desk: CameraDesk, given: CitedCalibration | None) -> None:
+    def __init__(self, desk: CameraDesk, given: UsableCalibration | None) -> None:
         self._desk, self._given = desk, given
-        self._kept: tuple[CitedCalibration | None, VirtualStage | None, GuardReference] | None = None
+        self._kept: tuple[UsableCalibration | None, VirtualStage | None, GuardReference] | None = None
 
-    def use(self, given: CitedCalibration | None) -> None:
+    def use(self, given: UsableCalibration | None) -> None:
         """Put another one in force; None for the virtual probe's own, or none.
 
         Raises
@@ -94,7 +94,7 @@ class CalibrationInForce:
             reference=self._reference(known, stage),
         )
 
-    def _judged(self, wanted: CitedCalibration | None) -> tuple[CitedCalibration | None, str]:
+    def _judged(self, wanted: UsableCalibration | None) -> tuple[UsableCalibration | None, str]:
         if wanted is None:
             return None, ""
         try:
@@ -103,7 +103,7 @@ class CalibrationInForce:
             return None, str(error)
         return wanted, ""
 
-    def _reference(self, known: CitedCalibration | None, stage: VirtualStage | None) -> GuardReference:
+    def _reference(self, known: UsableCalibration | None, stage: VirtualStage | None) -> GuardReference:
         kept = self._kept
         if kept is None or kept[0] is not known or kept[1] is not stage:
             own = stage is not None and known is stage.calibration
@@ -112,7 +112,7 @@ class CalibrationInForce:
         return kept[2]
 
 
-def _require_fit(cited: CitedCalibration, desk: CameraDesk) -> None:
+def _require_fit(cited: UsableCalibration, desk: CameraDesk) -> None:
     """Refuse, with `CalibrationError`, what is expired, or of another probe, camera, setting or size of frames."""
     known, choice, acquisition = cited.known, desk.choice, desk.acquisition
     if bench_seed(known.camera) is not None:

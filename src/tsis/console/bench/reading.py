@@ -6,14 +6,14 @@ import time
 from typing import TYPE_CHECKING
 
 from tsis.console.bench.sight import ForceSeen
-from tsis.instrument import shown
+from tsis.instrument import printable_path
 from tsis.virtual.camera import FORCE
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from tsis.console.bench.state import CameraState
-    from tsis.instrument.acquisition import Arrival
+    from tsis.instrument.acquisition import ReceivedFrame
     from tsis.instrument.gauge import ForceLog
     from tsis.records import Store
 
@@ -22,7 +22,7 @@ GAUGE_WAIT_S = 1.0
 STORE_LOOKED_AT_S = 1.0  # the state is asked for often, and the disk need not be
 
 
-def force_at(arrival: Arrival, log: ForceLog | None, typed_n: float | None) -> ForceSeen | None:
+def force_at(arrival: ReceivedFrame, log: ForceLog | None, typed_n: float | None) -> ForceSeen | None:
     """The force of a press that is looked at: the newest reading, for a live view does not wait for the next one."""
     if log is not None:
         readings = log.readings(since_s=arrival.arrived_s - HOLDS_S)
@@ -32,7 +32,7 @@ def force_at(arrival: Arrival, log: ForceLog | None, typed_n: float | None) -> F
     return None if typed_n is None else ForceSeen(value_n=typed_n, source="typed")
 
 
-def gauge_force(log: ForceLog, arrival: Arrival, *, wait_s: float = GAUGE_WAIT_S) -> ForceSeen:
+def gauge_force(log: ForceLog, arrival: ReceivedFrame, *, wait_s: float = GAUGE_WAIT_S) -> ForceSeen:
     """The gauge's force at a frame that is kept, once the reading after it has come; `GaugeError` when none comes."""
     log.wait_until(arrival.arrived_s, timeout_s=wait_s)
     return ForceSeen(value_n=max(0.0, log.at(arrival.arrived_s).force_n), source="gauge")
@@ -59,7 +59,7 @@ class StoreInPlace:
         if now - seen_s >= STORE_LOOKED_AT_S:
             gone = self._store.database.moved()
             self._seen = now, gone
-        return shown(self._store.folder) if gone else ""
+        return printable_path(self._store.folder) if gone else ""
 
 
 def trouble(

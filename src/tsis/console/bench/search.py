@@ -6,7 +6,7 @@ import threading
 from typing import TYPE_CHECKING
 
 from tsis.console.bench.jobs import RUNNING
-from tsis.instrument.discovery import Findings, find_cameras
+from tsis.instrument.discovery import CameraListing, find_cameras
 
 if TYPE_CHECKING:
     from tsis.console.bench.jobs import Job, Jobs, JobState
@@ -26,10 +26,10 @@ class CameraSearch:
     def __init__(self, jobs: Jobs) -> None:
         self._jobs, self._lock = jobs, threading.Lock()
         self._job: Job | None = None
-        self._findings: Findings | None = None
+        self._findings: CameraListing | None = None
 
     @property
-    def findings(self) -> Findings | None:
+    def findings(self) -> CameraListing | None:
         """What the last search found; None before the first is over."""
         return self._findings
 
@@ -45,13 +45,13 @@ class CameraSearch:
                 self._job = self._jobs.begin(TITLE, self._searched)
             return self._job
 
-    def _searched(self, job: Job) -> Findings:
+    def _searched(self, job: Job) -> CameraListing:
         self._findings = findings = find_cameras()
         job.say(found_words(findings))
         return findings
 
 
-def found_words(findings: Findings) -> str:
+def found_words(findings: CameraListing) -> str:
     """How many there are."""
     number = len(findings.found)
     return {0: "No camera answered.", 1: "1 camera answered."}.get(number, f"{number} cameras answered.")

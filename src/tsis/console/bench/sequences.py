@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tsis.console.bench.jobs import Job, Jobs
-    from tsis.instrument.acquisition import Acquisition, Arrival
+    from tsis.instrument.acquisition import Acquisition, ReceivedFrame
     from tsis.instrument.gauge import ForceLog
 
 SHORTEST_S, LONGEST_S, MOST_FRAMES = 0.1, 3600.0, 200_000
@@ -50,9 +50,9 @@ class SequenceTerms:
         if (self.seconds is None) == (self.frames is None):
             raise InputError("a sequence must have one end: give seconds or frames")
         if self.seconds is not None:
-            check.number("seconds", self.seconds, SHORTEST_S, LONGEST_S, hint="seconds")
+            check.require_number("seconds", self.seconds, SHORTEST_S, LONGEST_S, hint="seconds")
         if self.frames is not None:
-            object.__setattr__(self, "frames", check.whole("frames", self.frames, 1, MOST_FRAMES))
+            object.__setattr__(self, "frames", check.require_integer("frames", self.frames, 1, MOST_FRAMES))
 
 
 def begin_sequence(
@@ -136,7 +136,7 @@ class _Forces:
         self._gauge, self._typed_n = gauge, typed_n
         self._wait_s, self.without = GAUGE_WAIT_S, 0
 
-    def of(self, arrival: Arrival) -> tuple[str, str]:
+    def of(self, arrival: ReceivedFrame) -> tuple[str, str]:
         """The columns of a frame."""
         if self._gauge is None:
             seen = force_at(arrival, None, self._typed_n())

@@ -22,17 +22,17 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from tsis.calibration.cited import CitedCalibration
+    from tsis.calibration.cited import UsableCalibration
     from tsis.calibration.guard.flags import GuardFlag
     from tsis.calibration.guard.reference import GuardReference
     from tsis.console.bench.desk import CameraDesk
     from tsis.console.bench.in_force import InForce
     from tsis.console.bench.sight import ForceSeen
     from tsis.instrument import Frame
-    from tsis.instrument.acquisition import Arrival
+    from tsis.instrument.acquisition import ReceivedFrame
     from tsis.instrument.snapshot import Snapshot
     from tsis.model import TactileImage
-    from tsis.records import Press, Store, Target
+    from tsis.records import Store, StoredPress, Target
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -69,7 +69,7 @@ class PressTaken:
     force: ForceSeen | None
     role: str
     probe: str
-    calibration: CitedCalibration | None
+    calibration: UsableCalibration | None
     reference: GuardReference
     name: str
     truth: Mapping[str, float]
@@ -94,7 +94,7 @@ class Kept:
 
     files: Snapshot
     target: Target
-    press: Press
+    press: StoredPress
     flags: tuple[GuardFlag, ...]
     notes: tuple[str, ...]
 
@@ -142,7 +142,7 @@ def keep_press(taken: PressTaken, *, number: int, workspace: Path, store: Store,
     return Kept(files=files, target=target, press=press, flags=flags, notes=notes)
 
 
-def press_taken(arrival: Arrival, *, desk: CameraDesk, in_force: InForce, force: ForceSeen | None) -> PressTaken:
+def press_taken(arrival: ReceivedFrame, *, desk: CameraDesk, in_force: InForce, force: ForceSeen | None) -> PressTaken:
     """A frame that came as a press of what the desk holds, under the calibration in force."""
     stage = desk.stage
     return PressTaken(
@@ -162,7 +162,7 @@ def press_taken(arrival: Arrival, *, desk: CameraDesk, in_force: InForce, force:
     )
 
 
-def _moment(arrival: Arrival) -> datetime:
+def _moment(arrival: ReceivedFrame) -> datetime:
     """When a frame came, with the zone of this place."""
     return datetime.now().astimezone() - timedelta(seconds=max(0.0, time.monotonic() - arrival.arrived_s))
 

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.calibration.cited import CitedCalibration
-from tsis.calibration.file import ProbeCalibration, identity
+from tsis.calibration.cited import UsableCalibration
+from tsis.calibration.file import ProbeCalibration, calibration_sha256
 from tsis.calibration.guard.reference import GuardReference
 from tsis.console.bench.choice import BALL, PLAIN, TARGET, UNTOUCHED
 from tsis.model import Phantom, SoftSphere, TactileImage, check, load_probe, load_sphere
 from tsis.model.errors import MechanicsError
-from tsis.model.variants import chosen_phantom
+from tsis.model.variants import phantom_variant
 from tsis.virtual import DirectContactRig, VirtualCamera, VirtualProbe
 from tsis.virtual.camera import LARGEST_FORCE_N, USUAL_MS
 
@@ -57,7 +57,7 @@ class VirtualStage:
             self.written_radius_mm = rig.written_radius_mm(sphere)
             self.truth: Mapping[str, float] = {"young_kpa": sphere.young_kpa}
         else:
-            phantom = chosen_phantom(choice.phantom, choice.diameter_mm, choice.depth_mm, choice.young_kpa)
+            phantom = phantom_variant(choice.phantom, choice.diameter_mm, choice.depth_mm, choice.young_kpa)
             self._rig = VirtualProbe(self.probe, rng=self._rng)
             self._objects = {TARGET: phantom, PLAIN: phantom.without_inclusion()}
             lump = phantom.inclusion
@@ -115,8 +115,8 @@ class VirtualStage:
         MechanicsError
             When the tissue cannot be pressed so hard; the press is as it was.
         """
-        check.known("role", role, self.roles)
-        check.number("force_n", force_n, 0.0, LARGEST_FORCE_N, hint="newtons")
+        check.require_one_of("role", role, self.roles)
+        check.require_number("force_n", force_n, 0.0, LARGEST_FORCE_N, hint="newtons")
         with self._one_at_a_time:
             lies, pressed_n = self._lying(role), _pressed_n(role, force_n)
             try:
@@ -130,12 +130,12 @@ class VirtualStage:
                 self._camera.hold_on(lies, force_n=pressed_n, light=light)
             self.role, self.force_n, self._light = role, force_n, light
 
-    def _own_calibration(self) -> CitedCalibration:
+    def _own_calibration(self) -> UsableCalibration:
         """What is known of the rig, which holds at the camera's usual settings."""
         response, sensor = self._rig.calibration, self._rig.sensor
         settings = {"exposure_ms": USUAL_MS, "gain": 0.0, "brightness": sensor.background_grey}
         known = ProbeCalibration(name=response.name, probe=self.probe.name, settings=settings, response=response)
-        return CitedCalibration(known=known, identity=identity(known))
+        return UsableCalibration(known=known, identity=calibration_sha256(known))
 
     def _lying(self, role: str) -> Phantom | SoftSphere:
         return self._objects[TARGET if role == UNTOUCHED else role]

@@ -48,7 +48,7 @@ class BenchTerms:
     calibration: Path | None = None
 
     def __post_init__(self) -> None:
-        check.known("kind of store", self.kind, KINDS)
+        check.require_one_of("kind of store", self.kind, KINDS)
         self.choice  # noqa: B018 - which refuses what cannot be chosen
 
     @property

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from tsis.calibration.guard.reference import GuardReference
     from tsis.console.bench.sight import ForceSeen, Sight
-    from tsis.instrument.acquisition import Acquisition, Arrival
+    from tsis.instrument.acquisition import Acquisition, ReceivedFrame
 
 EVERY_S = 0.15  # often enough for the eye, and a small part of a core
 WAIT_S = 0.25
@@ -43,7 +43,7 @@ class Watcher:
         self,
         acquisition: Callable[[], Acquisition | None],
         reference: Callable[[], tuple[GuardReference, tuple[float, float] | None]],
-        force: Callable[[Arrival], ForceSeen | None],
+        force: Callable[[ReceivedFrame], ForceSeen | None],
     ) -> None:
         self._acquisition, self._reference, self._force = acquisition, reference, force
         self._sight: Sight | None = None
@@ -109,7 +109,7 @@ class Watcher:
             _log.exception("a frame could not be judged")
         self._sight, self._failure = None, sentence
 
-    def _guard(self, arrival: Arrival) -> tuple[PressWatch, NDArray[np.float64] | None]:
+    def _guard(self, arrival: ReceivedFrame) -> tuple[PressWatch, NDArray[np.float64] | None]:
         reference, scale = self._reference()
         shape = FrameShape.of(arrival.frame.tactile_image(mm_per_pixel=scale))
         known = reference.untouched

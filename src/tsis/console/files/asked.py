@@ -13,7 +13,7 @@ from tsis.model.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
 
-    from tsis.records import Press, Store, Target
+    from tsis.records import Store, StoredPress, Target
 
 MOST_DIGITS = 20  # that are turned into a number at all
 
@@ -26,7 +26,7 @@ def target_of(store: Store, text: str) -> Target:
         return store.target(int(text))
 
 
-def press_of(store: Store, target: str, press: str) -> Press:
+def press_of(store: Store, target: str, press: str) -> StoredPress:
     """The press whose identity stands in an address; `AbsentError` when there is none."""
     found = target_of(store, target)
     with _in_the_address():
@@ -36,7 +36,7 @@ def press_of(store: Store, target: str, press: str) -> Press:
 def form_of(name: str, text: str, forms: Collection[str]) -> str:
     """The form that stands in an address; `AbsentError` when there is none of that name."""
     with _in_the_address():
-        return check.known(name, text, forms)
+        return check.require_one_of(name, text, forms)
 
 
 @contextmanager

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from tsis.console.apart import Apart
-from tsis.records.export.whole import new_file
-from tsis.report.of_store import StorePlace, stored_report
+from tsis.records.export.whole import export_file
+from tsis.report.of_store import StoreAddress, report_of_stored_target
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -26,17 +26,17 @@ class Reports:
     """
 
     def __init__(self, store: Store, *, database: str | None = None) -> None:
-        self._place = StorePlace(folder=store.folder, kind=store.kind, database=database, identity=store.identity)
+        self._place = StoreAddress(folder=store.folder, kind=store.kind, database=database, identity=store.identity)
         self._apart = Apart()
 
     def content(self, target: Target, form: str) -> bytes:
         """The report in a form of `tsis.report.forms.PAGES`; errors as `tsis.report.of_store` and `Apart.ask`."""
-        return self._apart.ask(stored_report, self._place, target.number, form)
+        return self._apart.ask(report_of_stored_target, self._place, target.number, form)
 
     def write(self, target: Target, form: str, path: Path) -> None:
         """The same as a new file; also `FileInputError` when it cannot be written."""
         content = self.content(target, form)
-        with new_file(path) as draft:
+        with export_file(path) as draft:
             draft.write_bytes(content)
 
     def close(self) -> None:

@@ -42,8 +42,8 @@ def thumbnail_png(levels: NDArray[Any], *, full_scale: float, size: int, name: s
     UnknownNameError
         When no map has that name.
     """
-    check.whole("size", size, SMALLEST_PX, LARGEST_PX, hint="pixels of the longer side")
-    check.known("colour map", name, MAPS)
+    check.require_integer("size", size, SMALLEST_PX, LARGEST_PX, hint="pixels of the longer side")
+    check.require_one_of("colour map", name, MAPS)
     grey = levels.astype(np.float64)
     share = size / max(grey.shape)
     if share < 1.0:

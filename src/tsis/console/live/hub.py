@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from tsis.console.bench.sight import Sight
-    from tsis.instrument.acquisition import Acquisition, Arrival
+    from tsis.instrument.acquisition import Acquisition, ReceivedFrame
 
 WAIT_S = 0.25
 REST_S = 0.1  # while no camera runs
@@ -33,7 +33,7 @@ class Newest:
         How many frames had come with it.
     """
 
-    arrival: Arrival
+    arrival: ReceivedFrame
     number: int
 
 

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.console.bench.sight import Sight
-    from tsis.instrument.acquisition import Arrival
+    from tsis.instrument.acquisition import ReceivedFrame
 
 # magic, encoding, three bytes unused, number of the frame, rows, columns, when it came in ms, full scale, unused
 HEADER = struct.Struct("<4sB3xIHHdfI")
@@ -24,12 +24,12 @@ RAW, JPEG = 0, 1
 BITS_8 = 255.0
 
 
-def is_as_shown(arrival: Arrival) -> bool:
+def is_as_shown(arrival: ReceivedFrame) -> bool:
     """Whether a frame has 255 levels as a screen does, so that `packet` only copies it."""
     return bool(arrival.frame.pixels.dtype == np.uint8 and arrival.frame.full_scale == BITS_8)
 
 
-def packet(arrival: Arrival, *, number: int, came_ms: float, jpeg_quality: int | None = None) -> bytes:
+def packet(arrival: ReceivedFrame, *, number: int, came_ms: float, jpeg_quality: int | None = None) -> bytes:
     """The newest frame for a viewer.
 
     Parameters
@@ -52,7 +52,7 @@ def packet(arrival: Arrival, *, number: int, came_ms: float, jpeg_quality: int |
     return header + cv2.imencode(".jpg", levels, [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])[1].tobytes()
 
 
-def display_levels(arrival: Arrival) -> NDArray[np.uint8]:
+def display_levels(arrival: ReceivedFrame) -> NDArray[np.uint8]:
     """Grey levels with 255 at full scale, shape (rows, columns), uint8: a screen shows no more."""
     pixels, full_scale = np.asarray(arrival.frame.pixels), arrival.frame.full_scale
     if is_as_shown(arrival):

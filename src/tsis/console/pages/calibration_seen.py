@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tsis.calibration.cited import CitedCalibration
+    from tsis.calibration.cited import UsableCalibration
     from tsis.console.bench import Bench, BenchState
 
 
@@ -20,9 +20,9 @@ class CalibrationSeen:
 
     def __init__(self, bench: Bench) -> None:
         self._bench = bench
-        self._known: CitedCalibration | None = None
+        self._known: UsableCalibration | None = None
 
-    def of(self, state: BenchState) -> CitedCalibration | None:
+    def of(self, state: BenchState) -> UsableCalibration | None:
         """The calibration that the state names; None without one, and when another came in force since."""
         if self._known is None or self._known.identity != state.calibration_identity:
             self._known = self._bench.calibration if state.calibration_identity else None

@@ -5,12 +5,12 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from tsis.records.values import ROLE_WORDS
-from tsis.report.target_words import moment
+from tsis.report.target_words import time_text
 
 if TYPE_CHECKING:
     from datetime import datetime
 
-    from tsis.records import Press
+    from tsis.records import StoredPress
 
 
 def force_words(force_n: float | None) -> str:
@@ -26,9 +26,9 @@ def force_words(force_n: float | None) -> str:
 
 def time_words(when: datetime) -> str:
     """A time where nothing else says that it is in UTC."""
-    return f"{moment(when)} UTC"
+    return f"{time_text(when)} UTC"
 
 
-def press_words(press: Press) -> str:
+def press_words(press: StoredPress) -> str:
     """A press: what was pressed, how hard, when."""
     return f"{ROLE_WORDS[press.role]}, {force_words(press.force_n)}, {time_words(press.taken)}"

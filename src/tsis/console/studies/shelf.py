@@ -11,7 +11,7 @@ from tsis.instrument.file_bytes import one_line
 from tsis.model.errors import InputError, RecordsError, TsisError
 from tsis.study import new_study, open_study
 from tsis.study.folder import PLAN
-from tsis.study.log import LOG
+from tsis.study.log import LOG_FILE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -104,7 +104,7 @@ class StudyShelf:
     def stamp(self, name: str) -> tuple[int, int]:
         """Another pair of numbers whenever the log of a study has changed; zeros where there is none."""
         try:
-            found = (self._folder / name / LOG).stat()
+            found = (self._folder / name / LOG_FILE).stat()
         except OSError:
             return 0, 0
         return found.st_mtime_ns, found.st_size

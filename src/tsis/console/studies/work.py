@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from tsis.model.errors import ControlError, InputError, RecordsError
 from tsis.report.study_publishing import publish_study
 from tsis.study import open_study, press_study
-from tsis.study.reading import named
+from tsis.study.reading import require_short_name
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -51,7 +51,7 @@ def begin_reading(jobs: Jobs, shelf: StudyShelf, name: str, *, operator: str) ->
     ControlError
         When something is under way with it.
     """
-    named("operator", operator)
+    require_short_name("operator", operator)
     with _begin:
         _require_free(jobs, name)
         study = shelf.study(name)
@@ -72,7 +72,7 @@ def begin_publishing(jobs: Jobs, shelf: StudyShelf, name: str, *, by: str, altho
     ControlError
         When something is under way with it.
     """
-    named("name", by)
+    require_short_name("name", by)
     with _begin:
         _require_free(jobs, name)
         study = shelf.study(name)

@@ -2,9 +2,9 @@
 
 from tsis.instrument.acquisition.account import Account, Interruption
 from tsis.instrument.acquisition.acquisition import Acquisition
-from tsis.instrument.acquisition.arrival import Arrival
+from tsis.instrument.acquisition.arrival import ReceivedFrame
 from tsis.instrument.acquisition.frame_rate import FrameRate
 from tsis.instrument.acquisition.intake import Intake
 from tsis.instrument.acquisition.ring import FrameRing
 
-__all__ = ["Account", "Acquisition", "Arrival", "FrameRate", "FrameRing", "Intake", "Interruption"]
+__all__ = ["Account", "Acquisition", "FrameRate", "FrameRing", "Intake", "Interruption", "ReceivedFrame"]

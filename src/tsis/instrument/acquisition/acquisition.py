@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from types import TracebackType
 
     from tsis.instrument.acquisition.account import Account
-    from tsis.instrument.acquisition.arrival import Arrival
+    from tsis.instrument.acquisition.arrival import ReceivedFrame
     from tsis.instrument.camera import Camera, Mode, Setting
 
 LOST_AFTER_S = 0.8  # so that with the watch's own steps a loss is seen within a second
@@ -82,8 +82,8 @@ class Acquisition:
     ) -> None:
         self.ring = FrameRing(ring_frames, patient=patient)
         self._connect, self._mode, self._wanted = connect, mode, dict(settings or {})
-        self._lost_after_s = check.number("lost_after_s", lost_after_s, 0.05, 3600.0, hint="seconds")
-        self._retry_s = check.number("retry_s", retry_s, 0.0, 3600.0, hint="seconds")
+        self._lost_after_s = check.require_number("lost_after_s", lost_after_s, 0.05, 3600.0, hint="seconds")
+        self._retry_s = check.require_number("retry_s", retry_s, 0.0, 3600.0, hint="seconds")
         self._reconnect, self._clock = reconnect, clock
         self._intake = Intake(self.ring, clock=clock)
         self._camera: Camera | None = None
@@ -127,7 +127,7 @@ class Acquisition:
 
     @property
     def connection(self) -> int | None:
-        """Which connection brings frames now, as `Arrival.connection`; None while the camera is away."""
+        """Which connection brings frames now, as `ReceivedFrame.connection`; None while the camera is away."""
         return self._intake.connection
 
     @property
@@ -172,7 +172,7 @@ class Acquisition:
                 thread.join(timeout=STOP_S)
         self.ring.close()
 
-    def latest(self) -> Arrival | None:
+    def latest(self) -> ReceivedFrame | None:
         """The newest frame; None before the first."""
         return self.ring.latest()
 

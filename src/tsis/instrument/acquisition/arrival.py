@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Arrival:
+class ReceivedFrame:
     """A frame as it reached this computer.
 
     Parameters
@@ -30,5 +30,5 @@ class Arrival:
     connection: int = 0
 
     def __post_init__(self) -> None:
-        check.number("arrived_s", self.arrived_s, -1e15, 1e15, hint="seconds")
-        check.whole("connection", self.connection, 0, 2**31)
+        check.require_number("arrived_s", self.arrived_s, -1e15, 1e15, hint="seconds")
+        check.require_integer("connection", self.connection, 0, 2**31)

@@ -8,7 +8,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from tsis.instrument.acquisition.account import Account, Interruption
-from tsis.instrument.acquisition.arrival import Arrival
+from tsis.instrument.acquisition.arrival import ReceivedFrame
 from tsis.instrument.acquisition.frame_rate import FrameRate
 from tsis.model.errors import CameraError, ImageMismatchError
 
@@ -96,7 +96,7 @@ class Intake:
             self._received += 1
             self._sequence, self._heard_s = frame.sequence, now_s
             self._rate.add(now_s)
-            self._ring.put(Arrival(frame=frame, arrived_s=now_s, connection=connection))
+            self._ring.put(ReceivedFrame(frame=frame, arrived_s=now_s, connection=connection))
         return True
 
     def interrupt(self, connection: int, failure: Exception) -> bool:

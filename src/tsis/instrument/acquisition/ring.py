@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from tsis.model import check
 
 if TYPE_CHECKING:
-    from tsis.instrument.acquisition.arrival import Arrival
+    from tsis.instrument.acquisition.arrival import ReceivedFrame
 
 LARGEST_RING = 100_000
 MOST_BYTES = 2**30
@@ -32,9 +32,9 @@ class FrameRing:
 
     def __init__(self, capacity: int = 64, *, patient: bool = False, most_bytes: int = MOST_BYTES) -> None:
         self.patient = patient
-        self.capacity = check.whole("capacity", capacity, 1, LARGEST_RING, hint="frames")
-        self._most_bytes = check.whole("most_bytes", most_bytes, 1, 2**40)
-        self._held: deque[Arrival] = deque()
+        self.capacity = check.require_integer("capacity", capacity, 1, LARGEST_RING, hint="frames")
+        self._most_bytes = check.require_integer("most_bytes", most_bytes, 1, 2**40)
+        self._held: deque[ReceivedFrame] = deque()
         self._bytes = 0
         self._put = self._read_to = 0
         self._closed = False
@@ -61,7 +61,7 @@ class FrameRing:
         with self._changed:
             return self._changed.wait_for(self.has_room, timeout_s)
 
-    def put(self, arrival: Arrival) -> None:
+    def put(self, arrival: ReceivedFrame) -> None:
         """Add a frame and wake who waits for it."""
         with self._changed:
             self._held.append(arrival)
@@ -77,7 +77,7 @@ class FrameRing:
             self._closed = True
             self._changed.notify_all()
 
-    def latest(self) -> Arrival | None:
+    def latest(self) -> ReceivedFrame | None:
         """The newest frame; None before the first."""
         with self._changed:
             return self._held[-1] if self._held else None
@@ -88,7 +88,7 @@ class FrameRing:
             self._changed.wait_for(lambda: self._put > place or self._closed, timeout_s)
             return self._put > place
 
-    def read(self, place: int) -> tuple[tuple[Arrival, ...], int, int]:
+    def read(self, place: int) -> tuple[tuple[ReceivedFrame, ...], int, int]:
         """Read everything from ``place`` on.
 
         Returns

@@ -41,7 +41,7 @@ class ForceReading:
     time_error_s: float = 0.0
 
     def __post_init__(self) -> None:
-        check.number("time_s", self.time_s, -1e12, 1e12)
-        check.number("force_n", self.force_n, -LARGEST_FORCE_N, LARGEST_FORCE_N)
-        check.number("resolution_n", self.resolution_n, 0.0, LARGEST_FORCE_N)
-        check.number("time_error_s", self.time_error_s, 0.0, 1e6)
+        check.require_number("time_s", self.time_s, -1e12, 1e12)
+        check.require_number("force_n", self.force_n, -LARGEST_FORCE_N, LARGEST_FORCE_N)
+        check.require_number("resolution_n", self.resolution_n, 0.0, LARGEST_FORCE_N)
+        check.require_number("time_error_s", self.time_error_s, 0.0, 1e6)

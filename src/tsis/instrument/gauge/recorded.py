@@ -10,7 +10,7 @@ from array import array
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-from tsis.instrument.file_bytes import as_path, read_bytes, shown
+from tsis.instrument.file_bytes import as_path, printable_path, read_bytes
 from tsis.instrument.gauge.reading import ForceReading
 from tsis.instrument.text_lines import text_lines
 from tsis.model.durable import write_durably
@@ -57,7 +57,7 @@ def write_readings(path: str | os.PathLike[str], readings: Iterable[ForceReading
     if any(after.time_s <= before.time_s for before, after in pairwise(rows)):
         raise InputError("readings must have ascending times; sort them, or keep those of one run")
     if file.exists():
-        raise FileInputError(f"{shown(file)} exists and is not overwritten; choose another name")
+        raise FileInputError(f"{printable_path(file)} exists and is not overwritten; choose another name")
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(HEAD)
@@ -71,7 +71,7 @@ def write_readings(path: str | os.PathLike[str], readings: Iterable[ForceReading
     try:
         write_durably(file, content)
     except OSError as error:
-        raise FileInputError(f"{shown(file)} must be writable; got: {error.strerror}") from error
+        raise FileInputError(f"{printable_path(file)} must be writable; got: {error.strerror}") from error
     return file
 
 
@@ -116,15 +116,15 @@ class RecordedGauge:
         try:
             self._numbers = array("d", (getattr(row, name) for row in _parsed(content) for name in HEAD))
         except _LineError as error:
-            raise FileInputError(f"{shown(self._path)} {error}") from error
+            raise FileInputError(f"{printable_path(self._path)} {error}") from error
         except FileInputError as error:
-            raise FileInputError(f"{shown(self._path)} must be CSV text: {error}") from error
+            raise FileInputError(f"{printable_path(self._path)} must be CSV text: {error}") from error
         self._running.set()
 
     def readings(self) -> Iterator[ForceReading]:
         """Yield the file's readings until its end, or until it is closed."""
         if not self._running.is_set():
-            raise GaugeError(f"{shown(self._path)} must be opened first; call open()")
+            raise GaugeError(f"{printable_path(self._path)} must be opened first; call open()")
         for start in range(0, len(self._numbers), len(HEAD)):
             if not self._running.is_set():
                 return
@@ -132,7 +132,7 @@ class RecordedGauge:
 
     def tare(self) -> None:
         """Refuse: stored readings have the zero that they were taken with."""
-        raise GaugeError(f"{shown(self._path)} holds stored readings, whose zero cannot be set")
+        raise GaugeError(f"{printable_path(self._path)} holds stored readings, whose zero cannot be set")
 
     def close(self) -> None:
         """End the readings."""

@@ -74,13 +74,13 @@ class SerialGauge:
         open_port: Callable[..., Any] = serial.Serial,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        check.kind("port", port, str)
+        check.require_type("port", port, str)
         if not port:
             raise InputError("port must be the name of a serial port; got an empty one")
-        self._name, self._baud = port, check.whole("baud", baud, 50, 4_000_000, hint="bits per second")
+        self._name, self._baud = port, check.require_integer("baud", baud, 50, 4_000_000, hint="bits per second")
         self._stated_unit = None if unit is None else force_unit(unit)
         self._poll, self._tare_command = _command("poll", poll), _command("tare_command", tare_command)
-        self._timeout_s = check.number("timeout_s", timeout_s, 0.01, 3600.0)
+        self._timeout_s = check.require_number("timeout_s", timeout_s, 0.01, 3600.0)
         self._open_port, self._clock = open_port, clock
         self._line: SerialLine | None = None
         self._lost, self._skipped = False, 0

@@ -12,7 +12,7 @@ from datetime import UTC, datetime
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.instrument.file_bytes import as_path, shown
+from tsis.instrument.file_bytes import as_path, printable_path
 from tsis.model.durable import write_durably
 from tsis.model.errors import TsisError
 
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-    from tsis.instrument.acquisition import Account, Acquisition, Arrival
+    from tsis.instrument.acquisition import Account, Acquisition, ReceivedFrame
     from tsis.instrument.recording.frame_sink import FrameSink
 
-FORMAT, VERSION = "tsis-recording", 1
-INDEX, SUMMARY = "frames.csv", "recording.json"
-COLUMNS = ("number", "kept_in", "connection", "sequence", "time_s", "arrived_s")
+RECORDING_FORMAT, RECORDING_VERSION = "tsis-recording", 1
+RECORDING_INDEX, RECORDING_SUMMARY = "frames.csv", "recording.json"
+RECORDING_COLUMNS = ("number", "kept_in", "connection", "sequence", "time_s", "arrived_s")
 WAIT_S = 0.2
 
 
@@ -42,7 +42,7 @@ class FurtherColumns:
     """
 
     names: tuple[str, ...]
-    of: Callable[[Arrival], Sequence[Any]]
+    of: Callable[[ReceivedFrame], Sequence[Any]]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,9 +124,9 @@ def record(
     begun, begun_s = datetime.now(UTC), clock()
     ended_by, missed = "", 0 if acquisition.ring.patient else acquisition.account().missed
     try:
-        with (place / INDEX).open("x", newline="", encoding="utf-8") as index, closing(sink):
+        with (place / RECORDING_INDEX).open("x", newline="", encoding="utf-8") as index, closing(sink):
             rows = csv.writer(index)
-            rows.writerow((*COLUMNS, *beside.names))
+            rows.writerow((*RECORDING_COLUMNS, *beside.names))
             for batch, overrun in _batches(acquisition, lambda: end.reached() or tally.full):
                 tally.overrun += overrun
                 for arrival in batch[: tally.left]:
@@ -138,7 +138,7 @@ def record(
             os.fsync(index.fileno())
         ended_by = "" if end.reached() or tally.full else _end_of(acquisition)
     except OSError as error:
-        ended_by = f"{shown(place)} took no more frames after {tally.kept}: {error.strerror or error}"
+        ended_by = f"{printable_path(place)} took no more frames after {tally.kept}: {error.strerror or error}"
     except TsisError as error:
         ended_by = str(error)
     account = acquisition.account()
@@ -147,7 +147,7 @@ def record(
     return _with_summary(place, report, acquisition, {**started, **about()})
 
 
-def _batches(acquisition: Acquisition, ended: Callable[[], bool]) -> Iterator[tuple[tuple[Arrival, ...], int]]:
+def _batches(acquisition: Acquisition, ended: Callable[[], bool]) -> Iterator[tuple[tuple[ReceivedFrame, ...], int]]:
     """Frames as they come, with how many gave way before they were read; until ``ended`` or the source's end."""
     place = 0 if acquisition.ring.patient else acquisition.ring.end
     while not ended():
@@ -179,7 +179,7 @@ class _Tally:
     kept: int = 0
     overrun: int = 0
     first_s: float = 0.0
-    last: Arrival | None = None
+    last: ReceivedFrame | None = None
 
     @property
     def full(self) -> bool:
@@ -189,7 +189,7 @@ class _Tally:
     def left(self) -> int | None:
         return None if self.most is None else self.most - self.kept
 
-    def add(self, arrival: Arrival) -> None:
+    def add(self, arrival: ReceivedFrame) -> None:
         if self.last is None:
             self.first_s = arrival.arrived_s
         self.kept += 1
@@ -208,7 +208,7 @@ class _Tally:
         )
 
 
-def _row(arrival: Arrival, number: int, where: str) -> tuple[Any, ...]:
+def _row(arrival: ReceivedFrame, number: int, where: str) -> tuple[Any, ...]:
     frame = arrival.frame
     return number, where, arrival.connection, frame.sequence, frame.time_s, f"{arrival.arrived_s:.6f}"
 
@@ -223,8 +223,8 @@ def _with_summary(
 ) -> RecordingReport:
     """Write the report's file; a report that could not be written says so."""
     document = {
-        "format": FORMAT,
-        "version": VERSION,
+        "format": RECORDING_FORMAT,
+        "version": RECORDING_VERSION,
         "notice": RESEARCH_USE_ONLY,
         "tsis": __version__,
         "camera": acquisition.name,
@@ -234,8 +234,8 @@ def _with_summary(
         **about,
     }
     try:
-        write_durably(place / SUMMARY, (json.dumps(document, indent=2, default=str) + "\n").encode())
+        write_durably(place / RECORDING_SUMMARY, (json.dumps(document, indent=2, default=str) + "\n").encode())
     except OSError as error:
-        unwritten = f"{SUMMARY} could not be written: {error.strerror or error}"
+        unwritten = f"{RECORDING_SUMMARY} could not be written: {error.strerror or error}"
         return replace(report, ended_by="; ".join(part for part in (report.ended_by, unwritten) if part))
     return report

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.instrument.camera import Frame, Mode
-from tsis.instrument.file_bytes import file_size, shown
+from tsis.instrument.file_bytes import file_size, printable_path
 from tsis.instrument.image_file import read_image
 from tsis.instrument.sources.stored import StoredFrames
 from tsis.model.errors import FileInputError, ImageMismatchError
@@ -120,11 +120,11 @@ def _listed(path: Path) -> tuple[Path, ...]:
     except (OSError, ValueError) as error:
         if isinstance(error, FileInputError):
             raise
-        raise FileInputError(f"{shown(path)} must be a readable file or folder; got: {error}") from error
+        raise FileInputError(f"{printable_path(path)} must be a readable file or folder; got: {error}") from error
     files = [entry for entry in found if not entry.name.startswith(".")]
     if not files:
         kinds = ", ".join(sorted(IMAGE_SUFFIXES))
-        raise FileInputError(f"{shown(path)} must hold at least one image ({kinds}); got none")
+        raise FileInputError(f"{printable_path(path)} must hold at least one image ({kinds}); got none")
     return tuple(sorted(files, key=lambda entry: (natural_key(entry.name), entry.name)))
 
 

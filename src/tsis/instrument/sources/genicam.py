@@ -10,7 +10,7 @@ import contextlib
 import time
 from typing import TYPE_CHECKING, Any
 
-from tsis.instrument.found import FoundCamera
+from tsis.instrument.found import CameraInfo
 from tsis.instrument.sources import genicam_producers
 from tsis.instrument.sources.genicam_camera import GenICamCamera
 from tsis.instrument.sources.genicam_link import cannot_open, none_found
@@ -46,7 +46,7 @@ class HarvestersCamera(GenICamCamera):
         super().__init__("genicam", identity, link=lambda: _opened(identity, _chosen(producers)), clock=clock)
 
 
-def missing() -> str | None:
+def missing_requirement() -> str | None:
     """What is not installed or not set, and the cure; None when nothing is missing."""
     try:
         genicam_producers.harvesters()
@@ -60,7 +60,7 @@ def missing() -> str | None:
     )
 
 
-def found(producers: Sequence[Path] | None = None) -> tuple[FoundCamera, ...]:
+def find_cameras_here(producers: Sequence[Path] | None = None) -> tuple[CameraInfo, ...]:
     """The cameras that the producers list now.
 
     Raises
@@ -69,7 +69,7 @@ def found(producers: Sequence[Path] | None = None) -> tuple[FoundCamera, ...]:
         When there is none and a producer cannot be loaded.
     """
     return tuple(
-        FoundCamera(
+        CameraInfo(
             source="genicam",
             identity=device.id_,
             maker=_told(device, "vendor"),
@@ -114,7 +114,7 @@ def _listed(producers: Sequence[Path]) -> Generator[tuple[Any, Path]]:
 
 def _opened(identity: str, producers: Sequence[Path]) -> HarvestersLink:
     if not producers:
-        raise CameraError(missing() or "the camera source genicam was given no GenTL producer")
+        raise CameraError(missing_requirement() or "the camera source genicam was given no GenTL producer")
     others: list[str] = []
     with contextlib.closing(_listed(producers)) as listed:
         for device, file in listed:

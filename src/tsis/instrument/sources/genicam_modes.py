@@ -5,13 +5,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from tsis.instrument.camera import Mode
-from tsis.instrument.sources.genicam_nodes import Choice, choice, first_number, number
+from tsis.instrument.sources.genicam_nodes import ChoiceNode, choice_node, first_number, number_node
 from tsis.instrument.sources.genicam_settings import adjust
 from tsis.instrument.sources.grey_formats import FULL_SCALE
 from tsis.model.errors import CameraError
 
 if TYPE_CHECKING:
-    from tsis.instrument.sources.genicam_nodes import Nodes, Number
+    from tsis.instrument.sources.genicam_nodes import Nodes, NumberNode
 
 _RATES = (
     "ResultingFrameRate",
@@ -60,7 +60,7 @@ def apply_mode(nodes: Nodes, mode: Mode) -> None:
     if mode.pixel_format not in formats or mode.full_scale != FULL_SCALE[mode.pixel_format]:
         known = ", ".join(f"{name} (full scale {FULL_SCALE[name]:g})" for name in formats)
         raise CameraError(f"the camera has no mode {mode.label} of full scale {mode.full_scale:g}; it offers {known}")
-    held = choice(nodes, "PixelFormat")
+    held = choice_node(nodes, "PixelFormat")
     if held is not None and held.value != mode.pixel_format:
         nodes.write("PixelFormat", mode.pixel_format)
     width, height = _size(nodes)
@@ -72,7 +72,7 @@ def apply_mode(nodes: Nodes, mode: Mode) -> None:
 
 
 def _grey_formats(nodes: Nodes) -> list[str]:
-    held = choice(nodes, "PixelFormat") or Choice(value="", options=())
+    held = choice_node(nodes, "PixelFormat") or ChoiceNode(value="", options=())
     grey = [name for name in held.options if name in FULL_SCALE]
     if not grey:
         offered = ", ".join(held.options) or "none"
@@ -80,29 +80,29 @@ def _grey_formats(nodes: Nodes) -> list[str]:
     return sorted(grey, key=lambda name: (name != held.value, FULL_SCALE[name]))
 
 
-def _size(nodes: Nodes) -> tuple[Number, Number]:
-    width, height = number(nodes, "Width"), number(nodes, "Height")
+def _size(nodes: Nodes) -> tuple[NumberNode, NumberNode]:
+    width, height = number_node(nodes, "Width"), number_node(nodes, "Height")
     if width is None or height is None:
         raise CameraError("the camera does not tell the size of its frames")
     return width, height
 
 
-def _full(name: str, nodes: Nodes, present: Number) -> int:
-    sensor = number(nodes, name)
+def _full(name: str, nodes: Nodes, present: NumberNode) -> int:
+    sensor = number_node(nodes, name)
     return int(present.high if sensor is None else sensor.value)
 
 
 def _resize(nodes: Nodes, mode: Mode) -> None:
     for offset in ("OffsetX", "OffsetY"):
-        held = number(nodes, offset)
+        held = number_node(nodes, offset)
         if held is not None and held.value != held.low:
             nodes.write(offset, held.low)  # a size may only grow as far as the offset leaves room
     for name, offset, wanted in (("Width", "OffsetX", mode.width_px), ("Height", "OffsetY", mode.height_px)):
-        held = number(nodes, name)
+        held = number_node(nodes, name)
         if held is None or held.nearest(wanted) != wanted:
             room = "" if held is None else f"; its {name} goes from {held.low:g} to {held.high:g} by {held.step:g}"
             raise CameraError(f"the camera has no mode {mode.label}{room}")
         nodes.write(name, wanted)
-        place = number(nodes, offset)
+        place = number_node(nodes, offset)
         if place is not None and place.high > place.low:
             nodes.write(offset, place.nearest((place.low + place.high) / 2))

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Number:
+class NumberNode:
     """A number that a camera holds; a switch is a number from 0 to 1.
 
     Parameters
@@ -41,9 +41,9 @@ class Number:
 
         Examples
         --------
-        >>> Number(value=0, low=2, high=10, step=4).nearest(7.9)
+        >>> NumberNode(value=0, low=2, high=10, step=4).nearest(7.9)
         6.0
-        >>> Number(value=0, low=2, high=9, step=4).nearest(100)
+        >>> NumberNode(value=0, low=2, high=9, step=4).nearest(100)
         6.0
         """
         if self.step <= 0 or not math.isfinite(self.low):
@@ -53,7 +53,7 @@ class Number:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Choice:
+class ChoiceNode:
     """A word that a camera holds, out of those that it takes now."""
 
     value: str
@@ -63,36 +63,36 @@ class Choice:
 class Nodes(Protocol):
     """The node map of one open camera."""
 
-    def read(self, name: str) -> Number | Choice | None:
+    def read(self, name: str) -> NumberNode | ChoiceNode | None:
         """What the camera holds under that name; None when there is no such feature or it cannot be read now."""
 
     def write(self, name: str, value: float | str) -> None:
         """Change it; the errors of its library when the camera refuses."""
 
 
-def number(nodes: Nodes, name: str) -> Number | None:
+def number_node(nodes: Nodes, name: str) -> NumberNode | None:
     """The number of that name, or None."""
     held = nodes.read(name)
-    return held if isinstance(held, Number) else None
+    return held if isinstance(held, NumberNode) else None
 
 
-def choice(nodes: Nodes, name: str) -> Choice | None:
+def choice_node(nodes: Nodes, name: str) -> ChoiceNode | None:
     """The word of that name, or None."""
     held = nodes.read(name)
-    return held if isinstance(held, Choice) else None
+    return held if isinstance(held, ChoiceNode) else None
 
 
-def first_number(nodes: Nodes, names: Iterable[str]) -> tuple[str, Number] | None:
+def first_number(nodes: Nodes, names: Iterable[str]) -> tuple[str, NumberNode] | None:
     """The first of the names that the camera holds a number under: newer names come before older ones."""
     for name in names:
-        held = number(nodes, name)
+        held = number_node(nodes, name)
         if held is not None:
             return name, held
     return None
 
 
-def choose(nodes: Nodes, name: str, option: str) -> None:
+def set_choice(nodes: Nodes, name: str, option: str) -> None:
     """Set a word, where the camera has it, offers that option, and holds another."""
-    held = choice(nodes, name)
+    held = choice_node(nodes, name)
     if held is not None and held.value != option and option in held.options:
         nodes.write(name, option)

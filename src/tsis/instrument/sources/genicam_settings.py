@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 
 from tsis.instrument.camera import Setting
 from tsis.instrument.patience import LATE_FRAMES, SILENT_S
-from tsis.instrument.sources.genicam_nodes import choice, choose, first_number, number
+from tsis.instrument.sources.genicam_nodes import choice_node, first_number, number_node, set_choice
 from tsis.model import check
 from tsis.model.errors import CameraError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from tsis.instrument.sources.genicam_nodes import Nodes, Number
+    from tsis.instrument.sources.genicam_nodes import Nodes, NumberNode
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,11 +69,11 @@ def adjust(nodes: Nodes, name: str, value: float) -> None:
     present = {setting.name: setting for setting in settings(nodes)}
     if not present:
         raise CameraError(f"the camera has no setting called {name!r}; it has none at all")
-    feature = _FEATURES[check.known("setting", name, present)]
+    feature = _FEATURES[check.require_one_of("setting", name, present)]
     if feature.automatic:
-        choose(nodes, feature.automatic, "Off")
+        set_choice(nodes, feature.automatic, "Off")
     for switch in feature.switches:
-        held = number(nodes, switch)
+        held = number_node(nodes, switch)
         if held is not None and held.value == 0:
             nodes.write(switch, 1)
     found = first_number(nodes, feature.nodes)  # anew: the switches may have changed the range
@@ -86,18 +86,18 @@ def adjust(nodes: Nodes, name: str, value: float) -> None:
 
 def run_free(nodes: Nodes) -> None:
     """Let frames come one after the other, alike: no trigger, and nothing automatic that changes their grey levels."""
-    choose(nodes, "AcquisitionMode", "Continuous")
+    set_choice(nodes, "AcquisitionMode", "Continuous")
     for feature in _FEATURES.values():
         if feature.automatic:
-            choose(nodes, feature.automatic, "Off")
-    selector = choice(nodes, "TriggerSelector")
+            set_choice(nodes, feature.automatic, "Off")
+    selector = choice_node(nodes, "TriggerSelector")
     if selector is None:
-        choose(nodes, "TriggerMode", "Off")
+        set_choice(nodes, "TriggerMode", "Off")
         return
     for option in selector.options:
-        choose(nodes, "TriggerSelector", option)
-        choose(nodes, "TriggerMode", "Off")
-    choose(nodes, "TriggerSelector", selector.value)
+        set_choice(nodes, "TriggerSelector", option)
+        set_choice(nodes, "TriggerMode", "Off")
+    set_choice(nodes, "TriggerSelector", selector.value)
 
 
 def patience_s(values: Mapping[str, float]) -> float:
@@ -115,7 +115,7 @@ def patience_s(values: Mapping[str, float]) -> float:
     return max(SILENT_S, LATE_FRAMES * max(period_s, values.get("exposure_ms", 0.0) / 1000.0))
 
 
-def _setting(name: str, held: Number) -> Setting:
+def _setting(name: str, held: NumberNode) -> Setting:
     feature = _FEATURES[name]
     low, high = (end / feature.scale if math.isfinite(end) else end for end in (held.low, held.high))
     return Setting(name=name, value=held.value / feature.scale, low=low, high=high, unit=feature.unit or held.unit)

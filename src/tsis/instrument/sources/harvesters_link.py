@@ -11,7 +11,7 @@ import numpy as np
 
 from tsis.instrument.sources import genicam_producers
 from tsis.instrument.sources.genicam_link import Grab, buffer_count
-from tsis.instrument.sources.genicam_nodes import Choice, Number, first_number
+from tsis.instrument.sources.genicam_nodes import ChoiceNode, NumberNode, first_number
 from tsis.instrument.sources.genicam_producers import PRODUCERS
 from tsis.instrument.sources.grey_formats import FULL_SCALE
 
@@ -31,19 +31,19 @@ class HarvestersNodes:
         self._map = node_map
         _, self._failure = genicam_producers.failures()
 
-    def read(self, name: str) -> Number | Choice | None:
+    def read(self, name: str) -> NumberNode | ChoiceNode | None:
         """What the camera holds under that name; None when it is absent or cannot be read now."""
         try:
             node = getattr(self._map, name)
             value = node.value
             if hasattr(node, "symbolics"):
-                return Choice(value=value, options=tuple(node.symbolics))
+                return ChoiceNode(value=value, options=tuple(node.symbolics))
             if isinstance(value, bool):
-                return Number(value=float(value), low=0.0, high=1.0, step=1.0)
+                return NumberNode(value=float(value), low=0.0, high=1.0, step=1.0)
             if not isinstance(value, (int, float)):
                 return None
             step = float(node.inc) if isinstance(value, int) else 0.0
-            return Number(value=value, low=node.min, high=node.max, step=step, unit=node.unit)
+            return NumberNode(value=value, low=node.min, high=node.max, step=step, unit=node.unit)
         except (AttributeError, self._failure):  # absent, or not readable in the present state
             return None
 

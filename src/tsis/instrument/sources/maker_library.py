@@ -23,4 +23,4 @@ def maker_library(name: str, *, source: str) -> Any:
     """
     imported = name in sys.modules
     with contextlib.nullcontext() if imported else quiet_decoders():  # silences warnings, and puts the filters back
-        return extra.library(name, feature=f"the camera source {source}", extra=f"camera-{source}")
+        return extra.import_extra(name, feature=f"the camera source {source}", extra=f"camera-{source}")

@@ -47,7 +47,7 @@ class OpenCVDevice:
         capture: Callable[[int], Any] = cv2.VideoCapture,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._index = int(check.number("index", index, 0, 9999))
+        self._index = int(check.require_number("index", index, 0, 9999))
         self._open_capture, self._clock = capture, clock
         self._capture: Any = None
         self._one_call = threading.Lock()  # OpenCV's captures belong to one thread at a time
@@ -105,7 +105,7 @@ class OpenCVDevice:
         present = {setting.name: setting for setting in self.settings()}
         if not present:
             raise CameraError(f"{self.name} has no setting called {name!r}; it has none at all")
-        wanted = present[check.known("setting", name, present)].checked(value)
+        wanted = present[check.require_one_of("setting", name, present)].checked(value)
         with self._one_call:
             taken = self._opened().set(_PROPERTIES[name], wanted)
         if not taken:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import cv2
 
-from tsis.instrument.found import FoundCamera
+from tsis.instrument.found import CameraInfo
 from tsis.instrument.quiet import quiet_decoders
 from tsis.instrument.sources.files import natural_key
 
@@ -15,12 +15,12 @@ _LINUX_DEVICES = Path("/sys/class/video4linux")
 _TRIED_ELSEWHERE = 4
 
 
-def missing() -> str | None:
+def missing_requirement() -> str | None:
     """Nothing: OpenCV comes with the plain install."""
     return None
 
 
-def found(*, devices: Path = _LINUX_DEVICES, platform: str = sys.platform) -> tuple[FoundCamera, ...]:
+def find_cameras_here(*, devices: Path = _LINUX_DEVICES, platform: str = sys.platform) -> tuple[CameraInfo, ...]:
     """On Linux those that the system lists; elsewhere those of the first indices that open.
 
     Parameters
@@ -33,10 +33,10 @@ def found(*, devices: Path = _LINUX_DEVICES, platform: str = sys.platform) -> tu
     return _listed(devices) if platform == "linux" else _opening()
 
 
-def _listed(devices: Path) -> tuple[FoundCamera, ...]:
+def _listed(devices: Path) -> tuple[CameraInfo, ...]:
     entries = sorted(devices.glob("video*"), key=lambda entry: natural_key(entry.name)) if devices.is_dir() else []
     return tuple(
-        FoundCamera(
+        CameraInfo(
             source="opencv",
             identity=entry.name.removeprefix("video"),
             model=_line(entry / "name"),
@@ -56,12 +56,12 @@ def _line(file: Path) -> str:
     return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
-def _opening() -> tuple[FoundCamera, ...]:
+def _opening() -> tuple[CameraInfo, ...]:
     cameras = []
     with quiet_decoders():
         for index in range(_TRIED_ELSEWHERE):
             capture = cv2.VideoCapture(index)
             if capture.isOpened():
-                cameras.append(FoundCamera(source="opencv", identity=str(index)))
+                cameras.append(CameraInfo(source="opencv", identity=str(index)))
             capture.release()
     return tuple(cameras)

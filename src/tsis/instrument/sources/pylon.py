@@ -9,10 +9,10 @@ import contextlib
 import time
 from typing import TYPE_CHECKING, Any
 
-from tsis.instrument.found import FoundCamera
+from tsis.instrument.found import CameraInfo
 from tsis.instrument.sources.genicam_camera import GenICamCamera
 from tsis.instrument.sources.genicam_link import Grab, buffer_count, cannot_open, none_found
-from tsis.instrument.sources.genicam_nodes import Choice, Number, first_number
+from tsis.instrument.sources.genicam_nodes import ChoiceNode, NumberNode, first_number
 from tsis.instrument.sources.maker_library import maker_library
 from tsis.model.errors import MissingExtraError
 
@@ -38,7 +38,7 @@ class PylonCamera(GenICamCamera):
         super().__init__("pylon", identity, link=lambda: _opened(identity), clock=clock)
 
 
-def missing() -> str | None:
+def missing_requirement() -> str | None:
     """What is not installed, and how to install it; None when nothing is missing."""
     try:
         _pylon()
@@ -47,10 +47,10 @@ def missing() -> str | None:
     return None
 
 
-def found() -> tuple[FoundCamera, ...]:
+def find_cameras_here() -> tuple[CameraInfo, ...]:
     """The cameras that answer now."""
     return tuple(
-        FoundCamera(
+        CameraInfo(
             source="pylon",
             identity=device.GetSerialNumber(),
             maker=device.GetVendorName(),
@@ -67,22 +67,22 @@ class _Nodes:
     def __init__(self, node_map: Any) -> None:
         self._map, self._genicam = node_map, _genicam()
 
-    def read(self, name: str) -> Number | Choice | None:
+    def read(self, name: str) -> NumberNode | ChoiceNode | None:
         node, kinds = self._map.GetNode(name), self._genicam
         if not kinds.IsReadable(node):
             return None
         kind = node.GetNode().GetPrincipalInterfaceType()
         if kind == kinds.intfIEnumeration:
-            return Choice(value=node.GetValue(), options=tuple(node.GetSettableValues()))
+            return ChoiceNode(value=node.GetValue(), options=tuple(node.GetSettableValues()))
         if kind == kinds.intfIBoolean:
-            return Number(value=float(node.GetValue()), low=0.0, high=1.0, step=1.0)
+            return NumberNode(value=float(node.GetValue()), low=0.0, high=1.0, step=1.0)
         if kind == kinds.intfIInteger:
             step = float(node.GetInc())
         elif kind == kinds.intfIFloat:
             step = 0.0
         else:
             return None
-        return Number(value=node.GetValue(), low=node.GetMin(), high=node.GetMax(), step=step, unit=node.GetUnit())
+        return NumberNode(value=node.GetValue(), low=node.GetMin(), high=node.GetMax(), step=step, unit=node.GetUnit())
 
     def write(self, name: str, value: float | str) -> None:
         node, kinds = self._map.GetNode(name), self._genicam

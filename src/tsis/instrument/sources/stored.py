@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from typing import TYPE_CHECKING
 
-from tsis.instrument.file_bytes import as_path, shown
+from tsis.instrument.file_bytes import as_path, printable_path
 from tsis.model.errors import CameraError
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ class StoredFrames:
 
     def adjust(self, name: str, value: float) -> None:
         """Refuse: nothing can be set on stored frames."""
-        raise CameraError(f"{name} cannot be set to {value:g}: {shown(self._path)} holds stored frames")
+        raise CameraError(f"{name} cannot be set to {value:g}: {printable_path(self._path)} holds stored frames")
 
     def start(self, mode: Mode | None = None) -> None:
         """Begin at the first frame; ``mode`` may only be the one of `modes`."""
@@ -53,7 +53,7 @@ class StoredFrames:
 
     def _require_started(self) -> None:
         if not self._running.is_set():
-            raise CameraError(f"{shown(self._path)} must be started before frames are read; call start()")
+            raise CameraError(f"{printable_path(self._path)} must be started before frames are read; call start()")
 
     def _not_opened(self) -> CameraError:
-        return CameraError(f"{shown(self._path)} must be opened first; call open()")
+        return CameraError(f"{printable_path(self._path)} must be opened first; call open()")

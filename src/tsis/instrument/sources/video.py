@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import cv2
 
 from tsis.instrument.camera import Frame, Mode
-from tsis.instrument.file_bytes import read_head, shown
+from tsis.instrument.file_bytes import printable_path, read_head
 from tsis.instrument.luma import grey_of_opencv
 from tsis.instrument.picture_size import LARGEST_PIXELS
 from tsis.instrument.quiet import quiet_decoders, quiet_ffmpeg
@@ -61,17 +61,23 @@ class VideoFile(StoredFrames):
         """
         self.stop()
         if read_head(self._path).lstrip().startswith(_LISTS):
-            raise FileInputError(f"{shown(self._path)} must be a video file; got a list that names other files")
+            raise FileInputError(
+                f"{printable_path(self._path)} must be a video file; got a list that names other files"
+            )
         with quiet_decoders(), quiet_ffmpeg():
             # by its absolute path, so that no name is taken for an address, a device or a pattern
             capture = cv2.VideoCapture(os.path.realpath(self._path), cv2.CAP_FFMPEG)
         if not capture.isOpened():
-            raise FileInputError(f"{shown(self._path)} must be a complete video file; no decoder could open it")
+            raise FileInputError(
+                f"{printable_path(self._path)} must be a complete video file; no decoder could open it"
+            )
         columns, rows = (int(capture.get(side)) for side in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
         if not 0 < columns * rows <= LARGEST_PIXELS:
             capture.release()
             size = f"{columns} x {rows}"
-            raise FileInputError(f"{shown(self._path)} must hold at most {LARGEST_PIXELS} pixels a frame; got {size}")
+            raise FileInputError(
+                f"{printable_path(self._path)} must hold at most {LARGEST_PIXELS} pixels a frame; got {size}"
+            )
         self._capture, self._lost = capture, False
 
     def modes(self) -> tuple[Mode, ...]:
@@ -102,7 +108,7 @@ class VideoFile(StoredFrames):
         if delivered + max(1.0, _COUNT_TOLERANCE * declared) <= declared:
             self._lost = True
             raise FileInputError(
-                f"{shown(self._path)} declares {declared} frames and is cut short after {max(delivered - 1, 0)}"
+                f"{printable_path(self._path)} declares {declared} frames and is cut short after {max(delivered - 1, 0)}"
             )
         if held is not None:
             yield held
@@ -128,7 +134,9 @@ class VideoFile(StoredFrames):
             try:
                 present, pixels = self._capture.read()
             except (cv2.error, MemoryError) as error:
-                raise FileInputError(f"{shown(self._path)} must be a readable video; decoding failed") from error
+                raise FileInputError(
+                    f"{printable_path(self._path)} must be a readable video; decoding failed"
+                ) from error
             time_s = float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) / 1000.0
         if not present or pixels is None:
             return None

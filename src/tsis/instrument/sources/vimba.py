@@ -10,10 +10,10 @@ import queue
 import time
 from typing import TYPE_CHECKING, Any
 
-from tsis.instrument.found import FoundCamera
+from tsis.instrument.found import CameraInfo
 from tsis.instrument.sources.genicam_camera import GenICamCamera
 from tsis.instrument.sources.genicam_link import Grab, buffer_count, cannot_open, none_found, reason
-from tsis.instrument.sources.genicam_nodes import Choice, Number, first_number
+from tsis.instrument.sources.genicam_nodes import ChoiceNode, NumberNode, first_number
 from tsis.instrument.sources.maker_library import maker_library
 from tsis.model.errors import CameraError, MissingExtraError
 
@@ -38,7 +38,7 @@ class VimbaCamera(GenICamCamera):
         super().__init__("vimba", identity, link=lambda: _opened(identity), clock=clock)
 
 
-def missing() -> str | None:
+def missing_requirement() -> str | None:
     """What is not installed, and how to install it; None when nothing is missing."""
     try:
         with _system():
@@ -47,11 +47,11 @@ def missing() -> str | None:
         return str(error)
 
 
-def found() -> tuple[FoundCamera, ...]:
+def find_cameras_here() -> tuple[CameraInfo, ...]:
     """The cameras that answer now."""
     with _system() as system:
         return tuple(
-            FoundCamera(
+            CameraInfo(
                 source="vimba",
                 identity=camera.get_id(),
                 model=camera.get_model(),
@@ -67,7 +67,7 @@ class _Nodes:
     def __init__(self, camera: Any) -> None:
         self._camera, self._vmbpy = camera, _vmbpy()
 
-    def read(self, name: str) -> Number | Choice | None:
+    def read(self, name: str) -> NumberNode | ChoiceNode | None:
         try:
             feature = self._camera.get_feature_by_name(name)
             if not feature.is_readable():
@@ -82,19 +82,19 @@ class _Nodes:
         cast: Any = {kinds.IntFeature: int, kinds.BoolFeature: bool}.get(type(feature), lambda same: same)
         feature.set(cast(value))
 
-    def _held(self, feature: Any) -> Number | Choice | None:
+    def _held(self, feature: Any) -> NumberNode | ChoiceNode | None:
         kinds = self._vmbpy
         if isinstance(feature, kinds.EnumFeature):
             options = tuple(str(entry) for entry in feature.get_available_entries())
-            return Choice(value=str(feature.get()), options=options)
+            return ChoiceNode(value=str(feature.get()), options=options)
         if isinstance(feature, kinds.BoolFeature):
-            return Number(value=float(feature.get()), low=0.0, high=1.0, step=1.0)
+            return NumberNode(value=float(feature.get()), low=0.0, high=1.0, step=1.0)
         if not isinstance(feature, (kinds.IntFeature, kinds.FloatFeature)):
             return None
         low, high = feature.get_range()
         # the increment that this library tells of a number with a fraction is the display's, not the camera's
         step = float(feature.get_increment()) if isinstance(feature, kinds.IntFeature) else 0.0
-        return Number(value=feature.get(), low=low, high=high, step=step, unit=feature.get_unit())
+        return NumberNode(value=feature.get(), low=low, high=high, step=step, unit=feature.get_unit())
 
 
 class _VimbaLink:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.mechanics import mesh
-from tsis.mechanics.finite_strain.meshed_solid import Patch, Solid, weld
+from tsis.mechanics.finite_strain.meshed_solid import MeshPatch, Solid, weld
 from tsis.mechanics.mesh import LayeredMesh
 
 if TYPE_CHECKING:
@@ -52,7 +52,7 @@ def mesh_ball(
     ring = centre + circle[:, None] + share[None, :, None] * (outline - circle)[:, None]
     core = centre + side * np.stack(np.meshgrid(line, upright, indexing="ij"), axis=-1)
     patches = [
-        Patch(
+        MeshPatch(
             mesh=LayeredMesh(nodes=nodes, order=order),
             young_kpa=np.full(layers, young_kpa),
             poisson=np.full(layers, poisson),

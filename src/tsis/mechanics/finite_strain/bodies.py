@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.mechanics import mesh
-from tsis.mechanics.finite_strain.meshed_solid import Patch, Solid, weld
+from tsis.mechanics.finite_strain.meshed_solid import MeshPatch, Solid, weld
 from tsis.mechanics.mesh import LayeredMesh
 
 if TYPE_CHECKING:
@@ -120,9 +120,9 @@ def mesh_probe(shape: RoundedProbe, face_lines: NDArray[np.float64], resolution:
     rows = below.layers
     solid = weld(
         [
-            Patch(mesh=below, young_kpa=np.full(rows, first.young_kpa), poisson=np.full(rows, first.poisson)),
-            Patch(mesh=turned, young_kpa=young, poisson=poisson),
-            Patch(mesh=core, young_kpa=young, poisson=poisson),
+            MeshPatch(mesh=below, young_kpa=np.full(rows, first.young_kpa), poisson=np.full(rows, first.poisson)),
+            MeshPatch(mesh=turned, young_kpa=young, poisson=poisson),
+            MeshPatch(mesh=core, young_kpa=young, poisson=poisson),
         ]
     )
     face_numbers, side_numbers, core_numbers = solid.patches
@@ -182,18 +182,18 @@ def mesh_slab(phantom: Phantom, probe: Probe, resolution: FiniteResolution) -> M
     )
     inside = np.concatenate([coarse[:-1], fine])
     outer = max(8 * probe.radius_mm, 3.2 * thickness)
-    beyond = mesh.beyond_lines(edge, outer, finest=resolution.rim_mm, growth=resolution.growth)
+    beyond = mesh.outer_lines(edge, outer, finest=resolution.rim_mm, growth=resolution.growth)
     lines = np.concatenate([inside, beyond[1:]])
     depth = mesh.graded(thickness, 1.5 * resolution.rim_mm, resolution.growth, thickness / 4)
     reach = int(np.searchsorted(lines, edge + 2 * resolution.rim_mm))
     tissue = {"young_kpa": phantom.young_kpa, "poisson": phantom.poisson}
 
-    def plain(body: LayeredMesh) -> Patch:
-        return Patch(mesh=body, **{name: np.full(body.layers, value) for name, value in tissue.items()})
+    def plain(body: LayeredMesh) -> MeshPatch:
+        return MeshPatch(mesh=body, **{name: np.full(body.layers, value) for name, value in tissue.items()})
 
     inclusion = phantom.inclusion
     if inclusion is None:
-        solid = weld([plain(mesh.rectangle(lines, depth, order, a_is_radius=True))])
+        solid = weld([plain(mesh.mesh_rectangle(lines, depth, order, a_is_radius=True))])
         return MeshedSlab(
             solid=solid, skin=solid.patches[0][: reach * order + 1, 0], inclusion=np.zeros(len(solid.cells), dtype=bool)
         )
@@ -203,13 +203,13 @@ def mesh_slab(phantom: Phantom, probe: Probe, resolution: FiniteResolution) -> M
     near, far = lines[: split + 1], lines[split:]
     spheroid = mesh.Spheroid(centre_depth=inclusion.centre_depth_mm, half_width=across, half_height=upright)
     boundary = _outline(near, depth, order, cells=max(2, len(near) // 2))
-    around = mesh.around(boundary, spheroid, order, layers=resolution.ray_layers)
-    within = mesh.inside(boundary, spheroid, order, layers=resolution.sphere_layers)
+    around = mesh.mesh_around(boundary, spheroid, order, layers=resolution.ray_layers)
+    within = mesh.mesh_inside(boundary, spheroid, order, layers=resolution.sphere_layers)
     solid = weld(
         [
             plain(around),
             plain(within),
-            plain(mesh.rectangle(far, depth, order, a_is_radius=True)),
+            plain(mesh.mesh_rectangle(far, depth, order, a_is_radius=True)),
         ]
     )
     columns = (len(boundary) - 1) // order

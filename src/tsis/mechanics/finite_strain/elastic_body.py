@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.mechanics.element import lame_constants, reference
+from tsis.mechanics.element import lame_constants, reference_element
 from tsis.mechanics.finite_strain import neo_hookean
 from tsis.mechanics.finite_strain.neo_hookean import HOOP, RR, RZ, ZR, ZZ
 
@@ -47,7 +47,7 @@ class Numbering:
         return np.append(unknowns, 0.0)[self.of_node]
 
 
-def number(solid: Solid, shared: NDArray[np.int64], shared_count: int) -> Numbering:
+def number_unknowns(solid: Solid, shared: NDArray[np.int64], shared_count: int) -> Numbering:
     """Number the unknowns of a mesh.
 
     Parameters
@@ -226,7 +226,7 @@ class ElasticBody:
 
 def _operators(solid: Solid) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Operator (elements, points, 3, nodes) to d/dR, d/dZ and 1/R, and the volume of every integration point."""
-    ref = reference(solid.order)
+    ref = reference_element(solid.order)
     nodes = solid.nodes[solid.cells]
     jacobian = np.stack([ref.slope_a @ nodes, ref.slope_b @ nodes], axis=-2)
     determinant = np.linalg.det(jacobian)

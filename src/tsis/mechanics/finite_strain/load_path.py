@@ -61,7 +61,7 @@ class State:
     rounds: int
 
 
-def settle(
+def solve_equilibrium(
     potential: Potential,
     start: NDArray[np.float64],
     pressures: Pressures,
@@ -104,7 +104,7 @@ def _upright(potential: Potential, unknowns: NDArray[np.float64], step: NDArray[
     return share
 
 
-def touch(
+def find_first_contact(
     potential: Potential,
     moved: Callable[[float], NDArray[np.float64]],
     travel_mm: float,
@@ -131,14 +131,14 @@ def touch(
         start = moved(travel_mm)
         nothing = tuple(np.zeros_like(one) for one in potential.pressures(start))
         load = Load(spring=spring, travel_mm=travel_mm)
-        state = settle(potential, start, nothing, load, decrement=TOUCHING)
+        state = solve_equilibrium(potential, start, nothing, load, decrement=TOUCHING)
         if state is not None and potential.reaction(state.unknowns, load) < below_mn:
             return state
         travel_mm /= 2 if state is None else max(2.0, potential.reaction(state.unknowns, load) / below_mn)
     raise MechanicsError("the first touch of this press does not converge; ask for another resolution")
 
 
-def walk(
+def follow_load_path(
     potential: Potential, first: State, forces_mn: Sequence[float], *, refuse: Callable[[State], str | None]
 ) -> Iterator[State]:
     """Equilibrium at each of the ascending ``forces_mn``, with as many steps between them as it takes.
@@ -168,7 +168,7 @@ def walk(
             next_force = target if step > 0.8 * left else force + (step if step < 0.5 * left else left / 2)
             start = _ahead(potential, state, before, next_force)
             exact = DECREMENT if next_force == target else ROUGH
-            found = settle(potential, *start, Load(force_mn=next_force), decrement=exact)
+            found = solve_equilibrium(potential, *start, Load(force_mn=next_force), decrement=exact)
             if found is None:
                 step, before = (next_force - force) / 2, None
                 if step < SMALLEST_STEP * next_force:

@@ -23,7 +23,7 @@ SAME_PLACE_MM = 1e-7
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Patch:
+class MeshPatch:
     """One logical rectangle of elements and what each of its element layers is made of.
 
     Attributes
@@ -69,7 +69,7 @@ class Solid:
         return tuple(patch + first for patch in self.patches)
 
 
-def weld(patches: Sequence[Patch]) -> Solid:
+def weld(patches: Sequence[MeshPatch]) -> Solid:
     """One body from patches that share nodes where they touch; nodes of collapsed edges become one as well."""
     places = np.concatenate([patch.mesh.nodes.reshape(-1, 2) for patch in patches])
     pairs = cKDTree(places).query_pairs(SAME_PLACE_MM, output_type="ndarray")
@@ -98,7 +98,7 @@ def weld(patches: Sequence[Patch]) -> Solid:
     )
 
 
-def beside(one: Solid, other: Solid) -> Solid:
+def join_meshes(one: Solid, other: Solid) -> Solid:
     """Two bodies of one order in one list of nodes, not joined: those of ``other`` follow those of ``one``."""
     first = len(one.nodes)
     return Solid(

@@ -110,27 +110,27 @@ def _steps(
     *,
     contrast: bool = True,
 ) -> tuple[FinitePress, ...]:
-    check.kind("probe", probe, Probe)
-    check.kind("phantom", phantom, Phantom)
-    check_forces(forces_n)
+    check.require_type("probe", probe, Probe)
+    check.require_type("phantom", phantom, Phantom)
+    require_ascending_forces(forces_n)
     softer = min(phantom.young_kpa, probe.layers[0].young_kpa)
-    refuse_light(forces_n[0], softer, probe.radius_mm, lightest=LIGHTEST)
+    require_enough_force(forces_n[0], softer, probe.radius_mm, lightest=LIGHTEST)
     if phantom.inclusion is not None:
         shape_on_axis(phantom)  # refuses what does not turn around the axis
     return _walked(probe, phantom, forces_n, resolution or FiniteResolution(), contrast)
 
 
-def check_forces(forces_n: Sequence[float]) -> None:
+def require_ascending_forces(forces_n: Sequence[float]) -> None:
     """Refuse forces in newtons that no path goes through in turn."""
     if not forces_n:
         raise InputError("forces_n must hold at least one force; got none")
     for force in forces_n:
-        check.number("force_n", force, 1e-6, LARGEST_FORCE_N, hint="newtons")
+        check.require_number("force_n", force, 1e-6, LARGEST_FORCE_N, hint="newtons")
     if any(later <= earlier for earlier, later in pairwise(forces_n)):
         raise InputError(f"forces_n must ascend; got {tuple(forces_n)}")
 
 
-def refuse_light(force_n: float, young_kpa: float, radius_mm: float, *, lightest: float) -> None:
+def require_enough_force(force_n: float, young_kpa: float, radius_mm: float, *, lightest: float) -> None:
     """Refuse forces at which less touches than the mesh sees, ``lightest`` of modulus times radius squared."""
     least = lightest * young_kpa * radius_mm**2 / MN_PER_N
     if force_n < least:

@@ -10,8 +10,8 @@ import numpy as np
 from tsis.mechanics.face import FACE_POINTS
 from tsis.mechanics.finite_strain import face_reading, load_path, neo_hookean
 from tsis.mechanics.finite_strain.bodies import FiniteResolution, mesh_probe, mesh_slab
-from tsis.mechanics.finite_strain.elastic_body import FIXED, OWN, ElasticBody, number
-from tsis.mechanics.finite_strain.meshed_solid import beside
+from tsis.mechanics.finite_strain.elastic_body import FIXED, OWN, ElasticBody, number_unknowns
+from tsis.mechanics.finite_strain.meshed_solid import join_meshes
 from tsis.mechanics.finite_strain.obstacle import SoftFace
 from tsis.mechanics.finite_strain.potential import Potential
 from tsis.mechanics.finite_strain.rounded_probe import RoundedProbe, rounded
@@ -89,7 +89,7 @@ class ProbeOnSlab:
                 young_kpa=np.where(slab.inclusion, phantom.inclusion.young_kpa, tissue.young_kpa),
                 poisson=np.where(slab.inclusion, phantom.inclusion.poisson, tissue.poisson),
             )
-        solid = beside(meshed.solid, tissue)
+        solid = join_meshes(meshed.solid, tissue)
         self._probe_nodes = len(meshed.solid.nodes)
         shared = np.full((len(solid.nodes), 2), OWN)
         shared[np.abs(solid.nodes[:, 0]) < 1e-9, 0] = FIXED
@@ -97,7 +97,7 @@ class ProbeOnSlab:
         if probe.sides == "bonded":
             shared[meshed.side] = [FIXED, 0]  # the housing moves with the glass
         shared[np.abs(solid.nodes[:, 1] - phantom.thickness_mm) < 1e-7] = FIXED
-        body = ElasticBody(solid, number(solid, shared, 1))
+        body = ElasticBody(solid, number_unknowns(solid, shared, 1))
         curve = SmoothFace(meshed.arc_mm, resolution.order, self.shape.points)
         self.face = SoftFace(curve, meshed.face)
         softer = min(phantom.young_kpa, probe.layers[0].young_kpa)
@@ -116,8 +116,10 @@ class ProbeOnSlab:
     def path(self, forces_n: Sequence[float]) -> tuple[FinitePress, ...]:
         """States at ascending ``forces_n`` in newtons."""
         forces = [force * MN_PER_N for force in forces_n]
-        first = load_path.touch(self.potential, self._moved, self._touch_mm, SPRING, below_mn=forces[0] / 2)
-        states = load_path.walk(self.potential, first, forces, refuse=self._refuse)
+        first = load_path.find_first_contact(
+            self.potential, self._moved, self._touch_mm, SPRING, below_mn=forces[0] / 2
+        )
+        states = load_path.follow_load_path(self.potential, first, forces, refuse=self._refuse)
         return tuple(self.read(state, force) for state, force in zip(states, forces_n, strict=True))
 
     def _moved(self, travel_mm: float) -> NDArray[np.float64]:
@@ -152,7 +154,7 @@ class ProbeOnSlab:
         )
 
     def _refuse(self, state: State) -> str | None:
-        return refuse_beyond(largest_stretch(self.potential, state, self._inner), LARGEST_STRETCH)
+        return stretch_problem(largest_stretch(self.potential, state, self._inner), LARGEST_STRETCH)
 
 
 def _refuse_pulling(field: PressField) -> None:
@@ -173,7 +175,7 @@ def largest_stretch(potential: Potential, state: State, elements: NDArray[np.boo
     return float(max(stretches.max(), (1 / stretches).max()))
 
 
-def refuse_beyond(stretch: float, largest: float) -> str | None:
+def stretch_problem(stretch: float, largest: float) -> str | None:
     """Why a state is no answer of this model, or None."""
     if stretch <= largest:
         return None

@@ -47,7 +47,7 @@ class Linearised:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Pressed:
+class ContactSegment:
     """One closed part of an element edge.
 
     Attributes
@@ -172,13 +172,13 @@ class SlidingContact:
             slope=gaps.slope,
         )
 
-    def pressed(self, positions: NDArray[np.float64]) -> list[Pressed]:
+    def pressed(self, positions: NDArray[np.float64]) -> list[ContactSegment]:
         """The closed parts of the surface, from its first node to its last."""
         own, here = positions[self.obstacle.nodes], self._shapes @ positions[self.surface]
         gaps = self.obstacle.gap(own, here).reshape(self._edges, -1)
         axial = self.obstacle.normals(own, here)[:, 1].reshape(self._edges, -1)
         return [
-            Pressed(
+            ContactSegment(
                 edge=int(edge),
                 low=float(low),
                 high=float(high),

@@ -29,7 +29,7 @@ START_POINTS = 5  # between two nodes, where the search for the closest point ma
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Foot:
+class ClosestPoints:
     """Closest points of a curve, and how they follow its nodes.
 
     Attributes
@@ -89,7 +89,7 @@ class SmoothFace:
         """Matrices from nodal r and nodal z to the position (or its slope) at ``place``, shape (k, 2, nodes)."""
         return np.stack([spline(place) for spline in self._derivatives[derivative]], axis=1)
 
-    def closest(self, positions: NDArray[np.float64], points: NDArray[np.float64]) -> Foot:
+    def closest(self, positions: NDArray[np.float64], points: NDArray[np.float64]) -> ClosestPoints:
         """Points of the curve closest to ``points`` (k, 2), the curve's nodes lying at ``positions``."""
         moved = positions - self._nodes
         controls = np.stack([self._controls[i] @ moved[:, i] for i in (0, 1)], axis=1)
@@ -118,7 +118,7 @@ class SmoothFace:
         slope = curve(place, 1)
         normal = np.stack([-slope[:, 1], slope[:, 0]], axis=1) / np.linalg.norm(slope, axis=1)[:, None]
         gap = ((points - curve(place, 0)) * normal).sum(axis=1)
-        return Foot(place=place, gap_mm=gap, normal=normal, slope=slope, bend=curve(place, 2))
+        return ClosestPoints(place=place, gap_mm=gap, normal=normal, slope=slope, bend=curve(place, 2))
 
 
 def _projection(

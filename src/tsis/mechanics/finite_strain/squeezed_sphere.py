@@ -13,12 +13,12 @@ from tsis.mechanics.face import FACE_POINTS
 from tsis.mechanics.finite_strain import face_reading, load_path
 from tsis.mechanics.finite_strain.ball_mesh import mesh_ball
 from tsis.mechanics.finite_strain.bodies import FiniteResolution, mesh_probe
-from tsis.mechanics.finite_strain.elastic_body import FIXED, OWN, ElasticBody, number
-from tsis.mechanics.finite_strain.meshed_solid import beside
+from tsis.mechanics.finite_strain.elastic_body import FIXED, OWN, ElasticBody, number_unknowns
+from tsis.mechanics.finite_strain.meshed_solid import join_meshes
 from tsis.mechanics.finite_strain.obstacle import Plate, SoftFace
 from tsis.mechanics.finite_strain.potential import Potential
-from tsis.mechanics.finite_strain.pressing import check_forces, refuse_light
-from tsis.mechanics.finite_strain.probe_on_slab import SPRING, STEERING, STIFFNESS, largest_stretch, refuse_beyond
+from tsis.mechanics.finite_strain.pressing import require_ascending_forces, require_enough_force
+from tsis.mechanics.finite_strain.probe_on_slab import SPRING, STEERING, STIFFNESS, largest_stretch, stretch_problem
 from tsis.mechanics.finite_strain.rounded_probe import rounded
 from tsis.mechanics.finite_strain.sliding_contact import SlidingContact
 from tsis.mechanics.finite_strain.smooth_face import SmoothFace
@@ -141,13 +141,15 @@ def squeeze_path(
     resolution: SphereResolution | None = None,
 ) -> tuple[SpherePress, ...]:
     """Results of `squeeze_sphere` at several ascending forces in newtons, on one path; arguments, errors as there."""
-    check.kind("probe", probe, Probe)
-    check.number("sphere_radius_mm", sphere_radius_mm, 0.1, WIDEST * probe.radius_mm, hint="0.6 of the face's radius")
-    check.number("young_kpa", young_kpa, 0.1, 1e6, hint="kilopascals")
-    check.number("poisson", poisson, 0.0, 0.495)
-    check_forces(forces_n)
+    check.require_type("probe", probe, Probe)
+    check.require_number(
+        "sphere_radius_mm", sphere_radius_mm, 0.1, WIDEST * probe.radius_mm, hint="0.6 of the face's radius"
+    )
+    check.require_number("young_kpa", young_kpa, 0.1, 1e6, hint="kilopascals")
+    check.require_number("poisson", poisson, 0.0, 0.495)
+    require_ascending_forces(forces_n)
     softer = min(young_kpa, probe.layers[0].young_kpa)
-    refuse_light(forces_n[0], softer, sphere_radius_mm, lightest=LIGHTEST)
+    require_enough_force(forces_n[0], softer, sphere_radius_mm, lightest=LIGHTEST)
     with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
         press = SphereOnProbe(probe, sphere_radius_mm, young_kpa, poisson, resolution or SphereResolution())
         return press.path(forces_n)
@@ -171,7 +173,7 @@ class SphereOnProbe:
             cells=resolution.cells,
             rings=resolution.rings,
         )
-        both = beside(meshed.solid, ball)
+        both = join_meshes(meshed.solid, ball)
         plate = len(both.nodes)
         solid = replace(both, nodes=np.concatenate([both.nodes, np.zeros((1, 2))]))
         shared = np.full((len(solid.nodes), 2), OWN)
@@ -180,7 +182,7 @@ class SphereOnProbe:
         if probe.sides == "bonded":
             shared[meshed.side] = FIXED
         shared[plate] = [FIXED, 0]
-        body = ElasticBody(solid, number(solid, shared, 1))
+        body = ElasticBody(solid, number_unknowns(solid, shared, 1))
         self._first, self._plate, self._radius = len(meshed.solid.nodes), plate, radius_mm
         curve = SmoothFace(meshed.arc_mm, order, self.shape.points)
         self.face = SoftFace(curve, meshed.face)
@@ -198,8 +200,10 @@ class SphereOnProbe:
     def path(self, forces_n: Sequence[float]) -> tuple[SpherePress, ...]:
         """States at ascending ``forces_n`` in newtons."""
         forces = [force * MN_PER_N for force in forces_n]
-        first = load_path.touch(self.potential, self._moved, TOUCH * self._radius, SPRING, below_mn=forces[0] / 2)
-        states = load_path.walk(self.potential, first, forces, refuse=self._refuse)
+        first = load_path.find_first_contact(
+            self.potential, self._moved, TOUCH * self._radius, SPRING, below_mn=forces[0] / 2
+        )
+        states = load_path.follow_load_path(self.potential, first, forces, refuse=self._refuse)
         return tuple(self.read(state, force) for state, force in zip(states, forces_n, strict=True))
 
     def _moved(self, travel_mm: float) -> NDArray[np.float64]:
@@ -211,7 +215,7 @@ class SphereOnProbe:
         return unknowns
 
     def _refuse(self, state: State) -> str | None:
-        return refuse_beyond(largest_stretch(self.potential, state, self._everywhere), LARGEST_STRETCH)
+        return stretch_problem(largest_stretch(self.potential, state, self._everywhere), LARGEST_STRETCH)
 
     def read(self, state: State, force_n: float) -> SpherePress:
         """What a state says."""

@@ -50,10 +50,10 @@ def load_probe(name: str = "tsis-2011") -> Probe:
     >>> load_probe("tsis-2011").thickness_mm
     10.0
     """
-    return probe_of_entry(name, _table("probes")[check.known("probe", name, list_probes())])
+    return parse_probe(name, _table("probes")[check.require_one_of("probe", name, list_probes())])
 
 
-def probe_of_entry(name: str, entry: Mapping[str, Any]) -> Probe:
+def parse_probe(name: str, entry: Mapping[str, Any]) -> Probe:
     """The probe that a table of a catalog holds under its name; errors as `Probe`."""
     return Probe(
         name=name,
@@ -80,7 +80,7 @@ def load_phantom(name: str) -> Phantom:
     >>> load_phantom("hardness-70").inclusion.young_kpa
     70.0
     """
-    entry = _table("phantoms")[check.known("phantom", name, list_phantoms())]
+    entry = _table("phantoms")[check.require_one_of("phantom", name, list_phantoms())]
     inclusion = entry.get("inclusion")
     return Phantom(
         name=name,
@@ -105,4 +105,4 @@ def load_sphere(name: str) -> SoftSphere:
     >>> load_sphere("cl2003x").young_kpa
     62.0
     """
-    return SoftSphere(name=name, **_table("spheres")[check.known("sphere", name, list_spheres())])
+    return SoftSphere(name=name, **_table("spheres")[check.require_one_of("sphere", name, list_spheres())])

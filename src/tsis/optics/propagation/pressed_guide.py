@@ -45,11 +45,13 @@ class ThinGuide:
     index_outside: float = 1.0
 
     def __post_init__(self) -> None:
-        index, thickness = inputs.stack(self.index, self.thickness_um)
+        index, thickness = inputs.require_stack(self.index, self.thickness_um)
         object.__setattr__(self, "index", index)
         object.__setattr__(self, "thickness_um", thickness)
-        inputs.refractive_index("index_outside", self.index_outside)
-        rigid = check.whole("rigid_layers", self.rigid_layers, 0, len(index) - 1, hint="for a layer must yield")
+        inputs.require_refractive_index("index_outside", self.index_outside)
+        rigid = check.require_integer(
+            "rigid_layers", self.rigid_layers, 0, len(index) - 1, hint="for a layer must yield"
+        )
         object.__setattr__(self, "rigid_layers", rigid)
 
     def __eq__(self, other: object) -> bool:
@@ -92,7 +94,7 @@ def thin_guide(name: str) -> ThinGuide:
     >>> thin_guide("dissertation").total_um
     10.0
     """
-    return THIN_GUIDES[check.known("thin guide", name, THIN_GUIDES)]
+    return THIN_GUIDES[check.require_one_of("thin guide", name, THIN_GUIDES)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -111,8 +113,8 @@ class Dent:
     tip_radius_um: float = 10.0
 
     def __post_init__(self) -> None:
-        check.number("depth_um", self.depth_um, 0.0, LARGEST_TIP_UM, hint="micrometres")
-        check.number("tip_radius_um", self.tip_radius_um, 0.1, LARGEST_TIP_UM, hint="micrometres")
+        check.require_number("depth_um", self.depth_um, 0.0, LARGEST_TIP_UM, hint="micrometres")
+        check.require_number("tip_radius_um", self.tip_radius_um, 0.1, LARGEST_TIP_UM, hint="micrometres")
 
     @property
     def half_width_um(self) -> float:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.model import check
 from tsis.model.errors import InputError, RecordsError
-from tsis.model.extra import library
+from tsis.model.extra import import_extra
 from tsis.records.dicom.libraries import pydicom
 
 if TYPE_CHECKING:
@@ -55,7 +55,10 @@ def c_store(
     InputError
         When a name of an application, the port or the time is not possible.
     """
-    port, timeout_s = check.whole("port", port, 1, 65_535), check.number("timeout_s", timeout_s, 0.1, 600.0)
+    port, timeout_s = (
+        check.require_integer("port", port, 1, 65_535),
+        check.require_number("timeout_s", timeout_s, 0.1, 600.0),
+    )
     entity = _entity(files, calling_ae, timeout_s)
     where = f"{called_ae} at {host}:{port}"
     with _associated(entity, host, port, _title("called_ae", called_ae), timeout_s, tls) as association:
@@ -71,7 +74,7 @@ def c_store(
 def _entity(files: Sequence[DicomFile], calling_ae: str, timeout_s: float) -> Any:
     if not files:
         raise InputError("files must hold at least one instance; got none")
-    entity = library("pynetdicom", feature="C-STORE", extra="dicom").AE(ae_title=_title("calling_ae", calling_ae))
+    entity = import_extra("pynetdicom", feature="C-STORE", extra="dicom").AE(ae_title=_title("calling_ae", calling_ae))
     entity.connection_timeout = entity.acse_timeout = entity.dimse_timeout = entity.network_timeout = timeout_s
     for sop_class in sorted({file.sop_class_uid for file in files}):
         entity.add_requested_context(sop_class, pydicom("uid").ExplicitVRLittleEndian)
@@ -79,7 +82,7 @@ def _entity(files: Sequence[DicomFile], calling_ae: str, timeout_s: float) -> An
 
 
 def _title(name: str, value: str) -> str:
-    check.kind(name, value, str)
+    check.require_type(name, value, str)
     if not 0 < len(value.strip()) <= 16 or not value.isascii() or not value.isprintable() or "\\" in value:
         raise InputError(f"{name} must have 1 to 16 printable characters of ASCII without backslash; got {value!r}")
     return value.strip()
@@ -90,7 +93,7 @@ def _associated(
     entity: Any, host: str, port: int, called_ae: str, timeout_s: float, tls: ssl.SSLContext | None
 ) -> Iterator[Any]:
     """An association, established or refused, that leaves no connection behind."""
-    event = library("pynetdicom", feature="C-STORE", extra="dicom").evt.EVT_CONN_OPEN
+    event = import_extra("pynetdicom", feature="C-STORE", extra="dicom").evt.EVT_CONN_OPEN
     opened: list[Any] = []
     association = entity.associate(
         _reachable(host, port, f"{called_ae} at {host}:{port}", timeout_s, tls),
@@ -165,6 +168,6 @@ def _store(association: Any, file: DicomFile) -> str:
         return "the archive gave no answer in time, or broke off"
     if status == 0 or status in WARNINGS:
         return ""
-    known = library("pynetdicom.status", feature="C-STORE", extra="dicom").STORAGE_SERVICE_CLASS_STATUS
+    known = import_extra("pynetdicom.status", feature="C-STORE", extra="dicom").STORAGE_SERVICE_CLASS_STATUS
     meaning = " ".join(known.get(status, ("unknown", ""))).strip()
     return f"the archive answered 0x{status:04X} ({meaning})"

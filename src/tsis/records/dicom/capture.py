@@ -8,7 +8,7 @@ import numpy as np
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.records.deidentified import from_camera
-from tsis.records.dicom.cover import one_line
+from tsis.records.dicom.cover import dicom_line
 from tsis.records.dicom.libraries import pydicom
 from tsis.records.dicom.modules import Series, describe
 from tsis.records.dicom.series import decimal, increments_ms
@@ -17,21 +17,21 @@ from tsis.records.values import ROLE_WORDS
 if TYPE_CHECKING:
     from pydicom.dataset import Dataset
 
-    from tsis.records.dicom.cover import Cover
+    from tsis.records.dicom.cover import ExportIdentity
     from tsis.records.dicom.series import Stack
 
 FRAME_TIME_VECTOR = 0x00181065
 LONGEST_TEXT = 10_000  # of the value representation LT
 
 
-def capture(stack: Stack, cover: Cover) -> Dataset:
+def capture(stack: Stack, cover: ExportIdentity) -> Dataset:
     """A Secondary Capture instance of a stack; it has no UID of its own yet.
 
     One frame becomes a Secondary Capture Image, more a Multi-frame Grayscale Byte (8 bit) or Word (16 bit) one.
     """
     dataset: Dataset = pydicom().Dataset()
     dataset.SOPClassUID = _sop_class(stack)
-    probe = one_line(stack.probe)
+    probe = dicom_line(stack.probe)
     series = Series(
         number=stack.series,
         what=f"{stack.role}, {stack.probe}",
@@ -58,7 +58,7 @@ def _sop_class(stack: Stack) -> Any:
     return uid.MultiFrameGrayscaleWordSecondaryCaptureImageStorage
 
 
-def _image(dataset: Dataset, stack: Stack, cover: Cover) -> None:
+def _image(dataset: Dataset, stack: Stack, cover: ExportIdentity) -> None:
     dataset.InstanceNumber = stack.number
     dataset.ImageType = ["ORIGINAL", "SECONDARY"]
     dataset.ConversionType = "DI"
@@ -70,8 +70,8 @@ def _image(dataset: Dataset, stack: Stack, cover: Cover) -> None:
     if moment := cover.moment(stack.presses[0].taken):
         dataset.AcquisitionDate, dataset.AcquisitionTime = moment
         dataset.AcquisitionDateTime = "".join(moment)
-        names = ", ".join(one_line(press.name) or "unnamed" for press in stack.presses)
-        dataset.ImageComments = one_line(f"{RESEARCH_USE_ONLY} Frames: {names}", LONGEST_TEXT)
+        names = ", ".join(dicom_line(press.name) or "unnamed" for press in stack.presses)
+        dataset.ImageComments = dicom_line(f"{RESEARCH_USE_ONLY} Frames: {names}", LONGEST_TEXT)
 
 
 def _pixels(dataset: Dataset, stack: Stack) -> None:

@@ -14,13 +14,13 @@ from tsis.records.pseudonym import shown_identity
 if TYPE_CHECKING:
     from datetime import datetime
 
-    from tsis.records import Dossier, Target
+    from tsis.records import Target, TargetRecord
 
 LONGEST = 64  # of the value representations LO and PN
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Cover:
+class ExportIdentity:
     """What may be said of one target in one export.
 
     Parameters
@@ -42,7 +42,7 @@ class Cover:
     @property
     def patient_name(self) -> str:
         """Label of the target as a DICOM name, in which some characters have meanings of their own."""
-        label = one_line(re.sub(r"[\^=]", " ", self.target.name), LONGEST - 1) or f"target {self.target.number}"
+        label = dicom_line(re.sub(r"[\^=]", " ", self.target.name), LONGEST - 1) or f"target {self.target.number}"
         return f"{label if self.identified else self.target.id}^"  # the caret says that it is one word on purpose
 
     @property
@@ -63,7 +63,7 @@ class Cover:
         return f"{when.year:04d}" + when.strftime("%m%d"), when.strftime("%H%M%S.%f")
 
 
-def covered(dossier: Dossier, *, identified: bool) -> tuple[Dossier, Cover]:
+def export_identity(dossier: TargetRecord, *, identified: bool) -> tuple[TargetRecord, ExportIdentity]:
     """What is told of a dossier, and what it is said to be of.
 
     Raises
@@ -74,10 +74,10 @@ def covered(dossier: Dossier, *, identified: bool) -> tuple[Dossier, Cover]:
     if not dossier.target.id:
         raise RecordsError("the target must have an identity, which a store gives it; got a target without id")
     told = dossier if identified else deidentified(dossier)
-    return told, Cover(identified=identified, target=told.target)
+    return told, ExportIdentity(identified=identified, target=told.target)
 
 
-def one_line(text: str, longest: int = LONGEST) -> str:
+def dicom_line(text: str, longest: int = LONGEST) -> str:
     """Text as a short DICOM value: one line, no backslash, which separates values, and not too long in bytes."""
     words = " ".join("".join(letter if letter.isprintable() else " " for letter in text.replace("\\", "/")).split())
     return words.encode()[:longest].decode(errors="ignore").strip()

@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     from pydicom.dataset import Dataset
 
-    from tsis.records import Dossier
-    from tsis.records.dicom.cover import Cover
+    from tsis.records import TargetRecord
+    from tsis.records.dicom.cover import ExportIdentity
     from tsis.records.dicom.series import Stack
 
 SERIES = 9
@@ -27,12 +27,12 @@ NO_DATE, NO_TIME = "19000101", "000000"  # a report must have a time; this one s
 OF_NOW = ("InstanceCreationDate", "InstanceCreationTime", "ContributingEquipmentSequence")
 
 
-def has_report(dossier: Dossier) -> bool:
+def has_report(dossier: TargetRecord) -> bool:
     """Whether there is anything to report: an estimate, a force, or a flag."""
     return bool(dossier.estimates) or any(press.force_n is not None or press.flags for press in dossier.presses)
 
 
-def report(dossier: Dossier, cover: Cover, images: Sequence[tuple[Stack, Dataset]]) -> Dataset:
+def report(dossier: TargetRecord, cover: ExportIdentity, images: Sequence[tuple[Stack, Dataset]]) -> Dataset:
     """The report on images that are exported with it; it has no UID of its own yet."""
     made = max([stored.made for stored in dossier.in_force] or [press.taken for press in dossier.presses])
     date, time = cover.moment(made) or (NO_DATE, NO_TIME)
@@ -60,7 +60,7 @@ def report(dossier: Dossier, cover: Cover, images: Sequence[tuple[Stack, Dataset
     return document
 
 
-def _content(dossier: Dossier, cover: Cover, images: Sequence[tuple[Stack, Dataset]]) -> Any:
+def _content(dossier: TargetRecord, cover: ExportIdentity, images: Sequence[tuple[Stack, Dataset]]) -> Any:
     sr = highdicom("sr")
     places = {  # by the press itself: two may share a frame, and those of no store have no identity
         id(press): (image, number) for stack, image in images for number, press in enumerate(stack.presses, 1)

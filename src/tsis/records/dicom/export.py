@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from tsis.model.errors import RecordsError
 from tsis.records.dicom.capture import capture
-from tsis.records.dicom.cover import covered
+from tsis.records.dicom.cover import export_identity
 from tsis.records.dicom.document import has_report, report
 from tsis.records.dicom.files import DicomFile, sealed, write_files
 from tsis.records.dicom.series import stacks
@@ -14,10 +14,10 @@ from tsis.records.dicom.series import stacks
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.records import Dossier
+    from tsis.records import TargetRecord
 
 
-def dicom_files(dossier: Dossier, *, identified: bool = False) -> tuple[DicomFile, ...]:
+def dicom_files(dossier: TargetRecord, *, identified: bool = False) -> tuple[DicomFile, ...]:
     """The instances of a target: one or more of Secondary Capture a role and probe of its presses, then a report.
 
     The same dossier gives the same bytes and UIDs whenever the same version exports it. The report is there when
@@ -41,7 +41,7 @@ def dicom_files(dossier: Dossier, *, identified: bool = False) -> tuple[DicomFil
     """
     if not dossier.presses:
         raise RecordsError(f"target {dossier.target.number} must have at least one press to be exported; got none")
-    told, cover = covered(dossier, identified=identified)
+    told, cover = export_identity(dossier, identified=identified)
     images, files = [], []
     for stack in stacks(told):
         image = capture(stack, cover)
@@ -52,7 +52,7 @@ def dicom_files(dossier: Dossier, *, identified: bool = False) -> tuple[DicomFil
     return tuple(files)
 
 
-def write_dicom(dossier: Dossier, folder: Path, *, identified: bool = False) -> tuple[Path, ...]:
+def write_dicom(dossier: TargetRecord, folder: Path, *, identified: bool = False) -> tuple[Path, ...]:
     """Write what `dicom_files` makes into a folder, each file whole or not at all, and return the paths.
 
     Raises

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import __version__
-from tsis.model.estimate import INTERVAL
+from tsis.model.estimate import INTERVAL_LEVEL
 from tsis.records.dicom import codes
-from tsis.records.dicom.cover import one_line
+from tsis.records.dicom.cover import dicom_line
 from tsis.records.dicom.files import deterministic_uid
 from tsis.records.dicom.libraries import highdicom
 from tsis.records.values import ROLE_WORDS
@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from pydicom.dataset import Dataset
 
     from tsis.model import Estimate
-    from tsis.records import Press, StoredEstimate
-    from tsis.records.dicom.cover import Cover
+    from tsis.records import StoredEstimate, StoredPress
+    from tsis.records.dicom.cover import ExportIdentity
 
 NOT_TRUSTED = "A flag says that the model does not hold, so this estimate has no numbers that may be used."
 
 
-def estimate_group(stored: StoredEstimate, cover: Cover, sources: Sequence[Dataset]) -> Any:
+def estimate_group(stored: StoredEstimate, cover: ExportIdentity, sources: Sequence[Dataset]) -> Any:
     """What was estimated, with its doubts; no numbers where the model does not hold.
 
     A parameter that the data do not identify has no mean and no standard deviation either: its percentiles say in
@@ -49,7 +49,7 @@ def _numbers(estimate: Estimate) -> list[Any]:
     found = []
     for name in estimate.samples:
         if name in codes.PARAMETERS:
-            low, high = estimate.interval(INTERVAL)[name]
+            low, high = estimate.interval(INTERVAL_LEVEL)[name]
             known = estimate.identified(name)
             values = [(codes.MEAN, estimate.mean[name]), (codes.STANDARD_DEVIATION, estimate.sd[name])] if known else []
             values += [(codes.FIFTH_PERCENTILE, low), (codes.NINETY_FIFTH_PERCENTILE, high)]
@@ -84,7 +84,7 @@ def _sentences(estimate: Estimate) -> list[tuple[str, str]]:
     return [(name, sentence) for name, sentence in said if sentence.strip()]
 
 
-def press_group(press: Press, cover: Cover, source: Dataset, frame: int) -> Any:
+def press_group(press: StoredPress, cover: ExportIdentity, source: Dataset, frame: int) -> Any:
     """The force of one press and what its guard said, with the frame that it belongs to."""
     sr = highdicom("sr")
     frames = [frame] if "NumberOfFrames" in source else None
@@ -113,7 +113,7 @@ def text(name: str, sentence: str) -> Any:
     )
 
 
-def _tracking(what: str, cover: Cover, identity: str) -> Any:
+def _tracking(what: str, cover: ExportIdentity, identity: str) -> Any:
     return highdicom("sr").TrackingIdentifier(uid=deterministic_uid("tracking", cover.key, identity), identifier=what)
 
 
@@ -123,6 +123,6 @@ def _algorithm(stored: StoredEstimate) -> Any:
     code = environment.get("code_sha256")
     return highdicom("sr").AlgorithmIdentification(
         name=f"tsis {stored.kind}",
-        version=one_line(str(environment.get("tsis") or stored.estimate.provenance.get("tsis") or __version__)),
-        parameters=[f"code_sha256={one_line(str(code))}"] if code else None,
+        version=dicom_line(str(environment.get("tsis") or stored.estimate.provenance.get("tsis") or __version__)),
+        parameters=[f"code_sha256={dicom_line(str(code))}"] if code else None,
     )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.records.dicom.cover import one_line
+from tsis.records.dicom.cover import dicom_line
 from tsis.records.dicom.files import deterministic_uid
 from tsis.records.dicom.libraries import pydicom
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from pydicom.dataset import Dataset
 
-    from tsis.records.dicom.cover import Cover
+    from tsis.records.dicom.cover import ExportIdentity
 
 # PS3.16 CID 7050: the profile, and what we keep because it is written by this program and cleaned.
 METHODS = (
@@ -58,7 +58,7 @@ def code(value: str, scheme: str, meaning: str) -> Dataset:
     return item
 
 
-def describe(dataset: Dataset, cover: Cover, series: Series) -> None:
+def describe(dataset: Dataset, cover: ExportIdentity, series: Series) -> None:
     """Write patient, study, series, equipment and the common attributes into a dataset."""
     dataset.SpecificCharacterSet = "ISO_IR 192"  # UTF-8
     _describe_patient(dataset, cover)
@@ -69,7 +69,7 @@ def describe(dataset: Dataset, cover: Cover, series: Series) -> None:
     dataset.AccessionNumber = dataset.ReferringPhysicianName = ""
     dataset.SeriesInstanceUID = deterministic_uid("series", cover.key, series.what)
     dataset.SeriesNumber = series.number
-    dataset.SeriesDescription = one_line(series.description)
+    dataset.SeriesDescription = dicom_line(series.description)
     dataset.Modality = series.modality
     dataset.Manufacturer = dataset.ManufacturerModelName = "tsis"
     dataset.SoftwareVersions = __version__
@@ -78,7 +78,7 @@ def describe(dataset: Dataset, cover: Cover, series: Series) -> None:
         dataset.TimezoneOffsetFromUTC = "+0000"
 
 
-def _describe_patient(dataset: Dataset, cover: Cover) -> None:
+def _describe_patient(dataset: Dataset, cover: ExportIdentity) -> None:
     dataset.PatientName, dataset.PatientID = cover.patient_name, cover.patient_id
     dataset.PatientBirthDate = dataset.PatientSex = ""
     dataset.QualityControlSubject = "YES" if cover.target.kind == "phantom" else "NO"

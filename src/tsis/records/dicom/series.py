@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.records import Dossier, Press
+    from tsis.records import StoredPress, TargetRecord
 
 MOST_BYTES = 2**28  # of pixels in an instance: what archives take at one time, and far below DICOM's 4 GiB
 OTHER_PROBE = 10  # between the numbers of series of one role and different probes: 1, 11, 21, ...
@@ -51,7 +51,7 @@ class Stack:
     series: int
     started: datetime
     number: int
-    presses: tuple[Press, ...]
+    presses: tuple[StoredPress, ...]
     levels: NDArray[Any]
 
     def holds(self, presses: Collection[str]) -> bool:
@@ -59,7 +59,7 @@ class Stack:
         return any(press.id in presses for press in self.presses)
 
 
-def stacks(dossier: Dossier) -> Iterator[Stack]:
+def stacks(dossier: TargetRecord) -> Iterator[Stack]:
     """The instances that a dossier's frames become, by role and probe; frames of one kind are together.
 
     Raises
@@ -74,9 +74,9 @@ def stacks(dossier: Dossier) -> Iterator[Stack]:
             yield from _series(dossier, presses, place + other * OTHER_PROBE)
 
 
-def _series(dossier: Dossier, presses: list[Press], number: int) -> Iterator[Stack]:
+def _series(dossier: TargetRecord, presses: list[StoredPress], number: int) -> Iterator[Stack]:
     """The instances of one series, whose presses are in the order of their times."""
-    kinds: dict[tuple[Any, ...], list[tuple[Press, NDArray[Any]]]] = {}
+    kinds: dict[tuple[Any, ...], list[tuple[StoredPress, NDArray[Any]]]] = {}
     for press in presses:
         levels = dossier.levels(press)
         kinds.setdefault((levels.shape, levels.dtype, press.mm_per_pixel, press.full_scale), []).append((press, levels))
@@ -96,7 +96,7 @@ def _series(dossier: Dossier, presses: list[Press], number: int) -> Iterator[Sta
             )
 
 
-def increments_ms(presses: tuple[Press, ...]) -> list[str]:
+def increments_ms(presses: tuple[StoredPress, ...]) -> list[str]:
     """Times from frame to frame in milliseconds as decimal strings, the first 0."""
     times = [press.taken for press in presses]
     gaps = [0.0, *((late - early).total_seconds() * 1e3 for early, late in itertools.pairwise(times))]

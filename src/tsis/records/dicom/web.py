@@ -8,7 +8,7 @@ from urllib.parse import urlsplit
 
 from tsis.model import check
 from tsis.model.errors import InputError, RecordsError
-from tsis.model.extra import library
+from tsis.model.extra import import_extra
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -55,10 +55,10 @@ def stow_rs(
     """
     if not files:
         raise InputError("files must hold at least one instance; got none")
-    timeout_s = check.number("timeout_s", timeout_s, 0.1, 600.0)
+    timeout_s = check.require_number("timeout_s", timeout_s, 0.1, 600.0)
     here = _check_address(url, allow_plain_http=allow_plain_http)
-    requests = library("requests", feature="STOW-RS", extra="dicom")
-    web = library("dicomweb_client.api", feature="STOW-RS", extra="dicom")
+    requests = import_extra("requests", feature="STOW-RS", extra="dicom")
+    web = import_extra("dicomweb_client.api", feature="STOW-RS", extra="dicom")
     with requests.Session() as session:
         session.hooks["response"].append(_check_answer)
         session.trust_env = not here  # no proxy stands between a machine and itself
@@ -74,7 +74,7 @@ def stow_rs(
 
 def _check_address(url: str, *, allow_plain_http: bool) -> bool:
     """Whether an address that may be sent to is of this machine itself."""
-    check.kind("url", url, str)
+    check.require_type("url", url, str)
     try:
         parts = urlsplit(url)
         host = parts.hostname or ""
@@ -123,7 +123,7 @@ def _check_answer(response: Any, **_: Any) -> None:
 
 
 def _store(client: Any, file: DicomFile, url: str, timeout_s: float) -> None:
-    errors = library("requests.exceptions", feature="STOW-RS", extra="dicom")
+    errors = import_extra("requests.exceptions", feature="STOW-RS", extra="dicom")
     try:
         answer = client.store_instances([file.dataset()])
     except errors.HTTPError as error:

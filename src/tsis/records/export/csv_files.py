@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Any
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.records.export.csv_rows import estimate_rows, press_rows, target_rows
 from tsis.records.export.frame_png import frame_png
-from tsis.records.export.whole import new_folder
+from tsis.records.export.whole import export_folder
 
 if TYPE_CHECKING:
     import os
     from collections.abc import Iterator, Sequence
 
-    from tsis.records.dossier import Dossier
+    from tsis.records.dossier import TargetRecord
 
 FORMAT, VERSION = "tsis-csv", 1
 RISKY = ("=", "+", "-", "@", "\t", "\r", "＝", "＋", "－", "＠", "'")
@@ -70,7 +70,7 @@ def table_bytes(rows: Sequence[Sequence[Any]]) -> bytes:
     return out.getvalue().encode()
 
 
-def csv_files(dossier: Dossier) -> dict[str, bytes]:
+def csv_files(dossier: TargetRecord) -> dict[str, bytes]:
     """Every file of the export by its name, frames and all: `write_csv` does not hold all of them at once.
 
     Raises
@@ -81,7 +81,7 @@ def csv_files(dossier: Dossier) -> dict[str, bytes]:
     return dict(_parts(dossier))
 
 
-def write_csv(dossier: Dossier, folder: str | os.PathLike[str]) -> None:
+def write_csv(dossier: TargetRecord, folder: str | os.PathLike[str]) -> None:
     """Write the files into a new folder, frame by frame; it appears whole or not at all.
 
     Raises
@@ -91,13 +91,13 @@ def write_csv(dossier: Dossier, folder: str | os.PathLike[str]) -> None:
     RecordsError
         When a frame is not what its press says.
     """
-    with new_folder(folder) as draft:
+    with export_folder(folder) as draft:
         (draft / "frames").mkdir()
         for name, content in _parts(dossier):
             (draft / name).write_bytes(content)
 
 
-def _parts(dossier: Dossier) -> Iterator[tuple[str, bytes]]:
+def _parts(dossier: TargetRecord) -> Iterator[tuple[str, bytes]]:
     entries: dict[str, dict[str, Any]] = {}
     for name, content in _content(dossier):
         entries[name] = {"sha256": hashlib.sha256(content).hexdigest(), "bytes": len(content)}
@@ -112,7 +112,7 @@ def _parts(dossier: Dossier) -> Iterator[tuple[str, bytes]]:
     yield "manifest.json", (json.dumps(manifest, indent=2) + "\n").encode()
 
 
-def _content(dossier: Dossier) -> Iterator[tuple[str, bytes]]:
+def _content(dossier: TargetRecord) -> Iterator[tuple[str, bytes]]:
     names = frame_names(dossier)
     yield "target.csv", table_bytes(target_rows(dossier.target))
     yield "presses.csv", table_bytes(press_rows(dossier, names))
@@ -122,6 +122,6 @@ def _content(dossier: Dossier) -> Iterator[tuple[str, bytes]]:
         yield name, frame_png(dossier, press)
 
 
-def frame_names(dossier: Dossier) -> list[str]:
+def frame_names(dossier: TargetRecord) -> list[str]:
     """Name of the file of each press's frame."""
     return [f"frames/{number:05d}-{press.role}.png" for number, press in enumerate(dossier.presses, start=1)]

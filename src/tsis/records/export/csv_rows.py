@@ -6,15 +6,15 @@ import json
 import math
 from typing import TYPE_CHECKING, Any
 
-from tsis.model.estimate import INTERVAL
-from tsis.model.quantities import NO_UNIT, unit_of, words_of
+from tsis.model.estimate import INTERVAL_LEVEL
+from tsis.model.quantities import NO_UNIT, label_of, unit_of
 from tsis.records.plain_free import free_to_plain
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from tsis.model import Estimate
-    from tsis.records.dossier import Dossier
+    from tsis.records.dossier import TargetRecord
     from tsis.records.values import StoredEstimate, Target
 
 PRESS_HEADINGS = (
@@ -49,8 +49,8 @@ ESTIMATE_HEADINGS = (
     "unit",
     "mean (in unit)",
     "sd (in unit)",
-    f"{INTERVAL:.0%} interval from (in unit)",
-    f"{INTERVAL:.0%} interval to (in unit)",
+    f"{INTERVAL_LEVEL:.0%} interval from (in unit)",
+    f"{INTERVAL_LEVEL:.0%} interval to (in unit)",
     "prior sd (in unit)",
     "Cramer-Rao sd (in unit)",
     "narrowing (posterior sd / prior sd)",
@@ -80,11 +80,11 @@ def target_rows(target: Target) -> list[list[Any]]:
     }
     for name, value in target.truth.items():
         unit = unit_of(name)
-        row[f"true {words_of(name)}" + ("" if unit == NO_UNIT else f" ({unit})")] = value
+        row[f"true {label_of(name)}" + ("" if unit == NO_UNIT else f" ({unit})")] = value
     return [list(row), list(row.values())]
 
 
-def press_rows(dossier: Dossier, frame_files: Sequence[str]) -> list[Sequence[Any]]:
+def press_rows(dossier: TargetRecord, frame_files: Sequence[str]) -> list[Sequence[Any]]:
     """Headings and one row a press."""
     rows: list[Sequence[Any]] = [PRESS_HEADINGS]
     for number, (press, file) in enumerate(zip(dossier.presses, frame_files, strict=True), start=1):
@@ -97,7 +97,7 @@ def press_rows(dossier: Dossier, frame_files: Sequence[str]) -> list[Sequence[An
     return rows
 
 
-def estimate_rows(dossier: Dossier) -> list[Sequence[Any]]:
+def estimate_rows(dossier: TargetRecord) -> list[Sequence[Any]]:
     """Headings and one row an estimate and parameter."""
     rows: list[Sequence[Any]] = [ESTIMATE_HEADINGS]
     for number, stored in enumerate(dossier.estimates, start=1):
@@ -134,7 +134,7 @@ def _numbers(found: Estimate) -> dict[str, list[Any]]:
     """Mean, sd, interval, prior sd, Cramer-Rao sd and narrowing of each parameter; the prior alone if not trusted."""
     if not found.trusted:
         return {name: [None] * 4 + [_float(prior), None, None] for name, prior in found.prior_sd.items()}
-    mean, sd, narrowing, interval = found.mean, found.sd, found.narrowing, found.interval(INTERVAL)
+    mean, sd, narrowing, interval = found.mean, found.sd, found.narrowing, found.interval(INTERVAL_LEVEL)
     rows: dict[str, list[Any]] = {}
     for name, prior in found.prior_sd.items():
         bound = found.cramer_rao_sd.get(name)

@@ -9,11 +9,11 @@ import cv2
 from tsis.instrument.png import QUICK
 
 if TYPE_CHECKING:
-    from tsis.records.dossier import Dossier
-    from tsis.records.values import Press
+    from tsis.records.dossier import TargetRecord
+    from tsis.records.values import StoredPress
 
 
-def frame_png(dossier: Dossier, press: Press) -> bytes:
+def frame_png(dossier: TargetRecord, press: StoredPress) -> bytes:
     """The frame of a press as a grey PNG of as many bits as it has.
 
     Raises

@@ -5,7 +5,7 @@ from __future__ import annotations
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from tsis.instrument.file_bytes import as_path, shown
+from tsis.instrument.file_bytes import as_path, printable_path
 from tsis.model import whole
 from tsis.model.errors import FileInputError
 
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
 
 @contextmanager
-def new_file(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """As `tsis.model.whole.new_file`.
+def export_file(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """As `tsis.model.whole.atomic_file`.
 
     Raises
     ------
@@ -25,13 +25,13 @@ def new_file(path: str | os.PathLike[str]) -> Iterator[Path]:
         When there is something of that name, or it cannot be written.
     """
     wanted = as_path(path)
-    with _refusing(wanted), whole.new_file(wanted) as draft:
+    with _refusing(wanted), whole.atomic_file(wanted) as draft:
         yield draft
 
 
 @contextmanager
-def new_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
-    """As `tsis.model.whole.new_folder`.
+def export_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """As `tsis.model.whole.atomic_folder`.
 
     Raises
     ------
@@ -39,7 +39,7 @@ def new_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
         When there is something of that name, or it cannot be written.
     """
     wanted = as_path(path)
-    with _refusing(wanted), whole.new_folder(wanted) as draft:
+    with _refusing(wanted), whole.atomic_folder(wanted) as draft:
         yield draft
 
 
@@ -49,8 +49,8 @@ def _refusing(wanted: Path) -> Iterator[None]:
         yield
     except FileExistsError as error:
         raise FileInputError(
-            f"{shown(wanted)} must be a new name; there is such a file or folder (choose another)"
+            f"{printable_path(wanted)} must be a new name; there is such a file or folder (choose another)"
         ) from error
     except OSError as error:
         reason = error.strerror or str(error)
-        raise FileInputError(f"{shown(wanted)} must be a place that can be written; got: {reason}") from error
+        raise FileInputError(f"{printable_path(wanted)} must be a place that can be written; got: {reason}") from error

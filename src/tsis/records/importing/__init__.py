@@ -1,18 +1,18 @@
 """What other commands and cameras wrote, taken into a store: looked through first, then stored press by press."""
 
-from tsis.records.importing.cited import held_calibration
+from tsis.records.importing.cited import stored_calibration
 from tsis.records.importing.entering import Entered, Entering, enter, require_enterable
-from tsis.records.importing.found import Batch, Given, Incoming
-from tsis.records.importing.places import batches
+from tsis.records.importing.found import ImportBatch, ImportOptions, IncomingPress
+from tsis.records.importing.places import find_import_batches
 
 __all__ = [
-    "Batch",
     "Entered",
     "Entering",
-    "Given",
-    "Incoming",
-    "batches",
+    "ImportBatch",
+    "ImportOptions",
+    "IncomingPress",
     "enter",
-    "held_calibration",
+    "find_import_batches",
     "require_enterable",
+    "stored_calibration",
 ]

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 from sqlalchemy import select
 
-from tsis.calibration.file import identity
-from tsis.instrument import shown
+from tsis.calibration.file import calibration_sha256
+from tsis.instrument import printable_path
 from tsis.model.errors import FileInputError, InputError
 from tsis.records import tables
 
@@ -15,18 +15,20 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tsis.calibration import ProbeCalibration
-    from tsis.records.importing.found import Given
+    from tsis.records.importing.found import ImportOptions
     from tsis.records.store import Store
 
 
-def held_calibration(store: Store, cited: str) -> ProbeCalibration | None:
+def stored_calibration(store: Store, cited: str) -> ProbeCalibration | None:
     """The calibration of that identity in a store; None where it is not in it, `RecordsError` when it is damaged."""
     with store.database.reading() as connection:
         found = connection.execute(select(tables.calibrations.c.id).where(tables.calibrations.c.id == cited)).first()
     return None if found is None else store.calibration(cited)
 
 
-def cited_calibration(source: Path, citation: Any, given: Given) -> tuple[ProbeCalibration | None, tuple[str, ...]]:
+def cited_calibration(
+    source: Path, citation: Any, given: ImportOptions
+) -> tuple[ProbeCalibration | None, tuple[str, ...]]:
     """The calibration, and what to know when it is not to be had.
 
     Raises
@@ -39,13 +41,13 @@ def cited_calibration(source: Path, citation: Any, given: Given) -> tuple[ProbeC
     if citation is None:
         return given.calibration, ()
     if not isinstance(citation, dict) or not isinstance(citation.get("sha256"), str):
-        raise FileInputError(f"{shown(source)} must cite its calibration by its SHA-256; got {citation!r:.80}")
+        raise FileInputError(f"{printable_path(source)} must cite its calibration by its SHA-256; got {citation!r:.80}")
     wanted = citation["sha256"]
     if given.calibration is not None:
-        if identity(given.calibration) != wanted:
+        if calibration_sha256(given.calibration) != wanted:
             raise InputError(
-                f"--calibration must be the one that {shown(source)} cites, {wanted[:12]}; got "
-                f"{identity(given.calibration)[:12]} (leave it out, or find the other)"
+                f"--calibration must be the one that {printable_path(source)} cites, {wanted[:12]}; got "
+                f"{calibration_sha256(given.calibration)[:12]} (leave it out, or find the other)"
             )
         return given.calibration, ()
     found = given.calibration_of(wanted)

@@ -5,18 +5,20 @@ from __future__ import annotations
 from collections import Counter
 from typing import TYPE_CHECKING
 
-from tsis.calibration.file import identity
+from tsis.calibration.file import calibration_sha256
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
 
-    from tsis.records.importing.found import Incoming
-    from tsis.records.values import Press, Target
+    from tsis.records.importing.found import IncomingPress
+    from tsis.records.values import StoredPress, Target
 
 EDITABLE = ("role", "force_n")  # of these; the others are as they came
 
 
-def differing_notes(frames: Sequence[Incoming], held: Sequence[Press | None], number: int) -> tuple[str, ...]:
+def differing_notes(
+    frames: Sequence[IncomingPress], held: Sequence[StoredPress | None], number: int
+) -> tuple[str, ...]:
     """One sentence for each thing that is said of frames otherwise than it is stored, with what to do about it.
 
     Parameters
@@ -48,9 +50,9 @@ def truth_note(truth: Mapping[str, float], target: Target) -> tuple[str, ...]:
     )
 
 
-def _differences(each: Incoming, press: Press) -> Iterator[str]:
+def _differences(each: IncomingPress, press: StoredPress) -> Iterator[str]:
     """Names of what was said and is not so; what nobody said is no difference."""
-    known = None if each.calibration is None else identity(each.calibration)
+    known = None if each.calibration is None else calibration_sha256(each.calibration)
     said: Iterable[tuple[str, object, object]] = (
         ("role", each.role, press.role),
         ("force_n", each.force_n, press.force_n),

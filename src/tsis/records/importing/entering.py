@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
-from tsis.calibration.file import identity
+from tsis.calibration.file import calibration_sha256
 from tsis.model.errors import InputError, RecordsError, TsisError
 from tsis.records.importing.differing import differing_notes, truth_note
 from tsis.records.importing.made_here import enter_estimate, new_target, used
@@ -14,10 +14,10 @@ from tsis.records.importing.present import holding, matched, numbered, stored_fr
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Sequence
 
-    from tsis.records.dossier import Dossier
-    from tsis.records.importing.found import Batch, Incoming
+    from tsis.records.dossier import TargetRecord
+    from tsis.records.importing.found import ImportBatch, IncomingPress
     from tsis.records.store import Store
-    from tsis.records.values import Press, Target
+    from tsis.records.values import StoredPress, Target
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -40,13 +40,13 @@ class Entered:
         Those of the batch as they are stored, in its order; none of a bundle.
     """
 
-    batch: Batch
+    batch: ImportBatch
     target: Target
     new: bool
     added: int
     present: int
     estimates: int
-    presses: tuple[Press, ...] = ()
+    presses: tuple[StoredPress, ...] = ()
 
 
 @dataclass(slots=True, kw_only=True)
@@ -78,7 +78,7 @@ class Entering:
         return f"{told}, the last in target {self.targets[-1]} (go on with --target {self.targets[-1]} for its files)"
 
 
-def require_enterable(batches: Iterable[Batch], kind: str, target: int | None = None) -> None:
+def require_enterable(batches: Iterable[ImportBatch], kind: str, target: int | None = None) -> None:
     """Refuse, with `InputError`, batches that do not belong into a store of that kind, or under that number."""
     for batch in batches:
         if batch.dossier is not None and target is not None:
@@ -91,7 +91,7 @@ def require_enterable(batches: Iterable[Batch], kind: str, target: int | None = 
 
 def enter(
     store: Store,
-    batches: Sequence[Batch],
+    batches: Sequence[ImportBatch],
     *,
     target: int | None = None,
     apart: bool = False,
@@ -140,7 +140,7 @@ def enter(
 
 def _entered(
     store: Store,
-    batch: Batch,
+    batch: ImportBatch,
     number: int | None,
     tally: Entering,
     progress: Callable[[int, int], None] | None,
@@ -178,21 +178,23 @@ def _entered(
     )
 
 
-def _target(store: Store, batch: Batch, number: int | None, stored: Sequence[Press], *, apart: bool) -> Target | None:
+def _target(
+    store: Store, batch: ImportBatch, number: int | None, stored: Sequence[StoredPress], *, apart: bool
+) -> Target | None:
     """Where a batch goes; None for a target that is yet to be entered."""
     if apart:
         return None
     return holding(store, batch.presses, stored) if number is None else numbered(store, number)
 
 
-def _size(batch: Batch) -> int:
+def _size(batch: ImportBatch) -> int:
     return len(batch.presses) if batch.dossier is None else len(batch.dossier.presses)
 
 
 def _taken_in(
     store: Store,
-    batch: Batch,
-    dossier: Dossier,
+    batch: ImportBatch,
+    dossier: TargetRecord,
     tally: Entering,
     progress: Callable[[int, int], None] | None,
 ) -> Entered:
@@ -220,7 +222,7 @@ def _taken_in(
     )
 
 
-def _stored(store: Store, target: Target, each: Incoming) -> Press:
+def _stored(store: Store, target: Target, each: IncomingPress) -> StoredPress:
     return store.add_press(
         target,
         each.image(),
@@ -232,12 +234,12 @@ def _stored(store: Store, target: Target, each: Incoming) -> Press:
     )
 
 
-def _estimated(store: Store, target: Target, batch: Batch, presses: Sequence[Press]) -> int:
+def _estimated(store: Store, target: Target, batch: ImportBatch, presses: Sequence[StoredPress]) -> int:
     """Store the estimate of a batch, unless there is none or one of the same presses is there; how many were stored."""
     wanted = batch.estimate
     if wanted is None:
         return 0
-    from tsis.records.estimation import Request, estimate_stored  # heavy, and most imports estimate nothing
+    from tsis.records.estimation import EstimationRequest, estimate_stored  # heavy, and most imports estimate nothing
 
     dossier = store.dossier(target)
     rests_on = used(presses)
@@ -246,11 +248,11 @@ def _estimated(store: Store, target: Target, batch: Batch, presses: Sequence[Pre
         return 0
     answer = estimate_stored(
         dossier,
-        Request(
+        EstimationRequest(
             kind=wanted.kind,
             probe=wanted.probe,
             presses=rests_on,
-            calibration=identity(wanted.calibration),
+            calibration=calibration_sha256(wanted.calibration),
             options=wanted.options,
         ),
     )

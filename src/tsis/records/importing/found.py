@@ -8,11 +8,11 @@ from datetime import UTC, datetime
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from tsis.instrument import read_image, shown
+from tsis.instrument import printable_path, read_image
 from tsis.model.errors import FileInputError, InputError
 from tsis.records.frame_file import frame_bytes
 from tsis.records.plain_free import free_to_plain
-from tsis.records.values import Press
+from tsis.records.values import StoredPress
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from tsis.calibration import ProbeCalibration
     from tsis.model import TactileImage
-    from tsis.records.dossier import Dossier
+    from tsis.records.dossier import TargetRecord
 
 MOST_FRAMES = 100_000  # of one import
 LONGEST_FILE_NAME = 255  # bytes, as file systems take them
@@ -32,13 +32,13 @@ def no_calibration(_cited: str) -> ProbeCalibration | None:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Given:
+class ImportOptions:
     """What a person says of the frames, where their files do not say it themselves.
 
     Parameters
     ----------
     role
-        As of `Press`.
+        As of `StoredPress`.
     force_n
         One for all image files, or one for each.
     mm_per_pixel
@@ -63,7 +63,7 @@ class Given:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Incoming:
+class IncomingPress:
     """A frame that waits to be stored: its file was read and found whole.
 
     Parameters
@@ -77,7 +77,7 @@ class Incoming:
     full_scale
         Grey level at which the camera clips; None for that of the file.
     role, taken, name, force_n, mm_per_pixel, probe, calibration, flags, settings
-        As of `Press`.
+        As of `StoredPress`.
     """
 
     path: Path
@@ -97,7 +97,7 @@ class Incoming:
     def __post_init__(self) -> None:
         object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
         free_to_plain(self.settings, "settings")
-        Press(  # which refuses, before anything is stored, what no press may be
+        StoredPress(  # which refuses, before anything is stored, what no press may be
             frame=self.frame,
             rows=1,
             columns=1,
@@ -113,7 +113,9 @@ class Incoming:
         """The frame, read again; `FileInputError` when its file was changed since it was looked through."""
         image = read_frame(self.path, full_scale=self.full_scale)
         if image.settings["sha256"] != self.sha256:
-            raise FileInputError(f"{shown(self.path)} must be as it was looked through; it was changed meanwhile")
+            raise FileInputError(
+                f"{printable_path(self.path)} must be as it was looked through; it was changed meanwhile"
+            )
         return replace(
             image,
             force_n=self.force_n,
@@ -124,7 +126,7 @@ class Incoming:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Wanted:
+class RequestedEstimate:
     """The estimate that came with frames, to be made again from them.
 
     Parameters
@@ -142,7 +144,7 @@ class Wanted:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Batch:
+class ImportBatch:
     """Frames of one target that came together.
 
     Parameters
@@ -169,13 +171,13 @@ class Batch:
 
     source: Path
     kind: str
-    presses: tuple[Incoming, ...]
+    presses: tuple[IncomingPress, ...]
     number: int | None = None
     name: str = ""
     truth: Mapping[str, float] = field(default_factory=dict)
     simulated: bool = False
-    estimate: Wanted | None = None
-    dossier: Dossier | None = None
+    estimate: RequestedEstimate | None = None
+    dossier: TargetRecord | None = None
     notes: tuple[str, ...] = ()
 
 
@@ -195,7 +197,7 @@ def read_frame(path: Path, *, full_scale: float | None = None) -> TactileImage:
     except InputError as error:
         colour = image.settings.get("kind") == "colour"
         raise FileInputError(
-            f"{shown(path)} must hold the grey levels that the camera gave; "
+            f"{printable_path(path)} must hold the grey levels that the camera gave; "
             + (
                 "got colours, of which a store keeps none (save it as a grey PNG file and use that everywhere)"
                 if colour
@@ -206,7 +208,7 @@ def read_frame(path: Path, *, full_scale: float | None = None) -> TactileImage:
 
 
 def looked_through(path: Path, *, full_scale: float | None = None) -> dict[str, Any]:
-    """What `Incoming` says of the file itself, after it was read and found whole; errors as `read_frame`."""
+    """What `IncomingPress` says of the file itself, after it was read and found whole; errors as `read_frame`."""
     image = read_frame(path, full_scale=full_scale)
     return {
         "path": path,
@@ -226,9 +228,9 @@ def own_file(folder: Path, name: str) -> Path:
     """
     path = folder / name
     if not _plain(name) or name in ("", ".", ".."):
-        raise FileInputError(f"{shown(folder)} must name files of its own; it names {name!r:.80}")
+        raise FileInputError(f"{printable_path(folder)} must name files of its own; it names {name!r:.80}")
     if path.is_symlink():
-        raise FileInputError(f"{shown(path)} must be a file of its own; it is a link that leads elsewhere")
+        raise FileInputError(f"{printable_path(path)} must be a file of its own; it is a link that leads elsewhere")
     return path
 
 
@@ -241,4 +243,4 @@ def written(path: Path) -> datetime:
     try:
         return datetime.fromtimestamp(path.stat().st_mtime, UTC)
     except (OSError, ValueError, OverflowError) as error:
-        raise FileInputError(f"{shown(path)} must tell when it was written; got: {error}") from error
+        raise FileInputError(f"{printable_path(path)} must tell when it was written; got: {error}") from error

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 from tsis.instrument.file_bytes import printable_name
 from tsis.model.errors import InputError
-from tsis.records.importing.found import Batch, Given, Incoming, looked_through, written
+from tsis.records.importing.found import ImportBatch, ImportOptions, IncomingPress, looked_through, written
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
     from pathlib import Path
 
 
-def image_files(paths: Sequence[Path], given: Given, progress: Callable[[], None]) -> Batch:
+def image_files(paths: Sequence[Path], given: ImportOptions, progress: Callable[[], None]) -> ImportBatch:
     """Image files of presses on one target.
 
     Raises
@@ -32,7 +32,7 @@ def image_files(paths: Sequence[Path], given: Given, progress: Callable[[], None
     presses = []
     for path, force in zip(paths, forces, strict=True):
         presses.append(
-            Incoming(
+            IncomingPress(
                 **looked_through(path),
                 role=given.role,
                 taken=given.taken or written(path),
@@ -44,4 +44,4 @@ def image_files(paths: Sequence[Path], given: Given, progress: Callable[[], None
             )
         )
         progress()
-    return Batch(source=paths[0], kind="image files", presses=tuple(presses))
+    return ImportBatch(source=paths[0], kind="image files", presses=tuple(presses))

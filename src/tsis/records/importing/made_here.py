@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from tsis.calibration import ProbeCalibration
     from tsis.model import Estimate, TactileImage
     from tsis.records.store import Store
-    from tsis.records.values import Press, StoredEstimate, Target
+    from tsis.records.values import StoredEstimate, StoredPress, Target
 
 
 def new_target(
@@ -36,7 +36,7 @@ def enter_estimate(
     estimate: Estimate,
     *,
     kind: str,
-    presses: Sequence[Press],
+    presses: Sequence[StoredPress],
     probe: str,
     calibration: ProbeCalibration,
     options: Mapping[str, Any],
@@ -54,6 +54,6 @@ def enter_estimate(
     )
 
 
-def used(presses: Iterable[Press]) -> tuple[Press, ...]:
+def used(presses: Iterable[StoredPress]) -> tuple[StoredPress, ...]:
     """Those that an estimate takes."""
     return tuple(press for press in presses if press.role != "untouched")

@@ -5,18 +5,18 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from tsis.records.importing.entering import enter
-from tsis.records.importing.found import Given
+from tsis.records.importing.found import ImportOptions
 from tsis.records.importing.snapshots import snapshots
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.calibration.cited import CitedCalibration
+    from tsis.calibration.cited import UsableCalibration
     from tsis.records.store import Store
 
 
 def keep_snapshot(
-    store: Store, sidecar: Path, *, role: str, probe: str, calibration: CitedCalibration | None
+    store: Store, sidecar: Path, *, role: str, probe: str, calibration: UsableCalibration | None
 ) -> dict[str, Any]:
     """Store the snapshot of a sidecar; what a result says of it.
 
@@ -40,7 +40,7 @@ def keep_snapshot(
     """
     known = None if calibration is None else calibration.known
     named = probe if known is None or not known.probe else known.probe
-    found = snapshots([sidecar], Given(role=role, probe=named, calibration=known), lambda: None)
+    found = snapshots([sidecar], ImportOptions(role=role, probe=named, calibration=known), lambda: None)
     (entered,) = enter(store, found)
     (press,) = entered.presses
     return {

@@ -5,13 +5,13 @@ from __future__ import annotations
 from itertools import chain
 from typing import TYPE_CHECKING
 
-from tsis.instrument import shown
-from tsis.instrument.recording.record import INDEX, SUMMARY
+from tsis.instrument import printable_path
+from tsis.instrument.recording.record import RECORDING_INDEX, RECORDING_SUMMARY
 from tsis.model import check
 from tsis.model.errors import FileInputError
 from tsis.records.export.bundle import read_bundle
 from tsis.records.export.bundle.contents import DOCUMENTS
-from tsis.records.importing.found import MOST_FRAMES, Batch, Given
+from tsis.records.importing.found import MOST_FRAMES, ImportBatch, ImportOptions
 from tsis.records.importing.images import image_files
 from tsis.records.importing.recording import recording
 from tsis.records.importing.result_folder import RESULT, result_folder
@@ -23,7 +23,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 
-def batches(paths: Sequence[Path], given: Given, *, progress: Callable[[int], None] | None = None) -> tuple[Batch, ...]:
+def find_import_batches(
+    paths: Sequence[Path], given: ImportOptions, *, progress: Callable[[int], None] | None = None
+) -> tuple[ImportBatch, ...]:
     """Look through all that paths name.
 
     Parameters
@@ -52,7 +54,7 @@ def batches(paths: Sequence[Path], given: Given, *, progress: Callable[[int], No
         if progress is not None:
             progress(done)
 
-    check.known("role of a press", given.role, ROLES)
+    check.require_one_of("role of a press", given.role, ROLES)
     paths = list({path.absolute(): path for path in paths}.values())
     folders = [path for path in paths if _is_folder(path)]
     files = [path for path in paths if path not in folders]
@@ -73,25 +75,25 @@ def _is_folder(path: Path) -> bool:
     try:
         return path.is_dir()
     except OSError as error:
-        raise FileInputError(f"{shown(path)} must name a file or folder; got: {error.strerror}") from error
+        raise FileInputError(f"{printable_path(path)} must name a file or folder; got: {error.strerror}") from error
 
 
-def _folder(folder: Path, given: Given, count: Callable[[], None]) -> tuple[Batch, ...]:
+def _folder(folder: Path, given: ImportOptions, count: Callable[[], None]) -> tuple[ImportBatch, ...]:
     if all((folder / name).exists() for name in DOCUMENTS):
         return _bundle(folder)
     if (folder / RESULT).exists():
         return (result_folder(folder, count),)
-    if (folder / INDEX).exists() or (folder / SUMMARY).exists():
+    if (folder / RECORDING_INDEX).exists() or (folder / RECORDING_SUMMARY).exists():
         return (recording(folder, given, count),)
     found = snapshot_folder(folder, given, count)
     if not found:
         raise FileInputError(
-            f"{shown(folder)} must be a folder that tsis wrote (demo, acquire, records export --format bundle); it "
+            f"{printable_path(folder)} must be a folder that tsis wrote (demo, acquire, records export --format bundle); it "
             "holds nothing of these (name image files one by one, with --role and what is known of them)"
         )
     return found
 
 
-def _bundle(path: Path) -> tuple[Batch, ...]:
+def _bundle(path: Path) -> tuple[ImportBatch, ...]:
     dossier = read_bundle(path)
-    return (Batch(source=path, kind="bundle", presses=(), dossier=dossier),)
+    return (ImportBatch(source=path, kind="bundle", presses=(), dossier=dossier),)

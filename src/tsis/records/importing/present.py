@@ -13,9 +13,9 @@ from tsis.records.contents import MOST_AT_ONCE, press_query
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from tsis.records.importing.found import Incoming
+    from tsis.records.importing.found import IncomingPress
     from tsis.records.store import Store
-    from tsis.records.values import Press, Target
+    from tsis.records.values import StoredPress, Target
 
 
 def numbered(store: Store, number: int) -> Target | None:
@@ -23,7 +23,7 @@ def numbered(store: Store, number: int) -> Target | None:
     return _target(store, tables.targets.c.number == number)
 
 
-def stored_frames(store: Store, frames: Sequence[Incoming]) -> tuple[Press, ...]:
+def stored_frames(store: Store, frames: Sequence[IncomingPress]) -> tuple[StoredPress, ...]:
     """Presses of any target that may be one of these: by their frame, or by the file that it came from.
 
     Another release of the library that packs frames gives the same levels another name; the file's own hash, where a
@@ -36,18 +36,18 @@ def stored_frames(store: Store, frames: Sequence[Incoming]) -> tuple[Press, ...]
     return (*found, *(press for press in further if press.settings.get("sha256") in missing))
 
 
-def matched(frames: Sequence[Incoming], presses: Iterable[Press]) -> list[Press | None]:
+def matched(frames: Sequence[IncomingPress], presses: Iterable[StoredPress]) -> list[StoredPress | None]:
     """The press of each frame, no press for two of them; None where there is none.
 
     It is one of the same levels or the same file that has the same name, else was taken at the same time.
     """
-    where: dict[tuple[object, object], deque[Press]] = {}
+    where: dict[tuple[object, object], deque[StoredPress]] = {}
     for press in presses:
         for content in {press.frame, press.settings.get("sha256")} - {None}:
             for label in (press.name, press.taken):
                 where.setdefault((content, label), deque()).append(press)
     used: set[str] = set()
-    found: list[Press | None] = []
+    found: list[StoredPress | None] = []
     for each in frames:
         places = [(content, label) for label in (each.name, each.taken) for content in (each.frame, each.sha256)]
         same = next((one for place in places if (one := _unused(where.get(place), used)) is not None), None)
@@ -57,7 +57,7 @@ def matched(frames: Sequence[Incoming], presses: Iterable[Press]) -> list[Press 
     return found
 
 
-def holding(store: Store, frames: Sequence[Incoming], presses: Sequence[Press]) -> Target | None:
+def holding(store: Store, frames: Sequence[IncomingPress], presses: Sequence[StoredPress]) -> Target | None:
     """The target that these frames belong to; None where they make a new one.
 
     It is the one that holds all presses on the target among them. Frames of the untouched probe or of plain tissue may
@@ -85,14 +85,14 @@ def holding(store: Store, frames: Sequence[Incoming], presses: Sequence[Press]) 
     return max(found, key=lambda each: (each[0], -each[1].number))[1] if found else None
 
 
-def _unused(candidates: deque[Press] | None, used: set[str]) -> Press | None:
+def _unused(candidates: deque[StoredPress] | None, used: set[str]) -> StoredPress | None:
     while candidates and candidates[0].id in used:
         candidates.popleft()
     return candidates[0] if candidates else None
 
 
-def _named(store: Store, names: Sequence[str]) -> list[Press]:
-    found: list[Press] = []
+def _named(store: Store, names: Sequence[str]) -> list[StoredPress]:
+    found: list[StoredPress] = []
     with store.database.reading() as connection:
         for at in range(0, len(names), MOST_AT_ONCE):
             some = tables.presses.c.name.in_(names[at : at + MOST_AT_ONCE])

@@ -6,13 +6,27 @@ import csv
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
-from tsis.instrument import shown
+from tsis.instrument import printable_path
 from tsis.instrument.file_bytes import read_bytes, read_object
 from tsis.instrument.recording.frame_sink import VIDEO_NAME
-from tsis.instrument.recording.record import COLUMNS, FORMAT, INDEX, SUMMARY, VERSION
+from tsis.instrument.recording.record import (
+    RECORDING_COLUMNS,
+    RECORDING_FORMAT,
+    RECORDING_INDEX,
+    RECORDING_SUMMARY,
+    RECORDING_VERSION,
+)
 from tsis.model.errors import FileInputError
 from tsis.records.importing.cited import cited_calibration
-from tsis.records.importing.found import MOST_FRAMES, Batch, Given, Incoming, looked_through, own_file, written
+from tsis.records.importing.found import (
+    MOST_FRAMES,
+    ImportBatch,
+    ImportOptions,
+    IncomingPress,
+    looked_through,
+    own_file,
+    written,
+)
 from tsis.records.plain_fields import moment, number
 from tsis.records.values import require_moment
 
@@ -26,7 +40,7 @@ FORCE = "force_n"
 CUT_SHORT = "the recording was cut short before its report was written; its frames are all that its index tells of"
 
 
-def recording(folder: Path, given: Given, progress: Callable[[], None]) -> Batch:
+def recording(folder: Path, given: ImportOptions, progress: Callable[[], None]) -> ImportBatch:
     """The frames of a recording, with the force of the gauge where it has one.
 
     A recording tells when it began, and how much later each frame came. One that was cut short, or made by a release
@@ -38,13 +52,13 @@ def recording(folder: Path, given: Given, progress: Callable[[], None]) -> Batch
         When it is no such folder, is a video, or its index does not tell of the frames in it.
     """
     summary = _summary(folder)
-    rows = _rows(own_file(folder, INDEX))
+    rows = _rows(own_file(folder, RECORDING_INDEX))
     kept = None if summary is None else summary["report"]["kept"]
     if kept is not None and kept != len(rows):
         raise FileInputError(
-            f"{shown(folder / INDEX)} must tell of the {kept!r:.20} frames of the report; it tells of {len(rows)}"
+            f"{printable_path(folder / RECORDING_INDEX)} must tell of the {kept!r:.20} frames of the report; it tells of {len(rows)}"
         )
-    known, notes = cited_calibration(folder / SUMMARY, (summary or {}).get("calibration"), given)
+    known, notes = cited_calibration(folder / RECORDING_SUMMARY, (summary or {}).get("calibration"), given)
     scale = given.mm_per_pixel if known is None or known.scale is None else known.scale.mm_per_pixel
     camera = str((summary or {}).get("camera", ""))[:200]
     moment_then, then_s = _clock(folder, summary, last_s=float(rows[-1]["arrived_s"]))
@@ -52,7 +66,7 @@ def recording(folder: Path, given: Given, progress: Callable[[], None]) -> Batch
     for row in rows:
         path = own_file(folder, row["kept_in"])
         presses.append(
-            Incoming(
+            IncomingPress(
                 **looked_through(path, full_scale=_full_scale(summary)),
                 role=given.role,
                 taken=_moment(moment_then, float(row["arrived_s"]) - then_s),
@@ -66,21 +80,21 @@ def recording(folder: Path, given: Given, progress: Callable[[], None]) -> Batch
         )
         progress()
     notes = notes if summary is not None else (*notes, CUT_SHORT)
-    return Batch(source=folder, kind="recording", presses=tuple(presses), notes=notes)
+    return ImportBatch(source=folder, kind="recording", presses=tuple(presses), notes=notes)
 
 
 def _summary(folder: Path) -> dict[str, Any] | None:
-    source = own_file(folder, SUMMARY)
+    source = own_file(folder, RECORDING_SUMMARY)
     if not source.exists():
         return None
     document = read_object(source)
-    if document.get("format") != FORMAT or document.get("version") != VERSION:
+    if document.get("format") != RECORDING_FORMAT or document.get("version") != RECORDING_VERSION:
         raise FileInputError(
-            f"{shown(source)} must be of {FORMAT} {VERSION}; got {document.get('format')!r:.60} "
+            f"{printable_path(source)} must be of {RECORDING_FORMAT} {RECORDING_VERSION}; got {document.get('format')!r:.60} "
             f"{document.get('version')!r:.20}"
         )
     if not isinstance(document.get("report"), dict) or "kept" not in document["report"]:
-        raise FileInputError(f"{shown(source)} must hold a report with the number of frames; it does not")
+        raise FileInputError(f"{printable_path(source)} must hold a report with the number of frames; it does not")
     return document
 
 
@@ -88,26 +102,32 @@ def _rows(path: Path) -> list[dict[str, str]]:
     try:
         lines = read_bytes(path, most=LARGEST_INDEX_BYTES).decode().splitlines()
         if len(lines) > MOST_FRAMES + 1:
-            raise FileInputError(f"{shown(path)} must tell of at most {MOST_FRAMES} frames; it has {len(lines)} lines")
+            raise FileInputError(
+                f"{printable_path(path)} must tell of at most {MOST_FRAMES} frames; it has {len(lines)} lines"
+            )
         reader = csv.DictReader(lines, strict=True)
         rows = list(reader)
     except (UnicodeDecodeError, csv.Error) as error:
-        raise FileInputError(f"{shown(path)} must be a table of comma-separated values; got: {error}") from error
-    if not rows or not set(COLUMNS) <= set(reader.fieldnames or ()):
-        raise FileInputError(f"{shown(path)} must have the columns {', '.join(COLUMNS)} and a frame; it has not")
+        raise FileInputError(
+            f"{printable_path(path)} must be a table of comma-separated values; got: {error}"
+        ) from error
+    if not rows or not set(RECORDING_COLUMNS) <= set(reader.fieldnames or ()):
+        raise FileInputError(
+            f"{printable_path(path)} must have the columns {', '.join(RECORDING_COLUMNS)} and a frame; it has not"
+        )
     for at, row in enumerate(rows, start=2):
         _require_sound(path, at, row)
     if len({row["kept_in"] for row in rows}) < len(rows):
-        raise FileInputError(f"{shown(path)} must name every frame once; it names one twice")
+        raise FileInputError(f"{printable_path(path)} must name every frame once; it names one twice")
     return rows
 
 
 def _require_sound(path: Path, at: int, row: dict[str, Any]) -> None:
     if None in row or None in row.values():
-        raise FileInputError(f"{shown(path)} must have one value a column; line {at} has more or fewer")
+        raise FileInputError(f"{printable_path(path)} must have one value a column; line {at} has more or fewer")
     if row["kept_in"].startswith(f"{VIDEO_NAME}#"):
         raise FileInputError(
-            f"{shown(path.parent)} must be a recording of single frames; it is a video, of which a store keeps none "
+            f"{printable_path(path.parent)} must be a recording of single frames; it is a video, of which a store keeps none "
             "(record without --video, or save the frames that you want as PNG files)"
         )
     for name in ("arrived_s", FORCE):
@@ -116,7 +136,7 @@ def _require_sound(path: Path, at: int, row: dict[str, Any]) -> None:
                 number({name: float(row[name])}, name, f"line {at}")
             except ValueError as error:
                 raise FileInputError(
-                    f"{shown(path)} must hold a finite {name}; line {at} has {row[name]!r:.40}"
+                    f"{printable_path(path)} must hold a finite {name}; line {at} has {row[name]!r:.40}"
                 ) from error
 
 
@@ -130,13 +150,15 @@ def _full_scale(summary: dict[str, Any] | None) -> float | None:
 def _clock(folder: Path, summary: dict[str, Any] | None, *, last_s: float) -> tuple[datetime, float]:
     """One time of day and what the clock of ``arrived_s`` showed then."""
     if summary is None or "begun" not in summary:
-        return written(folder / INDEX), last_s
+        return written(folder / RECORDING_INDEX), last_s
     try:
-        begun = moment(summary, "begun", SUMMARY)
+        begun = moment(summary, "begun", RECORDING_SUMMARY)
         require_moment("begun", begun)
-        return begun, number(summary, "begun_s", SUMMARY)
+        return begun, number(summary, "begun_s", RECORDING_SUMMARY)
     except (ValueError, KeyError) as error:
-        raise FileInputError(f"{shown(folder / SUMMARY)} must tell when it began; {error}") from error
+        raise FileInputError(
+            f"{printable_path(folder / RECORDING_SUMMARY)} must tell when it began; {error}"
+        ) from error
 
 
 def _moment(then: datetime, after_s: float) -> datetime:

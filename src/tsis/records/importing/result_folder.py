@@ -5,13 +5,21 @@ from __future__ import annotations
 from datetime import timedelta
 from typing import TYPE_CHECKING, Any
 
-from tsis.calibration.file import FILE_NAME, read_calibration
-from tsis.instrument import shown
+from tsis.calibration.file import CALIBRATION_FILE, read_calibration
+from tsis.instrument import printable_path
 from tsis.instrument.file_bytes import read_object
 from tsis.model import load_probe
 from tsis.model.errors import FileInputError, InputError
 from tsis.model.image_series import grey_sha256
-from tsis.records.importing.found import Batch, Incoming, Wanted, looked_through, own_file, read_frame, written
+from tsis.records.importing.found import (
+    ImportBatch,
+    IncomingPress,
+    RequestedEstimate,
+    looked_through,
+    own_file,
+    read_frame,
+    written,
+)
 from tsis.records.plain_fields import absent, number, pair, text
 
 if TYPE_CHECKING:
@@ -25,7 +33,7 @@ MOST_PRESSES = 1000
 TRUTH = ("diameter_mm", "depth_mm", "young_kpa")
 
 
-def result_folder(folder: Path, progress: Callable[[], None]) -> Batch:
+def result_folder(folder: Path, progress: Callable[[], None]) -> ImportBatch:
     """The presses of a folder that ``tsis demo`` wrote, each found to be the one that was estimated.
 
     Raises
@@ -43,25 +51,25 @@ def result_folder(folder: Path, progress: Callable[[], None]) -> Batch:
         raise
     except (ValueError, KeyError, TypeError, AttributeError) as error:  # InputError is a ValueError
         said = f"it holds no {error}" if isinstance(error, KeyError) else str(error)
-        raise FileInputError(f"{shown(source)} must be as tsis demo wrote it; {said}") from error
+        raise FileInputError(f"{printable_path(source)} must be as tsis demo wrote it; {said}") from error
 
 
-def _batch(folder: Path, document: dict[str, Any], progress: Callable[[], None]) -> Batch:
+def _batch(folder: Path, document: dict[str, Any], progress: Callable[[], None]) -> ImportBatch:
     command = document.get("command")
     if command != "demo":
         raise FileInputError(
-            f"{shown(folder / RESULT)} must be of tsis demo, whose folder holds its frames; got one of {command!r:.40} "
+            f"{printable_path(folder / RESULT)} must be of tsis demo, whose folder holds its frames; got one of {command!r:.40} "
             "(name the frames, or repeat the command with --keep)"
         )
     told = document["estimate"]["provenance"]
-    known = read_calibration(own_file(folder, FILE_NAME))
+    known = read_calibration(own_file(folder, CALIBRATION_FILE))
     probe, phantom = text(told["probe"], "name", "probe"), document["simulated"]["phantom"]
     presses = list(_presses(folder, told, known, probe, progress))
     inclusion = phantom.get("inclusion")
     truth = {} if inclusion is None else {name: number(inclusion, name, "inclusion") for name in TRUTH}
-    wanted = Wanted(kind="inclusion", probe=probe, calibration=known, options={"prior": dict(told["prior"])})
+    wanted = RequestedEstimate(kind="inclusion", probe=probe, calibration=known, options={"prior": dict(told["prior"])})
     _require_estimable(wanted)
-    return Batch(
+    return ImportBatch(
         source=folder,
         kind="virtual presses",
         presses=tuple(presses),
@@ -72,7 +80,7 @@ def _batch(folder: Path, document: dict[str, Any], progress: Callable[[], None])
     )
 
 
-def _require_estimable(wanted: Wanted) -> None:
+def _require_estimable(wanted: RequestedEstimate) -> None:
     """Refuse what no estimate would take, before anything is stored."""
     from tsis.records.estimation import require_options  # heavy, and of no use to other imports
 
@@ -83,7 +91,7 @@ def _require_estimable(wanted: Wanted) -> None:
 
 def _presses(
     folder: Path, told: dict[str, Any], known: ProbeCalibration, probe: str, progress: Callable[[], None]
-) -> Iterator[Incoming]:
+) -> Iterator[IncomingPress]:
     taken = written(folder / RESULT)
     entries = [("target", each) for each in told["images"]] + [("plain", each) for each in told["reference"]]
     if not told["images"] or len(entries) > MOST_PRESSES:
@@ -95,8 +103,10 @@ def _presses(
         path, scale = own_file(folder, text(entry, "name", role)), absent(pair, entry, "mm_per_pixel", role)
         grey = read_frame(path).grey
         if grey_sha256(grey) != entry["sha256"]:
-            raise FileInputError(f"{shown(path)} must be the frame that was estimated; its grey levels are others")
-        yield Incoming(
+            raise FileInputError(
+                f"{printable_path(path)} must be the frame that was estimated; its grey levels are others"
+            )
+        yield IncomingPress(
             **looked_through(path),
             role=role,
             taken=taken + timedelta(microseconds=at),  # which nobody wrote down; so their order is kept
@@ -110,7 +120,7 @@ def _presses(
         progress()
     untouched = own_file(folder, UNTOUCHED)
     if untouched.exists():
-        yield Incoming(
+        yield IncomingPress(
             **looked_through(untouched),
             role="untouched",
             taken=taken + timedelta(microseconds=len(entries)),

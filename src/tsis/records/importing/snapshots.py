@@ -4,14 +4,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from tsis.instrument import shown
+from tsis.instrument import printable_path
 from tsis.instrument.file_bytes import printable_name, read_object
 from tsis.instrument.naming import LARGEST_TARGET
 from tsis.instrument.snapshot import SIDECAR_FORMAT, SIDECAR_VERSION
 from tsis.model import check
 from tsis.model.errors import FileInputError, InputError
 from tsis.records.importing.cited import cited_calibration
-from tsis.records.importing.found import MOST_FRAMES, Batch, Given, Incoming, looked_through, own_file
+from tsis.records.importing.found import (
+    MOST_FRAMES,
+    ImportBatch,
+    ImportOptions,
+    IncomingPress,
+    looked_through,
+    own_file,
+)
 from tsis.records.plain_fields import moment, number, text
 from tsis.records.values import ROLES
 
@@ -33,26 +40,32 @@ def sidecar_of(path: Path) -> Path | None:
         return None
 
 
-def snapshot_folder(folder: Path, given: Given, progress: Callable[[], None]) -> tuple[Batch, ...]:
+def snapshot_folder(folder: Path, given: ImportOptions, progress: Callable[[], None]) -> tuple[ImportBatch, ...]:
     """Snapshots in a folder, and in the folders of targets in it; none where there is no sidecar."""
     try:
         inside = sorted(each for each in folder.iterdir() if each.is_dir() and not each.is_symlink())
         sidecars = [path for place in (folder, *inside) for path in sorted(place.glob("*.json"))]
     except OSError as error:
-        raise FileInputError(f"{shown(folder)} must be a folder that can be read; got: {error.strerror}") from error
+        raise FileInputError(
+            f"{printable_path(folder)} must be a folder that can be read; got: {error.strerror}"
+        ) from error
     if len(sidecars) > MOST_FRAMES:
-        raise FileInputError(f"{shown(folder)} must hold at most {MOST_FRAMES} snapshots; it holds {len(sidecars)}")
+        raise FileInputError(
+            f"{printable_path(folder)} must hold at most {MOST_FRAMES} snapshots; it holds {len(sidecars)}"
+        )
     unfinished = [path for path in sidecars if not path.is_symlink() and path.stat().st_size == 0]
     found = snapshots([path for path in sidecars if path not in unfinished], given, progress, alone=False)
     if not found or not unfinished:
         return found
-    note = f"{len(unfinished)} snapshots in {shown(folder)} were cut short while they were saved and are left out"
+    note = (
+        f"{len(unfinished)} snapshots in {printable_path(folder)} were cut short while they were saved and are left out"
+    )
     return (*found[:-1], _noted(found[-1], note))
 
 
 def snapshots(
-    sidecars: Iterable[Path], given: Given, progress: Callable[[], None], *, alone: bool = True
-) -> tuple[Batch, ...]:
+    sidecars: Iterable[Path], given: ImportOptions, progress: Callable[[], None], *, alone: bool = True
+) -> tuple[ImportBatch, ...]:
     """A batch for each target that these sidecars name.
 
     Parameters
@@ -71,7 +84,7 @@ def snapshots(
     FileInputError
         When a sidecar is damaged, or its frame is not the one that it tells of.
     """
-    targets: dict[int, list[Incoming]] = {}
+    targets: dict[int, list[IncomingPress]] = {}
     notes: dict[int, dict[str, None]] = {}
     first: dict[int, Path] = {}
     for sidecar in sidecars:
@@ -80,7 +93,7 @@ def snapshots(
             if not alone:
                 continue
             raise FileInputError(
-                f"{shown(sidecar)} must be the sidecar of a snapshot ({SIDECAR_FORMAT}); got "
+                f"{printable_path(sidecar)} must be the sidecar of a snapshot ({SIDECAR_FORMAT}); got "
                 f"{document.get('format')!r:.60}"
             )
         try:
@@ -89,21 +102,25 @@ def snapshots(
             raise
         except (ValueError, KeyError, TypeError, AttributeError) as error:  # InputError is a ValueError
             what = f"it holds no {error}" if isinstance(error, KeyError) else str(error)
-            raise FileInputError(f"{shown(sidecar)} must be as tsis acquire wrote it; {what}") from error
+            raise FileInputError(f"{printable_path(sidecar)} must be as tsis acquire wrote it; {what}") from error
         targets.setdefault(target, []).append(press)
         notes.setdefault(target, {}).update(dict.fromkeys(said))
         first.setdefault(target, sidecar.parent)
         progress()
     return tuple(
-        Batch(source=first[target], kind="snapshots", presses=tuple(each), number=target, notes=tuple(notes[target]))
+        ImportBatch(
+            source=first[target], kind="snapshots", presses=tuple(each), number=target, notes=tuple(notes[target])
+        )
         for target, each in targets.items()
     )
 
 
-def _snapshot(sidecar: Path, document: dict[str, Any], given: Given) -> tuple[int, Incoming, tuple[str, ...]]:
+def _snapshot(
+    sidecar: Path, document: dict[str, Any], given: ImportOptions
+) -> tuple[int, IncomingPress, tuple[str, ...]]:
     if document["version"] != SIDECAR_VERSION:
         raise InputError(f"version must be {SIDECAR_VERSION}; got {document['version']!r:.20}")
-    target = check.whole("target", document["target"], 1, LARGEST_TARGET)
+    target = check.require_integer("target", document["target"], 1, LARGEST_TARGET)
     hashes: dict[str, Any] = document["sha256"]
     ending = next((each for each in RAW if each in hashes), None)
     if ending is None:
@@ -111,15 +128,15 @@ def _snapshot(sidecar: Path, document: dict[str, Any], given: Given) -> tuple[in
     raw = own_file(sidecar.parent, f"{sidecar.stem}{ending}")
     read = looked_through(raw, full_scale=number(document, "full_scale", "snapshot"))
     if read["sha256"] != hashes[ending]:
-        raise FileInputError(f"{shown(raw)} must be as it was saved; its content does not match its sidecar")
+        raise FileInputError(f"{printable_path(raw)} must be as it was saved; its content does not match its sidecar")
     known, notes = cited_calibration(sidecar, document.get("calibration"), given)
     scale = given.mm_per_pixel if known is None or known.scale is None else known.scale.mm_per_pixel
     settings: dict[str, Any] = {
         name: document[name] for name in ("camera", "sequence", "time_s", "calibration") if name in document
     }
-    press = Incoming(
+    press = IncomingPress(
         **read,
-        role=given.role if document.get("role") is None else check.known("role", document["role"], ROLES),
+        role=given.role if document.get("role") is None else check.require_one_of("role", document["role"], ROLES),
         taken=moment(document, "taken", "snapshot"),
         name=printable_name(raw),
         force_n=_force_n(document.get("force")),
@@ -147,8 +164,8 @@ def _flags(flags: Iterable[Any]) -> Iterator[str]:
         yield text(flag, "name", "flag")
 
 
-def _noted(batch: Batch, note: str) -> Batch:
-    return Batch(
+def _noted(batch: ImportBatch, note: str) -> ImportBatch:
+    return ImportBatch(
         source=batch.source,
         kind=batch.kind,
         presses=batch.presses,

@@ -12,7 +12,7 @@ from tests.console.bench.places import ANN, BOB, Held
 from tests.console.bench.places import gauge as gauge_at
 from tests.waiting import HANGS_S, until
 
-from tsis.calibration.session import SessionTerms
+from tsis.calibration.session import SessionSetup
 from tsis.console.bench.calibrating import session as under_test
 from tsis.console.bench.calibrating.sessions import IDLE
 from tsis.model.errors import CalibrationError, CameraError, ControlError, FileInputError, InputError
@@ -32,7 +32,7 @@ LOADING = "tip-2mm-1"
 @pytest.fixture
 def session(bench: Bench) -> CalibrationSession:
     bench.start(by=ANN)
-    terms = SessionTerms(name="s", probe="mine", camera="it tells itself", tips_mm=(2.0,), repeats=2)
+    terms = SessionSetup(name="s", probe="mine", camera="it tells itself", tips_mm=(2.0,), repeats=2)
     return bench.calibrating.begin(terms, by=ANN)
 
 
@@ -230,7 +230,7 @@ def test_a_calibration_that_cannot_be_set_aside_keeps_no_frames_that_it_was_not_
     def refused(folder: SessionFolder) -> None:
         raise FileInputError(f"{folder.path} must be a folder that can be written; got: Permission denied")
 
-    monkeypatch.setattr(under_test, "set_aside", refused)
+    monkeypatch.setattr(under_test, "archive_calibration", refused)
     job = session.take("dark", by=ANN)
     assert job.wait(HANGS_S)
     assert "step 'dark' is not kept, those before it are: " in job.state().sentence
@@ -247,7 +247,7 @@ def test_sessions_that_nobody_looks_at_are_let_go_and_those_with_presses_are_not
     session: CalibrationSession, bench: Bench
 ) -> None:
     session.press(LOADING, 0.5, by=ANN)
-    terms = SessionTerms(name="t", probe="mine", camera="it tells itself")
+    terms = SessionSetup(name="t", probe="mine", camera="it tells itself")
     idle = weakref.ref(bench.calibrating.begin(terms, by=ANN))
     for number in range(IDLE):
         assert idle() is not None
@@ -260,5 +260,5 @@ def test_sessions_that_nobody_looks_at_are_let_go_and_those_with_presses_are_not
 
 def test_a_session_needs_its_camera_to_begin(bench: Bench) -> None:
     with pytest.raises(CameraError, match="must run when a session begins"):
-        bench.calibrating.begin(SessionTerms(name="s", probe="mine", camera="c"), by=ANN)
+        bench.calibrating.begin(SessionSetup(name="s", probe="mine", camera="c"), by=ANN)
     assert bench.calibrating.listed() == ()

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tsis.calibration.session import Shot
+from tsis.calibration.session import CalibrationFrame
 from tsis.console.bench.calibrating.typed import MOST_TYPED, TypedLoadings
 from tsis.model import TactileImage
 from tsis.model.errors import CalibrationError, InputError
 
 
-def shot(force_n: float) -> Shot:
-    return Shot(image=TactileImage(grey=np.full((4, 8), 7.0)), force_n=force_n)
+def shot(force_n: float) -> CalibrationFrame:
+    return CalibrationFrame(image=TactileImage(grey=np.full((4, 8), 7.0)), force_n=force_n)
 
 
 def test_a_loading_has_so_many_presses_and_no_more() -> None:

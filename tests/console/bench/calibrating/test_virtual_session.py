@@ -9,9 +9,9 @@ import pytest
 from tests.console.bench.places import ANN, BOB, lit_bench, virtual_bench
 from tests.waiting import HANGS_S
 
-from tsis.calibration.cited import CitedCalibration
-from tsis.calibration.file import ProbeCalibration, identity
-from tsis.calibration.session import SessionFolder, SessionTerms
+from tsis.calibration.cited import UsableCalibration
+from tsis.calibration.file import ProbeCalibration, calibration_sha256
+from tsis.calibration.session import SessionFolder, SessionSetup
 from tsis.console.bench.calibrating.sessions import folder_name
 from tsis.model import Calibration, load_probe
 from tsis.model.errors import CalibrationError, ControlError, InputError
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from tsis.console.bench import Bench
     from tsis.console.bench.calibrating import CalibrationSession
 
-TERMS = SessionTerms(name="May, left", probe="tsis-direct", camera=bench_name(3), tips_mm=(2.0, 14.0))
+TERMS = SessionSetup(name="May, left", probe="tsis-direct", camera=bench_name(3), tips_mm=(2.0, 14.0))
 
 
 def files(folder: Path) -> dict[str, bytes]:
@@ -42,7 +42,7 @@ def test_the_same_frames_as_the_guide_of_the_terminal(bench: Bench, tmp_path: Pa
     virtual = VirtualBench(load_probe("tsis-direct"), rng=np.random.default_rng(3))
     guided = SessionFolder(tmp_path / "guided")
     guided.begin(
-        SessionTerms(
+        SessionSetup(
             name="May, left",
             probe="tsis-direct",
             camera="virtual bench, seed 3",
@@ -166,5 +166,5 @@ def test_a_calibration_of_the_virtual_bench_is_an_exercise(tmp_path: Path) -> No
     )
     with virtual_bench(tmp_path) as bench:
         with pytest.raises(CalibrationError, match="'exercise' is of the virtual bench, seed 3, an exercise"):
-            bench.use_calibration(CitedCalibration(known=known, identity=identity(known)), by=ANN)
+            bench.use_calibration(UsableCalibration(known=known, identity=calibration_sha256(known)), by=ANN)
         assert bench.state().calibration == ""

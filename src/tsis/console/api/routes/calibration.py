@@ -11,8 +11,8 @@ from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect
 
 from tsis.calibration import ProbeCalibration
-from tsis.calibration.cited import CitedCalibration
-from tsis.calibration.file import calibration_bytes, identity, parse_calibration
+from tsis.calibration.cited import UsableCalibration
+from tsis.calibration.file import calibration_bytes, calibration_sha256, parse_calibration
 from tsis.console.api.asking import Acting, TheBench
 from tsis.console.api.documented import CALIBRATION_BODY, CALIBRATION_FILE, OF_ACTS, OF_BODIES, OF_RECORDS
 from tsis.console.api.errors import AbsentError
@@ -77,7 +77,7 @@ async def _uploaded(request: Request) -> bytes:
 def _use(bench: Bench, content: bytes, by: str) -> None:
     known = parse_calibration(content, "the calibration")
     known.require_usable(datetime.now(UTC))
-    bench.use_calibration(CitedCalibration(known=known, identity=identity(known)), by=by)
+    bench.use_calibration(UsableCalibration(known=known, identity=calibration_sha256(known)), by=by)
 
 
 def _answer(bench: Bench) -> CalibrationAnswer:

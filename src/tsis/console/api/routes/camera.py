@@ -56,7 +56,7 @@ def change_settings(bench: TheBench, given: SettingsGiven, by: Acting) -> Settin
     if not present:
         raise CameraError("the camera must run to be adjusted; it is stopped or away (start it)")
     for name, value in given.values.items():
-        present[check.known("setting", name, present)].checked(value)
+        present[check.require_one_of("setting", name, present)].checked(value)
     for name, value in given.values.items():
         bench.adjust(name, value, by=by)
     return _settings(bench)

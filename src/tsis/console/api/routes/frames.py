@@ -13,7 +13,7 @@ from tsis.console.live.packet import display_levels
 from tsis.instrument.png import QUICK, whole_levels
 
 if TYPE_CHECKING:
-    from tsis.instrument.acquisition import Arrival
+    from tsis.instrument.acquisition import ReceivedFrame
 
 router = APIRouter(tags=["frames"])
 Quality = Annotated[int, Query(ge=1, le=100, description="of JPEG")]
@@ -38,6 +38,6 @@ def get_frame_jpg(bench: TheBench, quality: Quality = 85) -> Response:
     return _sent(arrival, content, "image/jpeg")
 
 
-def _sent(arrival: Arrival, content: bytes, kind: str) -> Response:
+def _sent(arrival: ReceivedFrame, content: bytes, kind: str) -> Response:
     headers = {"TSIS-Frame": str(arrival.frame.sequence), "TSIS-Full-Scale": f"{arrival.frame.full_scale:g}"}
     return Response(content, media_type=kind, headers=headers)

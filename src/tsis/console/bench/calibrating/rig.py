@@ -15,7 +15,7 @@ from tsis.virtual.calibration_bench import VirtualBench
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from tsis.calibration.session import SessionTerms, Shot, Step
+    from tsis.calibration.session import CalibrationFrame, CalibrationStep, SessionSetup
     from tsis.console.bench.desk import CameraDesk
     from tsis.instrument.acquisition import Acquisition
     from tsis.instrument.gauge import ForceLog
@@ -38,13 +38,13 @@ class Rig(Protocol):
     def require(self) -> None:
         """Refuse frames that do not belong to the session: another camera, other settings, none at all."""
 
-    def frames(self, step: Step) -> int:
+    def frames(self, step: CalibrationStep) -> int:
         """How many frames a step will have; 0 where a person says when it is over."""
 
-    def shots(self, step: Step, over: Callable[[], bool]) -> Iterator[Shot]:
+    def shots(self, step: CalibrationStep, over: Callable[[], bool]) -> Iterator[CalibrationFrame]:
         """Yield a step's frames; a loading by the gauge until ``over`` says so."""
 
-    def one(self, force_n: float) -> Shot:
+    def one(self, force_n: float) -> CalibrationFrame:
         """The next frame, with a force that a person read."""
 
 
@@ -63,18 +63,18 @@ class VirtualRig:
 
     by_itself, has_gauge = True, True
 
-    def __init__(self, terms: SessionTerms, seed: int, *, before: int = 0) -> None:
+    def __init__(self, terms: SessionSetup, seed: int, *, before: int = 0) -> None:
         self._terms, self._seed, self._before = terms, seed, before
         self._bench: VirtualBench | None = None
 
     def require(self) -> None:
         """Nothing: it is the session's own."""
 
-    def frames(self, step: Step) -> int:
+    def frames(self, step: CalibrationStep) -> int:
         """As the step says, and of a loading all its forces."""
         return step.frames or len(loading_forces())
 
-    def shots(self, step: Step, over: Callable[[], bool]) -> Iterator[Shot]:
+    def shots(self, step: CalibrationStep, over: Callable[[], bool]) -> Iterator[CalibrationFrame]:
         """Yield a step's frames."""
         if self._bench is None:
             source = np.random.PCG64(self._seed)
@@ -83,7 +83,7 @@ class VirtualRig:
             source.advance(self._before * FAR)
         return self._bench.shots(step)
 
-    def one(self, force_n: float) -> Shot:
+    def one(self, force_n: float) -> CalibrationFrame:
         """Never: it loads by itself."""
         raise CalibrationError("the virtual bench loads by itself; no force is typed (take the step)")
 
@@ -103,7 +103,7 @@ class CameraRig:
 
     by_itself = False
 
-    def __init__(self, terms: SessionTerms, desk: CameraDesk, gauge: Callable[[], ForceLog | None]) -> None:
+    def __init__(self, terms: SessionSetup, desk: CameraDesk, gauge: Callable[[], ForceLog | None]) -> None:
         self._terms, self._desk, self._gauge = terms, desk, gauge
 
     @property
@@ -115,11 +115,11 @@ class CameraRig:
         """Refuse another camera, or other settings; errors as `acquisition_of`."""
         self._acquisition()
 
-    def frames(self, step: Step) -> int:
+    def frames(self, step: CalibrationStep) -> int:
         """As the step says."""
         return step.frames
 
-    def shots(self, step: Step, over: Callable[[], bool]) -> Iterator[Shot]:
+    def shots(self, step: CalibrationStep, over: Callable[[], bool]) -> Iterator[CalibrationFrame]:
         """Yield fresh frames, all of one uninterrupted stream at the session's settings."""
         acquisition = self._acquisition()
         before = len(acquisition.account().interruptions)
@@ -130,16 +130,16 @@ class CameraRig:
                 raise CameraError(f"{acquisition.name} was lost meanwhile (wait until it is back)")
         self._acquisition()  # the settings may have been changed elsewhere
 
-    def one(self, force_n: float) -> Shot:
+    def one(self, force_n: float) -> CalibrationFrame:
         """The next frame with a typed force, in [-100, 100] N."""
-        check.number("force", force_n, -LARGEST_TYPED_N, LARGEST_TYPED_N, hint="newtons")
+        check.require_number("force", force_n, -LARGEST_TYPED_N, LARGEST_TYPED_N, hint="newtons")
         return LiveBench(self._acquisition()).one(force_n)
 
     def _acquisition(self) -> Acquisition:
         return acquisition_of(self._desk, self._terms)
 
 
-def acquisition_of(desk: CameraDesk, terms: SessionTerms) -> Acquisition:
+def acquisition_of(desk: CameraDesk, terms: SessionSetup) -> Acquisition:
     """The running camera, if it is that of a session, at its settings.
 
     Raises

@@ -6,8 +6,8 @@ import threading
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tsis.calibration.file import identity
-from tsis.calibration.session import calibrate, keep_calibration, kept_calibration, set_aside
+from tsis.calibration.file import calibration_sha256
+from tsis.calibration.session import archive_calibration, calibrate, save_calibration, saved_calibration
 from tsis.console.bench.calibrating.step_state import DONE, LEFT_OUT, OPEN, UNDER_WAY, StepState
 from tsis.console.bench.calibrating.typed import TypedLoadings
 from tsis.console.bench.jobs import RUNNING, Ended
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tsis.calibration.file import ProbeCalibration
-    from tsis.calibration.session import SessionFindings, SessionFolder, SessionTerms, Shot, Step
+    from tsis.calibration.session import CalibrationFrame, CalibrationStep, SessionFolder, SessionResult, SessionSetup
     from tsis.console.bench.calibrating.rig import Rig
     from tsis.console.bench.control import Control
     from tsis.console.bench.jobs import Job, Jobs
@@ -30,7 +30,7 @@ class MadeCalibration:
     """A calibration that was made from a session's frames, with what stands behind it and its file."""
 
     known: ProbeCalibration
-    findings: SessionFindings
+    findings: SessionResult
     identity: str
     file: Path
 
@@ -57,7 +57,7 @@ class CalibrationSession:
 
     def __init__(self, folder: SessionFolder, *, rig: Rig, control: Control, jobs: Jobs) -> None:
         self.folder, self.rig = folder, rig
-        self.terms: SessionTerms = folder.terms()
+        self.terms: SessionSetup = folder.terms()
         self._control, self._jobs = control, jobs
         self._plan = folder.plan()
         self._lock = threading.RLock()
@@ -87,7 +87,7 @@ class CalibrationSession:
     @property
     def file(self) -> Path | None:
         """The calibration made from the frames as they are; None before."""
-        return kept_calibration(self.folder)
+        return saved_calibration(self.folder)
 
     def steps(self) -> tuple[StepState, ...]:
         """How far each step is, in order."""
@@ -174,19 +174,19 @@ class CalibrationSession:
         step = self._step(name)
         with self._lock:
             self._require(by)
-            set_aside(self.folder)
+            archive_calibration(self.folder)
             self.made = None
             self.folder.forget(step)
             self._left_out.discard(name)
 
     def make(self, *, days: float) -> Job:
         """Make the calibration in the background and keep its file; the job's result is the `MadeCalibration`."""
-        check.number("days", days, 1, 3650)
+        check.require_number("days", days, 1, 3650)
 
         def work(job: Job) -> MadeCalibration:
             known, findings = calibrate(self.folder, days=days, progress=job.advance)
-            file = keep_calibration(self.folder, known)
-            self.made = MadeCalibration(known=known, findings=findings, identity=identity(known), file=file)
+            file = save_calibration(self.folder, known)
+            self.made = MadeCalibration(known=known, findings=findings, identity=calibration_sha256(known), file=file)
             job.say(f"The calibration is in {file}")
             return self.made
 
@@ -195,7 +195,7 @@ class CalibrationSession:
             self.making = self._jobs.begin(f"calibration {self.name}", work)
             return self.making
 
-    def _begin(self, steps: Sequence[Step], by: str) -> Job:
+    def _begin(self, steps: Sequence[CalibrationStep], by: str) -> Job:
         with self._lock:
             self._require(by)
             self.rig.require()
@@ -209,7 +209,7 @@ class CalibrationSession:
             )
             return self.job
 
-    def _take(self, job: Job, steps: Sequence[Step]) -> int:
+    def _take(self, job: Job, steps: Sequence[CalibrationStep]) -> int:
         total = sum(self.rig.frames(step) for step in steps)
         kept = 0
         for step in steps:
@@ -222,7 +222,7 @@ class CalibrationSession:
         job.say(f"{kept} frames kept")
         return kept
 
-    def _told(self, job: Job, step: Step, before: int, total: int) -> Iterator[Shot]:
+    def _told(self, job: Job, step: CalibrationStep, before: int, total: int) -> Iterator[CalibrationFrame]:
         """The step's frames, each told; asked to end, the job leaves, and nothing of the step is kept."""
 
         def over() -> bool:
@@ -234,18 +234,18 @@ class CalibrationSession:
             job.advance(before + number, total)
             yield shot
 
-    def _keep(self, step: Step, shots: Iterable[Shot]) -> int:
+    def _keep(self, step: CalibrationStep, shots: Iterable[CalibrationFrame]) -> int:
         kept = self.folder.keep(step, self._then_set_aside(shots))
         self._typed.forget(step.name)
         return kept
 
-    def _then_set_aside(self, shots: Iterable[Shot]) -> Iterator[Shot]:
+    def _then_set_aside(self, shots: Iterable[CalibrationFrame]) -> Iterator[CalibrationFrame]:
         """A step's frames; before the step counts as done, the calibration made from fewer frames is set aside."""
         yield from shots
-        set_aside(self.folder)
+        archive_calibration(self.folder)
         self.made = None
 
-    def _state(self, step: Step, taking: str) -> StepState:
+    def _state(self, step: CalibrationStep, taking: str) -> StepState:
         frames = self.folder.count(step)
         if step.name == taking:
             status = UNDER_WAY
@@ -255,10 +255,12 @@ class CalibrationSession:
             status = LEFT_OUT if step.name in self._left_out else OPEN
         return StepState(step=step, status=status, frames=frames, forces_n=self._typed.forces_n(step.name))
 
-    def _step(self, name: str) -> Step:
-        return {step.name: step for step in self._plan}[check.known("step", name, [step.name for step in self._plan])]
+    def _step(self, name: str) -> CalibrationStep:
+        return {step.name: step for step in self._plan}[
+            check.require_one_of("step", name, [step.name for step in self._plan])
+        ]
 
-    def _open(self, name: str) -> Step:
+    def _open(self, name: str) -> CalibrationStep:
         step = self._step(name)
         if self.folder.done(step):
             raise CalibrationError(f"step {name!r} is done; its frames are kept (repeat it to take others)")

@@ -11,7 +11,7 @@ from weakref import WeakValueDictionary
 
 import numpy as np
 
-from tsis.calibration.session import SessionFolder, kept_calibration
+from tsis.calibration.session import SessionFolder, saved_calibration
 from tsis.console.bench.calibrating.rig import CameraRig, Rig, VirtualRig
 from tsis.console.bench.calibrating.session import CalibrationSession
 from tsis.model import load_probe
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from tsis.calibration.session import SessionTerms
+    from tsis.calibration.session import SessionSetup
     from tsis.console.bench.control import Control
     from tsis.console.bench.desk import CameraDesk
     from tsis.console.bench.jobs import Jobs
@@ -94,7 +94,7 @@ class CalibrationSessions:
         """Every session, in the order of names; one that is damaged says so."""
         return tuple(_summary(SessionFolder(path)) for path in self._folders())
 
-    def begin(self, terms: SessionTerms, *, by: str) -> CalibrationSession:
+    def begin(self, terms: SessionSetup, *, by: str) -> CalibrationSession:
         """Begin a session; its folder is called after it.
 
         Parameters
@@ -158,11 +158,11 @@ class CalibrationSessions:
             return CameraRig(terms, self._desk, self._gauge)
         return VirtualRig(terms, seed, before=sum(folder.done(step) for step in folder.plan()))
 
-    def _virtual(self, terms: SessionTerms) -> SessionTerms:
+    def _virtual(self, terms: SessionSetup) -> SessionSetup:
         bench = VirtualBench(load_probe(terms.probe), rng=np.random.default_rng(0))
         return replace(terms, patch_px=bench.patch_px)
 
-    def _seen(self, terms: SessionTerms) -> SessionTerms:
+    def _seen(self, terms: SessionSetup) -> SessionSetup:
         acquisition = self._desk.acquisition
         if acquisition is None or acquisition.lost:
             raise CameraError("the camera must run when a session begins, which remembers its settings (start it)")
@@ -195,5 +195,5 @@ def _summary(folder: SessionFolder) -> SessionSummary:
         camera=terms.camera,
         done=sum(folder.done(step) for step in plan),
         total=len(plan),
-        made=kept_calibration(folder) is not None,
+        made=saved_calibration(folder) is not None,
     )

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from tsis.calibration.session import Step
+    from tsis.calibration.session import CalibrationStep
 
 OPEN, UNDER_WAY, DONE, LEFT_OUT = "open", "under way", "done", "left out"
 
@@ -27,7 +27,7 @@ class StepState:
         Forces that were typed so far in a loading which is not done, newtons.
     """
 
-    step: Step
+    step: CalibrationStep
     status: str
     frames: int = 0
     forces_n: tuple[float, ...] = ()

@@ -8,7 +8,7 @@ from tsis.model import check
 from tsis.model.errors import CalibrationError
 
 if TYPE_CHECKING:
-    from tsis.calibration.session import Shot
+    from tsis.calibration.session import CalibrationFrame
 
 MOST_TYPED = 100  # presses of one loading
 MOST_TYPED_BYTES = 2**30  # of the frames of all loadings that were typed and not kept, which wait in memory
@@ -25,14 +25,14 @@ class TypedLoadings:
 
     def __init__(self, *, most_bytes: int = MOST_TYPED_BYTES) -> None:
         self._most_bytes = most_bytes
-        self._shots: dict[str, list[Shot]] = {}
+        self._shots: dict[str, list[CalibrationFrame]] = {}
 
     @property
     def is_empty(self) -> bool:
         """Whether nothing waits to be kept."""
         return not self._shots
 
-    def shots(self, step: str) -> tuple[Shot, ...]:
+    def shots(self, step: str) -> tuple[CalibrationFrame, ...]:
         """The presses of a step so far, in the order in which they were taken."""
         return tuple(self._shots.get(step, ()))
 
@@ -42,9 +42,11 @@ class TypedLoadings:
 
     def require_room(self, step: str) -> None:
         """Refuse, with `InputError`, a press more than a loading may have."""
-        check.whole("presses of a loading", len(self.shots(step)) + 1, 1, MOST_TYPED, hint="keep what there is")
+        check.require_integer(
+            "presses of a loading", len(self.shots(step)) + 1, 1, MOST_TYPED, hint="keep what there is"
+        )
 
-    def add(self, step: str, shot: Shot) -> int:
+    def add(self, step: str, shot: CalibrationFrame) -> int:
         """Add a press, and say how many there are.
 
         Raises

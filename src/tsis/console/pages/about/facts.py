@@ -9,7 +9,7 @@ from tsis.console.pages.words import time_words
 from tsis.records.environment import environment
 
 if TYPE_CHECKING:
-    from tsis.calibration.cited import CitedCalibration
+    from tsis.calibration.cited import UsableCalibration
     from tsis.console.bench import Bench, BenchState
     from tsis.records import Store
 
@@ -31,7 +31,7 @@ def versions() -> Facts:
     )
 
 
-def calibration(state: BenchState, cited: CitedCalibration | None) -> Facts:
+def calibration(state: BenchState, cited: UsableCalibration | None) -> Facts:
     """The calibration in force."""
     if cited is None and state.camera.choice.is_virtual:
         return (("In force", "the virtual probe's own, once it runs"),)

@@ -11,7 +11,7 @@ from tsis.console.files.thumbnail import GREY, thumbnail_png
 from tsis.console.pages.report_parts import show_drawing
 
 if TYPE_CHECKING:
-    from tsis.calibration.session import Step
+    from tsis.calibration.session import CalibrationStep
     from tsis.console.bench.calibrating import CalibrationSession, StepState
     from tsis.console.pages.viewer import Viewer
 
@@ -56,7 +56,7 @@ class KeptFrame:
         show_drawing(self._image, source, f"Frame of step {name}")
         self._figure.set_visibility(True)
 
-    def _read(self, step: Step) -> tuple[bytes, str]:
+    def _read(self, step: CalibrationStep) -> tuple[bytes, str]:
         shot = self._session.folder.middle_shot(step)
         content = thumbnail_png(shot.image.grey, full_scale=shot.image.full_scale, size=SIZE_PX, name=GREY)
         force = "" if shot.force_n is None else f", at {shot.force_n:.2f} N"

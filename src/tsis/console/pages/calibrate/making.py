@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.calibration.cited import cited
+from tsis.calibration.cited import read_usable_calibration
 from tsis.calibration.file import read_calibration
 from tsis.calibration.session.result import DAYS
 from tsis.console.bench.jobs import ENDED, FAILED
@@ -110,7 +110,7 @@ class Making:
     def _used(self) -> str:
         file = self._session.file
         assert file is not None  # the button is there with it
-        known = cited(file)
+        known = read_usable_calibration(file)
         self._bench.use_calibration(known, by=self._viewer.identity)
         return known.known.name
 

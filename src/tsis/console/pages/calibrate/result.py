@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.calibration.cited import cited
+from tsis.calibration.cited import read_usable_calibration
 from tsis.calibration.file.plain_values import to_plain
 from tsis.console.pages.report_parts import cards, drawings, figure, table
 from tsis.console.pages.sentence_list import sentence_list
@@ -58,7 +58,7 @@ class Result:
         if made is not None:
             await self._show_made(made)
         elif file is not None:
-            known = await self._viewer.attempt(cited, file)
+            known = await self._viewer.attempt(read_usable_calibration, file)
             if known is not None:
                 self.identity = known.identity
                 with self._place:

@@ -9,7 +9,7 @@ from urllib.parse import quote
 from nicegui import ui
 
 from tsis.calibration.force.loading import TIPS_MM
-from tsis.calibration.session import SessionTerms
+from tsis.calibration.session import SessionSetup
 from tsis.console.pages.field_words import field_words
 from tsis.console.pages.number_field import shown_number, typed_number, unit_field
 from tsis.model import check, list_probes
@@ -90,19 +90,21 @@ class TermsForm:
         with field_words(WORDS):
             return self._bench.calibrating.begin(self._terms(), by=self._viewer.identity)
 
-    def _terms(self) -> SessionTerms:
+    def _terms(self) -> SessionSetup:
         tips = typed_numbers(WORDS["tips_mm"], self._tips.value or "")
-        repeats = check.whole("loadings of each tip", typed_number("loadings", self._repeats.value or ""), 1, 20)
+        repeats = check.require_integer(
+            "loadings of each tip", typed_number("loadings", self._repeats.value or ""), 1, 20
+        )
         if len(tips) * repeats < LEAST_LOADINGS:
             raise InputError(
                 f"a calibration needs at least {LEAST_LOADINGS} loadings, of two tips or of one twice; got {len(tips)} "
                 f"tip and {repeats} loading of it (add a tip, or load it twice)"
             )
-        seed = check.whole("seed", typed_number("seed", self._seed.value or ""), 0, check.LARGEST_SEED)
+        seed = check.require_integer("seed", typed_number("seed", self._seed.value or ""), 0, check.LARGEST_SEED)
         name = (self._name.value or "").strip()
         if not name:
             raise InputError("name must be given: what the calibration will be called; got none")
-        return SessionTerms(
+        return SessionSetup(
             name=name,
             probe=self._probe.value or "",
             camera=bench_name(seed) if self._virtual else self._bench.desk.name or "camera",
@@ -139,5 +141,5 @@ def typed_patch(text: str) -> tuple[int, int, int, int] | None:
     found = typed_numbers("lamps seen past the probe", text)
     if len(found) != SIDES:
         raise InputError(f"lamps seen past the probe must be left, top, right, bottom in pixels; got {text!r:.60}")
-    left, top, right, bottom = (check.whole("lamps seen past the probe", side, 0, 100_000) for side in found)
+    left, top, right, bottom = (check.require_integer("lamps seen past the probe", side, 0, 100_000) for side in found)
     return left, top, right, bottom

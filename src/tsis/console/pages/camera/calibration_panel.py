@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.calibration.cited import cited_content
+from tsis.calibration.cited import parse_usable_calibration
 from tsis.calibration.file.content import LARGEST_BYTES
 from tsis.console.pages.calibration_seen import CalibrationSeen
 from tsis.console.pages.headings import panel_title
@@ -17,7 +17,7 @@ from tsis.console.pages.words import time_words
 if TYPE_CHECKING:
     from nicegui.events import UploadEventArguments
 
-    from tsis.calibration.cited import CitedCalibration
+    from tsis.calibration.cited import UsableCalibration
     from tsis.console.bench import Bench, BenchState
     from tsis.console.pages.operated import Operated
     from tsis.console.pages.viewer import Viewer
@@ -65,7 +65,7 @@ class CalibrationPanel:
             self._viewer.tell(f"The calibration {done} is in force.")
 
     def _used(self, content: bytes, name: str) -> str:
-        known = cited_content(content, name)
+        known = parse_usable_calibration(content, name)
         self._bench.use_calibration(known, by=self._viewer.identity)
         return known.known.name
 
@@ -73,7 +73,7 @@ class CalibrationPanel:
         await self._viewer.attempt(self._bench.use_calibration, None, by=self._viewer.identity)
 
 
-def calibration_words(known: CitedCalibration | None) -> str:
+def calibration_words(known: UsableCalibration | None) -> str:
     """Its identity and dates."""
     if known is None:
         return "Without one presses are kept, but nothing can be estimated from them."

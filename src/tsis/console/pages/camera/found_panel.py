@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from tsis.console.bench import Bench, BenchState, JobState
     from tsis.console.pages.operated import Operated
     from tsis.console.pages.viewer import Viewer
-    from tsis.instrument.discovery import Findings
-    from tsis.instrument.found import FoundCamera
+    from tsis.instrument.discovery import CameraListing
+    from tsis.instrument.found import CameraInfo
 
 
 class FoundPanel:
@@ -61,7 +61,7 @@ class FoundPanel:
     async def _begin(self) -> None:
         await self._viewer.attempt(self._bench.search.begin)
 
-    def _show_found(self, findings: Findings) -> None:
+    def _show_found(self, findings: CameraListing) -> None:
         if findings.found:
             with ui.element("div").classes("scroll"), rows_under(("Camera", "Source", "About it", "")):
                 for camera in findings.found:
@@ -73,7 +73,7 @@ class FoundPanel:
                         ui.label(source).classes("strong")
                         ui.label(sentence).classes("muted")
 
-    def _line(self, camera: FoundCamera) -> None:
+    def _line(self, camera: CameraInfo) -> None:
         with ui.element("tr"):
             cell(" ".join(filter(None, (camera.maker, camera.model))) or camera.identity)
             cell(camera.source)
@@ -83,7 +83,7 @@ class FoundPanel:
                 use.props["aria-label"] = f"Use {camera.identity}"
                 self._operated.add(use)
 
-    async def _use(self, camera: FoundCamera) -> None:
+    async def _use(self, camera: CameraInfo) -> None:
         await self._viewer.attempt(
             choose_and_start, self._bench, CameraChoice(spec=camera.spec), by=self._viewer.identity
         )

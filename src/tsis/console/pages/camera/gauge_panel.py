@@ -73,7 +73,7 @@ class GaugePanel:
             await self._viewer.attempt(self._connected)
 
     def _connected(self) -> None:
-        baud = check.whole(
+        baud = check.require_integer(
             "baud", typed_number("baud", str(self._baud.value or "")), 50, FASTEST, hint="bits per second"
         )
         unit = None if self._unit.value == ITS_OWN else str(self._unit.value)

@@ -75,7 +75,9 @@ class VirtualPanel:
             choice = CameraChoice(
                 probe=self._probe.value,
                 phantom=self._phantom.value,
-                seed=check.whole("seed", typed_number("seed", str(self._seed.value or "")), 0, check.LARGEST_SEED),
+                seed=check.require_integer(
+                    "seed", typed_number("seed", str(self._seed.value or "")), 0, check.LARGEST_SEED
+                ),
                 diameter_mm=changed["diameter_mm"],
                 depth_mm=changed["depth_mm"],
                 young_kpa=changed["young_kpa"],

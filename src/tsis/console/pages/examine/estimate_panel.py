@@ -19,14 +19,14 @@ from tsis.console.pages.words import force_words
 from tsis.model.errors import TsisError
 from tsis.records.values import ROLE_WORDS
 from tsis.report.stored import estimate_cards, estimate_sentences
-from tsis.report.target_words import count_of, moment
+from tsis.report.target_words import count_of, time_text
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from tsis.console.bench import Bench, BenchState, JobState
     from tsis.console.pages.viewer import Viewer
-    from tsis.records import Press, StoredEstimate
+    from tsis.records import StoredEstimate, StoredPress
 
 LOOK_S = 1.0  # between two looks into the store
 
@@ -131,12 +131,12 @@ def presses(found: Recorded) -> None:
             row(press_cells(press))
 
 
-def press_cells(press: Press) -> tuple[str, ...]:
+def press_cells(press: StoredPress) -> tuple[str, ...]:
     """What the list of presses says of one."""
     return (
         ROLE_WORDS[press.role],
         force_words(press.force_n),
-        moment(press.taken),
+        time_text(press.taken),
         ", ".join(press.flags),
     )
 

@@ -79,7 +79,7 @@ class PressPanel:
         await self._viewer.attempt(self._bench.step_target, by, by=self._viewer.identity)
 
     def _set_target(self, number: float) -> None:
-        whole = check.whole("target", number, 1, LARGEST_TARGET, hint="number of the target")
+        whole = check.require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target")
         self._bench.set_target(whole, by=self._viewer.identity)
 
     def _hold(self, force_n: float) -> None:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from tsis.records.importing.present import numbered
 
 if TYPE_CHECKING:
-    from tsis.records import Press, Store, StoredEstimate, Target
+    from tsis.records import Store, StoredEstimate, StoredPress, Target
 
 SHOWN = 8  # presses, the newest
 
@@ -36,7 +36,7 @@ class Recorded:
     number: int
     target: Target | None = None
     count: int = 0
-    presses: tuple[Press, ...] = ()
+    presses: tuple[StoredPress, ...] = ()
     estimates: tuple[StoredEstimate, ...] = ()
     damaged: tuple[str, ...] = ()
 

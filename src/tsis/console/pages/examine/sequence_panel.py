@@ -61,7 +61,9 @@ class SequencePanel:
     def _recorded(self) -> None:
         length = typed_number("length", str(self._length.value or ""))
         if self._unit.value == FRAMES:
-            self._bench.begin_sequence(frames=check.whole("frames", length, 1, MOST_FRAMES), by=self._viewer.identity)
+            self._bench.begin_sequence(
+                frames=check.require_integer("frames", length, 1, MOST_FRAMES), by=self._viewer.identity
+            )
         else:
             self._bench.begin_sequence(seconds=length, by=self._viewer.identity)
 

@@ -10,7 +10,7 @@ from tsis.records.importing.present import numbered
 
 if TYPE_CHECKING:
     from tsis.console.bench import BenchState
-    from tsis.records import Dossier, Press, Store, StoredEstimate
+    from tsis.records import Store, StoredEstimate, StoredPress, TargetRecord
 
 HARDNESS, TARGET, BALL = "hardness", "target", "ball"
 PRESSES = 2  # at different forces, of which the second tests what the first told
@@ -33,17 +33,17 @@ class Kept:
     """
 
     number: int
-    dossier: Dossier | None = None
-    presses: tuple[Press, ...] = ()
+    dossier: TargetRecord | None = None
+    presses: tuple[StoredPress, ...] = ()
     estimate: StoredEstimate | None = None
 
     @property
-    def on_object(self) -> tuple[Press, ...]:
+    def on_object(self) -> tuple[StoredPress, ...]:
         """Presses on the object."""
         return tuple(press for press in self.presses if press.role == TARGET)
 
     @property
-    def on_ball(self) -> tuple[Press, ...]:
+    def on_ball(self) -> tuple[StoredPress, ...]:
         """Presses on the rigid ball."""
         return tuple(press for press in self.presses if press.role == BALL)
 

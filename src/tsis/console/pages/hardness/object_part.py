@@ -13,7 +13,7 @@ from tsis.console.pages.hardness.flow import next_free
 from tsis.console.pages.headings import panel_title
 from tsis.console.pages.loading import loading
 from tsis.console.pages.number_field import shown_number, typed_number, unit_field
-from tsis.hardness import check_radius
+from tsis.hardness import require_radius
 from tsis.hardness.frames import RADIUS_SD_MM
 from tsis.model import check, list_spheres, load_probe
 from tsis.model.errors import InputError
@@ -99,11 +99,13 @@ class ObjectPart:
         known = self._bench.calibration
         name = self._bench.desk.choice.probe if known is None or not known.known.probe else known.known.probe
         with field_words({"radius_mm": "radius of the object"}):
-            check_radius("radius of the object", load_probe(name), radius)
+            require_radius("radius of the object", load_probe(name), radius)
         if not sd_text:
             return TypedRadius(radius_mm=radius)
         sd = typed_number("its standard deviation", sd_text)
-        check.number("its standard deviation", sd, 0.0, radius / 10, hint="millimetres, up to a tenth of the radius")
+        check.require_number(
+            "its standard deviation", sd, 0.0, radius / 10, hint="millimetres, up to a tenth of the radius"
+        )
         return TypedRadius(radius_mm=radius, sd_mm=sd)
 
     def _fill(self, which: object, radius_mm: float, sd_mm: float | None) -> None:

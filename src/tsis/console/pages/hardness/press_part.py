@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tsis.console.pages.hardness.flow import Kept
     from tsis.console.pages.operated import Operated
     from tsis.console.pages.viewer import Viewer
-    from tsis.records import Press
+    from tsis.records import StoredPress
 
 FORCES_N = ("0.7", "1.2")  # that are offered
 
@@ -107,7 +107,7 @@ class PressPart:
         return self._bench.snapshot(by=self._viewer.identity)
 
 
-def press_words(press: Press) -> str:
+def press_words(press: StoredPress) -> str:
     """A press in a line."""
     where = "Object" if press.role == TARGET else "Rigid ball"
     against = f"; against it: {', '.join(press.flags)}" if press.flags else ""

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.calibration.applied import applied
+from tsis.calibration.applied import apply_calibration
 from tsis.console.pages.headings import panel_title
 from tsis.console.pages.report_parts import cards, drawings, figure, table
 from tsis.console.pages.sentence_list import sentence_list
@@ -17,7 +17,7 @@ from tsis.report.hardness import hardness_page
 if TYPE_CHECKING:
     from tsis.console.pages.hardness.flow import Kept
     from tsis.console.pages.viewer import Viewer
-    from tsis.records import Dossier, StoredEstimate
+    from tsis.records import StoredEstimate, TargetRecord
     from tsis.report.page import Page
 
 
@@ -70,11 +70,11 @@ class Result:
         self._place.set_visibility(True)
 
 
-def _made(dossier: Dossier, stored: StoredEstimate) -> tuple[Page, tuple[str, ...]]:
+def _made(dossier: TargetRecord, stored: StoredEstimate) -> tuple[Page, tuple[str, ...]]:
     """The estimate's page with its figures drawn."""
     presses = [press for press in dossier.presses if press.id in stored.presses and press.role == "target"]
     images = [dossier.image(press) for press in presses]
-    ready, _ = applied(dossier.calibrations[stored.calibration], images, identity=stored.calibration)
+    ready, _ = apply_calibration(dossier.calibrations[stored.calibration], images, identity=stored.calibration)
     probe = load_probe(stored.probe)
     page = hardness_page(
         stored.estimate,

@@ -11,7 +11,7 @@ from tsis.records.editing import EDITABLE
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from tsis.records import Press, Store, Target
+    from tsis.records import Store, StoredPress, Target
 
 MOST_SHOWN = 120  # letters of a value
 Record = TypeVar("Record")
@@ -45,7 +45,7 @@ def edit_target(store: Store, target: Target, changes: Mapping[str, Any]) -> Edi
         return Edited(record=now, refused=str(error), differences=differences(target, now, EDITABLE["target"]))
 
 
-def edit_press(store: Store, target: Target, press: Press, changes: Mapping[str, Any]) -> Edited[Press]:
+def edit_press(store: Store, target: Target, press: StoredPress, changes: Mapping[str, Any]) -> Edited[StoredPress]:
     """Change a press as it was read; errors as `edit_target`."""
     try:
         return Edited(record=store.edit_press(press, **changes))

@@ -8,7 +8,7 @@ from nicegui import ui
 
 from tsis.console.pages.headings import panel_title
 from tsis.console.pages.records.fetching import fetch_file
-from tsis.report.forms import FORM_WORDS, MASKED
+from tsis.report.forms import FORM_LABELS, MASKED
 
 if TYPE_CHECKING:
     from tsis.console.pages.records.reading import TargetSeen
@@ -30,7 +30,7 @@ def export_button(page: TargetPage, seen: TargetSeen) -> None:
 def _ask(page: TargetPage, seen: TargetSeen) -> None:
     with page.dialogs, ui.dialog(value=True) as dialog, ui.card().classes("asked"):
         panel_title(f"Export target {seen.target.number}")
-        form = ui.select(FORM_WORDS, value="csv", label="Form", on_change=lambda: told()).props("outlined dense")
+        form = ui.select(FORM_LABELS, value="csv", label="Form", on_change=lambda: told()).props("outlined dense")
         meant = ui.label().classes("muted")
         identified = ui.switch(IDENTIFIED, value=False).props("dense")
         waiting = ui.linear_progress(show_value=False).props('indeterminate aria-label="writing the file"')

@@ -14,7 +14,7 @@ from tsis.console.pages.records.work import follow_job
 from tsis.console.pages.upload import LARGEST_MIB, one_file
 from tsis.model.errors import FileInputError
 from tsis.records.export import read_bundle
-from tsis.report.imported import taken_in_sentence
+from tsis.report.imported import import_message
 
 if TYPE_CHECKING:
     from nicegui.events import UploadEventArguments
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from tsis.console.bench import Bench
     from tsis.console.bench.jobs import Job
     from tsis.console.pages.viewer import Viewer
-    from tsis.records.taking_in import TakenIn
+    from tsis.records.taking_in import ImportedTarget
 
 BUNDLE = "bundle.zip"
 EXPLAINED = (
@@ -75,7 +75,7 @@ async def _saved(event: UploadEventArguments, viewer: Viewer) -> Path | None:
     return folder
 
 
-def _take_in(bench: Bench, folder: Path, job: Job) -> TakenIn:
+def _take_in(bench: Bench, folder: Path, job: Job) -> ImportedTarget:
     """Read what was uploaded and enter it."""
     try:
         return bench.store.take_in(read_bundle(folder / BUNDLE), progress=job.advance)
@@ -88,7 +88,7 @@ def _remove(folder: Path) -> None:
 
 
 def _show(job: Job) -> None:
-    taken: TakenIn = job.result
+    taken: ImportedTarget = job.result
     with ui.element("div").classes("row").props('role="status"'):
-        ui.label(taken_in_sentence(taken)).classes("good")
+        ui.label(import_message(taken)).classes("good")
         ui.link(f"Open target {taken.target.number}", f"/records/{taken.target.number}").classes("link")

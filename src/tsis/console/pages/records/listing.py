@@ -11,7 +11,7 @@ from tsis.console.pages.records.importing import import_button
 from tsis.console.pages.records.order import KINDS, SHEETS, Order, sheet_of
 from tsis.console.pages.records.verifying import verify_button
 from tsis.console.pages.store_changes import follow_store
-from tsis.report.target_words import count_of, moment
+from tsis.report.target_words import count_of, time_text
 
 if TYPE_CHECKING:
     from nicegui.events import GenericEventArguments
@@ -146,6 +146,6 @@ def _row(each: TargetSummary) -> dict[str, Any]:
         "name": each.target.name or "(no name)",
         "presses": each.presses,
         "estimates": each.estimates,
-        "last": "never" if each.last is None else moment(each.last),
+        "last": "never" if each.last is None else time_text(each.last),
         "address": f"/records/{each.target.number}",
     }

@@ -16,18 +16,18 @@ from tsis.console.pages.records.reading import fault_of, flags_of
 from tsis.console.pages.words import press_words, time_words
 from tsis.records.deidentified import DAMAGED
 from tsis.records.values import ROLE_WORDS
-from tsis.records.written import written_force
+from tsis.records.written import parse_force
 from tsis.report.target_words import SHORT
 
 if TYPE_CHECKING:
     from tsis.console.pages.records.reading import TargetSeen
     from tsis.console.pages.records.target import TargetPage
-    from tsis.records import Press, Target
+    from tsis.records import StoredPress, Target
 
 LARGE_PX = 768
 
 
-def open_press(page: TargetPage, seen: TargetSeen, press: Press) -> None:
+def open_press(page: TargetPage, seen: TargetSeen, press: StoredPress) -> None:
     """Show a press in a dialog."""
     with page.dialogs, ui.dialog(value=True) as dialog, ui.card().classes("asked wide"):
         panel_title(f"Press {press_words(press)}")
@@ -44,13 +44,13 @@ def open_press(page: TargetPage, seen: TargetSeen, press: Press) -> None:
     dialog.on("hide", dialog.delete)
 
 
-async def _tell_why(page: TargetPage, seen: TargetSeen, press: Press, place: ui.label) -> None:
+async def _tell_why(page: TargetPage, seen: TargetSeen, press: StoredPress, place: ui.label) -> None:
     """Say why the frame of a press cannot be shown; of a subject without the place, whose name may tell whose it is."""
     sentence = await run.io_bound(fault_of, page.bench.store, press)
     place.text = DAMAGED if seen.private and sentence else sentence
 
 
-def _facts(seen: TargetSeen, press: Press) -> None:
+def _facts(seen: TargetSeen, press: StoredPress) -> None:
     """What the store knows of the press and nobody may change."""
     known = seen.dossier.calibrations.get(press.calibration or "")
     calibration = "none" if press.calibration is None else press.calibration[:SHORT]
@@ -68,10 +68,10 @@ def _facts(seen: TargetSeen, press: Press) -> None:
     FactList().show(rows.items())
 
 
-class _PressEditing(Editing["Press"]):
+class _PressEditing(Editing["StoredPress"]):
     """The fields of a press of a target in a dialog."""
 
-    def __init__(self, page: TargetPage, target: Target, press: Press, dialog: ui.dialog) -> None:
+    def __init__(self, page: TargetPage, target: Target, press: StoredPress, dialog: ui.dialog) -> None:
         self._target = target
         super().__init__(page, press, dialog, leave="Close")
 
@@ -85,7 +85,7 @@ class _PressEditing(Editing["Press"]):
         self._note = ui.textarea("Note").props("outlined dense autogrow")
         ui.label("Where force or role are changed, recompute the estimates.").classes("muted")
 
-    def _show(self, record: Press) -> None:
+    def _show(self, record: StoredPress) -> None:
         self._role.value, self._note.value = record.role, record.note
         self._force.value = "" if record.force_n is None else number_text(record.force_n)
         self._flags.value = list(record.flags)
@@ -94,14 +94,14 @@ class _PressEditing(Editing["Press"]):
         wanted = {"role": self._role.value, "flags": tuple(self._flags.value or ()), "note": self._note.value or ""}
         return self._force.value or "", wanted
 
-    def _edited(self, *written: Any) -> Edited[Press]:
+    def _edited(self, *written: Any) -> Edited[StoredPress]:
         force, wanted = written
-        force_n = written_force(force.strip(), called="force", nothing="")
+        force_n = parse_force(force.strip(), called="force", nothing="")
         changes = changed(self._record, {**wanted, "force_n": force_n})
         if not changes:
             return Edited(record=self._record)
         with field_words(FORCE):
             return edit_press(self._page.bench.store, self._target, self._record, changes)
 
-    def _saved(self, record: Press) -> str:
+    def _saved(self, record: StoredPress) -> str:
         return f"The press is version {record.version} now."

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from nicegui.events import ValueChangeEventArguments
 
     from tsis.console.pages.records.target import TargetPage
-    from tsis.records import Press
+    from tsis.records import StoredPress
 
 SMALL_PX = 240
 TWO = 2
@@ -83,7 +83,7 @@ class Presses:
         self.offset = max(0, self.offset + by)
         await self._page.load()
 
-    def _press(self, press: Press, seen: TargetSeen) -> None:
+    def _press(self, press: StoredPress, seen: TargetSeen) -> None:
         words = press_words(press)
         flags = flags_of(press, private=seen.private)
         with ui.element("figure").classes("press"):
@@ -109,7 +109,7 @@ class Presses:
                 )
                 choose.props("dense").props["aria-label"] = f"Choose the press {words}"
 
-    def _choose(self, press: Press, event: ValueChangeEventArguments[bool]) -> None:
+    def _choose(self, press: StoredPress, event: ValueChangeEventArguments[bool]) -> None:
         self.chosen = [each for each in self.chosen if each != press.id] + ([press.id] if event.value else [])
         self._tell()
 
@@ -132,5 +132,5 @@ def _leave_out(frame: ui.element) -> None:
         ui.label(NO_PICTURE).classes("press-damaged")
 
 
-def _address(seen: TargetSeen, press: Press) -> str:
+def _address(seen: TargetSeen, press: StoredPress) -> str:
     return f"/files/press/{seen.target.number}/{press.id}.png?size={SMALL_PX}"

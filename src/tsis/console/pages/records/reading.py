@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 from tsis.calibration.guard import FLAGS
 from tsis.console.files.asked import target_of
 from tsis.model.errors import TsisError
-from tsis.report.subject import shown
+from tsis.report.subject import without_identity
 
 if TYPE_CHECKING:
-    from tsis.records import Dossier, Press, Store, Target
+    from tsis.records import Store, StoredPress, Target, TargetRecord
 
 AT_ONCE = 24  # presses of a sheet
 UNKNOWN_FLAG = "a flag that tsis does not know"
@@ -32,8 +32,8 @@ class TargetSeen:
     """
 
     target: Target
-    dossier: Dossier
-    presses: tuple[Press, ...]
+    dossier: TargetRecord
+    presses: tuple[StoredPress, ...]
     offset: int
     total: int
 
@@ -70,14 +70,14 @@ def read_target(store: Store, number: str, offset: int) -> TargetSeen:
     offset = min(offset, max(0, (total - 1) // AT_ONCE * AT_ONCE))
     return TargetSeen(
         target=target,
-        dossier=shown(store.dossier(target, limit=0)),
+        dossier=without_identity(store.dossier(target, limit=0)),
         presses=store.presses(target, limit=AT_ONCE, offset=offset),
         offset=offset,
         total=total,
     )
 
 
-def fault_of(store: Store, press: Press) -> str:
+def fault_of(store: Store, press: StoredPress) -> str:
     """Why the frame of a press cannot be read; empty when it can."""
     try:
         store.levels(press.frame)
@@ -86,6 +86,6 @@ def fault_of(store: Store, press: Press) -> str:
     return ""
 
 
-def flags_of(press: Press, *, private: bool) -> tuple[str, ...]:
+def flags_of(press: StoredPress, *, private: bool) -> tuple[str, ...]:
     """Flags as they may be shown: of a subject only those that tsis raises."""
     return tuple(flag if not private or flag in FLAGS else UNKNOWN_FLAG for flag in press.flags)

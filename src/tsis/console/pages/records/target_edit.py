@@ -11,8 +11,8 @@ from tsis.console.pages.headings import panel_title
 from tsis.console.pages.records.editing import Editing
 from tsis.console.pages.records.edits import Edited, changed, edit_target, truth_text
 from tsis.console.pages.words import time_words
-from tsis.records.written import written_truth
-from tsis.report.target_tables import measure, named
+from tsis.records.written import parse_truth
+from tsis.report.target_tables import measure, parameter_label
 
 if TYPE_CHECKING:
     from tsis.console.pages.records.reading import TargetSeen
@@ -32,7 +32,10 @@ def about_target(page: TargetPage, seen: TargetSeen) -> None:
     rows = {
         "name": target.name or "none",
         "note": "not shown of a subject" if seen.private else target.note or "none",
-        **{f"true {named(name)[0]}": measure(value, named(name)[1]) for name, value in target.truth.items()},
+        **{
+            f"true {parameter_label(name)[0]}": measure(value, parameter_label(name)[1])
+            for name, value in target.truth.items()
+        },
         "entered": time_words(target.made),
         "version": f"{target.version}",
     }
@@ -67,7 +70,7 @@ class _TargetEditing(Editing["Target"]):
     def _edited(self, *written: Any) -> Edited[Target]:
         name, note, truth = written
         lines = (line for line in truth.splitlines() if line.strip())
-        changes = changed(self._record, {"name": name, "note": note, "truth": written_truth(lines)})
+        changes = changed(self._record, {"name": name, "note": note, "truth": parse_truth(lines)})
         return edit_target(self._page.bench.store, self._record, changes) if changes else Edited(record=self._record)
 
     def _saved(self, record: Target) -> str:

@@ -8,14 +8,14 @@ from nicegui import ui
 
 from tsis.console.pages.records.work import follow_job
 from tsis.console.pages.sentence_list import listed, sentence_list
-from tsis.records.verification import verify
+from tsis.records.verification import verify_store
 from tsis.report.verification import verdict, verification_notes
 
 if TYPE_CHECKING:
     from tsis.console.bench import Bench
     from tsis.console.bench.jobs import Job
     from tsis.console.pages.viewer import Viewer
-from tsis.records.verification import Verification
+from tsis.records.verification import StoreVerification
 
 MOST_SHOWN = 100  # faults; a store that has more has one cause
 
@@ -25,7 +25,7 @@ def verify_button(bench: Bench, viewer: Viewer, place: ui.element) -> None:
 
     async def begin() -> None:
         job: Job | None = await viewer.attempt(
-            bench.jobs.begin, "verify the store", lambda job: verify(bench.store, progress=job.advance)
+            bench.jobs.begin, "verify the store", lambda job: verify_store(bench.store, progress=job.advance)
         )
         if job is not None:
             follow_job(job, place, lambda: _show(job, place))
@@ -34,7 +34,7 @@ def verify_button(bench: Bench, viewer: Viewer, place: ui.element) -> None:
 
 
 def _show(job: Job, place: ui.element) -> None:
-    found: Verification = job.result
+    found: StoreVerification = job.result
     with ui.element("section").classes("told").props('role="status"'):
         ui.label(verdict(found)).classes("good" if found.sound else "flag")
         with sentence_list():

@@ -73,7 +73,7 @@ class StudyDraft:
 
     @staticmethod
     def _whole(name: str, text: str, low: int, high: int) -> int:
-        return check.whole(name, typed_whole(name, text), low, high)
+        return check.require_integer(name, typed_whole(name, text), low, high)
 
 
 def typed_whole(name: str, text: str) -> int:

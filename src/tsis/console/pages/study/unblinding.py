@@ -12,12 +12,12 @@ from tsis.console.pages.sentence_list import sentence_list
 from tsis.console.pages.study.who import name_in, who_field
 from tsis.console.studies import begin_publishing, unread
 from tsis.report.target_words import count_of
-from tsis.study import verify
+from tsis.study import verify_study
 
 if TYPE_CHECKING:
     from tsis.console.pages.study.one import OneStudy
     from tsis.console.pages.study.seen import StudySeen
-    from tsis.study import Study, Verification
+    from tsis.study import Study, StudyVerification
 
 MOST_SHOWN = 5  # faults
 MEANT = (
@@ -52,12 +52,12 @@ class Unblinding:
         page = self._page
         with loading(self._button):
             found = await page.viewer.attempt(
-                lambda: (page.shelf.study(page.name), verify(page.shelf.place(page.name)))
+                lambda: (page.shelf.study(page.name), verify_study(page.shelf.place(page.name)))
             )
         if found is not None:
             self._ask(*found)
 
-    def _ask(self, study: Study, found: Verification) -> None:
+    def _ask(self, study: Study, found: StudyVerification) -> None:
         page, left = self._page, unread(study)
         blind = study.unblinded is None
         with self._place, ui.dialog(value=True) as dialog, ui.card().classes("asked study-asked"):

@@ -11,11 +11,11 @@ from tsis.console.pages.loading import loading
 from tsis.console.pages.number_field import unit_field
 from tsis.console.pages.sentence_list import listed, sentence_list
 from tsis.report.target_words import count_of
-from tsis.study import verify
+from tsis.study import verify_study
 
 if TYPE_CHECKING:
     from tsis.console.pages.study.one import OneStudy
-    from tsis.study import Verification
+    from tsis.study import StudyVerification
 
 MOST_SHOWN = 100  # faults; a study that has more has one cause
 MEANT = (
@@ -29,13 +29,15 @@ def verify_button(page: OneStudy, place: ui.element) -> None:
 
     async def begin(head: str = "") -> None:
         with loading(button):
-            found = await page.viewer.attempt(lambda: verify(page.shelf.place(page.name), head=head.strip() or None))
+            found = await page.viewer.attempt(
+                lambda: verify_study(page.shelf.place(page.name), head=head.strip() or None)
+            )
         if found is not None:
             place.clear()
             with place:
                 show(found, head)
 
-    def show(found: Verification, head: str) -> None:
+    def show(found: StudyVerification, head: str) -> None:
         with ui.element("section").classes("told").props('role="status"'):
             panel_title("Verification", level=3)
             ui.label(verdict(found)).classes("good" if found.sound else "flag")
@@ -54,7 +56,7 @@ def verify_button(page: OneStudy, place: ui.element) -> None:
     button = ui.button("Verify", icon="verified_user", on_click=lambda: begin()).props("dense no-caps outline")
 
 
-def verdict(found: Verification) -> str:
+def verdict(found: StudyVerification) -> str:
     """Whether the study can be believed."""
     if found.sound:
         return f"The study is as it was written, all {count_of(found.lines, 'line')} of its log."

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from tsis.instrument.camera import Mode, Setting
     from tsis.instrument.sources.aravis.library import Aravis
-    from tsis.instrument.sources.aravis.stream import Arrival
+    from tsis.instrument.sources.aravis.stream import ReceivedBuffer
 
 POLL_S = 0.05  # a reader notices stop() within it
 RELEASE_S = 0.5  # that stop() waits for a camera to let go
@@ -74,7 +74,7 @@ class AravisCamera:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         if identity is not None:
-            check.kind("identity", identity, str)
+            check.require_type("identity", identity, str)
         self._identity = identity or None
         self._library, self._clock = library, clock
         self._connection: Connection | None = None
@@ -137,7 +137,7 @@ class AravisCamera:
         with self._controlling:
             connection = self._opened()
             by_name = {setting.name: setting for setting in self.settings()}
-            wanted = by_name[check.known("setting", name, by_name)].checked(value)
+            wanted = by_name[check.require_one_of("setting", name, by_name)].checked(value)
             features.adjust(connection.aravis, connection.camera, name, wanted)
             if self._running.is_set():
                 self._taken = [*self._taken[-1:], (time.time_ns(), features.values(self.settings()))]
@@ -222,7 +222,7 @@ class AravisCamera:
                     return True, None
                 return True, self._frame(arrival, arrival.pixels, reading)
 
-    def _frame(self, arrival: Arrival, pixels: NDArray[Any], reading: _Reading) -> Frame:
+    def _frame(self, arrival: ReceivedBuffer, pixels: NDArray[Any], reading: _Reading) -> Frame:
         """The frame of a whole arrival, with a copy of its pixels."""
         if reading.first_ns is None:
             reading.first_ns = arrival.device_ns

@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from typing import TYPE_CHECKING
 
-from tsis.instrument.found import FoundCamera
+from tsis.instrument.found import CameraInfo
 from tsis.instrument.sources.aravis.library import load
 from tsis.model.errors import MissingExtraError
 
@@ -18,7 +18,7 @@ SOURCE = "aravis"
 _the_list = threading.Lock()  # the library keeps one, and its entries are asked for one by one
 
 
-def missing(library: Callable[[], Aravis] = load) -> str | None:
+def missing_requirement(library: Callable[[], Aravis] = load) -> str | None:
     """What is not installed, in one sentence; None when cameras can be searched."""
     try:
         library()
@@ -27,7 +27,7 @@ def missing(library: Callable[[], Aravis] = load) -> str | None:
     return None
 
 
-def found(library: Callable[[], Aravis] = load) -> tuple[FoundCamera, ...]:
+def find_cameras_here(library: Callable[[], Aravis] = load) -> tuple[CameraInfo, ...]:
     """Cameras that answer now, in the order of their names; the search takes about a second.
 
     Raises
@@ -38,7 +38,7 @@ def found(library: Callable[[], Aravis] = load) -> tuple[FoundCamera, ...]:
     return tuple(camera for camera, _ in search(library()))
 
 
-def search(aravis: Aravis) -> list[tuple[FoundCamera, str]]:
+def search(aravis: Aravis) -> list[tuple[CameraInfo, str]]:
     """Cameras that answer now, each with its address."""
     with _the_list:
         aravis.call("update_device_list")
@@ -47,9 +47,9 @@ def search(aravis: Aravis) -> list[tuple[FoundCamera, str]]:
     return sorted(cameras, key=lambda camera: camera[0].identity)
 
 
-def _described(aravis: Aravis, index: int) -> FoundCamera:
+def _described(aravis: Aravis, index: int) -> CameraInfo:
     protocol, address = (aravis.text(f"get_device_{what}", index) for what in ("protocol", "address"))
-    return FoundCamera(
+    return CameraInfo(
         source=SOURCE,
         identity=aravis.text("get_device_id", index),
         maker=aravis.text("get_device_vendor", index),

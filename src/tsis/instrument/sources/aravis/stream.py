@@ -23,7 +23,7 @@ WHOLE = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Arrival:
+class ReceivedBuffer:
     """One buffer as it came; ``pixels`` is a view that ends with the buffer's loan, None when not all of it arrived."""
 
     number: int
@@ -64,14 +64,14 @@ class Stream:
             aravis.call("stream_push_buffer", self.handle, aravis.call("buffer_new_allocate", payload))
 
     @contextmanager
-    def next(self, timeout_s: float) -> Iterator[Arrival | None]:
+    def next(self, timeout_s: float) -> Iterator[ReceivedBuffer | None]:
         """Lend the next buffer; None when none came in time."""
         buffer = self._aravis.call("stream_timeout_pop_buffer", self.handle, round(1e6 * timeout_s))
         if not buffer:
             yield None
             return
         try:
-            yield Arrival(
+            yield ReceivedBuffer(
                 number=self._of(buffer, "frame_id"),
                 device_ns=self._of(buffer, "timestamp"),
                 arrived_ns=self._of(buffer, "system_timestamp"),

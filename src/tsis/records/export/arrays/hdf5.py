@@ -5,21 +5,21 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from tsis.model.errors import FileInputError
-from tsis.model.extra import library
+from tsis.model.extra import import_extra
 from tsis.records.export.arrays.layout import write_layout
 from tsis.records.export.arrays.spilling import SpillingFile
 from tsis.records.export.arrays.tree import GZIP_LEVEL
-from tsis.records.export.whole import new_file
+from tsis.records.export.whole import export_file
 
 if TYPE_CHECKING:
     import os
     from collections.abc import Mapping
 
-    from tsis.records.dossier import Dossier
+    from tsis.records.dossier import TargetRecord
     from tsis.records.export.arrays.tree import Attribute, Shape
 
 
-def write_hdf5(dossier: Dossier, path: str | os.PathLike[str]) -> None:
+def write_hdf5(dossier: TargetRecord, path: str | os.PathLike[str]) -> None:
     """Write a dossier as one new HDF5 file, frame by frame; it appears whole or not at all.
 
     Raises
@@ -31,8 +31,8 @@ def write_hdf5(dossier: Dossier, path: str | os.PathLike[str]) -> None:
     RecordsError
         When a frame is not what its press says.
     """
-    h5py = library("h5py", feature="HDF5 export", extra="exchange")
-    with new_file(path) as draft, SpillingFile(draft) as out:
+    h5py = import_extra("h5py", feature="HDF5 export", extra="exchange")
+    with export_file(path) as draft, SpillingFile(draft) as out:
         try:
             with h5py.File(out, "w", track_order=True) as file:
                 write_layout(dossier, _Hdf5Tree(file, out))

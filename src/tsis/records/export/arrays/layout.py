@@ -13,7 +13,7 @@ import numpy as np
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.calibration.file import calibration_bytes
 from tsis.model.errors import RecordsError
-from tsis.model.estimate import INTERVAL
+from tsis.model.estimate import INTERVAL_LEVEL
 from tsis.model.quantities import unit_of
 from tsis.records.export.arrays.tree import write_array, write_stack
 from tsis.records.plain import estimate_to_plain, press_to_plain, target_to_plain
@@ -22,15 +22,15 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.model import Estimate
-    from tsis.records.dossier import Dossier
+    from tsis.records.dossier import TargetRecord
     from tsis.records.export.arrays.tree import Attribute, Tree
-    from tsis.records.values import Press, StoredEstimate
+    from tsis.records.values import StoredEstimate, StoredPress
 
 FORMAT, VERSION = "tsis-arrays", 1
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
 
-def write_layout(dossier: Dossier, tree: Tree) -> None:
+def write_layout(dossier: TargetRecord, tree: Tree) -> None:
     """Write all of a dossier, frame by frame.
 
     Raises
@@ -59,16 +59,16 @@ def write_layout(dossier: Dossier, tree: Tree) -> None:
         _bytes(tree, f"calibrations/{_link(name)}", calibration_bytes(known))
 
 
-def _stacks(dossier: Dossier) -> dict[str, list[tuple[int, Press]]]:
+def _stacks(dossier: TargetRecord) -> dict[str, list[tuple[int, StoredPress]]]:
     """Numbered presses by where their frames go: one stack a role, size and number of bits."""
-    found: dict[str, dict[tuple[int, int, bool], list[tuple[int, Press]]]] = {}
+    found: dict[str, dict[tuple[int, int, bool], list[tuple[int, StoredPress]]]] = {}
     for number, press in enumerate(dossier.presses):
         kind = (press.rows, press.columns, press.full_scale > 255)
         found.setdefault(press.role, {}).setdefault(kind, []).append((number, press))
     return {f"frames/{role}/{at}": each for role, kinds in found.items() for at, each in enumerate(kinds.values())}
 
 
-def _write_stack(dossier: Dossier, tree: Tree, place: str, numbered: list[tuple[int, Press]]) -> None:
+def _write_stack(dossier: TargetRecord, tree: Tree, place: str, numbered: list[tuple[int, StoredPress]]) -> None:
     presses = [press for _, press in numbered]
     first = presses[0]
     dtype = "uint16" if first.full_scale > 255 else "uint8"
@@ -97,7 +97,7 @@ def _write_stack(dossier: Dossier, tree: Tree, place: str, numbered: list[tuple[
     write_array(tree, f"{place}/press", order, {"units": "1", "axes": "press", "index_of": "presses"})
 
 
-def _levels(dossier: Dossier, press: Press, dtype: str) -> NDArray[Any]:
+def _levels(dossier: TargetRecord, press: StoredPress, dtype: str) -> NDArray[Any]:
     found = dossier.levels(press)
     if int(found.max()) > np.iinfo(dtype).max:  # a file of 8 bits would wrap it round
         raise RecordsError(
@@ -134,12 +134,12 @@ def _write_estimate(tree: Tree, place: str, stored: StoredEstimate, *, in_force:
 
 def _summary(found: Estimate) -> dict[str, dict[str, Attribute]]:
     """Numbers that readers take for the result, by parameter."""
-    mean, sd, interval = found.mean, found.sd, found.interval(INTERVAL)
+    mean, sd, interval = found.mean, found.sd, found.interval(INTERVAL_LEVEL)
     said: dict[str, dict[str, Attribute]] = {
         name: {
             "mean": mean[name],
             "sd": sd[name],
-            "interval_level": INTERVAL,
+            "interval_level": INTERVAL_LEVEL,
             "interval_low": interval[name][0],
             "interval_high": interval[name][1],
         }

@@ -7,20 +7,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from tsis.model.extra import library
+from tsis.model.extra import import_extra
 from tsis.records.export.arrays.layout import write_layout
 from tsis.records.export.arrays.tree import GZIP_LEVEL
-from tsis.records.export.whole import new_folder
+from tsis.records.export.whole import export_folder
 
 if TYPE_CHECKING:
     import os
     from collections.abc import Mapping
 
-    from tsis.records.dossier import Dossier
+    from tsis.records.dossier import TargetRecord
     from tsis.records.export.arrays.tree import Attribute, Shape
 
 
-def write_zarr(dossier: Dossier, path: str | os.PathLike[str]) -> None:
+def write_zarr(dossier: TargetRecord, path: str | os.PathLike[str]) -> None:
     """Write a dossier as one new folder of Zarr format 3, frame by frame; it appears whole or not at all.
 
     Raises
@@ -32,9 +32,9 @@ def write_zarr(dossier: Dossier, path: str | os.PathLike[str]) -> None:
     RecordsError
         When a frame is not what its press says.
     """
-    zarr = library("zarr", feature="Zarr export", extra="exchange")
-    codecs = library("zarr.codecs", feature="Zarr export", extra="exchange")
-    with new_folder(path) as draft:
+    zarr = import_extra("zarr", feature="Zarr export", extra="exchange")
+    codecs = import_extra("zarr.codecs", feature="Zarr export", extra="exchange")
+    with export_folder(path) as draft:
         write_layout(dossier, _ZarrTree(zarr.create_group(str(draft), zarr_format=3), codecs))
 
 

@@ -8,7 +8,7 @@ import zipfile
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Protocol
 
-from tsis.instrument.file_bytes import as_path, file_size, shown
+from tsis.instrument.file_bytes import as_path, file_size, printable_path
 from tsis.model.errors import FileInputError
 from tsis.records.export.bundle.contents import FOLDERS, MIB, MOST_FILES
 
@@ -21,7 +21,7 @@ END, END_64 = b"PK\x05\x06", b"PK\x06\x07"
 DIRECTORY_BYTES = 256  # of an entry in the directory of a zip file: far more than the names here take
 
 
-class Place(Protocol):
+class BundleSource(Protocol):
     """A bundle's files by their names."""
 
     def sizes(self) -> dict[str, int]:
@@ -31,7 +31,7 @@ class Place(Protocol):
         """Content of a file, refused when it is more than ``most`` bytes."""
 
 
-def place_of(path: str | os.PathLike[str]) -> Place:
+def bundle_source(path: str | os.PathLike[str]) -> BundleSource:
     """The folder or zip file of that name.
 
     Raises
@@ -41,11 +41,11 @@ def place_of(path: str | os.PathLike[str]) -> Place:
     """
     place = as_path(path)
     if place.is_dir():
-        return FolderPlace(place)
-    return ZipPlace(place, file_size(place))
+        return FolderSource(place)
+    return ZipSource(place, file_size(place))
 
 
-class FolderPlace:
+class FolderSource:
     """A folder: plain files in it and in the folders that a bundle has, no links."""
 
     def __init__(self, folder: Path) -> None:
@@ -54,7 +54,7 @@ class FolderPlace:
     def sizes(self) -> dict[str, int]:
         """Size of every file in bytes."""
         found: dict[str, int] = {}
-        with _refusing(shown(self.folder)):
+        with _refusing(printable_path(self.folder)):
             self._list(self.folder, "", found)
         return found
 
@@ -70,7 +70,9 @@ class FolderPlace:
                 else:
                     raise FileInputError(f"{name!r:.120} must be a file of a bundle; got a link, folder or device")
                 if len(found) > MOST_FILES:
-                    raise FileInputError(f"{shown(self.folder)} must hold at most {MOST_FILES} files; got more")
+                    raise FileInputError(
+                        f"{printable_path(self.folder)} must hold at most {MOST_FILES} files; got more"
+                    )
 
     def read(self, name: str, most: int) -> bytes:
         """Content of a file; a link that took its place meanwhile is not followed."""
@@ -81,7 +83,7 @@ class FolderPlace:
             return _bounded(file.read(most + 1), name, most)
 
 
-class ZipPlace:
+class ZipSource:
     """A zip file: every size is checked as declared, and again while it is unpacked."""
 
     def __init__(self, path: Path, size: int) -> None:
@@ -89,16 +91,16 @@ class ZipPlace:
 
     def sizes(self) -> dict[str, int]:
         """Size of every file in bytes, as the directory of the zip file declares it."""
-        with _refusing(shown(self.path)):
+        with _refusing(printable_path(self.path)):
             self._require_short_directory()
             with zipfile.ZipFile(self.path) as file:
                 entries = [each for each in file.infolist() if each.filename not in {f"{name}/" for name in FOLDERS}]
         found = {each.filename: each.file_size for each in entries}
         if len(found) != len(entries):
-            raise FileInputError(f"{shown(self.path)} must hold every name once; got one twice")
+            raise FileInputError(f"{printable_path(self.path)} must hold every name once; got one twice")
         if sum(found.values()) > FREE_BYTES + MOST_UNPACKED * self.size:
             raise FileInputError(
-                f"{shown(self.path)} must unpack to at most {MOST_UNPACKED} times its size; it declares more"
+                f"{printable_path(self.path)} must unpack to at most {MOST_UNPACKED} times its size; it declares more"
             )
         for each in entries:
             if each.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) or each.flag_bits & 1:
@@ -111,9 +113,13 @@ class ZipPlace:
             file.seek(max(0, self.size - 42))
             tail = file.read(42)
         if tail[-22:-18] != END or tail[-2:] != b"\0\0" or tail[:4] == END_64:
-            raise FileInputError(f"{shown(self.path)} must be a zip file of at most 4 GiB without comment; it is not")
+            raise FileInputError(
+                f"{printable_path(self.path)} must be a zip file of at most 4 GiB without comment; it is not"
+            )
         if int.from_bytes(tail[-10:-6], "little") > MOST_FILES * DIRECTORY_BYTES:
-            raise FileInputError(f"{shown(self.path)} must hold at most {MOST_FILES} files; its directory is longer")
+            raise FileInputError(
+                f"{printable_path(self.path)} must hold at most {MOST_FILES} files; its directory is longer"
+            )
 
     def read(self, name: str, most: int) -> bytes:
         """Content of a file; unpacking stops one byte after ``most``."""

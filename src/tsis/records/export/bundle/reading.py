@@ -6,10 +6,10 @@ import hashlib
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from tsis.calibration.file import identity, parse_calibration
+from tsis.calibration.file import calibration_sha256, parse_calibration
 from tsis.model.errors import CalibrationError, FileInputError, InputError
 from tsis.records.canonical import SHA256
-from tsis.records.dossier import Dossier
+from tsis.records.dossier import TargetRecord
 from tsis.records.export.bundle.contents import (
     CALIBRATIONS,
     DOCUMENTS,
@@ -28,7 +28,7 @@ from tsis.records.export.bundle.contents import (
 )
 from tsis.records.export.bundle.document import parse, parse_sealed
 from tsis.records.export.bundle.picture import read_picture
-from tsis.records.export.bundle.places import place_of
+from tsis.records.export.bundle.places import bundle_source
 from tsis.records.export.bundle.soundness import require_calibrations, require_estimates, require_presses
 from tsis.records.plain import estimate_of_plain, press_of_plain, target_of_plain
 from tsis.records.samples import samples_of
@@ -40,11 +40,11 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.calibration import ProbeCalibration
-    from tsis.records.export.bundle.places import Place
-    from tsis.records.values import Press, StoredEstimate
+    from tsis.records.export.bundle.places import BundleSource
+    from tsis.records.values import StoredEstimate, StoredPress
 
 
-def read_bundle(path: str | os.PathLike[str]) -> Dossier:
+def read_bundle(path: str | os.PathLike[str]) -> TargetRecord:
     """Read a folder or zip file that `write_bundle` wrote, wherever it comes from.
 
     Every file is checked, each frame unpacked once; frames are read again, and checked again, when they are asked for.
@@ -55,10 +55,10 @@ def read_bundle(path: str | os.PathLike[str]) -> Dossier:
         When a file is missing, unknown, too large, changed by a single byte, or holds what no dossier holds; the
         message names the file.
     """
-    return read_place(place_of(path))
+    return read_place(bundle_source(path))
 
 
-def read_place(place: Place) -> Dossier:
+def read_place(place: BundleSource) -> TargetRecord:
     """The same from wherever the files are listed and read: see `read_bundle`."""
     bundle = _Bundle(place)
     with _naming(TARGET):
@@ -80,13 +80,13 @@ def read_place(place: Place) -> Dossier:
 
     for frame in sizes:
         levels(frame)
-    return Dossier(target=target, presses=presses, estimates=estimates, calibrations=calibrations, read=levels)
+    return TargetRecord(target=target, presses=presses, estimates=estimates, calibrations=calibrations, read=levels)
 
 
 class _Bundle:
     """A place, and what its manifest says of each file."""
 
-    def __init__(self, place: Place) -> None:
+    def __init__(self, place: BundleSource) -> None:
         self.place = place
         sizes = place.sizes()
         require_bounded(sizes)
@@ -145,7 +145,7 @@ def _entries(manifest: dict[str, Any]) -> dict[str, tuple[str, int]]:
     return {name: (entry["sha256"], entry["bytes"]) for name, entry in files.items()}
 
 
-def _presses(bundle: _Bundle) -> tuple[Press, ...]:
+def _presses(bundle: _Bundle) -> tuple[StoredPress, ...]:
     plain = bundle.items(PRESSES)
     with _naming(PRESSES):
         return tuple(press_of_plain(each, f"press {at + 1}") for at, each in enumerate(plain))
@@ -167,7 +167,7 @@ def _calibrations(bundle: _Bundle) -> dict[str, ProbeCalibration]:
     for name in sorted(name for name in bundle.files if name.startswith(f"{CALIBRATIONS}/")):
         with _naming(name):
             known = parse_calibration(bundle.content(name), name)
-        cited = identity(known)
+        cited = calibration_sha256(known)
         if calibration_name(cited) != name:
             raise FileInputError(f"{name} must be named after what it holds; it holds calibration {cited}")
         found[cited] = known

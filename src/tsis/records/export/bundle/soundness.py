@@ -9,10 +9,10 @@ from tsis.model.errors import InputError
 if TYPE_CHECKING:
     from collections.abc import Container, Sequence
 
-    from tsis.records.values import Press, StoredEstimate, Target
+    from tsis.records.values import StoredEstimate, StoredPress, Target
 
 
-def require_presses(target: Target, presses: Sequence[Press]) -> None:
+def require_presses(target: Target, presses: Sequence[StoredPress]) -> None:
     """Refuse presses of another target, or that disagree about a frame that they share.
 
     Raises
@@ -29,7 +29,7 @@ def require_presses(target: Target, presses: Sequence[Press]) -> None:
             raise InputError(f"{where} must be of the size of its frame, {sizes[press.frame]}; another press says so")
 
 
-def require_estimates(target: Target, presses: Sequence[Press], estimates: Sequence[StoredEstimate]) -> None:
+def require_estimates(target: Target, presses: Sequence[StoredPress], estimates: Sequence[StoredEstimate]) -> None:
     """Refuse estimates of another target, or from presses that are not there.
 
     Raises
@@ -46,7 +46,7 @@ def require_estimates(target: Target, presses: Sequence[Press], estimates: Seque
 
 
 def require_calibrations(
-    presses: Sequence[Press], estimates: Sequence[StoredEstimate], calibrations: Container[str]
+    presses: Sequence[StoredPress], estimates: Sequence[StoredEstimate], calibrations: Container[str]
 ) -> None:
     """Refuse a bundle that lacks a calibration which it cites.
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.calibration.file import calibration_bytes
-from tsis.instrument.file_bytes import as_path, shown
+from tsis.instrument.file_bytes import as_path, printable_path
 from tsis.model.errors import InputError, RecordsError
 from tsis.records.canonical import SHA256
 from tsis.records.export.bundle.contents import (
@@ -26,7 +26,7 @@ from tsis.records.export.bundle.contents import (
 from tsis.records.export.bundle.document import document_bytes, sealed_bytes
 from tsis.records.export.bundle.reading import read_bundle
 from tsis.records.export.frame_png import frame_png
-from tsis.records.export.whole import new_file, new_folder
+from tsis.records.export.whole import export_file, export_folder
 from tsis.records.plain import estimate_to_plain, press_to_plain, target_to_plain
 from tsis.records.samples import samples_bytes
 
@@ -35,14 +35,14 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
-    from tsis.records.dossier import Dossier
+    from tsis.records.dossier import TargetRecord
 
     Put = Callable[[str, bytes], object]
 
 EARLIEST = (1980, 1, 1, 0, 0, 0)  # the time of every file in a zip file, so that equal bundles have equal bytes
 
 
-def write_bundle(dossier: Dossier, path: str | os.PathLike[str]) -> str:
+def write_bundle(dossier: TargetRecord, path: str | os.PathLike[str]) -> str:
     """Write all of a dossier as a new folder, or as a new zip file where the name ends in ``.zip``.
 
     Returns
@@ -59,23 +59,23 @@ def write_bundle(dossier: Dossier, path: str | os.PathLike[str]) -> str:
     """
     wanted = as_path(path)
     if wanted.suffix.lower() != ".zip":
-        with new_folder(wanted) as draft:
+        with export_folder(wanted) as draft:
             for name in FOLDERS:
                 (draft / name).mkdir()
             seal = _write(dossier, lambda name, content: (draft / name).write_bytes(content))
             _require_readable(draft)
         return seal
-    with new_file(wanted) as draft:
+    with export_file(wanted) as draft:
         try:
             with zipfile.ZipFile(draft, "x", allowZip64=False) as file:
                 seal = _write(dossier, lambda name, content: file.writestr(zipfile.ZipInfo(name, EARLIEST), content))
         except zipfile.LargeZipFile as error:
-            raise InputError(f"{shown(wanted)} must hold at most 4 GiB; got more (write a folder)") from error
+            raise InputError(f"{printable_path(wanted)} must hold at most 4 GiB; got more (write a folder)") from error
         _require_readable(draft)
     return seal
 
 
-def _write(dossier: Dossier, put: Put) -> str:
+def _write(dossier: TargetRecord, put: Put) -> str:
     entries: dict[str, dict[str, Any]] = {}
     for name, content in _files(dossier):
         put(name, content)
@@ -93,7 +93,7 @@ def _write(dossier: Dossier, put: Put) -> str:
     return hashlib.sha256(manifest).hexdigest()
 
 
-def _files(dossier: Dossier) -> Iterator[tuple[str, bytes]]:
+def _files(dossier: TargetRecord) -> Iterator[tuple[str, bytes]]:
     """Every file but the manifest, one at a time."""
     yield TARGET, document_bytes(target_to_plain(dossier.target))
     yield PRESSES, document_bytes([press_to_plain(press) for press in dossier.presses])

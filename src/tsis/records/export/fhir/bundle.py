@@ -13,10 +13,10 @@ from tsis.records.export.fhir.terms import PROBES, TARGETS, Resource, urn
 from tsis.records.pseudonym import shown_identity
 
 if TYPE_CHECKING:
-    from tsis.records.dossier import Dossier
+    from tsis.records.dossier import TargetRecord
 
 
-def fhir_observations(dossier: Dossier, *, identified: bool = False) -> bytes:
+def fhir_observations(dossier: TargetRecord, *, identified: bool = False) -> bytes:
     """A FHIR Bundle of type ``collection`` as JSON, valid as R4B and as R5.
 
     Parameters
@@ -53,12 +53,12 @@ def fhir_observations(dossier: Dossier, *, identified: bool = False) -> bytes:
     return (json.dumps(bundle, indent=2, allow_nan=False) + "\n").encode()
 
 
-def _probes(dossier: Dossier) -> list[str]:
+def _probes(dossier: TargetRecord) -> list[str]:
     names = [press.probe for press in dossier.presses if press.force_n is not None]
     return sorted({*names, *(stored.probe for stored in dossier.in_force)})
 
 
-def _subject(dossier: Dossier, *, identified: bool) -> Resource:
+def _subject(dossier: TargetRecord, *, identified: bool) -> Resource:
     target = dossier.target
     known = [{"system": TARGETS, "value": shown_identity(target) if identified else target.id}]
     if identified and target.name:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.model.estimate import INTERVAL
+from tsis.model.estimate import INTERVAL_LEVEL
 from tsis.records.canonical import SHA256
 from tsis.records.export.fhir.terms import (
     ABSENT_EXTENSION,
@@ -21,8 +21,8 @@ from tsis.records.export.fhir.terms import (
 if TYPE_CHECKING:
     from datetime import datetime
 
-    from tsis.records.dossier import Dossier
-    from tsis.records.values import Press, StoredEstimate
+    from tsis.records.dossier import TargetRecord
+    from tsis.records.values import StoredEstimate, StoredPress
 
 METHODS = {
     "inclusion": "Optical tactile imaging: posterior of a press model, given frames of the probe pressed on tissue",
@@ -33,7 +33,7 @@ UNTRUSTED = "not trusted: the model does not hold for these frames"
 UNIDENTIFIED = "not identified: the data tell hardly more than was believed before; see the interval"
 
 
-def force_observation(press: Press, subject: Resource, device: Resource, *, identified: bool) -> Resource:
+def force_observation(press: StoredPress, subject: Resource, device: Resource, *, identified: bool) -> Resource:
     """The force of one press."""
     assert press.force_n is not None
     seen = {"derivedFrom": [hashed(press.frame, "Frame")]} if SHA256.fullmatch(press.frame) else {}
@@ -46,7 +46,7 @@ def force_observation(press: Press, subject: Resource, device: Resource, *, iden
 
 
 def estimate_observations(
-    dossier: Dossier, stored: StoredEstimate, subject: Resource, device: Resource, *, identified: bool
+    dossier: TargetRecord, stored: StoredEstimate, subject: Resource, device: Resource, *, identified: bool
 ) -> list[Resource]:
     """One observation a parameter, and one of the probability that there is anything at all."""
     presses = [each for each in dossier.presses if each.id in set(stored.presses)]
@@ -91,12 +91,14 @@ def _value(stored: StoredEstimate, name: str) -> Resource:
     found = stored.estimate
     if not found.trusted:
         return {"dataAbsentReason": absent("error", UNTRUSTED)}
-    low, high = found.interval(INTERVAL)[name]
-    tail = (1 - INTERVAL) / 2
+    low, high = found.interval(INTERVAL_LEVEL)[name]
+    tail = (1 - INTERVAL_LEVEL) / 2
     parts = [
-        component("interval-low", f"{INTERVAL:.0%} credible interval, lower end ({tail:.0%} quantile)", name, low),
         component(
-            "interval-high", f"{INTERVAL:.0%} credible interval, upper end ({1 - tail:.0%} quantile)", name, high
+            "interval-low", f"{INTERVAL_LEVEL:.0%} credible interval, lower end ({tail:.0%} quantile)", name, low
+        ),
+        component(
+            "interval-high", f"{INTERVAL_LEVEL:.0%} credible interval, upper end ({1 - tail:.0%} quantile)", name, high
         ),
         component("sd", "Standard deviation of the posterior", name, found.sd[name]),
         component("prior-sd", "Standard deviation of the prior", name, found.prior_sd[name]),

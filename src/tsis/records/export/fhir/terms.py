@@ -6,7 +6,7 @@ import base64
 import math
 from uuid import UUID, uuid5
 
-from tsis.model.quantities import NO_UNIT, unit_of, words_of
+from tsis.model.quantities import NO_UNIT, label_of, unit_of
 
 Resource = dict[str, object]
 
@@ -60,4 +60,4 @@ def hashed(sha256: str, what: str) -> Resource:
 
 def words(name: str) -> str:
     """What people read of a quantity."""
-    return words_of(name).capitalize()
+    return label_of(name).capitalize()
