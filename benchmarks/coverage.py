@@ -28,7 +28,7 @@ from benchmarks.tables import show
 import tsis
 from tsis.cli.console_output import progress_bar
 from tsis.inclusion import InclusionPrior, estimate
-from tsis.model import disk_cache
+from tsis.model.disk_cache import cache_folder, content_key
 from tsis.model.errors import TsisError
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def run(
 def kept_at(folder: Path, bank: PressBank) -> Path:
     """File of the finished cases, named by all that decides them."""
     decided_by = bank.content() | {"prior": asdict(bank.prior), "code": code()}
-    return folder / f"{bank.protocol.name}-{disk_cache.content_key(decided_by)}.jsonl"
+    return folder / f"{bank.protocol.name}-{content_key(decided_by)}.jsonl"
 
 
 def counted(names: Mapping[str, int]) -> str:
@@ -104,9 +104,7 @@ def main() -> int:
     parser.add_argument("--presses", type=int, default=2000)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--frames", type=Path, help="folder to keep the frames in, and to read them from")
-    parser.add_argument(
-        "--out", type=Path, default=disk_cache.cache_folder() / "coverage", help="folder of finished cases"
-    )
+    parser.add_argument("--out", type=Path, default=cache_folder() / "coverage", help="folder of finished cases")
     parser.add_argument("--workers", type=int, help="processes; all cores by default")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--markdown", action="store_true", help="print the table as Markdown")

@@ -35,7 +35,7 @@ import tsis
 from tsis.cli.console_output import progress_bar
 from tsis.detection import target_evidence
 from tsis.inclusion import estimate
-from tsis.model import disk_cache
+from tsis.model.disk_cache import cache_folder, content_key
 from tsis.model.errors import TsisError
 
 if TYPE_CHECKING:
@@ -162,9 +162,7 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--uneven", type=float, default=UNEVEN_SD, help="largest sd of the lumps' log moduli")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--workers", type=int, default=os.cpu_count(), help="processes; all cores by default")
-    parser.add_argument(
-        "--bank", type=Path, default=disk_cache.cache_folder() / "detection", help="folder of finished targets"
-    )
+    parser.add_argument("--bank", type=Path, default=cache_folder() / "detection", help="folder of finished targets")
     parser.add_argument("--out", type=Path, help="folder for the figure, the tables and the reaches")
     parser.add_argument("--json", action="store_true")
     parser.add_argument("--markdown", action="store_true", help="print tables as Markdown")
@@ -175,7 +173,7 @@ def main() -> int:
     """Run what is missing, print the tables; 1 when the wanted area is missed."""
     options = parsed()
     decided_by = {"seed": options.seed, "uneven": options.uneven, "tsis": tsis.__version__, "code": code()}
-    kept_in = options.bank / f"{disk_cache.content_key(decided_by)}.jsonl"
+    kept_in = options.bank / f"{content_key(decided_by)}.jsonl"
     began = time.perf_counter()
     with progress_bar("searching") as progress:
         lines = run(tasks_of(options), out=kept_in, workers=options.workers, progress=progress)

@@ -14,7 +14,8 @@ import numpy as np
 
 from tsis.hardness.seen_sphere import hertzian_radius_mm, press_fields
 from tsis.mechanics.surrogate_solves import cached_arrays, mechanical_content
-from tsis.model import PressField, Probe, SoftSphere, disk_cache
+from tsis.model import PressField, Probe, SoftSphere
+from tsis.model.disk_cache import content_key
 from tsis.virtual.direct_contact import DIRECT_CONTACT_RESOLUTION
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ class SolvedSphere:
             "resolution": asdict(DIRECT_CONTACT_RESOLUTION),
             "scaled": [*AROUND, len(SCALED)],
         }
-        return cached_arrays(KIND, disk_cache.content_key(content), self._solve)
+        return cached_arrays(KIND, content_key(content), self._solve)
 
     def _nodes(self) -> list[float]:
         return [force * float(np.exp(side)) for force in self.forces_n for side in AROUND]

@@ -26,12 +26,13 @@ from threadpoolctl import threadpool_limits
 
 import tsis
 from tsis import Inclusion, Phantom
-from tsis.mechanics import Resolution, build_surrogate, mesh, press, press_solid
+from tsis.mechanics import Resolution, build_surrogate, press, press_solid
 from tsis.mechanics.element import stiffness
 from tsis.mechanics.finite_strain.bodies import FiniteResolution
 from tsis.mechanics.finite_strain.pressing import press_pairs
 from tsis.mechanics.finite_strain.probe_on_slab import ProbeOnSlab
 from tsis.mechanics.finite_strain.squeezed_sphere import squeeze_path
+from tsis.mechanics.mesh import mesh_rectangle
 from tsis.mechanics.small_strain import PressKernel
 
 if TYPE_CHECKING:
@@ -154,7 +155,7 @@ def assembly() -> Iterator[Row]:
 
 def element_matrices() -> Callable[[], object]:
     """The call that computes them, by tsis."""
-    body = mesh.mesh_rectangle(np.linspace(0.0, 10.0, 38), np.linspace(0.0, 10.0, 33), 2, a_is_radius=True)
+    body = mesh_rectangle(np.linspace(0.0, 10.0, 38), np.linspace(0.0, 10.0, 33), 2, a_is_radius=True)
     elements = np.concatenate([body.layer(index, body.nodes) for index in range(body.layers)])
     young, poisson = np.full(len(elements), 5.0), np.full(len(elements), 0.49)
     return lambda: stiffness(elements, 2, young, poisson)

@@ -27,9 +27,9 @@ from sqlalchemy import insert
 
 from tsis.model import TactileImage
 from tsis.records import Store, StoredPress, Target, open_store
-from tsis.records import rows as row_of
 from tsis.records.audit import AuditChange, append_audit, locked_head
 from tsis.records.frame_file import frame_bytes
+from tsis.records.rows import press_row, target_row
 from tsis.records.tables import frames, presses, targets
 
 if TYPE_CHECKING:
@@ -111,9 +111,9 @@ def grown(folder: Path, count: int, spread: int) -> None:
         ]
         changes = []
         for table, entered in (
-            (targets, [row_of.target_row(target) for target in kept]),
+            (targets, [target_row(target) for target in kept]),
             (frames, [{"id": f"{i:064x}", **shape} for i in range(count)]),
-            (presses, [row_of.press_row(_press(kept[i % spread], i)) for i in range(count)]),
+            (presses, [press_row(_press(kept[i % spread], i)) for i in range(count)]),
         ):
             connection.execute(insert(table), entered)
             changes += [AuditChange(action="add", kind=table.name, row=str(row["id"]), values=row) for row in entered]

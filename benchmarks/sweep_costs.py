@@ -23,6 +23,7 @@ from tsis.mechanics import press
 from tsis.model import PressField
 from tsis.model.durable import write_durably
 from tsis.sweep import dask_crew, run_sweep
+from tsis.sweep.dask_crew import AHEAD, DaskPool
 from tsis.sweep.manifest import MANIFEST_FILE
 from tsis.sweep.presses import press_all
 from tsis.sweep.samples import SweepBatch, sweep_batches
@@ -189,7 +190,7 @@ def scheduler_rate() -> tuple[float, float, float]:
         tempfile.TemporaryDirectory() as folder,
         LoopbackCluster(Path(folder), WORKERS, THREADS) as cluster,
         patch.object(dask_crew, "finish", answered_at_once),
-        dask_crew.DaskPool(job, cluster.address) as crew,
+        DaskPool(job, cluster.address) as crew,
     ):
         left = iter(list(sweep_batches(sweep_plan(TASKS * BATCH, batch=BATCH))))
         _wait_for(crew)
@@ -211,10 +212,10 @@ def scheduler_rate() -> tuple[float, float, float]:
     return done / seconds, (after[0] - before[0]) / done, (after[1] - before[1]) / done
 
 
-def _wait_for(crew: dask_crew.DaskPool) -> None:
+def _wait_for(crew: DaskPool) -> None:
     """Until all threads of all workers are known."""
     until = time.monotonic() + 60.0
-    while crew.window < dask_crew.AHEAD * WORKERS * THREADS:
+    while crew.window < AHEAD * WORKERS * THREADS:
         if time.monotonic() > until:
             raise RuntimeError("the workers of the cluster did not come")
         time.sleep(0.2)

@@ -18,7 +18,8 @@ from scipy.interpolate import RegularGridInterpolator
 from tsis.inclusion.off_axis_rings import FARTHEST, MOVES
 from tsis.mechanics import contrast_factor, press
 from tsis.mechanics.surrogate_solves import cached_arrays, mechanical_content
-from tsis.model import Inclusion, Phantom, PressField, PressMap, Probe, disk_cache
+from tsis.model import Inclusion, Phantom, PressField, PressMap, Probe
+from tsis.model.disk_cache import content_key
 from tsis.virtual.probe import FINE_RESOLUTION
 
 if TYPE_CHECKING:
@@ -116,7 +117,7 @@ def lump_changes(probe: Probe, forces_n: tuple[float, float]) -> LumpChanges:
         ]
         return {"values": np.array(values)}
 
-    values = cached_arrays("lump-changes", disk_cache.content_key(content), solve)["values"]
+    values = cached_arrays("lump-changes", content_key(content), solve)["values"]
     return LumpChanges(
         radius_mm=np.linspace(0.0, probe.radius_mm, values.shape[-1]),
         of_lump=RegularGridInterpolator((DIAMETERS_MM, TOPS_MM, forces_n), values, bounds_error=False, fill_value=None),

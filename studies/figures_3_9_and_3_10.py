@@ -20,7 +20,8 @@ from studies.shown import Shown
 
 import tsis
 from tsis import Layer, Probe
-from tsis.mechanics import closed_form, indent
+from tsis.mechanics import indent
+from tsis.mechanics.closed_form import effective_modulus_kpa
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -50,7 +51,7 @@ def run(rng: np.random.Generator | None = None) -> Result:
     """Press both probes; nothing is random, ``rng`` is what every study takes."""
     del rng
     layered = tsis.load_probe("tsis-2011")
-    modulus = closed_form.effective_modulus_kpa(layered.layers)
+    modulus = effective_modulus_kpa(layered.layers)
     single = Probe(radius_mm=layered.radius_mm, layers=(Layer(thickness_mm=layered.thickness_mm, young_kpa=modulus),))
     pressed = {
         name: [indent(probe, sphere_radius_mm=SPHERE_MM, force_n=float(force)) for force in FORCES_N]

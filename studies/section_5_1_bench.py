@@ -9,7 +9,7 @@ import numpy as np
 import tsis
 from tsis import Calibration, PressField
 from tsis.imaging.sensor import Sensor
-from tsis.mechanics import closed_form
+from tsis.mechanics.closed_form import effective_modulus_kpa, hertz_under_force
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -28,7 +28,7 @@ def plane_strain(young_kpa: float, poisson: float) -> float:
 
 def half_space_kpa() -> float:
     """``E*`` of the half-space that stands for the probe."""
-    return plane_strain(closed_form.effective_modulus_kpa(PROBE.layers), PROBE.layers[0].poisson)
+    return plane_strain(effective_modulus_kpa(PROBE.layers), PROBE.layers[0].poisson)
 
 
 def saturation_kpa(rms_slope: float) -> float:
@@ -50,10 +50,10 @@ def full_contact() -> float:
 
 def pressed(tip_mm: float, force_n: float) -> PressField:
     """Hertz's pressure and displacement on a half-space with the probe's effective modulus."""
-    contact = closed_form.hertz_under_force(
+    contact = hertz_under_force(
         radius_mm=tip_mm,
         force_mn=force_n * MN,
-        young_kpa=closed_form.effective_modulus_kpa(PROBE.layers),
+        young_kpa=effective_modulus_kpa(PROBE.layers),
         poisson=PROBE.layers[0].poisson,
     )
     edge = contact.contact_radius_mm

@@ -17,7 +17,8 @@ from benchmarks.searched_presses import MovingProbe
 import tsis
 from tsis.mechanics import press
 from tsis.mechanics.surrogate_solves import cached_arrays, mechanical_content
-from tsis.model import PressField, disk_cache
+from tsis.model import PressField
+from tsis.model.disk_cache import content_key
 from tsis.virtual.probe import FINE_RESOLUTION
 
 if TYPE_CHECKING:
@@ -52,7 +53,7 @@ def solved(probe_name: str, phantom_name: str, force_n: float) -> NDArray[np.flo
         "force": force_n,
         "grid": [*LOG_SOFTER, *FORCE_SHARES],
     }
-    return cached_arrays("section-6-4", disk_cache.content_key(content), solve)["fields"]
+    return cached_arrays("section-6-4", content_key(content), solve)["fields"]
 
 
 def scaled(phantom: Phantom, factor: float) -> Phantom:

@@ -21,7 +21,7 @@ from tsis.detection import (
     train_classifier,
     write_classifier,
 )
-from tsis.detection.classify_file import _digest
+from tsis.detection.classify_file import classifier_sha256
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
@@ -71,5 +71,5 @@ def _forged(original: bytes, rng: np.random.Generator) -> bytes:
     document = changed_document(original, rng)
     if "sha256" in document:
         with suppress(ValueError):  # numbers that JSON has not have no hash
-            document["sha256"] = _digest({name: one for name, one in document.items() if name != "sha256"})
+            document["sha256"] = classifier_sha256({name: one for name, one in document.items() if name != "sha256"})
     return text_of(document, rng)

@@ -18,7 +18,7 @@ from tsis.matching.point_file import csv_text, read_points
 from tsis.matching.trial_rows import TRIAL_ROW_HEAD, read_trial_rows
 from tsis.matching.trials import PUBLIC_FILE, public_trials
 from tsis.mechanics.surrogate_solves import cached_arrays
-from tsis.model import disk_cache
+from tsis.model.disk_cache import DIGEST_BYTES, _digest
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
@@ -136,13 +136,13 @@ def _content() -> bytes:
 
 def _cached() -> bytes:
     payload = _content()
-    return disk_cache._digest(KEY, payload) + payload
+    return _digest(KEY, payload) + payload
 
 
 def _forged_cache(original: bytes, rng: np.random.Generator) -> bytes:
-    held = original[disk_cache.DIGEST_BYTES :]
+    held = original[DIGEST_BYTES:]
     payload = _member_damaged(held, rng, name="plain.npy") if rng.random() < 0.7 else damaged(held, held, rng)
-    return disk_cache._digest(KEY, payload) + payload
+    return _digest(KEY, payload) + payload
 
 
 def _from_cache(path: Path) -> Hashable:

@@ -16,18 +16,20 @@ from benchmarks.hostile.loader import Loader
 from benchmarks.hostile.picture_loaders import token
 
 from tsis.calibration import MeasuredValue
-from tsis.calibration.file import ProbeCalibration, calibration_bytes, calibration_sha256, content, read_calibration
+from tsis.calibration.file import ProbeCalibration, calibration_bytes, calibration_sha256, read_calibration
+from tsis.calibration.file.content import document_sha256
 from tsis.calibration.reference.value import CameraReference
 from tsis.calibration.session import CalibrationFrame, SessionFolder, SessionSetup
-from tsis.cli.calibrate.seal import _read as values_to_seal
+from tsis.cli.calibrate.seal import read_values_to_seal as values_to_seal
 from tsis.instrument import read_bytes
 from tsis.model import Calibration, LightMap, TactileImage, load_probe
 from tsis.model.errors import FileInputError
-from tsis.sweep import EXAMPLE, Plan, Range, load_plan, shards
-from tsis.sweep import manifest as manifests
+from tsis.sweep import EXAMPLE, Plan, Range, load_plan
 from tsis.sweep import read_data_set as read_sweep
+from tsis.sweep.manifest import MANIFEST_FILE, START, data_set_key, head, manifest_sha256, write_manifest
 from tsis.sweep.plan_file import plan_document
 from tsis.sweep.presses import Rows
+from tsis.sweep.shards import Receipt, _digest, _digest_place, data_set_of, encode_shard, receipt_of, sha256, shard_name
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
@@ -77,7 +79,7 @@ def _grey(value: float) -> MeasuredValue:
 def sealed(document: dict[str, Any]) -> dict[str, Any]:
     """The document with the hash of what it holds now."""
     if "calibration" in document:
-        document["sha256"] = content._hash(document["calibration"])
+        document["sha256"] = document_sha256(document["calibration"])
     return document
 
 
@@ -155,34 +157,34 @@ def _sweeps() -> tuple[Loader, ...]:
         batch=4,
         radii_mm=(0.0, 3.0),
     )
-    start = manifests.head(plan)
-    key = manifests.data_set_key(start)
-    shard = shards.encode_shard(_rows(), shard=0, data_set=key)
+    start = head(plan)
+    key = data_set_key(start)
+    shard = encode_shard(_rows(), shard=0, data_set=key)
     with tempfile.TemporaryDirectory() as place:
-        manifests.write_manifest(Path(place), start, [_receipt(shard, key)])
-        manifest = (Path(place) / manifests.MANIFEST_FILE).read_bytes()
-    name = shards.shard_name(0)
+        write_manifest(Path(place), start, [_receipt(shard, key)])
+        manifest = (Path(place) / MANIFEST_FILE).read_bytes()
+    name = shard_name(0)
 
     def forged_manifest(original: bytes, rng: np.random.Generator) -> bytes:
         document = changed_document(original, rng)
         try:
-            document["plan_sha256"] = manifests._hash(document["plan"])
-            document["data_set"] = manifests.data_set_key({key: document[key] for key in manifests.START})
+            document["plan_sha256"] = manifest_sha256(document["plan"])
+            document["data_set"] = data_set_key({key: document[key] for key in START})
         except (KeyError, ValueError, RecursionError, TypeError):
             pass
         return text_of(document, rng)
 
     def settled(folder: Path) -> None:
         document = json.loads(manifest)
-        document["shards"][0]["sha256"] = shards.sha256((folder / name).read_bytes())
-        (folder / manifests.MANIFEST_FILE).write_text(json.dumps(document))
+        document["shards"][0]["sha256"] = sha256((folder / name).read_bytes())
+        (folder / MANIFEST_FILE).write_text(json.dumps(document))
 
     def columns(path: Path) -> Hashable:
         return tuple((column, *token(values)) for column, values in read_sweep(path.parent).items())
 
     def resumed(path: Path) -> Hashable:
-        receipt = shards.receipt_of(read_bytes(path), shard=0, data_set=key)
-        if shards.data_set_of(path) is None or receipt is None:
+        receipt = receipt_of(read_bytes(path), shard=0, data_set=key)
+        if data_set_of(path) is None or receipt is None:
             raise FileInputError("damaged, and so computed again")
         return (receipt.rows, receipt.refused)
 
@@ -196,7 +198,7 @@ def _sweeps() -> tuple[Loader, ...]:
         ),
         Loader(
             name="sweep, manifest",
-            file=manifests.MANIFEST_FILE,
+            file=MANIFEST_FILE,
             originals=(manifest,),
             load=columns,
             integrity=True,
@@ -211,7 +213,7 @@ def _sweeps() -> tuple[Loader, ...]:
             load=columns,
             integrity=True,
             forge=_signed_again,
-            around={manifests.MANIFEST_FILE: manifest},
+            around={MANIFEST_FILE: manifest},
             settle=settled,
         ),
         Loader(
@@ -233,8 +235,8 @@ def _rows() -> Rows:
     return Rows(sample=np.arange(4), numbers=numbers, error=["", "", "", "refused"])
 
 
-def _receipt(shard: bytes, key: str) -> shards.Receipt:
-    found = shards.receipt_of(shard, shard=0, data_set=key)
+def _receipt(shard: bytes, key: str) -> Receipt:
+    found = receipt_of(shard, shard=0, data_set=key)
     assert found is not None
     return found
 
@@ -242,7 +244,7 @@ def _receipt(shard: bytes, key: str) -> shards.Receipt:
 def _signed_again(original: bytes, rng: np.random.Generator) -> bytes:
     """A damaged shard whose own digest is right again."""
     changed = damaged(original, original, rng)
-    place = shards._digest_place(changed)
+    place = _digest_place(changed)
     if place is None:
         return changed
-    return changed[:place] + shards._digest(changed, place) + changed[place + 64 :]
+    return changed[:place] + _digest(changed, place) + changed[place + 64 :]

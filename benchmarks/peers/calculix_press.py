@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.mechanics import mesh
+from tsis.mechanics.mesh import face_lines, graded, outer_lines, two_sided_lines
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -31,15 +31,15 @@ class Body:
 
 def stiffness_n_per_mm(probe: Probe, phantom: Phantom, *, finest_mm: float) -> tuple[float, int]:
     """Force by 1 mm of travel, and the number of unknowns."""
-    face = mesh.face_lines(probe.radius_mm, finest=finest_mm, growth=1.5, largest=0.8)
+    face = face_lines(probe.radius_mm, finest=finest_mm, growth=1.5, largest=0.8)
     heights, layers = [np.zeros(1)], []
     for index, layer in enumerate(probe.layers):
-        lines = mesh.two_sided_lines(layer.thickness_mm, finest=finest_mm, growth=1.5, largest=0.8)
+        lines = two_sided_lines(layer.thickness_mm, finest=finest_mm, growth=1.5, largest=0.8)
         heights.append(heights[-1][-1] + lines[1:])
         layers += [index] * (len(lines) - 1)
     above = _body(face, np.concatenate(heights), np.array(layers))
-    beyond = mesh.outer_lines(probe.radius_mm, OUTER_MM, finest=finest_mm, growth=1.5)
-    depth = mesh.graded(phantom.thickness_mm, finest_mm, 1.5, 3.0)
+    beyond = outer_lines(probe.radius_mm, OUTER_MM, finest=finest_mm, growth=1.5)
+    depth = graded(phantom.thickness_mm, finest_mm, 1.5, 3.0)
     wide = np.concatenate([face, beyond[1:]])
     below = _body(wide, -depth[::-1], np.full(len(depth) - 1, len(probe.layers)))
     with tempfile.TemporaryDirectory() as folder:

@@ -12,7 +12,7 @@ import pytest
 from tests.waiting import HANGS_S
 
 from tsis.console.apart import Apart
-from tsis.model import check
+from tsis.model.check import require_integer, require_one_of
 from tsis.model.errors import ControlError, InputError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ def test_work_is_done_elsewhere_and_its_errors_come_back(apart: Apart, caplog: p
     assert there != os.getpid()
     assert apart.ask(print, "what a library says") is None
     with pytest.raises(UnknownNameError, match="did you mean 'pdf'"):
-        apart.ask(check.require_one_of, "form", "pfd", ("html", "pdf"))
+        apart.ask(require_one_of, "form", "pfd", ("html", "pdf"))
     with pytest.raises(RuntimeError, match="failed"):
         apart.ask(int, "three")
     assert "invalid literal" in caplog.text
@@ -50,7 +50,7 @@ def test_a_process_that_was_killed_is_replaced(apart: Apart) -> None:
 
 
 def test_nothing_is_waited_for_when_the_console_ends(apart: Apart) -> None:
-    assert apart.ask(check.require_integer, "port", 1, 0, 2) == 1
+    assert apart.ask(require_integer, "port", 1, 0, 2) == 1
     told: list[BaseException] = []
 
     def wait() -> None:
@@ -74,4 +74,4 @@ def test_what_cannot_be_sent_is_said_at_once(apart: Apart) -> None:
     with pytest.raises((AttributeError, TypeError)):
         apart.ask(lambda: 1)
     with pytest.raises(InputError):
-        apart.ask(check.require_integer, "port", 3, 0, 2)
+        apart.ask(require_integer, "port", 3, 0, 2)

@@ -184,12 +184,12 @@ def test_a_file_gives_the_same_classifier_back(tmp_path: Path) -> None:
 
 def _rewritten(path: Path, **changed: Any) -> Path:
     """The file with other content and the hash that belongs to it."""
-    from tsis.detection.classify_file import _digest, _spelled
+    from tsis.detection.classify_file import _spelled, classifier_sha256
 
     content = json.loads(path.read_bytes())
     content.pop("sha256")
     content |= changed
-    path.write_bytes(_spelled(content | {"sha256": _digest(content)}))
+    path.write_bytes(_spelled(content | {"sha256": classifier_sha256(content)}))
     return path
 
 

@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_limits
 import tsis
 from tsis.inclusion import InclusionPrior
 from tsis.mechanics import build_full_contact_surrogate, build_surrogate
-from tsis.model import disk_cache
+from tsis.model.disk_cache import cache_folder
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -28,8 +28,8 @@ def one_thread_a_worker() -> Iterator[None]:
 
 def built_once(build: Callable[[], T]) -> T:
     """Solved by one worker on all cores while the others wait for it."""
-    disk_cache.cache_folder().mkdir(parents=True, exist_ok=True)
-    with (disk_cache.cache_folder() / "lock").open("w") as lock:
+    cache_folder().mkdir(parents=True, exist_ok=True)
+    with (cache_folder() / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         return build()
 

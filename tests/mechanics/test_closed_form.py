@@ -11,7 +11,17 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from tsis import Layer
-from tsis.mechanics import closed_form
+from tsis.mechanics.closed_form import (
+    bonded_layer_ratio,
+    confined_modulus_kpa,
+    effective_modulus_kpa,
+    hertz,
+    hertz_under_force,
+    oedometric_modulus_kpa,
+    punch_pressure_kpa,
+    punch_stiffness,
+    sphere_in_uniaxial_stress,
+)
 from tsis.model.errors import InputError
 
 STACK = tuple(Layer(thickness_mm=t, young_kpa=e, poisson=0.49) for t, e in ((2.0, 140.0), (3.0, 80.0), (5.0, 34.0)))
@@ -19,32 +29,32 @@ POISSON = st.floats(0.0, 0.495)
 
 
 def test_effective_modulus_of_the_probe() -> None:
-    assert closed_form.effective_modulus_kpa(STACK) == pytest.approx(10 / (2 / 140 + 3 / 80 + 5 / 34), rel=1e-12)
-    assert closed_form.effective_modulus_kpa(STACK) == pytest.approx(50.2905, rel=1e-6)
+    assert effective_modulus_kpa(STACK) == pytest.approx(10 / (2 / 140 + 3 / 80 + 5 / 34), rel=1e-12)
+    assert effective_modulus_kpa(STACK) == pytest.approx(50.2905, rel=1e-6)
 
 
 def test_confined_modulus_of_the_probe() -> None:
-    assert closed_form.confined_modulus_kpa(STACK) == pytest.approx(860.7, rel=1e-4)
+    assert confined_modulus_kpa(STACK) == pytest.approx(860.7, rel=1e-4)
 
 
 @given(young=st.floats(1.0, 200.0), poisson=POISSON, cut=st.floats(0.1, 0.9))
 def test_cutting_a_layer_in_two_changes_neither_modulus(young: float, poisson: float, cut: float) -> None:
     whole = [Layer(thickness_mm=10.0, young_kpa=young, poisson=poisson)]
     halves = [Layer(thickness_mm=10 * part, young_kpa=young, poisson=poisson) for part in (cut, 1 - cut)]
-    for modulus in (closed_form.effective_modulus_kpa, closed_form.confined_modulus_kpa):
+    for modulus in (effective_modulus_kpa, confined_modulus_kpa):
         assert modulus(halves) == pytest.approx(modulus(whole), rel=1e-12)
 
 
 @given(poisson=POISSON)
 def test_confined_modulus_is_bulk_plus_four_thirds_shear(poisson: float) -> None:
     bulk, shear = 5.0 / (3 * (1 - 2 * poisson)), 5.0 / (2 * (1 + poisson))
-    found = closed_form.oedometric_modulus_kpa(young_kpa=5.0, poisson=poisson)
+    found = oedometric_modulus_kpa(young_kpa=5.0, poisson=poisson)
     assert found == pytest.approx(bulk + 4 / 3 * shear, rel=1e-10)
 
 
 @pytest.mark.parametrize(("poisson", "force", "peak"), [(0.3, 8.1907, 0.7822), (0.49, 9.8086, 0.9367)])
 def test_hertz(poisson: float, force: float, peak: float) -> None:
-    contact = closed_form.hertz(radius_mm=10.0, indentation_mm=0.5, young_kpa=5.0, poisson=poisson)
+    contact = hertz(radius_mm=10.0, indentation_mm=0.5, young_kpa=5.0, poisson=poisson)
     assert contact.force_mn == pytest.approx(force, rel=1e-4)
     assert contact.peak_pressure_kpa == pytest.approx(peak, rel=1e-4)
     assert contact.contact_radius_mm == pytest.approx(5**0.5)
@@ -54,28 +64,26 @@ def test_hertz(poisson: float, force: float, peak: float) -> None:
 def test_hertz_by_the_force_is_hertz_by_the_indentation(
     radius: float, depth: float, young: float, poisson: float
 ) -> None:
-    by_depth = closed_form.hertz(radius_mm=radius, indentation_mm=depth, young_kpa=young, poisson=poisson)
-    found = closed_form.hertz_under_force(
-        radius_mm=radius, force_mn=by_depth.force_mn, young_kpa=young, poisson=poisson
-    )
+    by_depth = hertz(radius_mm=radius, indentation_mm=depth, young_kpa=young, poisson=poisson)
+    found = hertz_under_force(radius_mm=radius, force_mn=by_depth.force_mn, young_kpa=young, poisson=poisson)
     assert found.force_mn == by_depth.force_mn
     assert found.contact_radius_mm == pytest.approx(by_depth.contact_radius_mm, rel=1e-12)
     assert found.peak_pressure_kpa == pytest.approx(by_depth.peak_pressure_kpa, rel=1e-12)
 
 
 def test_a_force_that_buries_the_sphere_still_has_its_paraboloid() -> None:
-    contact = closed_form.hertz_under_force(radius_mm=2.0, force_mn=5e4, young_kpa=50.0, poisson=0.49)
+    contact = hertz_under_force(radius_mm=2.0, force_mn=5e4, young_kpa=50.0, poisson=0.49)
     assert contact.contact_radius_mm > 2.0
     carried, _ = quad(lambda r: 2 * np.pi * r * float(contact.pressure_kpa(r)), 0.0, contact.contact_radius_mm)
     assert carried == pytest.approx(5e4, rel=1e-6)
     for wrong in (0.0, -1.0, float("nan")):
         with pytest.raises(InputError, match="force_mn"):
-            closed_form.hertz_under_force(radius_mm=2.0, force_mn=wrong, young_kpa=50.0, poisson=0.49)
+            hertz_under_force(radius_mm=2.0, force_mn=wrong, young_kpa=50.0, poisson=0.49)
 
 
 @given(radius=st.floats(1.0, 100.0), depth=st.floats(0.001, 1.0), poisson=POISSON)
 def test_pressures_add_up_to_the_force(radius: float, depth: float, poisson: float) -> None:
-    contact = closed_form.hertz(radius_mm=radius, indentation_mm=depth, young_kpa=5.0, poisson=poisson)
+    contact = hertz(radius_mm=radius, indentation_mm=depth, young_kpa=5.0, poisson=poisson)
     edge = contact.contact_radius_mm
     # With r = a sin(t) neither integrand is singular at the edge.
     total, _ = quad(
@@ -90,7 +98,7 @@ def test_pressures_add_up_to_the_force(radius: float, depth: float, poisson: flo
             * edge**2
             * np.sin(t)
             * np.cos(t)
-            * closed_form.punch_pressure_kpa(edge * np.sin(t), punch_radius_mm=edge, force_mn=7.0)
+            * punch_pressure_kpa(edge * np.sin(t), punch_radius_mm=edge, force_mn=7.0)
         ),
         0,
         np.pi / 2 - 1e-9,
@@ -99,7 +107,7 @@ def test_pressures_add_up_to_the_force(radius: float, depth: float, poisson: flo
 
 
 def test_punch_pressure_ends_at_the_edge() -> None:
-    pressure = closed_form.punch_pressure_kpa([0.0, 11.999, 12.0, 13.0], punch_radius_mm=12.0, force_mn=1000.0)
+    pressure = punch_pressure_kpa([0.0, 11.999, 12.0, 13.0], punch_radius_mm=12.0, force_mn=1000.0)
     mean = 1000.0 / (np.pi * 144.0)
     assert pressure[0] == pytest.approx(mean / 2)
     assert pressure[1] > 10 * mean
@@ -110,23 +118,23 @@ def test_punch_pressure_ends_at_the_edge() -> None:
     ("share", "ratio"), [(0.01, 1.0112), (0.2, 1.2741), (0.4, 1.6638), (1.0, 3.4840), (2.0, 8.337)]
 )
 def test_bonded_layer(share: float, ratio: float) -> None:
-    assert closed_form.bonded_layer_ratio(share, poisson=0.49) == pytest.approx(ratio, rel=5e-5)
+    assert bonded_layer_ratio(share, poisson=0.49) == pytest.approx(ratio, rel=5e-5)
 
 
 @given(poisson=POISSON)
 def test_a_thick_layer_is_a_half_space(poisson: float) -> None:
-    assert closed_form.bonded_layer_ratio(0.0, poisson=poisson) == pytest.approx(1.0, abs=1e-12)
-    assert 1.0 < closed_form.bonded_layer_ratio(1e-3, poisson=poisson) < 1.002
+    assert bonded_layer_ratio(0.0, poisson=poisson) == pytest.approx(1.0, abs=1e-12)
+    assert 1.0 < bonded_layer_ratio(1e-3, poisson=poisson) < 1.002
 
 
 @pytest.mark.parametrize("poisson", [0.0, 0.3])
 def test_a_thin_layer_is_confined(poisson: float) -> None:
     """As a / H grows the stiffness tends to that of confined compression, M pi a**2 / H."""
     share = 20.0
-    confined = np.pi * share * closed_form.oedometric_modulus_kpa(young_kpa=1.0, poisson=poisson) / 2
-    punch = closed_form.punch_stiffness(radius_mm=1.0, young_kpa=1.0, poisson=poisson) / 2
-    ratio = closed_form.bonded_layer_ratio(share, poisson=poisson) * punch / confined
-    halved = closed_form.bonded_layer_ratio(share / 2, poisson=poisson) * punch / (confined / 2)
+    confined = np.pi * share * oedometric_modulus_kpa(young_kpa=1.0, poisson=poisson) / 2
+    punch = punch_stiffness(radius_mm=1.0, young_kpa=1.0, poisson=poisson) / 2
+    ratio = bonded_layer_ratio(share, poisson=poisson) * punch / confined
+    halved = bonded_layer_ratio(share / 2, poisson=poisson) * punch / (confined / 2)
     # What the rim adds falls as H / a.
     assert ratio == pytest.approx(1.0, abs=0.06)
     assert 2 * ratio - halved == pytest.approx(1.0, abs=0.003)
@@ -137,7 +145,7 @@ def test_a_thin_layer_is_confined(poisson: float) -> None:
     [(20.0, 0.49, 1.87451, 0.11453), (8.0, 0.49, 1.73126, 0.25976), (20.0, 0.3, 1.84940, None)],
 )
 def test_sphere_in_stress(contrast: float, poisson: float, stress: float, strain: float | None) -> None:
-    sphere = closed_form.sphere_in_uniaxial_stress(contrast=contrast, poisson=poisson)
+    sphere = sphere_in_uniaxial_stress(contrast=contrast, poisson=poisson)
     assert sphere.stress_ratio == pytest.approx(stress, rel=1e-5)
     if strain is not None:
         assert sphere.strain_ratio == pytest.approx(strain, rel=5e-5)
@@ -145,49 +153,49 @@ def test_sphere_in_stress(contrast: float, poisson: float, stress: float, strain
 
 @given(poisson=POISSON)
 def test_a_sphere_of_the_same_material_is_not_there_and_a_hole_carries_nothing(poisson: float) -> None:
-    same = closed_form.sphere_in_uniaxial_stress(contrast=1.0, poisson=poisson)
+    same = sphere_in_uniaxial_stress(contrast=1.0, poisson=poisson)
     assert (same.stress_ratio, same.strain_ratio) == pytest.approx((1.0, 1.0), rel=1e-9)
-    hole = closed_form.sphere_in_uniaxial_stress(contrast=0.0, poisson=poisson)
+    hole = sphere_in_uniaxial_stress(contrast=0.0, poisson=poisson)
     assert hole.stress_ratio == 0.0
     assert hole.strain_ratio > 1.5
 
 
 def test_the_sphere_may_have_its_own_poisson_ratio() -> None:
-    own = closed_form.sphere_in_uniaxial_stress(contrast=1.0, poisson=0.49, sphere_poisson=0.2)
+    own = sphere_in_uniaxial_stress(contrast=1.0, poisson=0.49, sphere_poisson=0.2)
     assert own.stress_ratio != pytest.approx(1.0, abs=1e-3)
 
 
 @pytest.mark.parametrize(
     ("call", "given", "phrase"),
     [
-        (closed_form.effective_modulus_kpa, {"layers": ()}, "layers must hold at least one Layer; got ()"),
-        (closed_form.confined_modulus_kpa, {"layers": [5.0]}, "layers must hold at least one Layer; got [5.0]"),
-        (closed_form.oedometric_modulus_kpa, {"young_kpa": -1.0, "poisson": 0.3}, "young_kpa must lie in"),
-        (closed_form.oedometric_modulus_kpa, {"young_kpa": 5.0, "poisson": 0.5}, "poisson must lie in [0, 0.4999]"),
+        (effective_modulus_kpa, {"layers": ()}, "layers must hold at least one Layer; got ()"),
+        (confined_modulus_kpa, {"layers": [5.0]}, "layers must hold at least one Layer; got [5.0]"),
+        (oedometric_modulus_kpa, {"young_kpa": -1.0, "poisson": 0.3}, "young_kpa must lie in"),
+        (oedometric_modulus_kpa, {"young_kpa": 5.0, "poisson": 0.5}, "poisson must lie in [0, 0.4999]"),
         (
-            closed_form.hertz,
+            hertz,
             {"radius_mm": 1.0, "indentation_mm": 2.0, "young_kpa": 5.0, "poisson": 0.3},
             "indentation_mm must lie in [1e-12, 1]; got 2",
         ),
         (
-            closed_form.hertz,
+            hertz,
             {"radius_mm": float("nan"), "indentation_mm": 0.1, "young_kpa": 5.0, "poisson": 0.3},
             "radius_mm must lie in",
         ),
         (
-            closed_form.punch_stiffness,
+            punch_stiffness,
             {"radius_mm": 0.0, "young_kpa": 5.0, "poisson": 0.3},
             "radius_mm must lie in",
         ),
         (
-            closed_form.punch_pressure_kpa,
+            punch_pressure_kpa,
             {"radius_mm": 0.0, "punch_radius_mm": 12.0, "force_mn": -1.0},
             "force_mn must lie in [0, 1e+12]; got -1",
         ),
-        (closed_form.bonded_layer_ratio, {"radius_over_thickness": 21.0, "poisson": 0.3}, "radius_over_thickness must"),
-        (closed_form.sphere_in_uniaxial_stress, {"contrast": -1.0, "poisson": 0.3}, "contrast must lie in"),
+        (bonded_layer_ratio, {"radius_over_thickness": 21.0, "poisson": 0.3}, "radius_over_thickness must"),
+        (sphere_in_uniaxial_stress, {"contrast": -1.0, "poisson": 0.3}, "contrast must lie in"),
         (
-            closed_form.sphere_in_uniaxial_stress,
+            sphere_in_uniaxial_stress,
             {"contrast": 1.0, "poisson": 0.3, "sphere_poisson": 0.6},
             "sphere_poisson must lie in",
         ),

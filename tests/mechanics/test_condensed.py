@@ -10,10 +10,11 @@ from scipy import sparse
 from scipy.sparse.linalg import splu
 
 from tsis import Layer, Probe
-from tsis.mechanics import Resolution, bodies, mesh, slab
+from tsis.mechanics import Resolution, bodies, slab
 from tsis.mechanics.bodies import face_of
 from tsis.mechanics.condensed import EMPTY, FIXED, Condensate, condense_layers
 from tsis.mechanics.element import stiffness
+from tsis.mechanics.mesh import LayeredMesh, Spheroid
 from tsis.mechanics.on_axis import sphere_on_axis
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
 COARSE = Resolution(order=3, edge=0.1, growth=2.5, largest=0.4, below_cells=2, ray_layers=3)
 
-Part = tuple[mesh.LayeredMesh, "NDArray[np.int64]", "NDArray[np.float64]", "NDArray[np.float64]"]
+Part = tuple[LayeredMesh, "NDArray[np.int64]", "NDArray[np.float64]", "NDArray[np.float64]"]
 
 
 def element_matrices(parts: list[Part]) -> list[tuple[NDArray[np.int64], NDArray[np.float64]]]:
@@ -64,7 +65,7 @@ def swept(monkeypatch: pytest.MonkeyPatch) -> list[Part]:
     """Every part that is condensed, as it was given."""
     parts: list[Part] = []
 
-    def record(body: mesh.LayeredMesh, dofs: NDArray[np.int64], **given: Any) -> Condensate:
+    def record(body: LayeredMesh, dofs: NDArray[np.int64], **given: Any) -> Condensate:
         parts.append((body, dofs.copy(), given["young_kpa"], given["poisson"]))
         return condense_layers(body, dofs, **given)
 
@@ -106,8 +107,8 @@ def plain_slab(resolution: Resolution = COARSE) -> slab.Slab:
     )
 
 
-@pytest.mark.parametrize("shape", [BALL, mesh.Spheroid(centre_depth=8.0, half_width=6.0, half_height=2.0)])
-def test_slab_with_an_inclusion(swept: list[Part], shape: mesh.Spheroid) -> None:
+@pytest.mark.parametrize("shape", [BALL, Spheroid(centre_depth=8.0, half_width=6.0, half_height=2.0)])
+def test_slab_with_an_inclusion(swept: list[Part], shape: Spheroid) -> None:
     found = plain_slab().with_inclusion(shape, poisson=0.49).compliance(20.0)
     assert len(swept) == 3
     swept[-1] = (*swept[-1][:2], 20.0 * swept[-1][2], swept[-1][3])

@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 
 import tsis
 from tsis import Inclusion, Layer, Phantom, Probe
-from tsis.mechanics import Resolution, closed_form, disc_contact, press
+from tsis.mechanics import Resolution, disc_contact, press
 from tsis.mechanics.bodies import face_of
+from tsis.mechanics.closed_form import bonded_layer_ratio, hertz, punch_stiffness
 from tsis.mechanics.on_axis import block_radius_mm
 from tsis.mechanics.slab import Slab
 from tsis.mechanics.small_strain import PressKernel
@@ -43,7 +44,7 @@ def test_a_rigid_dome_on_a_thick_slab_is_hertz(poisson: float, force_mn: float) 
     field = press(ball, Phantom(young_kpa=5.0, thickness_mm=500.0, poisson=poisson), force_n=force_mn / 1000)
     modulus = 5.0 / (1 - poisson**2)
     depth = (9 * force_mn**2 / (16 * modulus**2 * 10.0)) ** (1 / 3)
-    exact = closed_form.hertz(radius_mm=10.0, indentation_mm=depth, young_kpa=5.0, poisson=poisson)
+    exact = hertz(radius_mm=10.0, indentation_mm=depth, young_kpa=5.0, poisson=poisson)
     assert field.approach_mm == pytest.approx(depth, rel=0.01)
     inner = field.radius_mm < 0.9 * exact.contact_radius_mm
     np.testing.assert_allclose(field.pressure_kpa[inner], exact.pressure_kpa(field.radius_mm[inner]), rtol=0.01)
@@ -268,9 +269,9 @@ def test_nearly_incompressible_layers_do_not_lock(poisson: float) -> None:
     """A bonded layer twice as wide as thick, where locking is worst, against the exact stiffness."""
     resolution = Resolution()
     slab = Slab(thickness_mm=6.0, poisson=poisson, face=face_of(12.0, resolution), block_mm=9.6, resolution=resolution)
-    punch = closed_form.punch_stiffness(radius_mm=12.0, young_kpa=1.0, poisson=poisson)
+    punch = punch_stiffness(radius_mm=12.0, young_kpa=1.0, poisson=poisson)
     ratio = np.linalg.inv(slab.compliance).sum() / punch
-    assert ratio == pytest.approx(closed_form.bonded_layer_ratio(2.0, poisson=poisson), rel=1e-3)
+    assert ratio == pytest.approx(bonded_layer_ratio(2.0, poisson=poisson), rel=1e-3)
 
 
 def test_the_block_keeps_its_size_where_the_slab_is_thin() -> None:

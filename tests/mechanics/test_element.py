@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from tsis.mechanics import mesh
 from tsis.mechanics.closed_form import oedometric_modulus_kpa
 from tsis.mechanics.element import lagrange, lame_constants, lobatto_points, reference_element, stiffness
+from tsis.mechanics.mesh import Spheroid, graded, mesh_around, mesh_inside, refine, two_sided_lines
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -139,7 +139,7 @@ def test_lagrange_reproduces_polynomials_and_slopes(order: int) -> None:
 
 
 def test_graded_lines_start_fine_and_fill_the_length() -> None:
-    lines = mesh.graded(10.0, 0.1, 2.0, 3.0)
+    lines = graded(10.0, 0.1, 2.0, 3.0)
     steps = np.diff(lines)
     assert (lines[0], lines[-1]) == (0.0, 10.0)
     assert steps[0] <= 0.1
@@ -150,13 +150,13 @@ def test_graded_lines_start_fine_and_fill_the_length() -> None:
 
 def test_refined_lines_keep_the_lines() -> None:
     lines = np.array([0.0, 1.0, 4.0])
-    nodes = mesh.refine(lines, 3)
+    nodes = refine(lines, 3)
     assert nodes[::3].tolist() == lines.tolist()
     assert (np.diff(nodes) > 0).all()
 
 
 def test_a_layer_is_refined_towards_both_faces() -> None:
-    lines = mesh.two_sided_lines(4.0, finest=0.1, growth=2.0, largest=1.0)
+    lines = two_sided_lines(4.0, finest=0.1, growth=2.0, largest=1.0)
     np.testing.assert_allclose(lines, 4.0 - lines[::-1], atol=1e-14)
     assert lines[1] <= 0.1
     assert 2.0 in lines
@@ -167,9 +167,9 @@ def test_the_mesh_around_a_spheroid_joins_boundary_and_spheroid(half_width: floa
     side = np.linspace(0.0, 6.0, 7)
     boundary = np.concatenate([np.column_stack([side, 0 * side]), np.column_stack([6 + 0 * side, 1.5 * side])[1:]])
     boundary = np.concatenate([boundary, np.column_stack([side[::-1], 9 + 0 * side])[1:]])
-    shape = mesh.Spheroid(centre_depth=4.0, half_width=half_width, half_height=half_height)
-    outer = mesh.mesh_around(boundary, shape, 2, layers=3)
-    inner = mesh.mesh_inside(boundary, shape, 2, layers=1)
+    shape = Spheroid(centre_depth=4.0, half_width=half_width, half_height=half_height)
+    outer = mesh_around(boundary, shape, 2, layers=3)
+    inner = mesh_inside(boundary, shape, 2, layers=1)
     np.testing.assert_allclose(outer.nodes[:, 0], boundary, atol=1e-12)
     r, z = outer.nodes[:, -1].T
     np.testing.assert_allclose((r / half_width) ** 2 + ((z - 4.0) / half_height) ** 2, 1.0, rtol=1e-12)

@@ -9,10 +9,20 @@ import numpy as np
 import pytest
 
 from tsis import Layer, Probe
-from tsis.mechanics import Resolution, closed_form, mesh
+from tsis.mechanics import Resolution
 from tsis.mechanics.bodies import face_of, probe_compliance
+from tsis.mechanics.closed_form import (
+    bonded_layer_ratio,
+    confined_modulus_kpa,
+    effective_modulus_kpa,
+    hertz,
+    punch_pressure_kpa,
+    punch_stiffness,
+    sphere_in_uniaxial_stress,
+)
 from tsis.mechanics.condensed import FIXED, condense_layers
 from tsis.mechanics.contact import unilateral_contact
+from tsis.mechanics.mesh import Spheroid, mesh_around, mesh_inside, mesh_rectangle, refine
 from tsis.mechanics.slab import Slab
 
 if TYPE_CHECKING:
@@ -29,13 +39,13 @@ def test_a_stack_that_may_slide_has_the_effective_modulus() -> None:
     compliance = probe_compliance(Probe(radius_mm=RADIUS, layers=layers), face, Resolution())
     stiffness = np.linalg.inv(compliance).sum()
     modulus = stiffness * 10.0 / (np.pi * RADIUS**2)
-    assert modulus == pytest.approx(closed_form.effective_modulus_kpa(layers), rel=1e-6)
+    assert modulus == pytest.approx(effective_modulus_kpa(layers), rel=1e-6)
 
 
 def test_confined_compression_of_the_stack() -> None:
     layers = [Layer(thickness_mm=t, young_kpa=e, poisson=0.49) for t, e in LAYERS]
     depth = np.cumsum([0.0, *(layer.thickness_mm for layer in layers)])
-    body = mesh.mesh_rectangle(np.linspace(0.0, RADIUS, 4), depth, 3, a_is_radius=True)
+    body = mesh_rectangle(np.linspace(0.0, RADIUS, 4), depth, 3, a_is_radius=True)
     rows, columns, _ = body.nodes.shape
     dofs = 1 + np.arange(rows * columns * 2).reshape(rows, columns, 2)
     dofs[:, 0, 1] = 0  # the upper face moves as one
@@ -46,7 +56,7 @@ def test_confined_compression_of_the_stack() -> None:
     stiffness = condense_layers(body, dofs, keep=top, young_kpa=young, poisson=poisson).keep(top).stiffness[0, 0]
     modulus = stiffness * 10.0 / (np.pi * RADIUS**2)
     assert modulus == pytest.approx(860.7, rel=1e-4)
-    assert modulus == pytest.approx(closed_form.confined_modulus_kpa(layers), rel=1e-9)
+    assert modulus == pytest.approx(confined_modulus_kpa(layers), rel=1e-9)
 
 
 def slab_stiffness(thickness_mm: float, poisson: float) -> NDArray[np.float64]:
@@ -63,8 +73,8 @@ def slab_stiffness(thickness_mm: float, poisson: float) -> NDArray[np.float64]:
 @pytest.mark.parametrize("poisson", [0.3, 0.49])
 def test_rigid_flat_punch_on_a_very_thick_slab(poisson: float) -> None:
     stiffness = slab_stiffness(100 * RADIUS, poisson)
-    punch = closed_form.punch_stiffness(radius_mm=RADIUS, young_kpa=1.0, poisson=poisson)
-    layer = closed_form.bonded_layer_ratio(0.01, poisson=poisson)
+    punch = punch_stiffness(radius_mm=RADIUS, young_kpa=1.0, poisson=poisson)
+    layer = bonded_layer_ratio(0.01, poisson=poisson)
     assert stiffness.sum() / punch == pytest.approx(layer, rel=0.002)
     assert stiffness.sum() / (layer * punch) == pytest.approx(1.0, abs=0.005)
 
@@ -74,7 +84,7 @@ def test_pressure_under_the_punch() -> None:
     force = slab_stiffness(100 * RADIUS, 0.49).sum(axis=1)
     pressure = np.linalg.solve(face.mass(), force)
     radius = np.linspace(0.0, 0.9 * RADIUS, 50)
-    exact = closed_form.punch_pressure_kpa(radius, punch_radius_mm=RADIUS, force_mn=float(force.sum()))
+    exact = punch_pressure_kpa(radius, punch_radius_mm=RADIUS, force_mn=float(force.sum()))
     np.testing.assert_allclose(face.interpolation(radius) @ pressure, exact, rtol=0.005)
 
 
@@ -82,8 +92,8 @@ def test_pressure_under_the_punch() -> None:
 @pytest.mark.parametrize("poisson", [0.3, 0.49])
 def test_bonded_layer_under_a_flat_punch(share: float, poisson: float) -> None:
     stiffness = slab_stiffness(RADIUS / share, poisson).sum()
-    punch = closed_form.punch_stiffness(radius_mm=RADIUS, young_kpa=1.0, poisson=poisson)
-    assert stiffness / punch == pytest.approx(closed_form.bonded_layer_ratio(share, poisson=poisson), rel=0.002)
+    punch = punch_stiffness(radius_mm=RADIUS, young_kpa=1.0, poisson=poisson)
+    assert stiffness / punch == pytest.approx(bonded_layer_ratio(share, poisson=poisson), rel=0.002)
 
 
 @pytest.mark.parametrize(("poisson", "force", "peak"), [(0.3, 8.1907, 0.7822), (0.49, 9.8086, 0.9367)])
@@ -92,7 +102,7 @@ def test_hertz(poisson: float, force: float, peak: float) -> None:
     reach, even = 3.0, Resolution(order=2, edge=0.02, growth=1.5, largest=0.03)
     slab = Slab(thickness_mm=1000.0, poisson=poisson, face=face_of(reach, even), block_mm=2.0, resolution=even)
     nodal, found = unilateral_contact(slab.compliance / 5.0, slab.face.radius_mm**2 / 20.0, 0.5)
-    exact = closed_form.hertz(radius_mm=10.0, indentation_mm=0.5, young_kpa=5.0, poisson=poisson)
+    exact = hertz(radius_mm=10.0, indentation_mm=0.5, young_kpa=5.0, poisson=poisson)
     assert nodal.sum() == pytest.approx(force, rel=0.01)
     assert slab.face.radius_mm[found.closed].max() == pytest.approx(exact.contact_radius_mm, rel=0.02)
     pressure = np.linalg.solve(slab.face.mass(), nodal)
@@ -113,7 +123,7 @@ def pulled_cylinder(contrast: float, poisson: float) -> Ball:
     half, order = 30.0, 6
     lines = np.concatenate([[0.0], half * 2.0 ** np.arange(-3.0, 1.0)])
     depth = np.concatenate([half - lines[::-1], half + lines[1:]])
-    top, side = mesh.refine(lines, order), mesh.refine(depth, order)
+    top, side = refine(lines, order), refine(depth, order)
     boundary = np.concatenate(
         [
             np.column_stack([top, np.zeros_like(top)]),
@@ -121,9 +131,9 @@ def pulled_cylinder(contrast: float, poisson: float) -> Ball:
             np.column_stack([top[::-1], np.full_like(top, 2 * half)])[1:],
         ]
     )
-    ball_shape = mesh.Spheroid(centre_depth=half, half_width=1.0, half_height=1.0)
-    outer = mesh.mesh_around(boundary, ball_shape, order, layers=7)
-    inner = mesh.mesh_inside(boundary, ball_shape, order, layers=1)
+    ball_shape = Spheroid(centre_depth=half, half_width=1.0, half_height=1.0)
+    outer = mesh_around(boundary, ball_shape, order, layers=7)
+    inner = mesh_inside(boundary, ball_shape, order, layers=1)
     count, layers, _ = outer.nodes.shape
     dofs = 1 + np.arange(count * layers * 2).reshape(count, layers, 2)
     dofs[boundary[:, 1] == 0.0, 0, 1] = 0
@@ -175,7 +185,7 @@ def pulled_cylinder(contrast: float, poisson: float) -> Ball:
 )
 def test_sphere_in_uniaxial_stress(contrast: float, poisson: float, stress: float) -> None:
     found = pulled_cylinder(contrast, poisson)
-    exact = closed_form.sphere_in_uniaxial_stress(contrast=contrast, poisson=poisson)
+    exact = sphere_in_uniaxial_stress(contrast=contrast, poisson=poisson)
     assert found.stress_ratio == pytest.approx(stress, rel=0.001)
     assert found.strain_ratio == pytest.approx(exact.strain_ratio, rel=0.001)
     assert found.unevenness < 1e-3 * exact.strain_ratio, "Eshelby: the strain inside is uniform"

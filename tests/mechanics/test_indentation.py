@@ -9,7 +9,8 @@ import pytest
 
 import tsis
 from tsis import Layer, Probe
-from tsis.mechanics import Indentation, Resolution, closed_form, indent
+from tsis.mechanics import Indentation, Resolution, indent
+from tsis.mechanics.closed_form import hertz
 from tsis.model.errors import InputError, MechanicsError
 
 PROBE = tsis.load_probe("tsis-2011")
@@ -22,7 +23,7 @@ def test_on_a_thick_probe_it_is_hertz(poisson: float) -> None:
     found = indent(thick, sphere_radius_mm=10.0, force_n=0.1)
     modulus = 50.0 / (1 - poisson**2)
     depth = (9 * 100.0**2 / (16 * modulus**2 * 10.0)) ** (1 / 3)
-    exact = closed_form.hertz(radius_mm=10.0, indentation_mm=depth, young_kpa=50.0, poisson=poisson)
+    exact = hertz(radius_mm=10.0, indentation_mm=depth, young_kpa=50.0, poisson=poisson)
     assert found.depth_mm == pytest.approx(depth, rel=0.005)
     assert found.contact_radius_mm == pytest.approx(exact.contact_radius_mm, rel=1e-3)
 

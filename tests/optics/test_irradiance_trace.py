@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from tsis import Led, load_probe
-from tsis.model import LightMap, disk_cache
+from tsis.model import LightMap
+from tsis.model.disk_cache import cache_folder
 from tsis.model.errors import InputError
 from tsis.model.light import FOUR_LEDS
 from tsis.optics import Irradiance, irradiance, trace_rays
@@ -125,7 +126,7 @@ def test_light_is_kept_on_disk_and_damage_is_noticed(monkeypatch: pytest.MonkeyP
         for other in others:
             with pytest.raises(AssertionError, match="traced again"):
                 irradiance(PROBE, **other)
-    (file,) = (disk_cache.cache_folder() / "irradiance").iterdir()
+    (file,) = (cache_folder() / "irradiance").iterdir()
     file.write_bytes(file.read_bytes()[:-7])
     again = irradiance(PROBE, **few)
     np.testing.assert_array_equal(again.terms, first.terms)

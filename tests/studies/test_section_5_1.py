@@ -21,7 +21,7 @@ from studies.section_5_1 import (
 )
 from studies.section_5_1_bench import PRINTED_SLOPE, PROBE, bench, full_contact, pressed, saturation_kpa
 
-from tsis.mechanics import closed_form
+from tsis.mechanics.closed_form import effective_modulus_kpa, hertz
 from tsis.optics import irradiance
 
 if TYPE_CHECKING:
@@ -111,10 +111,10 @@ def test_the_press_is_hertzs(tip_mm: float) -> None:
     field = pressed(tip_mm, 0.2)
     force = trapezoid(2 * np.pi * field.radius_mm * field.pressure_kpa, field.radius_mm) / 1000
     assert force == pytest.approx(0.2, rel=1e-3)
-    contact = closed_form.hertz(
+    contact = hertz(
         radius_mm=tip_mm,
         indentation_mm=field.approach_mm,
-        young_kpa=closed_form.effective_modulus_kpa(PROBE.layers),
+        young_kpa=effective_modulus_kpa(PROBE.layers),
         poisson=0.49,
     )
     assert contact.force_mn == pytest.approx(200.0, rel=1e-9)
@@ -126,7 +126,7 @@ def test_the_face_is_dragged_as_by_the_pressure_on_a_half_space() -> None:
     """Far away and near by: Boussinesq's displacement, integrated over rings by their complete elliptic integral."""
     field = pressed(10.0, 0.8)
     edge = float(field.radius_mm[field.pressure_kpa > 0].max())
-    modulus = closed_form.effective_modulus_kpa(PROBE.layers) / (1 - 0.49**2)
+    modulus = effective_modulus_kpa(PROBE.layers) / (1 - 0.49**2)
 
     def boussinesq(at: float) -> float:
         r = field.radius_mm[field.radius_mm <= edge]

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import scipy
 
-from tsis.model import check
+from tsis.model.check import require_number, require_type
 from tsis.model.errors import InputError
 
 
@@ -44,14 +44,14 @@ class MeasuredValue:
     unit: str = ""
 
     def __post_init__(self) -> None:
-        check.require_number("value", self.value, -1e300, 1e300, hint=self.unit)
-        check.require_number("sd", self.sd, 0.0, 1e300, hint=self.unit)
+        require_number("value", self.value, -1e300, 1e300, hint=self.unit)
+        require_number("sd", self.sd, 0.0, 1e300, hint=self.unit)
         if not self.degrees_of_freedom >= 1:
             raise InputError(f"degrees_of_freedom must be at least 1; got {self.degrees_of_freedom!r}")
-        check.require_type("unit", self.unit, str)
+        require_type("unit", self.unit, str)
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
         """Ends of the interval of Student's t around the value that holds the truth with probability ``level``."""
-        check.require_number("level", level, 1e-6, 1 - 1e-9, hint="a probability")
+        require_number("level", level, 1e-6, 1 - 1e-9, hint="a probability")
         half = float(scipy.stats.t.ppf(0.5 + level / 2, self.degrees_of_freedom)) * self.sd
         return self.value - half, self.value + half

@@ -12,7 +12,7 @@ import typer
 from tsis.cli.console_output import people, print_json, print_notice, waiting
 from tsis.cli.records.chosen_store import PHANTOM, StoreDatabase, StoreFolder, StoreKind
 from tsis.cli.targets import AsJson, PhantomName, ProbeName
-from tsis.model import check
+from tsis.model.check import LARGEST_SEED
 from tsis.model.errors import InputError
 from tsis.report.document import envelope
 
@@ -24,7 +24,7 @@ def console(
     ] = "virtual",
     probe: ProbeName = "tsis-domed",
     phantom: PhantomName = "hardness-100",
-    seed: Annotated[int, typer.Option(help="Seed of the virtual probe's errors.", min=0, max=check.LARGEST_SEED)] = 4,
+    seed: Annotated[int, typer.Option(help="Seed of the virtual probe's errors.", min=0, max=LARGEST_SEED)] = 4,
     calibration: Annotated[
         Path | None, typer.Option(help="Calibration file in force.", show_default="the virtual probe's own")
     ] = None,

@@ -17,7 +17,7 @@ from tsis.cli.probe_file import given_probe, require_no_file
 from tsis.cli.targets import AsJson, DepthMm, DiameterMm, ForcesN, PhantomName, ProbeGiven, YoungKpa
 from tsis.inclusion import PARAMETERS, InclusionPrior, ring_edges
 from tsis.instrument import png_bytes
-from tsis.model import check
+from tsis.model.check import LARGEST_SEED
 from tsis.model.errors import InputError
 from tsis.model.variants import phantom_variant
 from tsis.optics import irradiance
@@ -37,7 +37,7 @@ def demo(
     diameter_mm: DiameterMm = None,
     depth_mm: DepthMm = None,
     young_kpa: YoungKpa = None,
-    seed: Annotated[int, typer.Option(help="Seed of every random error.", min=0, max=check.LARGEST_SEED)] = 4,
+    seed: Annotated[int, typer.Option(help="Seed of every random error.", min=0, max=LARGEST_SEED)] = 4,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path("tsis-demo"),
     keep: Keep = False,
     store: KeepFolder = None,

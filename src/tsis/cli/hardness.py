@@ -24,7 +24,8 @@ from tsis.hardness import HardnessPrior, build_contact_table, estimate, shore
 from tsis.hardness.likelihood import DRIFT_SD
 from tsis.hardness.reading import BLUR_MM
 from tsis.instrument import png_bytes, read_image
-from tsis.model import check, load_sphere
+from tsis.model import load_sphere
+from tsis.model.check import LARGEST_SEED
 from tsis.model.errors import InputError
 from tsis.report.document import envelope, estimate_document
 from tsis.report.hardness import hardness_notes, hardness_report, hardness_rows
@@ -76,7 +77,7 @@ def hardness(
         str | None, typer.Option(help="Press a sphere of the catalog virtually instead: cl2000x or cl2003x.")
     ] = None,
     demo: Annotated[bool, typer.Option("--demo", help=f"The same as --virtual {DEMO}.")] = False,
-    seed: Annotated[int, typer.Option(help="Seed of the virtual rig's errors.", min=0, max=check.LARGEST_SEED)] = 1,
+    seed: Annotated[int, typer.Option(help="Seed of the virtual rig's errors.", min=0, max=LARGEST_SEED)] = 1,
     out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path(
         "tsis-hardness"
     ),

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tsis.instrument.file_bytes import one_line, read_parsed
-from tsis.model import Layer, check, list_probes, load_probe
+from tsis.model import Layer, list_probes, load_probe
 from tsis.model.catalog import parse_probe
+from tsis.model.check import require_one_of
 from tsis.model.errors import InputError, NotCalibratedError
 from tsis.model.light import Glass, Led
 from tsis.model.variants import probe_variant
@@ -139,7 +140,7 @@ def _checked(entry: Mapping[str, Any]) -> dict[str, Any]:
 def _known(what: str, table: Mapping[str, Any], names: Iterable[str]) -> None:
     names = tuple(names)
     for key in table:
-        check.require_one_of(f"value of {what}", key, names)
+        require_one_of(f"value of {what}", key, names)
 
 
 def _tables(name: str, value: Any, most: int) -> list[dict[str, Any]]:

@@ -11,7 +11,8 @@ import typer
 from tsis.cli.console_output import people, print_notice, waiting
 from tsis.cli.interrupt import ended_by
 from tsis.cli.targets import DepthMm, DiameterMm, ForceN, PhantomName, ProbeName, YoungKpa
-from tsis.model import check, load_probe
+from tsis.model import load_probe
+from tsis.model.check import LARGEST_SEED
 from tsis.model.errors import CameraError
 from tsis.model.variants import phantom_variant
 from tsis.virtual import VirtualProbe
@@ -33,7 +34,7 @@ def serve(
     interface: Annotated[str, typer.Option(help="Address of this machine to listen on.")] = "127.0.0.1",
     serial: Annotated[str, typer.Option(help="Serial number of the camera.")] = "TSIS01",
     frames_per_s: Annotated[float, typer.Option(help="Frames a second until a program sets another rate.")] = 30.0,
-    seed: Annotated[int, typer.Option(help="Seed of every random error.", min=0, max=check.LARGEST_SEED)] = 4,
+    seed: Annotated[int, typer.Option(help="Seed of every random error.", min=0, max=LARGEST_SEED)] = 4,
 ) -> None:
     """Serve the virtual probe's frames as a GigE Vision camera, until Ctrl-C.
 

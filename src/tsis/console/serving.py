@@ -22,7 +22,7 @@ from tsis.console.security.key import kept_token
 from tsis.console.security.logins import Logins
 from tsis.console.security.private_files import console_folder
 from tsis.console.security.sessions import Sessions
-from tsis.model import check
+from tsis.model.check import require_integer
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -68,7 +68,7 @@ class ConsoleTerms:
     new_token: bool = False
 
     def __post_init__(self) -> None:
-        check.require_integer("port", self.port, 0, LARGEST_PORT)
+        require_integer("port", self.port, 0, LARGEST_PORT)
         for name in self.names:
             if not name or name_of(name) != name.lower():
                 raise InputError(f"name of a host must be a name without a port; got {name!r:.80}")

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 from scipy.special import ndtri
 
 from tsis.detection.interval import LEVEL, Interval, checked_level
-from tsis.model import check
+from tsis.model.check import require_integer, require_number
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -82,11 +82,8 @@ def newcombe_interval(auc: float, present: int, absent: int, level: float = LEVE
     >>> float(np.trapezoid([0, 6 / 8, 1], [0, 1 / 8, 1]))
     0.8125
     """
-    check.require_number("auc", auc, 0, 1, hint="an area under the curve")
-    m, n = (
-        check.require_integer(name, value, 1, MOST_TARGETS)
-        for name, value in (("present", present), ("absent", absent))
-    )
+    require_number("auc", auc, 0, 1, hint="an area under the curve")
+    m, n = (require_integer(name, value, 1, MOST_TARGETS) for name, value in (("present", present), ("absent", absent)))
     z = float(ndtri(0.5 + checked_level(level) / 2))
     low = _lowest_area(auc, z, m, n)
     high = 1 - _lowest_area(1 - auc, z, m, n)  # the variance is the same for an area and what it lacks to 1

@@ -13,7 +13,7 @@ from scipy.special import ndtri, stdtr, stdtrit
 from tsis.detection.inputs import choice, readings, same_length
 from tsis.detection.interval import LEVEL, Interval, checked_level
 from tsis.detection.two_way import squares
-from tsis.model import check
+from tsis.model.check import require_number
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -226,7 +226,7 @@ def bland_altman(first: ArrayLike, second: ArrayLike) -> BlandAltman:
 
 
 def _normal(coverage: float) -> float:
-    share = check.require_number("coverage", coverage, 1e-6, 1 - 1e-9, hint="a share of differences, such as 0.95")
+    share = require_number("coverage", coverage, 1e-6, 1 - 1e-9, hint="a share of differences, such as 0.95")
     return float(ndtri(0.5 + share / 2))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from tsis.detection.inputs import both_classes, scored
 from tsis.detection.interval import LEVEL, Interval, checked_level
-from tsis.model import check
+from tsis.model.check import require_integer
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -140,7 +140,7 @@ def checked_draws(rng: object, draws: int) -> int:
     """Return the number of draws, or say that it, or the source of the draws, is none."""
     if not isinstance(rng, np.random.Generator):
         raise InputError(f"rng must be a numpy.random.Generator; got {rng!r:.60}: give numpy.random.default_rng(seed)")
-    return check.require_integer("draws", draws, 100, MOST_DRAWS)
+    return require_integer("draws", draws, 100, MOST_DRAWS)
 
 
 __all__ = ["DRAWS", "batches", "bootstrap_auc", "checked_draws", "drawn_areas", "percentiles"]

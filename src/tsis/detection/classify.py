@@ -16,7 +16,7 @@ import numpy as np
 from tsis.detection.classify_classes import ClassSplit
 from tsis.detection.classify_readings import TargetEvidence, TrainingSet
 from tsis.detection.inputs import choice
-from tsis.model import check
+from tsis.model.check import require_array, require_integer, require_number, require_type
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -58,12 +58,12 @@ class ClassifierSettings:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "penalty", check.require_number("penalty", self.penalty, 1e-3, 100.0))
+        object.__setattr__(self, "penalty", require_number("penalty", self.penalty, 1e-3, 100.0))
         if self.width is not None:
-            object.__setattr__(self, "width", check.require_number("width", self.width, 1e-3, 100.0))
+            object.__setattr__(self, "width", require_number("width", self.width, 1e-3, 100.0))
         choice("calibration", self.calibration, CALIBRATIONS)
-        object.__setattr__(self, "folds", check.require_integer("folds", self.folds, 2, 20))
-        object.__setattr__(self, "seed", check.require_integer("seed", self.seed, 0, 2**32 - 1))
+        object.__setattr__(self, "folds", require_integer("folds", self.folds, 2, 20))
+        object.__setattr__(self, "seed", require_integer("seed", self.seed, 0, 2**32 - 1))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -114,7 +114,7 @@ class Classifier:
 
     def probabilities(self, features: ArrayLike) -> NDArray[np.float64]:
         """Probability of each class, shape (n, 3), at given features, shape (n, 4), as in `TrainingSet`."""
-        told: NDArray[np.float64] = self.model.predict_proba(check.require_array("features", features, ndim=2))
+        told: NDArray[np.float64] = self.model.predict_proba(require_array("features", features, ndim=2))
         return told
 
     def classify(self, reading: TargetEvidence) -> Classified:
@@ -125,7 +125,7 @@ class Classifier:
         reading
             As `measured` takes it from an estimate.
         """
-        check.require_type("reading", reading, TargetEvidence)
+        require_type("reading", reading, TargetEvidence)
         mean, single = (self.probabilities(rows).mean(axis=0) for rows in (reading.rows, reading.at_mean[None]))
         names = self.split.names
         return Classified(
@@ -154,9 +154,9 @@ def train_classifier(
         When a class has too few targets.
     """
     settings = ClassifierSettings() if settings is None else settings
-    check.require_type("training", training, TrainingSet)
-    check.require_type("split", split, ClassSplit)
-    check.require_type("settings", settings, ClassifierSettings)
+    require_type("training", training, TrainingSet)
+    require_type("split", split, ClassSplit)
+    require_type("settings", settings, ClassifierSettings)
     enough(training.labels, split, settings.folds)
     return Classifier(split=split, settings=settings, training=training, model=_fitted(training, settings))
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tsis.model import Inclusion, check
+from tsis.model import Inclusion
+from tsis.model.check import require_number, require_type
 from tsis.model.errors import InputError
 from tsis.model.phantom import INCLUSION_RANGES
 
@@ -54,7 +55,7 @@ class ClassSplit:
 
     def __post_init__(self) -> None:
         for name, limit in self.limits.items():
-            object.__setattr__(self, name, check.require_number(name, limit, *INCLUSION_RANGES[name]))
+            object.__setattr__(self, name, require_number(name, limit, *INCLUSION_RANGES[name]))
         if not self.limits:
             raise InputError(f"a split needs at least one of {', '.join(SIDES)}; got none")
 
@@ -77,7 +78,7 @@ class ClassSplit:
         """The class of a target by its truth: 0, 1 or 2; what lies on a limit is of class 1."""
         if inclusion is None:
             return NONE
-        check.require_type("inclusion", inclusion, Inclusion)
+        require_type("inclusion", inclusion, Inclusion)
         above = (
             (limit - value if name == "depth_mm" else value - limit) > 0
             for name, limit in self.limits.items()

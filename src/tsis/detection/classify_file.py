@@ -18,7 +18,7 @@ from tsis.detection.classify import Classifier, ClassifierSettings, train_classi
 from tsis.detection.classify_classes import CLASSES, ClassSplit
 from tsis.detection.classify_readings import MOST_TARGETS, TrainingSet
 from tsis.instrument.file_bytes import as_path, printable_path, read_object
-from tsis.model import check
+from tsis.model.check import require_array, require_integer, require_type
 from tsis.model.durable import write_durably
 from tsis.model.errors import FileInputError, InputError
 
@@ -54,7 +54,7 @@ def write_classifier(classifier: Classifier, path: str | os.PathLike[str]) -> Pa
     FileInputError
         When it cannot be written there.
     """
-    check.require_type("classifier", classifier, Classifier)
+    require_type("classifier", classifier, Classifier)
     path, training = as_path(path), classifier.training
     content = {
         "format": FORMAT,
@@ -70,7 +70,7 @@ def write_classifier(classifier: Classifier, path: str | os.PathLike[str]) -> Pa
         "probabilities": _few(classifier).tolist(),
     }
     try:
-        write_durably(path, _spelled(content | {"sha256": _digest(content)}))
+        write_durably(path, _spelled(content | {"sha256": classifier_sha256(content)}))
     except OSError as error:
         raise FileInputError(f"{printable_path(path)} must be writable; got: {error.strerror}") from error
     return path
@@ -100,7 +100,7 @@ def read_classifier(path: str | os.PathLike[str]) -> Classifier:
         classifier = train_classifier(
             _training(content["targets"]), ClassSplit(**content["split"]), ClassifierSettings(**content["settings"])
         )
-        kept = check.require_array("probabilities", content["probabilities"], ndim=2)
+        kept = require_array("probabilities", content["probabilities"], ndim=2)
     except (InputError, TypeError) as error:
         raise FileInputError(f"{printable_path(path)} must hold a classifier; {_reason(error)}") from error
     found = _few(classifier)
@@ -147,7 +147,7 @@ def _spelled(content: dict[str, Any]) -> bytes:
     return (json.dumps(content, indent=None, allow_nan=False, separators=(",", ":")) + "\n").encode()
 
 
-def _digest(content: dict[str, Any]) -> str:
+def classifier_sha256(content: dict[str, Any]) -> str:
     return hashlib.sha256(_spelled(content)).hexdigest()
 
 
@@ -167,7 +167,9 @@ def _check_form(content: dict[str, Any], path: Path) -> None:
     if not told or not all(isinstance(one, str) and len(one) < 40 and one.isprintable() for one in made.values()):
         raise FileInputError(f"{printable_path(path)} must name the versions it was made with; got {made!r:.80}")
     try:
-        same = _digest({name: value for name, value in content.items() if name != "sha256"}) == content["sha256"]
+        same = (
+            classifier_sha256({name: value for name, value in content.items() if name != "sha256"}) == content["sha256"]
+        )
     except (ValueError, RecursionError):  # numbers that JSON has not
         same = False
     if not same:
@@ -181,9 +183,9 @@ def _training(targets: Any) -> TrainingSet:
     rows = isinstance(targets, list) and 0 < len(targets) <= MOST_TARGETS
     if not rows or not all(isinstance(row, list) and len(row) == 5 for row in targets):
         raise InputError(f"targets must be 1 to {MOST_TARGETS} rows of 5 numbers; got something else")
-    labels = [check.require_integer("a target's class", row[-1], 0, CLASSES - 1) for row in targets]
+    labels = [require_integer("a target's class", row[-1], 0, CLASSES - 1) for row in targets]
     return TrainingSet(
-        features=np.array(check.require_array("targets", [row[:-1] for row in targets], ndim=2)),
+        features=np.array(require_array("targets", [row[:-1] for row in targets], ndim=2)),
         labels=np.array(labels),
     )
 

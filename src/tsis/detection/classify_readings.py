@@ -10,7 +10,8 @@ import numpy as np
 from tsis.detection.classify_classes import CLASSES, ClassSplit
 from tsis.detection.presence import presence
 from tsis.inclusion import PARAMETERS
-from tsis.model import Estimate, check
+from tsis.model import Estimate
+from tsis.model.check import require_array, require_integer, require_number, require_type
 from tsis.model.errors import InputError
 from tsis.model.estimate import LARGEST_EVIDENCE
 
@@ -48,14 +49,14 @@ class TargetEvidence:
     log_ratio: float
 
     def __post_init__(self) -> None:
-        samples = check.require_array("samples", self.samples, ndim=2)
+        samples = require_array("samples", self.samples, ndim=2)
         if samples.shape[1] != len(PARAMETERS) or samples.min() <= 0 or samples.max() > LARGEST:
             raise InputError(
                 f"samples must hold {', '.join(PARAMETERS)} a row, above 0 and at most 1e6; got shape {samples.shape} "
                 f"from {samples.min():g} to {samples.max():g}"
             )
         object.__setattr__(self, "samples", samples)
-        log_ratio = check.require_number("log_ratio", self.log_ratio, -LARGEST_EVIDENCE, LARGEST_EVIDENCE)
+        log_ratio = require_number("log_ratio", self.log_ratio, -LARGEST_EVIDENCE, LARGEST_EVIDENCE)
         object.__setattr__(self, "log_ratio", log_ratio)
 
     @property
@@ -92,7 +93,7 @@ def target_evidence(estimate: Estimate, *, draws: int = DRAWS, prior: float | No
         When it has no probability of an inclusion, or no samples of diameter, depth and modulus.
     """
     found = presence(estimate, prior=prior)
-    draws = check.require_integer("draws", draws, 1, 10**6)
+    draws = require_integer("draws", draws, 1, 10**6)
     missing = [name for name in PARAMETERS if name not in estimate.samples]
     if missing:
         raise InputError(f"estimate must hold samples of {', '.join(PARAMETERS)}; it has none of {', '.join(missing)}")
@@ -122,8 +123,8 @@ class TrainingSet:
     labels: NDArray[np.int64]
 
     def __post_init__(self) -> None:
-        features = check.require_array("features", self.features, ndim=2)
-        labels = check.require_array("labels", self.labels, ndim=1, dtype=int)
+        features = require_array("features", self.features, ndim=2)
+        labels = require_array("labels", self.labels, ndim=1, dtype=int)
         if features.shape != (len(labels), 4) or len(labels) > MOST_TARGETS:
             raise InputError(
                 f"features must hold 4 numbers for each of at most {MOST_TARGETS} labels; got shape {features.shape} "
@@ -144,7 +145,7 @@ class TrainingSet:
         cls, readings: Sequence[TargetEvidence], truth: Sequence[Inclusion | None], split: ClassSplit
     ) -> TrainingSet:
         """From readings and what was there, one of each a target."""
-        check.require_type("split", split, ClassSplit)
+        require_type("split", split, ClassSplit)
         if len(readings) != len(truth) or not readings:
             raise InputError(
                 f"readings and truth must be equally many, one a target; got {len(readings)} and {len(truth)}"

@@ -11,7 +11,7 @@ from tsis.detection.classify import ClassifierSettings, enough, train_classifier
 from tsis.detection.classify_classes import CLASSES, ClassSplit
 from tsis.detection.classify_readings import TargetEvidence, TrainingSet
 from tsis.detection.proportion import Proportion
-from tsis.model import check
+from tsis.model.check import require_integer
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -59,9 +59,9 @@ class Validation:
 
     def share(self, truth: int, decided: int) -> Proportion:
         """How many targets of class ``truth`` were called ``decided``; its ``interval()`` is Wilson's."""
-        row = self.confusion[check.require_integer("truth", truth, 0, CLASSES - 1)]
+        row = self.confusion[require_integer("truth", truth, 0, CLASSES - 1)]
         return Proportion(
-            successes=int(row[check.require_integer("decided", decided, 0, CLASSES - 1)]), trials=int(row.sum())
+            successes=int(row[require_integer("decided", decided, 0, CLASSES - 1)]), trials=int(row.sum())
         )
 
     @property
@@ -129,7 +129,7 @@ def cross_validate(
         When the input is bad, or a class has too few targets for parts within parts.
     """
     settings = ClassifierSettings() if settings is None else settings
-    folds = check.require_integer("folds", folds, 2, 20)
+    folds = require_integer("folds", folds, 2, 20)
     training = TrainingSet.of(readings, truth, split)
     enough(training.labels, split, -(-settings.folds * folds // (folds - 1)))  # what is left holds one a part
     from sklearn.model_selection import StratifiedKFold

@@ -14,7 +14,7 @@ from tsis.detection.bootstrap import DRAWS, drawn_areas, percentiles
 from tsis.detection.delong import difference_variance
 from tsis.detection.inputs import both_classes, same_length, scored
 from tsis.detection.interval import LEVEL, Interval, checked_level
-from tsis.model import check
+from tsis.model.check import require_array
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -145,7 +145,7 @@ def _pair(
     first: ArrayLike, second: ArrayLike, present: ArrayLike
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]]:
     one, truth = scored(first, present, name="first")
-    two = check.require_array("second", second, ndim=1)
+    two = require_array("second", second, ndim=1)
     same_length("second", two, "present", truth)
     return one, two, truth
 

@@ -10,7 +10,7 @@ import numpy as np
 from tsis.detection.inputs import booleans, same_length
 from tsis.detection.proportion import MOST_TRIALS, Proportion
 from tsis.detection.two_proportions import ProportionDifference, ProportionRatio
-from tsis.model import check
+from tsis.model.check import require_integer
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ class Counts:
 
     def __post_init__(self) -> None:
         for name in ("true_positives", "false_positives", "true_negatives", "false_negatives"):
-            object.__setattr__(self, name, check.require_integer(name, getattr(self, name), 0, MOST_TRIALS // 4))
+            object.__setattr__(self, name, require_integer(name, getattr(self, name), 0, MOST_TRIALS // 4))
         if self.targets == 0:
             raise InputError("counts must hold at least one target; got 0 of every kind")
 

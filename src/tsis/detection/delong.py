@@ -12,7 +12,7 @@ from scipy.special import ndtri
 from tsis.detection.auc import doubled_placements
 from tsis.detection.inputs import booleans, both_classes
 from tsis.detection.interval import LEVEL, Interval, checked_level
-from tsis.model import check
+from tsis.model.check import require_array
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def auc_covariance(scores: ArrayLike, present: ArrayLike) -> AucCovariance:
     >>> found.auc.tolist()
     [1.0, 0.5]
     """
-    values, truth = check.require_array("scores", scores, ndim=2), booleans("present", present)
+    values, truth = require_array("scores", scores, ndim=2), booleans("present", present)
     if values.shape[1] != len(truth):
         raise InputError(f"scores must have one column a target, {len(truth)} in all; got shape {values.shape}")
     m, n = both_classes(truth, least=2, needed_by="a variance")

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import require_array
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def scored(scores: ArrayLike, present: ArrayLike, *, name: str = "scores") -> tu
     InputError
         When either is empty or no row, a score is not finite, or their lengths differ.
     """
-    values = check.require_array(name, scores, ndim=1)
+    values = require_array(name, scores, ndim=1)
     truth = booleans("present", present)
     same_length(name, values, "present", truth)
     return values, truth
@@ -97,7 +97,7 @@ def readings(name: str, value: ArrayLike, *, ndim: int) -> NDArray[np.float64]:
     InputError
         When they are empty, of another shape or too large.
     """
-    result = check.require_array(name, value, ndim=ndim)
+    result = require_array(name, value, ndim=ndim)
     largest = float(np.abs(result).max())
     if largest > LARGEST_READING:
         raise InputError(f"{name} must lie within ±{LARGEST_READING:g}; got {largest:g}: choose a larger unit")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tsis.model import check
+from tsis.model.check import require_number
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -48,7 +48,7 @@ class Interval:
 
 def checked_level(level: float) -> float:
     """Return a level of confidence, or say that it is none."""
-    return check.require_number("level", level, 1e-6, 1 - 1e-9, hint="a probability, such as 0.95")
+    return require_number("level", level, 1e-6, 1 - 1e-9, hint="a probability, such as 0.95")
 
 
 __all__ = ["LEVEL", "Interval", "checked_level"]

@@ -15,7 +15,7 @@ import numpy as np
 from tsis.detection.counts import Counts
 from tsis.detection.inputs import both_classes, scored
 from tsis.detection.roc import Roc
-from tsis.model import check
+from tsis.model.check import require_array, require_integer, require_number
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ class OperatingPoint:
         InputError
             When the scores are bad.
         """
-        decided: NDArray[np.bool_] = check.require_array("scores", scores, ndim=1) >= self.threshold
+        decided: NDArray[np.bool_] = require_array("scores", scores, ndim=1) >= self.threshold
         return decided
 
 
@@ -104,7 +104,7 @@ def at_sensitivity(curve: Roc, wanted: float) -> OperatingPoint:
     >>> at_sensitivity(roc([1, 2, 3, 4, 5], [False, False, True, False, True]), 0.5).threshold
     4.5
     """
-    check.require_number("wanted", wanted, 0, 1, hint="a sensitivity")
+    require_number("wanted", wanted, 0, 1, hint="a sensitivity")
     enough = curve.true_positives >= wanted * curve.targets - ROUNDING
     return _point(curve, int(np.argmax(enough)), f"sensitivity of at least {wanted:g}")
 
@@ -130,7 +130,7 @@ def at_specificity(curve: Roc, wanted: float) -> OperatingPoint:
     >>> at_specificity(roc([1, 2, 3, 4, 5], [False, False, True, False, True]), 0.6).threshold
     2.5
     """
-    check.require_number("wanted", wanted, 0, 1, hint="a specificity")
+    require_number("wanted", wanted, 0, 1, hint="a specificity")
     allowed = curve.blanks - curve.false_positives >= wanted * curve.blanks - ROUNDING
     return _point(
         curve, int(np.argmax(np.where(allowed, curve.true_positives, -1))), f"specificity of at least {wanted:g}"
@@ -161,10 +161,8 @@ def at_costs(curve: Roc, *, prevalence: float, missed: float, false_alarm: float
     >>> [at_costs(curve, prevalence=0.5, missed=cost, false_alarm=1).threshold for cost in (0.5, 5)]
     [4.5, 2.5]
     """
-    check.require_number("prevalence", prevalence, 0, 1, hint="a share of targets")
-    costs = [
-        check.require_number(name, cost, 0, 1e100) for name, cost in (("missed", missed), ("false_alarm", false_alarm))
-    ]
+    require_number("prevalence", prevalence, 0, 1, hint="a share of targets")
+    costs = [require_number(name, cost, 0, 1e100) for name, cost in (("missed", missed), ("false_alarm", false_alarm))]
     if not any(costs):
         raise InputError("missed or false_alarm must cost something; got 0 for both")
     of_missed = prevalence * missed * (1 - curve.true_positive_rate)
@@ -222,7 +220,7 @@ def _parts(truth: NDArray[np.bool_], folds: int | None, rng: np.random.Generator
     if folds is None:
         return list(np.eye(len(truth), dtype=bool))
     least = min(int(np.count_nonzero(truth)), int(np.count_nonzero(~truth)))
-    folds = check.require_integer("folds", folds, 2, least, hint="not more than there are targets of either kind")
+    folds = require_integer("folds", folds, 2, least, hint="not more than there are targets of either kind")
     if not isinstance(rng, np.random.Generator):
         raise InputError(f"rng must be a numpy.random.Generator where there are folds; got {rng!r:.60}")
     part = np.empty(len(truth), dtype=int)

@@ -14,7 +14,8 @@ import numpy as np
 from scipy.special import expit, logit
 
 from tsis.inclusion.verdict import UNTRUSTED_FLAGS
-from tsis.model import Estimate, check
+from tsis.model import Estimate
+from tsis.model.check import require_number, require_type
 from tsis.model.errors import InputError
 from tsis.model.estimate import LARGEST_EVIDENCE
 
@@ -61,14 +62,12 @@ class PresenceProbability:
     evidence: float | None = None
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "probability", check.require_number("probability", self.probability, 0, 1))
-        prior = check.require_number(
-            "prior", self.prior, LEAST_PREVALENCE, 1 - LEAST_PREVALENCE, hint="a share of targets"
-        )
+        object.__setattr__(self, "probability", require_number("probability", self.probability, 0, 1))
+        prior = require_number("prior", self.prior, LEAST_PREVALENCE, 1 - LEAST_PREVALENCE, hint="a share of targets")
         object.__setattr__(self, "prior", prior)
-        check.require_type("doubts", self.doubts, tuple)
+        require_type("doubts", self.doubts, tuple)
         if self.evidence is not None:
-            check.require_number("evidence", self.evidence, -LARGEST_EVIDENCE, LARGEST_EVIDENCE)
+            require_number("evidence", self.evidence, -LARGEST_EVIDENCE, LARGEST_EVIDENCE)
 
     @property
     def is_bound(self) -> bool:
@@ -108,9 +107,7 @@ class PresenceProbability:
         InputError
             When it is no such share.
         """
-        check.require_number(
-            "prevalence", prevalence, LEAST_PREVALENCE, 1 - LEAST_PREVALENCE, hint="a share of targets"
-        )
+        require_number("prevalence", prevalence, LEAST_PREVALENCE, 1 - LEAST_PREVALENCE, hint="a share of targets")
         moved = float(expit(self.log_likelihood_ratio + float(logit(prevalence))))
         if self.is_bound:  # what was certain stays so: the ratio behind it is larger than is known
             moved = self.probability
@@ -142,7 +139,7 @@ def presence(estimate: Estimate, *, prior: float | None = None) -> PresenceProba
     >>> round(presence(made).at_prevalence(0.2).probability, 9)
     0.5
     """
-    check.require_type("estimate", estimate, Estimate)
+    require_type("estimate", estimate, Estimate)
     if estimate.presence is None:
         raise InputError(
             "estimate must hold the probability of an inclusion, presence; got None: take one that "

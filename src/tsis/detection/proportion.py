@@ -9,7 +9,7 @@ from scipy.special import betaincinv, ndtri
 
 from tsis.detection.inputs import choice
 from tsis.detection.interval import LEVEL, Interval, checked_level
-from tsis.model import check
+from tsis.model.check import require_integer
 
 MOST_TRIALS = 10**12
 
@@ -47,8 +47,8 @@ class Proportion:
     trials: int
 
     def __post_init__(self) -> None:
-        trials = check.require_integer("trials", self.trials, 1, MOST_TRIALS)
-        successes = check.require_integer("successes", self.successes, 0, trials, hint=f"of {trials} trials")
+        trials = require_integer("trials", self.trials, 1, MOST_TRIALS)
+        successes = require_integer("successes", self.successes, 0, trials, hint=f"of {trials} trials")
         object.__setattr__(self, "trials", trials)
         object.__setattr__(self, "successes", successes)
 

@@ -10,7 +10,7 @@ import numpy as np
 from tsis.detection.brier import brier_score, probabilities_and_truth
 from tsis.detection.inputs import choice
 from tsis.detection.proportion import Proportion
-from tsis.model import check
+from tsis.model.check import require_integer
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -93,7 +93,7 @@ def reliability_curve(
     0.167
     """
     values, truth = probabilities_and_truth(probabilities, present)
-    shares = np.linspace(0.0, 1.0, check.require_integer("bins", bins, 1, MOST_BINS) + 1)
+    shares = np.linspace(0.0, 1.0, require_integer("bins", bins, 1, MOST_BINS) + 1)
     widths = choice("widths", widths, ("equal-count", "equal-width"))
     ends = shares if widths == "equal-width" else np.quantile(values, shares)
     place = np.searchsorted(ends[1:-1], values)

@@ -14,7 +14,7 @@ from tsis.detection.counts import Counts
 from tsis.detection.delong import delong_interval, is_normal
 from tsis.detection.inputs import both_classes, choice, scored
 from tsis.detection.interval import LEVEL
-from tsis.model import check
+from tsis.model.check import require_integer
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -116,7 +116,7 @@ class Roc:
         InputError
             When there is no such threshold.
         """
-        index = check.require_integer("index", index, 0, len(self.thresholds) - 1)
+        index = require_integer("index", index, 0, len(self.thresholds) - 1)
         found, false = int(self.true_positives[index]), int(self.false_positives[index])
         return Counts(
             true_positives=found,

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.detection.search_reach import FARTHEST_MM
-from tsis.model import check
+from tsis.model.check import require_integer, require_number
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -59,12 +59,10 @@ class ScanPlan:
 
     def __post_init__(self) -> None:
         for name in ("width_mm", "height_mm"):
-            object.__setattr__(
-                self, name, check.require_number(name, getattr(self, name), *AREA_MM, hint="millimetres")
-            )
-        object.__setattr__(self, "radius_mm", check.require_number("radius_mm", self.radius_mm, *RADIUS_MM))
+            object.__setattr__(self, name, require_number(name, getattr(self, name), *AREA_MM, hint="millimetres"))
+        object.__setattr__(self, "radius_mm", require_number("radius_mm", self.radius_mm, *RADIUS_MM))
         for name in ("strips", "presses_a_strip"):
-            object.__setattr__(self, name, check.require_integer(name, getattr(self, name), 1, MOST_PRESSES))
+            object.__setattr__(self, name, require_integer(name, getattr(self, name), 1, MOST_PRESSES))
         if self.presses > MOST_PRESSES:
             raise InputError(
                 f"a plan must have at most {MOST_PRESSES} presses; got {self.presses}: choose wider spacing"
@@ -129,8 +127,8 @@ class ScanPlan:
         InputError
             When a value lies outside its range.
         """
-        check.require_number("press_s", press_s, 0.0, 3600.0, hint="seconds")
-        return self.presses * press_s + self.travel_mm / check.require_number("speed_mm_s", speed_mm_s, 0.01, 1000.0)
+        require_number("press_s", press_s, 0.0, 3600.0, hint="seconds")
+        return self.presses * press_s + self.travel_mm / require_number("speed_mm_s", speed_mm_s, 0.01, 1000.0)
 
 
 def scan_plan(
@@ -168,8 +166,8 @@ def scan_plan(
         raise InputError(f"either spacing_mm or overlap must be given; got {spacing_mm!r:.40} and {overlap!r:.40}")
     _check_area(width_mm, height_mm, radius_mm)
     if overlap is not None:
-        spacing_mm = 2 * radius_mm * (1 - check.require_number("overlap", overlap, 0.0, 0.95))
-    widest = check.require_number("spacing_mm", spacing_mm, 0.1, 1000.0, hint="millimetres")
+        spacing_mm = 2 * radius_mm * (1 - require_number("overlap", overlap, 0.0, 0.95))
+    widest = require_number("spacing_mm", spacing_mm, 0.1, 1000.0, hint="millimetres")
     return ScanPlan(
         width_mm=width_mm,
         height_mm=height_mm,
@@ -205,7 +203,7 @@ def widest_plan(width_mm: float, height_mm: float, *, radius_mm: float, reach_mm
     (18, 15, 2.99)
     """
     _check_area(width_mm, height_mm, radius_mm)
-    widest = 2 * check.require_number("reach_mm", reach_mm, 0.05, FARTHEST_MM, hint="millimetres")
+    widest = 2 * require_number("reach_mm", reach_mm, 0.05, FARTHEST_MM, hint="millimetres")
     fewest_along = _cells(height_mm, widest)
     best: tuple[int, float, int, int] | None = None
     strips = max(1, math.ceil(width_mm / widest * (1 - ROUNDING)))
@@ -227,9 +225,9 @@ def widest_plan(width_mm: float, height_mm: float, *, radius_mm: float, reach_mm
 
 
 def _check_area(width_mm: float, height_mm: float, radius_mm: float) -> None:
-    check.require_number("width_mm", width_mm, *AREA_MM, hint="millimetres")
-    check.require_number("height_mm", height_mm, *AREA_MM, hint="millimetres")
-    check.require_number("radius_mm", radius_mm, *RADIUS_MM)
+    require_number("width_mm", width_mm, *AREA_MM, hint="millimetres")
+    require_number("height_mm", height_mm, *AREA_MM, hint="millimetres")
+    require_number("radius_mm", radius_mm, *RADIUS_MM)
 
 
 def _cells(length_mm: float, widest_mm: float) -> int:

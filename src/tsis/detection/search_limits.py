@@ -9,7 +9,7 @@ import numpy as np
 
 from tsis.detection.search import ROUNDING, ScanPlan
 from tsis.detection.search_reach import FARTHEST_MM
-from tsis.model import check
+from tsis.model.check import require_number, require_pair, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -25,7 +25,7 @@ def widest_spacing_mm(reach_mm: float) -> float:
 
     Both are in mm, the reach in [0, 500]; else `InputError` is raised.
     """
-    return math.sqrt(2) * check.require_number("reach_mm", reach_mm, 0.0, FARTHEST_MM, hint="millimetres")
+    return math.sqrt(2) * require_number("reach_mm", reach_mm, 0.0, FARTHEST_MM, hint="millimetres")
 
 
 def smallest_found_mm(
@@ -55,10 +55,10 @@ def smallest_found_mm(
     InputError
         When a value lies outside its range or the reach is no number of 0 mm or more.
     """
-    check.require_type("plan", plan, ScanPlan)
-    low, high = check.require_pair("sizes_mm", sizes_mm)
-    check.require_number("the low end of sizes_mm", low, 0.1, 100.0)
-    check.require_number("the high end of sizes_mm", high, low, 100.0)
+    require_type("plan", plan, ScanPlan)
+    low, high = require_pair("sizes_mm", sizes_mm)
+    require_number("the low end of sizes_mm", low, 0.1, 100.0)
+    require_number("the high end of sizes_mm", high, low, 100.0)
     checked = _checked(reach)
     enough = plan.worst_distance_mm * (1 - ROUNDING)
     tried = np.linspace(low, high, STEPS)
@@ -80,9 +80,7 @@ def _turning(holds: Callable[[float], bool], below: float, above: float) -> floa
 
 def _checked(reach: Reach) -> Reach:
     def asked(diameter_mm: float, depth_mm: float) -> float:
-        return check.require_number(
-            "what reach gives", reach(diameter_mm, depth_mm), 0.0, FARTHEST_MM, hint="millimetres"
-        )
+        return require_number("what reach gives", reach(diameter_mm, depth_mm), 0.0, FARTHEST_MM, hint="millimetres")
 
     return asked
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from tsis.detection.inputs import booleans, same_length
 from tsis.instrument.file_bytes import as_path, one_line, printable_path, read_bytes
-from tsis.model import check
+from tsis.model.check import require_array, require_number
 from tsis.model.errors import FileInputError, InputError
 from tsis.model.grid import require_ascending
 from tsis.model.phantom import INCLUSION_RANGES
@@ -68,7 +68,7 @@ class ReachTable:
     def __post_init__(self) -> None:
         for name in ("diameter_mm", "depth_mm"):
             object.__setattr__(self, name, require_ascending(name, getattr(self, name)))
-        reach = check.require_array("reach_mm", self.reach_mm, ndim=2)
+        reach = require_array("reach_mm", self.reach_mm, ndim=2)
         shape = (len(self.diameter_mm), len(self.depth_mm))
         if reach.shape != shape or reach.min() < 0 or reach.max() > FARTHEST_MM:
             raise InputError(
@@ -76,12 +76,12 @@ class ReachTable:
                 f"{reach.shape}, {reach.min():g} to {reach.max():g}"
             )
         object.__setattr__(self, "reach_mm", reach)
-        object.__setattr__(self, "probability", check.require_number("probability", self.probability, 1e-6, 1 - 1e-6))
+        object.__setattr__(self, "probability", require_number("probability", self.probability, 1e-6, 1 - 1e-6))
 
     def __call__(self, diameter_mm: float, depth_mm: float) -> float:
         """Reach of one inclusion, mm."""
-        diameter = check.require_number("diameter_mm", diameter_mm, *INCLUSION_RANGES["diameter_mm"])
-        depth = check.require_number("depth_mm", depth_mm, *INCLUSION_RANGES["depth_mm"])
+        diameter = require_number("diameter_mm", diameter_mm, *INCLUSION_RANGES["diameter_mm"])
+        depth = require_number("depth_mm", depth_mm, *INCLUSION_RANGES["depth_mm"])
         if diameter < self.diameter_mm[0] or depth > self.depth_mm[-1]:
             return 0.0
         by_size = [float(np.interp(depth, self.depth_mm, row)) for row in self.reach_mm]
@@ -118,12 +118,12 @@ def reach_of_trials(offset_mm: ArrayLike, found: ArrayLike, *, probability: floa
     >>> reach_of_trials([0, 1, 2, 3, 4, 5], [True, True, True, False, True, False], probability=0.5)
     4.0
     """
-    away = check.require_array("offset_mm", offset_mm, ndim=1)
+    away = require_array("offset_mm", offset_mm, ndim=1)
     seen = booleans("found", found)
     same_length("offset_mm", away, "found", seen)
     if away.min() < 0:
         raise InputError(f"offset_mm must not be negative; got {away.min():g}")
-    check.require_number("probability", probability, 1e-6, 1 - 1e-6)
+    require_number("probability", probability, 1e-6, 1 - 1e-6)
     from sklearn.isotonic import IsotonicRegression
 
     fitted = IsotonicRegression(increasing=False).fit(away, seen.astype(float))

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 from scipy.special import ndtri
 
 from tsis.detection.interval import LEVEL, Interval, checked_level
-from tsis.model import check
+from tsis.model.check import require_number
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -151,7 +151,7 @@ def score_of_ratio(first: Proportion, second: Proportion, ratio: float) -> float
     InputError
         When the ratio is not positive.
     """
-    check.require_number("ratio", ratio, 1e-300, 1e300)
+    require_number("ratio", ratio, 1e-300, 1e300)
     m, n, x, y = first.trials, second.trials, first.successes, second.successes
     # The likelihood under that ratio is largest where a quadratic in the first share vanishes.
     linear = ratio * (m + y) + x + n

@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.model import Probe, check
+from tsis.model import Probe
+from tsis.model.check import require_array
 from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ class ContactTable:
 
     def __post_init__(self) -> None:
         for name in ("coefficients", "softness", "deepest", "error"):
-            object.__setattr__(self, name, check.require_array(name, getattr(self, name), ndim=1))
+            object.__setattr__(self, name, require_array(name, getattr(self, name), ndim=1))
 
     def log_radius(
         self, young_kpa: Any, poisson: Any, radius_mm: Any, force_n: Any, *, probe_factor: Any = 1.0

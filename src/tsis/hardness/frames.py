@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from tsis.hardness.exploration import RadiusPrior
 from tsis.hardness.seen_sphere import require_small_sphere
 from tsis.hardness.table_build import WIDEST_SHARE
-from tsis.model import check
+from tsis.model.check import require_number
 from tsis.model.errors import ImageMismatchError, InputError
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def radius_prior(
         return RadiusPrior(radius_mm=None, sd_mm=0.0, largest_mm=largest)
     sd = RADIUS_SD_MM if radius_sd_mm is None else radius_sd_mm
     require_radius("radius_mm", probe, radius_mm)
-    check.require_number(
+    require_number(
         "radius_sd_mm",
         sd,
         0.0,
@@ -62,7 +62,7 @@ def ball_radius(probe: Probe, balls: list[TactileImage], radius_mm: float | None
 
 def require_radius(name: str, probe: Probe, radius_mm: float) -> None:
     """Refuse what is no radius of an object that this probe can measure, in mm; `InputError` names it."""
-    check.require_number(name, radius_mm, 1.0, 50.0, hint="millimetres")
+    require_number(name, radius_mm, 1.0, 50.0, hint="millimetres")
     require_small_sphere(probe, radius_mm)
 
 
@@ -75,7 +75,7 @@ def _written(frames: list[TactileImage]) -> tuple[float | None, float | None]:
         )
     radius, sd = said.pop()
     if radius is not None:
-        radius = check.require_number("radius_mm of the settings", radius, 1e-3, 1e3)
+        radius = require_number("radius_mm of the settings", radius, 1e-3, 1e3)
     if sd is not None:
-        sd = check.require_number("radius_sd_mm of the settings", sd, 0.0, 1e3)
+        sd = require_number("radius_sd_mm of the settings", sd, 0.0, 1e3)
     return radius, sd

@@ -14,7 +14,8 @@ from tsis.hardness.prior import HardnessPrior
 from tsis.hardness.reading import BLUR_MM, read_contact
 from tsis.hardness.table_build import build_contact_table
 from tsis.hardness.verdict import UNTRUSTED_FLAGS, findings, identifiability
-from tsis.model import Calibration, Estimate, Probe, TactileImage, check
+from tsis.model import Calibration, Estimate, Probe, TactileImage
+from tsis.model.check import require_number, require_type
 from tsis.model.errors import InputError
 from tsis.model.image_series import as_images, require_image_series, require_same_probe
 from tsis.model.threads import one_blas_thread
@@ -96,9 +97,9 @@ def estimate(
         raise InputError("images must hold at least one TactileImage; got none")
     require_same_probe(probe, calibration)
     prior = HardnessPrior() if prior is None else prior
-    check.require_type("prior", prior, HardnessPrior)
-    check.require_number("blur_mm", blur_mm, 0.0, 1.0, hint="millimetres")
-    check.require_number("drift_sd", drift_sd, 0.0, 0.5, hint="a share of one")
+    require_type("prior", prior, HardnessPrior)
+    require_number("blur_mm", blur_mm, 0.0, 1.0, hint="millimetres")
+    require_number("drift_sd", drift_sd, 0.0, 0.5, hint="a share of one")
     digests = require_image_series(frames + balls)
     require_frames_of_probe(frames + balls, probe)
     radius = radius_prior(probe, frames, radius_mm, radius_sd_mm)

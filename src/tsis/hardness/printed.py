@@ -25,7 +25,8 @@ from tsis.hardness.strain import axial_strain, printed_axial_strain
 from tsis.imaging import features, height_surface
 from tsis.matching import fit_spline, match_points
 from tsis.matching.spline import spread_out
-from tsis.model import TactileImage, check
+from tsis.model import TactileImage
+from tsis.model.check import require_array, require_integer, require_number, require_one_of, require_type
 from tsis.model.errors import InputError
 from tsis.model.press import MN_PER_N
 
@@ -78,7 +79,7 @@ class PrintedHardness:
 
     def __post_init__(self) -> None:
         for name, ndim in (("strain", 1), ("before", 2), ("after", 2)):
-            object.__setattr__(self, name, check.require_array(name, getattr(self, name), ndim=ndim))
+            object.__setattr__(self, name, require_array(name, getattr(self, name), ndim=ndim))
 
 
 def printed_estimate(
@@ -144,12 +145,12 @@ def printed_estimate(
     True
     """
     first, second = _pair(images)
-    check.require_one_of("stress", stress, STRESSES)
-    strain_of = FORMULAS[check.require_one_of("formula", formula, FORMULAS)]
-    check.require_one_of("spline", spline, SPLINES)
-    count = check.require_integer("points", points, 10, 2000)
+    require_one_of("stress", stress, STRESSES)
+    strain_of = FORMULAS[require_one_of("formula", formula, FORMULAS)]
+    require_one_of("spline", spline, SPLINES)
+    count = require_integer("points", points, 10, 2000)
     depth = first.scale()[0] if depth_mm_per_grey is None else depth_mm_per_grey
-    check.require_number("depth_mm_per_grey", depth, 1e-6, 1e3, hint="millimetres a grey level")
+    require_number("depth_mm_per_grey", depth, 1e-6, 1e3, hint="millimetres a grey level")
     before, area_before = _lit_surface(first, depth, count)
     after, area_after = _lit_surface(second, depth, count)
     # Two smooth round caps match however they are turned: no match of theirs is reliable, and the source asks for none.
@@ -181,7 +182,7 @@ def _pair(images: Sequence[TactileImage]) -> tuple[TactileImage, TactileImage]:
     if len(given) != 2:
         raise InputError(f"images must hold two frames, the lighter press first; got {len(given)}")
     for image in given:
-        check.require_type("each of images", image, TactileImage)
+        require_type("each of images", image, TactileImage)
     first, second = given
     if not (first.force_n and second.force_n and first.force_n < second.force_n):
         raise InputError(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import require_number, require_pair
 from tsis.model.errors import InputError
 
 
@@ -37,9 +37,9 @@ class HardnessPrior:
 
     def __post_init__(self) -> None:
         for name, low, high in (("young_kpa", 1.0, 1e5), ("poisson", 0.45, 0.495)):
-            least, most = check.require_pair(name, getattr(self, name))
-            check.require_number(f"{name}[0]", least, low, high)
-            check.require_number(f"{name}[1]", most, low, high)
+            least, most = require_pair(name, getattr(self, name))
+            require_number(f"{name}[0]", least, low, high)
+            require_number(f"{name}[1]", most, low, high)
             if not least < most:
                 raise InputError(f"{name} must be a range that ascends; got {(least, most)}")
             object.__setattr__(self, name, (least, most))

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.mechanics.finite_strain import load_path
+from tsis.mechanics.finite_strain.load_path import find_first_contact, follow_load_path
 from tsis.mechanics.finite_strain.pressing import require_ascending_forces, require_enough_force
 from tsis.mechanics.finite_strain.probe_on_slab import SPRING as PULL
 from tsis.mechanics.finite_strain.squeezed_sphere import LIGHTEST, TOUCH, WIDEST, SphereOnProbe
-from tsis.model import PressField, Probe, check
+from tsis.model import PressField, Probe
+from tsis.model.check import require_type
 from tsis.model.errors import InputError, MechanicsError
 from tsis.model.press import MN_PER_N
 from tsis.model.threads import one_blas_thread
@@ -60,7 +61,7 @@ def press_fields(
     MechanicsError
         When a force cannot be reached on any of four meshes.
     """
-    check.require_type("probe", probe, Probe)
+    require_type("probe", probe, Probe)
     require_small_sphere(probe, sphere.radius_mm)
     require_ascending_forces(forces_n)
     softer = min(sphere.young_kpa, probe.layers[0].young_kpa)
@@ -103,10 +104,8 @@ class SphereOnDeformedFace(SphereOnProbe):
         """Fields at ascending forces in newtons, as far as they can be reached."""
         forces, found = [force * MN_PER_N for force in forces_n], list[PressField]()
         with suppress(MechanicsError) if stop_at_limit else nullcontext():
-            first = load_path.find_first_contact(
-                self.potential, self._moved, TOUCH * self._radius, PULL, below_mn=forces[0] / 2
-            )
-            states = load_path.follow_load_path(self.potential, first, forces, refuse=self._refuse)
+            first = find_first_contact(self.potential, self._moved, TOUCH * self._radius, PULL, below_mn=forces[0] / 2)
+            states = follow_load_path(self.potential, first, forces, refuse=self._refuse)
             for state, force in zip(states, forces_n, strict=True):
                 found.append(self._seen(state, force))
         if not found:

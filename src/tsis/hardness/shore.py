@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.optimize import brentq
 
-from tsis.model import check
+from tsis.model.check import require_number
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -61,7 +61,7 @@ def shore(young_kpa: float) -> ShoreHardness:
     >>> reading.shore_a, round(reading.shore_00)
     (None, 29)
     """
-    check.require_number("young_kpa", young_kpa, 0.1, 1e6, hint="kilopascals")
+    require_number("young_kpa", young_kpa, 0.1, 1e6, hint="kilopascals")
     return ShoreHardness(shore_a=_read(young_kpa, young_of_shore_a), shore_00=_read(young_kpa, young_of_shore_00))
 
 

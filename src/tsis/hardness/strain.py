@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import require_array
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -101,7 +101,7 @@ def _displacement_gradient(gradient: ArrayLike) -> NDArray[np.float64]:
 
 
 def _gradient(gradient: ArrayLike) -> NDArray[np.float64]:
-    checked = check.require_array("gradient", gradient, ndim=3)
+    checked = require_array("gradient", gradient, ndim=3)
     if checked.shape[1] != checked.shape[2]:
         raise InputError(f"gradient must be a square matrix at each place; got shape {checked.shape}")
     return checked

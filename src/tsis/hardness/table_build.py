@@ -21,7 +21,9 @@ from tsis.hardness.contact_table import (
 from tsis.hardness.seen_sphere import hertzian_radius_mm, press_fields
 from tsis.mechanics import SphereResolution
 from tsis.mechanics.surrogate_solves import cached_arrays, mechanical_content
-from tsis.model import Probe, SoftSphere, check, disk_cache
+from tsis.model import Probe, SoftSphere
+from tsis.model.check import require_type
+from tsis.model.disk_cache import content_key
 from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
@@ -102,10 +104,10 @@ def build_contact_table(
     >>> f"{float(np.exp(table.log_radius(103.0, 0.49, 3.0, 0.7))):.2f} mm"
     '2.77 mm'
     """
-    check.require_type("probe", probe, Probe)
-    check.require_type("resolution", resolution, SphereResolution)
+    require_type("probe", probe, Probe)
+    require_type("resolution", resolution, SphereResolution)
     unit = _with_skin(probe, SKIN_KPA)
-    key = disk_cache.content_key(
+    key = content_key(
         {
             "format": FORMAT_VERSION,
             "probe": _rounded(mechanical_content(unit)),

@@ -9,7 +9,8 @@ import numpy as np
 
 from tsis.imaging.correct import require_image
 from tsis.imaging.patch import segment
-from tsis.model import TactileImage, check
+from tsis.model import TactileImage
+from tsis.model.check import require_array, require_number, require_one_of
 from tsis.model.errors import ImageMismatchError, InputError
 
 if TYPE_CHECKING:
@@ -57,8 +58,8 @@ def change_magnitude(
     >>> change_magnitude(pressed, untouched).tolist()
     [[5.0]]
     """
-    frame = check.require_array("frame_rgb", frame_rgb, ndim=3)
-    reference = check.require_array("reference_rgb", reference_rgb, ndim=3)
+    frame = require_array("frame_rgb", frame_rgb, ndim=3)
+    reference = require_array("reference_rgb", reference_rgb, ndim=3)
     if frame.shape != reference.shape:
         raise ImageMismatchError(f"reference_rgb must have the frame's shape {frame.shape}; got {reference.shape}")
     change = frame - reference
@@ -107,9 +108,9 @@ def colour_map(
         When ``high`` does not exceed ``low``.
     """
     require_image("image", image)
-    check.require_one_of("colour map", name, COLOUR_MAPS)
+    require_one_of("colour map", name, COLOUR_MAPS)
     top = image.full_scale if high is None else high
-    low, top = check.require_number("low", low, -1e9, 1e9), check.require_number("high", top, -1e9, 1e9)
+    low, top = require_number("low", low, -1e9, 1e9), require_number("high", top, -1e9, 1e9)
     if top <= low:
         raise InputError(f"high must exceed low = {low:g}; got {top:g}")
     levels = np.rint(np.clip((image.grey - low) / (top - low), 0.0, 1.0) * 255.0).astype(np.uint8)

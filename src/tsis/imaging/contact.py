@@ -12,7 +12,8 @@ from tsis.imaging.correct import require_image
 from tsis.imaging.edge_circle import SlopeField, steepest_circle, steepest_radius
 from tsis.imaging.patch import Patch, segment
 from tsis.imaging.symmetry import symmetry_centre
-from tsis.model import TactileImage, check
+from tsis.model import TactileImage
+from tsis.model.check import require_one_of
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -79,7 +80,7 @@ def find_contact(image: TactileImage, *, patch: Patch | None = None, method: str
     [42.3, 36.8]
     """
     require_image("image", image)
-    check.require_one_of("contact method", method, CONTACT_METHODS)
+    require_one_of("contact method", method, CONTACT_METHODS)
     patch = segment(image) if patch is None else patch
     if patch.mask.shape != image.grey.shape:
         raise InputError(f"patch must have the image's shape {image.grey.shape}; got {patch.mask.shape}")

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import require_number, require_one_of
 from tsis.model.errors import InputError
 from tsis.optics.asperities import ERF_SLOPE, real_contact
 
@@ -73,7 +73,7 @@ class CurvatureLoss:
     refractive_index: float = 1.41
 
     def __post_init__(self) -> None:
-        check.require_number("refractive_index", self.refractive_index, 1.01, 4.0)
+        require_number("refractive_index", self.refractive_index, 1.01, 4.0)
 
     def share(
         self, pressure_kpa: NDArray[np.float64], *, slope: NDArray[np.float64], saturation_kpa: float
@@ -104,7 +104,7 @@ CONTACT_MODELS: dict[str, ContactModel] = {
 def as_contact_model(model: ContactModel | str) -> ContactModel:
     """The model of that name, or the model itself."""
     if isinstance(model, str):
-        return CONTACT_MODELS[check.require_one_of("contact_model", model, CONTACT_MODELS)]
+        return CONTACT_MODELS[require_one_of("contact_model", model, CONTACT_MODELS)]
     if not isinstance(model, ContactModel):
         raise InputError(f"contact_model must be one of {', '.join(CONTACT_MODELS)} or a model; got {model!r:.80}")
     return model

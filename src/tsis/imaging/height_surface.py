@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 
 from tsis.imaging.correct import require_image
-from tsis.model import check
+from tsis.model.check import require_array, require_number
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -35,7 +35,7 @@ class HeightSurface:
 
     def __post_init__(self) -> None:
         for name, ndim in (("x_mm", 1), ("y_mm", 1), ("height", 2)):
-            object.__setattr__(self, name, check.require_array(name, getattr(self, name), ndim=ndim))
+            object.__setattr__(self, name, require_array(name, getattr(self, name), ndim=ndim))
 
 
 def height_surface(image: TactileImage, *, max_points: int = 128, height_per_grey: float = 1.0) -> HeightSurface:
@@ -68,8 +68,8 @@ def height_surface(image: TactileImage, *, max_points: int = 128, height_per_gre
     ((25, 50), 19.6)
     """
     require_image("image", image)
-    limit = int(check.require_number("max_points", max_points, 2, 4096))
-    check.require_number("height_per_grey", height_per_grey, -1e9, 1e9)
+    limit = int(require_number("max_points", max_points, 2, 4096))
+    require_number("height_per_grey", height_per_grey, -1e9, 1e9)
     scale, axis = image.scale(), image.axis()
     rows, columns = image.grey.shape
     shrink = max(1.0, max(rows, columns) / limit)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import require_array, require_number
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -43,9 +43,9 @@ class LedDrift:
     wander: float = 0.005
 
     def __post_init__(self) -> None:
-        check.require_number("warm_up", self.warm_up, 0.0, 1.0, hint="a share of one")
-        check.require_number("warm_up_s", self.warm_up_s, 1e-3, 1e5, hint="seconds")
-        check.require_number("wander", self.wander, 0.0, 0.5, hint="a share of one")
+        require_number("warm_up", self.warm_up, 0.0, 1.0, hint="a share of one")
+        require_number("warm_up_s", self.warm_up_s, 1e-3, 1e5, hint="seconds")
+        require_number("wander", self.wander, 0.0, 0.5, hint="a share of one")
 
     def factors(self, time_s: ArrayLike, rng: np.random.Generator) -> NDArray[np.float64]:
         """Factors of the light at times in seconds after switching on, (n,), ascending and not negative.
@@ -57,7 +57,7 @@ class LedDrift:
         >>> LedDrift(wander=0.0).factors([0.0, 300.0, 3000.0], np.random.default_rng(1)).round(4).tolist()
         [1.05, 1.0184, 1.0]
         """
-        time = check.require_array("time_s", time_s, ndim=1)
+        time = require_array("time_s", time_s, ndim=1)
         if time[0] < 0 or (np.diff(time) < 0).any():
             raise InputError(f"time_s must ascend from 0 or later; got {time!r:.80}")
         steps = np.sqrt(np.diff(time, prepend=0.0) / SECONDS_PER_HOUR) * rng.standard_normal(len(time))

@@ -9,7 +9,8 @@ import numpy as np
 
 from tsis.imaging.render import render
 from tsis.imaging.sensor import Sensor
-from tsis.model import PressMap, check
+from tsis.model import PressMap
+from tsis.model.check import require_type
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -76,7 +77,7 @@ def find_lost_light(
     >>> round(lost.light_outside, 2), lost.pixels_clipped
     (0.5, 0.0)
     """
-    check.require_type("sensor", sensor, Sensor)
+    require_type("sensor", sensor, Sensor)
     picture = render(field, sensor, calibration, blur_mm=blur_mm, contact_model=contact_model, light=light)
     over = np.maximum(picture + sensor.background_grey - sensor.full_scale, 0.0)
     survey = _survey(field, sensor)

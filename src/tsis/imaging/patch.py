@@ -12,7 +12,8 @@ from skimage.filters import threshold_otsu
 from skimage.measure import find_contours
 
 from tsis.imaging.correct import require_image
-from tsis.model import TactileImage, check
+from tsis.model import TactileImage
+from tsis.model.check import require_number, require_one_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -104,8 +105,8 @@ def segment(image: TactileImage, *, method: str = "otsu", least_grey: float = 0.
     False
     """
     require_image("image", image)
-    check.require_one_of("segmentation method", method, SEGMENTATION_METHODS)
-    check.require_number("least_grey", least_grey, 0.0, image.full_scale)
+    require_one_of("segmentation method", method, SEGMENTATION_METHODS)
+    require_number("least_grey", least_grey, 0.0, image.full_scale)
     smooth = smoothed(image.grey)
     cut = _otsu(smooth)
     background, spread, noise = _dark_side(image.grey, smooth, cut)

@@ -10,7 +10,7 @@ import numpy as np
 
 from tsis.imaging.correct import require_image, require_same_frame
 from tsis.imaging.pixel_loops import ring_sums
-from tsis.model import check
+from tsis.model.check import require_array, require_pair
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -102,7 +102,7 @@ def radial_profile(
     """
     require_image("image", image)
     edges = _checked_edges(edges_mm)
-    centre = image.axis() if centre_px is None else check.require_pair("centre_px", centre_px)
+    centre = image.axis() if centre_px is None else require_pair("centre_px", centre_px)
     rings = _ring_of_pixel(image.grey.shape, image.scale(), centre, edges.tobytes())
     grey, clipped = image.grey, image.grey >= image.full_scale
     if reference is not None:
@@ -148,7 +148,7 @@ def _ring_of_pixel(
 
 def _checked_edges(edges_mm: ArrayLike) -> NDArray[np.float64]:
     """Ring boundaries as a checked array."""
-    edges: NDArray[np.float64] = check.require_array("edges_mm", edges_mm, ndim=1)
+    edges: NDArray[np.float64] = require_array("edges_mm", edges_mm, ndim=1)
     if edges.size < 2 or edges[0] < 0 or np.any(np.diff(edges) <= 0):
         raise InputError(f"edges_mm must be at least two ascending radii, the first >= 0; got {edges.tolist()}")
     return edges

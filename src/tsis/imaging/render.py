@@ -15,7 +15,8 @@ from scipy.ndimage import binary_erosion
 from tsis.imaging.contact_edge import coverage
 from tsis.imaging.contact_light import SmoothContact, as_contact_model, rough_contact, rough_contact_slope
 from tsis.imaging.pixel_loops import paint
-from tsis.model import LightMap, PressMap, check
+from tsis.model import LightMap, PressMap
+from tsis.model.check import require_number, require_type
 from tsis.model.grid import interpolation_matrix
 from tsis.optics.asperities import ERF_SLOPE
 
@@ -80,9 +81,9 @@ def render(
     >>> [round(float(render(press, Sensor(), answer, contact_model=model)[246, 384])) for model in ("rough", "smooth")]
     [100, 1000]
     """
-    check.require_number("blur_mm", blur_mm, 0.0, WIDEST_BLUR_MM)
+    require_number("blur_mm", blur_mm, 0.0, WIDEST_BLUR_MM)
     model, light = as_contact_model(contact_model), light or LightMap.uniform()
-    check.require_type("light", light, LightMap)
+    require_type("light", light, LightMap)
     if isinstance(field, PressMap):
         seen = _of_map(field, sensor, calibration, model, light)
     else:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.imaging.pixel_loops import develop
-from tsis.model import check
+from tsis.model.check import require_integer, require_number
 from tsis.model.errors import InputError
 from tsis.model.image import require_pixel_scale
 
@@ -56,13 +56,13 @@ class Sensor:
 
     def __post_init__(self) -> None:
         for name in ("columns", "rows"):
-            object.__setattr__(self, name, check.require_integer(name, getattr(self, name), 8, 8192))
+            object.__setattr__(self, name, require_integer(name, getattr(self, name), 8, 8192))
         object.__setattr__(self, "mm_per_pixel", require_pixel_scale(self.mm_per_pixel))
-        check.require_number("full_scale", self.full_scale, 1.0, 65535.0)
-        check.require_number("read_noise_grey", self.read_noise_grey, 0.0, self.full_scale)
-        check.require_number("shot_noise_grey", self.shot_noise_grey, 0.0, self.full_scale)
-        check.require_number("background_grey", self.background_grey, 0.0, self.full_scale)
-        check.require_number("field_angle_deg", self.field_angle_deg, 0.0, 80.0, hint="degrees")
+        require_number("full_scale", self.full_scale, 1.0, 65535.0)
+        require_number("read_noise_grey", self.read_noise_grey, 0.0, self.full_scale)
+        require_number("shot_noise_grey", self.shot_noise_grey, 0.0, self.full_scale)
+        require_number("background_grey", self.background_grey, 0.0, self.full_scale)
+        require_number("field_angle_deg", self.field_angle_deg, 0.0, 80.0, hint="degrees")
 
     def axes_mm(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Coordinates (x, y) from the optical axis of the columns' and the rows' centres, mm."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 from tsis.inclusion.design_information import ProtocolInformation, even_inclusions, information_of, planned_view
 from tsis.inclusion.design_limits import DesignLimits, limits_of
 from tsis.inclusion.prior import PARAMETERS
-from tsis.model import check
+from tsis.model.check import require_one_of
 from tsis.model.errors import InputError
 from tsis.optics import irradiance
 
@@ -50,7 +50,7 @@ def design_of(view: PlannedView) -> Design:
 
 def score(told: ProtocolInformation, criterion: str) -> float:
     """What a design should make small: a parameter's expected error, or of ``"all"`` the mean log product of the sd."""
-    check.require_one_of("criterion", criterion, CRITERIA)
+    require_one_of("criterion", criterion, CRITERIA)
     return told.log_sd if criterion == "all" else told.rmse[criterion]
 
 
@@ -77,7 +77,7 @@ def design_alternatives(planned: Protocol, aspect: Aspect) -> tuple[Protocol, ..
     UnknownNameError
         When there is no such aspect.
     """
-    check.require_one_of("aspect", aspect, ASPECTS)
+    require_one_of("aspect", aspect, ASPECTS)
     return tuple(other for other in _CHANGES[aspect](planned) if _unnamed(other) != _unnamed(planned))
 
 

@@ -25,8 +25,9 @@ from tsis.inclusion.prior import PARAMETERS, InclusionPrior
 from tsis.inclusion.rings import ring_answers, ring_correlation
 from tsis.inclusion.verdict import MODULUS_SD_KPA
 from tsis.mechanics import Degrees, build_full_contact_surrogate, contrast_factor
-from tsis.model import Calibration, TactileImage, check
+from tsis.model import Calibration, TactileImage
 from tsis.model.catalog import load_phantom
+from tsis.model.check import require_array, require_integer, require_type
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -215,7 +216,7 @@ def protocol_information(
 def information_of(view: PlannedView, inclusions: NDArray[np.float64]) -> ProtocolInformation:
     """Information at each of the inclusions (n, 3)."""
     prior = view.model.prior
-    inclusions = check.require_array("inclusions", inclusions, ndim=2)
+    inclusions = require_array("inclusions", inclusions, ndim=2)
     if inclusions.shape[1] != 3 or not ((inclusions >= prior.low) & (inclusions <= prior.high)).all():
         raise InputError(
             f"inclusions must hold diameter, depth and modulus within the prior's ranges ({prior}); "
@@ -236,7 +237,7 @@ def planned_view(
     progress: Callable[[int, int], None] | None = None,
 ) -> PlannedView:
     """Make a protocol ready; see `protocol_information` for the parameters."""
-    check.require_type("prior", prior, InclusionPrior)
+    require_type("prior", prior, InclusionPrior)
     check_calibration(calibration, protocol.probe)
     built = build_full_contact_surrogate(protocol.probe, prior.box(), degrees=degrees or COARSE, progress=progress)
     return view_of(protocol, built, prior=prior, calibration=calibration, sensor=sensor or Sensor())
@@ -297,7 +298,7 @@ def even_inclusions(prior: InclusionPrior, count: int = SPREAD) -> NDArray[np.fl
     >>> even_inclusions(InclusionPrior(), 4).round(1).tolist()
     [[2.8, 5.0, 50.0], [9.8, 9.0, 90.0], [13.2, 7.0, 70.0], [6.2, 11.0, 110.0]]
     """
-    count = check.require_integer("count", count, 1, 2**16)
+    count = require_integer("count", count, 1, 2**16)
     unit = scipy.stats.qmc.Sobol(3, scramble=False).random_base2(int(np.ceil(np.log2(count))))[:count]
     return np.asarray(prior.low + (unit + 0.5 / count) % 1.0 * (prior.high - prior.low))
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tsis.model import Probe, check, load_probe
+from tsis.model import Probe, load_probe
+from tsis.model.check import require_integer, require_number, require_type
 from tsis.model.errors import InputError
 
 LEAST_FORCE_N, LARGEST_FORCE_N = 1e-3, 50.0
@@ -32,8 +33,8 @@ class PlannedPress:
     with_reference: bool = True
 
     def __post_init__(self) -> None:
-        check.require_number("force_n", self.force_n, LEAST_FORCE_N, LARGEST_FORCE_N, hint="newtons")
-        check.require_type("with_reference", self.with_reference, bool)
+        require_number("force_n", self.force_n, LEAST_FORCE_N, LARGEST_FORCE_N, hint="newtons")
+        require_type("with_reference", self.with_reference, bool)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -68,13 +69,13 @@ class Protocol:
     name: str = ""
 
     def __post_init__(self) -> None:
-        check.require_type("probe", self.probe, Probe)
-        check.require_type("name", self.name, str)
+        require_type("probe", self.probe, Probe)
+        require_type("name", self.name, str)
         presses = tuple(self.presses) if isinstance(self.presses, (tuple, list)) else ()
         if not presses or not all(isinstance(press, PlannedPress) for press in presses):
             raise InputError(f"presses must be a tuple of at least one PlannedPress; got {self.presses!r:.80}")
         object.__setattr__(self, "presses", presses)
-        object.__setattr__(self, "frames_each", check.require_integer("frames_each", self.frames_each, 1, MOST_FRAMES))
+        object.__setattr__(self, "frames_each", require_integer("frames_each", self.frames_each, 1, MOST_FRAMES))
 
     @property
     def forces_n(self) -> tuple[float, ...]:

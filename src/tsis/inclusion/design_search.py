@@ -24,7 +24,7 @@ from tsis.inclusion.design_alternatives import (
 from tsis.inclusion.design_information import even_inclusions, information_of, planned_view
 from tsis.inclusion.design_limits import covering_n, largest_force_of
 from tsis.inclusion.design_protocol import LARGEST_FORCE_N, LEAST_FORCE_N
-from tsis.model import check
+from tsis.model.check import require_integer, require_one_of
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -134,8 +134,8 @@ def optimise_design(
     Optimum
         The best design met, and what binds it.
     """
-    check.require_one_of("criterion", criterion, CRITERIA)
-    evaluations = check.require_integer("evaluations", evaluations, 1, MOST_EVALUATIONS)
+    require_one_of("criterion", criterion, CRITERIA)
+    evaluations = require_integer("evaluations", evaluations, 1, MOST_EVALUATIONS)
     searched = even_inclusions(prior, SEARCHED)
     tried: list[tuple[float, NDArray[np.float64], PlannedView, _Forces]] = []
 

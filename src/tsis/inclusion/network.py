@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import require_array, require_number
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ class Layers:
 
     def __post_init__(self) -> None:
         for name, size in (("inputs", self.inputs), ("outputs", self.outputs), *(("hidden", n) for n in self.hidden)):
-            if size != int(check.require_number(name, size, 1, MOST_UNITS, hint="units of a layer")):
+            if size != int(require_number(name, size, 1, MOST_UNITS, hint="units of a layer")):
                 raise InputError(f"{name} must be a whole number of units; got {size!r}")
         if self.weights > MOST_WEIGHTS:
             raise InputError(f"a network must have at most {MOST_WEIGHTS} weights; got {self.weights} (fewer layers)")
@@ -179,7 +179,7 @@ class Network:
         InputError
             When the inputs are not finite or their shape does not fit.
         """
-        table = check.require_array("inputs", inputs, ndim=2)
+        table = require_array("inputs", inputs, ndim=2)
         if table.shape[1] != self.layers.inputs:
             raise InputError(f"inputs must have {self.layers.inputs} columns; got {table.shape[1]}")
         return self.output_span.outwards(activations(self.layers, self.weights, self.input_span.inwards(table))[-1])

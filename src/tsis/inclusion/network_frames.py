@@ -9,7 +9,8 @@ import numpy as np
 
 from tsis.imaging import radial_profile
 from tsis.inclusion.network_outputs import OutputReading
-from tsis.model import Calibration, check
+from tsis.model import Calibration
+from tsis.model.check import require_number, require_type
 from tsis.model.errors import InputError
 from tsis.model.image_series import as_images, require_image_series
 
@@ -48,7 +49,7 @@ def printed_frame_outputs(
     >>> printed_frame_outputs(TactileImage(grey=[[0.0, 2.0, 0.0], [2.0, 9.0, 2.0]]), threshold_grey=5.0).tolist()
     [[9.0, 15.0, 1.0]]
     """
-    threshold = check.require_number("threshold_grey", threshold_grey, 0.0, 65535.0, hint="grey levels")
+    threshold = require_number("threshold_grey", threshold_grey, 0.0, 65535.0, hint="grey levels")
     frames = as_images("images", images)
     if not frames:
         raise InputError("images must hold a frame at least; got none")
@@ -96,8 +97,8 @@ def frame_outputs(
     ImageMismatchError
         When the frames do not belong together.
     """
-    check.require_type("calibration", calibration, Calibration)
-    check.require_type("reading", reading, OutputReading)
+    require_type("calibration", calibration, Calibration)
+    require_type("reading", reading, OutputReading)
     frames = [*as_images("images", images), *as_images("reference", reference)]
     if len(frames) < 2:
         raise InputError(f"images must hold a frame at least, beside the reference; got {len(frames) - 1}")

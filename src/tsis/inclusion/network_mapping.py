@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.inclusion.network import check_varies
-from tsis.model import check
+from tsis.model.check import require_array
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -33,7 +33,7 @@ class LinearMapping:
 
     def __call__(self, measured: ArrayLike) -> NDArray[np.float64]:
         """Simulated outputs that belong to measured ones, shape (n, outputs)."""
-        return np.asarray(self.intercept + self.slope * check.require_array("measured", measured, ndim=2))
+        return np.asarray(self.intercept + self.slope * require_array("measured", measured, ndim=2))
 
 
 def fit_mapping(measured: ArrayLike, simulated: ArrayLike) -> LinearMapping:
@@ -55,7 +55,7 @@ def fit_mapping(measured: ArrayLike, simulated: ArrayLike) -> LinearMapping:
     >>> mapping([[3.0]]).round(6).tolist(), mapping.r_squared.round(6).tolist()
     ([[9.0]], [1.0])
     """
-    x, y = check.require_array("measured", measured, ndim=2), check.require_array("simulated", simulated, ndim=2)
+    x, y = require_array("measured", measured, ndim=2), require_array("simulated", simulated, ndim=2)
     if x.shape != y.shape or len(x) < 2:
         raise InputError(f"measured and simulated must have one shape, two rows or more; got {x.shape} and {y.shape}")
     check_varies("measured", x)
@@ -83,7 +83,7 @@ def leave_one_out_mapping(measured: ArrayLike, simulated: ArrayLike) -> NDArray[
     InputError
         When the shapes differ, or there are fewer than three inclusions.
     """
-    x, y = check.require_array("measured", measured, ndim=2), check.require_array("simulated", simulated, ndim=2)
+    x, y = require_array("measured", measured, ndim=2), require_array("simulated", simulated, ndim=2)
     if x.shape != y.shape or len(x) < 3:
         raise InputError(f"measured and simulated must have one shape, three rows or more; got {x.shape}, {y.shape}")
     others = ~np.eye(len(x), dtype=bool)

@@ -16,7 +16,8 @@ from scipy.interpolate import PchipInterpolator
 from tsis.inclusion.prior import PARAMETERS
 from tsis.inclusion.rings import ring_means
 from tsis.mechanics import PressSurrogate
-from tsis.model import Probe, check
+from tsis.model import Probe
+from tsis.model.check import require_array, require_number, require_one_of, require_type
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -52,18 +53,18 @@ class OutputReading:
     threshold_share: float
 
     def __post_init__(self) -> None:
-        edges = check.require_array("edges_mm", self.edges_mm, ndim=1)
+        edges = require_array("edges_mm", self.edges_mm, ndim=1)
         if not 3 <= len(edges) <= MOST_RINGS + 1 or edges[0] < 0 or (np.diff(edges) <= 0).any():
             raise InputError(
                 f"edges_mm must be 3 to {MOST_RINGS + 1} ascending radii, the first >= 0; "
                 f"got {len(edges)} from {edges[0]:g} to {edges[-1]:g}"
             )
         object.__setattr__(self, "edges_mm", edges)
-        check.require_number("threshold_share", self.threshold_share, 1e-6, 10.0)
+        require_number("threshold_share", self.threshold_share, 1e-6, 10.0)
 
     def __call__(self, profiles: ArrayLike, plain: ArrayLike) -> NDArray[np.float64]:
         """Greatest, total and area (mm²), shape (n, 3), of profiles (n, rings) beside that of plain tissue (rings,)."""
-        values, base = check.require_array("profiles", profiles, ndim=2), check.require_array("plain", plain, ndim=1)
+        values, base = require_array("profiles", profiles, ndim=2), require_array("plain", plain, ndim=1)
         rings = len(self.edges_mm) - 1
         if values.shape[1] != rings or base.shape != (rings,):
             raise InputError(f"profiles and plain must have {rings} rings; got {values.shape} and {base.shape}")
@@ -98,7 +99,7 @@ def change_reading(*, reach_mm: float = REACH_MM, threshold_share: float = CHANG
     InputError
         When a number lies outside its range.
     """
-    reach = check.require_number("reach_mm", reach_mm, 0.1, 200.0, hint="millimetres")
+    reach = require_number("reach_mm", reach_mm, 0.1, 200.0, hint="millimetres")
     return OutputReading(edges_mm=np.linspace(0.0, reach, RINGS + 1), subtract=True, threshold_share=threshold_share)
 
 
@@ -117,7 +118,7 @@ def printed_reading(probe: Probe, *, threshold_share: float = PRESSED_SHARE) -> 
     InputError
         When ``probe`` is no `Probe`, or the share lies outside its range.
     """
-    check.require_type("probe", probe, Probe)
+    require_type("probe", probe, Probe)
     edges = np.linspace(0.0, probe.radius_mm, RINGS + 1)
     return OutputReading(edges_mm=edges, subtract=False, threshold_share=threshold_share)
 
@@ -157,18 +158,18 @@ def simulated_outputs(
     UnknownNameError
         When no field has that name.
     """
-    check.require_type("surrogate", surrogate, PressSurrogate)
-    check.require_type("reading", reading, OutputReading)
-    check.require_one_of("field", field, FIELDS)
-    table, box = check.require_array("inclusions", inclusions, ndim=2), surrogate.pressure_kpa.box
+    require_type("surrogate", surrogate, PressSurrogate)
+    require_type("reading", reading, OutputReading)
+    require_one_of("field", field, FIELDS)
+    table, box = require_array("inclusions", inclusions, ndim=2), surrogate.pressure_kpa.box
     if table.shape[1] != len(PARAMETERS):
         raise InputError(f"inclusions must have the columns {', '.join(PARAMETERS)}; got shape {table.shape}")
     for name, column in zip(PARAMETERS, table.T, strict=True):
         for end in (column.min(), column.max()):
-            check.require_number(name, float(end), *getattr(box, name), hint="the surrogate's box")
-    check.require_number("tissue_young_kpa", tissue_young_kpa, *box.tissue_young_kpa, hint="the surrogate's box")
-    check.require_number("thickness_mm", thickness_mm, *box.thickness_mm, hint="the surrogate's box")
-    check.require_number(
+            require_number(name, float(end), *getattr(box, name), hint="the surrogate's box")
+    require_number("tissue_young_kpa", tissue_young_kpa, *box.tissue_young_kpa, hint="the surrogate's box")
+    require_number("thickness_mm", thickness_mm, *box.thickness_mm, hint="the surrogate's box")
+    require_number(
         "the reading's reach", reading.edges_mm[-1], 0.0, float(surrogate.radius_mm[-1]), hint="the face, mm"
     )
     rings = getattr(surrogate, field).mapped(ring_means(surrogate, reading.edges_mm))

@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 
 from tsis.inclusion.network import Layers, Network, Span, activations, jacobian, mean_square
 from tsis.inclusion.network_descent import scaled_conjugate_gradient
-from tsis.model import check
+from tsis.model.check import require_array, require_number, require_one_of, require_type
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -131,10 +131,10 @@ def train_network(
     >>> bool(np.abs(network(x) - x**2).max() < 0.01)
     True
     """
-    check.require_type("rng", rng, np.random.Generator)
-    check.require_one_of("training method", method, MINIMISERS)
-    iterations = int(check.require_number("iterations", iterations, 1, 1_000_000))
-    patience = int(check.require_number("patience", patience, 1, 1_000_000))
+    require_type("rng", rng, np.random.Generator)
+    require_one_of("training method", method, MINIMISERS)
+    iterations = int(require_number("iterations", iterations, 1, 1_000_000))
+    patience = int(require_number("patience", patience, 1, 1_000_000))
     given, wanted = _samples("inputs", inputs, "targets", targets)
     if not isinstance(hidden, Sequence):
         raise InputError(f"hidden must be a sequence of layer sizes, like (10,); got {hidden!r}")
@@ -158,7 +158,7 @@ def train_network(
 
 def _samples(first: str, given: ArrayLike, second: str, wanted: ArrayLike) -> tuple[NDArray[np.float64], ...]:
     """Two tables with one row a sample each."""
-    tables = check.require_array(first, given, ndim=2), check.require_array(second, wanted, ndim=2)
+    tables = require_array(first, given, ndim=2), require_array(second, wanted, ndim=2)
     if len(tables[0]) != len(tables[1]):
         raise InputError(f"{first} and {second} must have as many rows; got {len(tables[0])} and {len(tables[1])}")
     return tables

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.inclusion.network_training import MOST_VALUES, train_network
-from tsis.model import check
+from tsis.model.check import require_array, require_number
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -60,14 +60,12 @@ def estimate_by_networks(
     InputError
         When tables are not finite, do not fit together or do not vary.
     """
-    given, wanted = check.require_array("inputs", inputs, ndim=2), check.require_array("targets", targets, ndim=2)
+    given, wanted = require_array("inputs", inputs, ndim=2), require_array("targets", targets, ndim=2)
     if len(given) != len(wanted):
         raise InputError(f"inputs and targets must have as many rows; got {len(given)} and {len(wanted)}")
-    trials = int(check.require_number("trials", trials, 1, 100_000))
-    validated = int(
-        check.require_number("validated", validated, 1, max(1, len(given) - 2), hint="two samples must be left")
-    )
-    rows = check.require_array("unknown", unknown, ndim=2)
+    trials = int(require_number("trials", trials, 1, 100_000))
+    validated = int(require_number("validated", validated, 1, max(1, len(given) - 2), hint="two samples must be left"))
+    rows = require_array("unknown", unknown, ndim=2)
     if trials * len(rows) * wanted.shape[1] > MOST_VALUES:
         raise InputError(
             f"trials times rows of unknown times outputs must be at most {MOST_VALUES:g}; "

@@ -11,7 +11,8 @@ from numpy.polynomial import chebyshev
 from tsis.imaging.correct import require_same_frame
 from tsis.inclusion.frames import DARKEST, OUTER_SHARE, RINGS
 from tsis.inclusion.off_axis_rings import FARTHEST
-from tsis.model import Calibration, check
+from tsis.model import Calibration
+from tsis.model.check import require_number, require_type
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -91,8 +92,8 @@ def inclusion_place(
     ImageMismatchError
         When the frames do not belong together.
     """
-    check.require_number("radius_mm", radius_mm, 0.5, 500.0, hint="millimetres")
-    check.require_type("calibration", calibration, Calibration)
+    require_number("radius_mm", radius_mm, 0.5, 500.0, hint="millimetres")
+    require_type("calibration", calibration, Calibration)
     require_same_frame(target, reference, "reference")
     cells = _cells(target, reference, calibration, radius_mm)
     centre, limit = np.zeros(2), SEEN * FARTHEST * radius_mm

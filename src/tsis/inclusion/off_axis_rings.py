@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.mechanics.face import hats
-from tsis.model import check
+from tsis.model.check import require_number
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -55,9 +55,7 @@ def off_axis_profile(radius_mm: NDArray[np.float64], offset_mm: float) -> NDArra
     1.0667
     """
     edge = float(radius_mm[-1])
-    check.require_number(
-        "offset_mm", offset_mm, 0.0, FARTHEST * edge, hint="millimetres, at most half of the face's radius"
-    )
+    require_number("offset_mm", offset_mm, 0.0, FARTHEST * edge, hint="millimetres, at most half of the face's radius")
     angle = np.pi * (np.arange(TURNS) + 0.5) / TURNS
     away = np.hypot(radius_mm[:, None] - offset_mm * np.cos(angle), offset_mm * np.sin(angle))
     moving = hats(radius_mm, np.minimum(radius_mm, MOVES * edge))

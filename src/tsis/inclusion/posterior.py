@@ -35,7 +35,8 @@ from tsis.inclusion.verdict import (
     place_findings,
 )
 from tsis.mechanics import build_full_contact_surrogate
-from tsis.model import Calibration, Estimate, Probe, TactileImage, check
+from tsis.model import Calibration, Estimate, Probe, TactileImage
+from tsis.model.check import require_type
 from tsis.model.errors import InputError
 from tsis.model.estimate import IMPROBABLE
 from tsis.model.image_series import as_images, require_image_series
@@ -95,7 +96,7 @@ def estimate(
         raise InputError("images must hold at least one TactileImage; got none")
     check_calibration(calibration, probe)
     prior = InclusionPrior() if prior is None else prior
-    check.require_type("prior", prior, InclusionPrior)
+    require_type("prior", prior, InclusionPrior)
     digests = require_image_series(targets + references)
     surrogate = _surrogate(probe, prior.box())
     require_valid_forces(targets + references, surrogate, probe=probe, prior=prior)

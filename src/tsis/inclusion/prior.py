@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.mechanics import Box
-from tsis.model import check
+from tsis.model.check import require_number, require_pair
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -65,19 +65,17 @@ class InclusionPrior:
     presence: float = 0.5
 
     def __post_init__(self) -> None:
-        check.require_number("poisson_sd", self.poisson_sd, 0.0, 0.05)
-        check.require_number("offset_sd_mm", self.offset_sd_mm, 0.0, 5.0, hint="millimetres")
-        check.require_number("presence", self.presence, 0.001, 0.999, hint="a probability")
-        check.require_number("tissue_young_kpa", self.tissue_young_kpa, 0.05, 2000.0, hint="kilopascals")
-        check.require_number("tissue_young_sd", self.tissue_young_sd, 1e-4, 0.3, hint="a share of one")
-        check.require_number("thickness_mm", self.thickness_mm, 2.0, 500.0, hint="millimetres")
-        check.require_number("thickness_sd", self.thickness_sd, 1e-4, 0.2, hint="a share of one")
+        require_number("poisson_sd", self.poisson_sd, 0.0, 0.05)
+        require_number("offset_sd_mm", self.offset_sd_mm, 0.0, 5.0, hint="millimetres")
+        require_number("presence", self.presence, 0.001, 0.999, hint="a probability")
+        require_number("tissue_young_kpa", self.tissue_young_kpa, 0.05, 2000.0, hint="kilopascals")
+        require_number("tissue_young_sd", self.tissue_young_sd, 1e-4, 0.3, hint="a share of one")
+        require_number("thickness_mm", self.thickness_mm, 2.0, 500.0, hint="millimetres")
+        require_number("thickness_sd", self.thickness_sd, 1e-4, 0.2, hint="a share of one")
         for name, (least, greatest) in LIMITS.items():
-            low, high = check.require_pair(name, getattr(self, name))
-            check.require_number(f"the low end of {name}", low, least, greatest)
-            check.require_number(
-                f"the high end of {name}", high, low * (1 + LEAST_WIDTH), greatest, hint="above the low end"
-            )
+            low, high = require_pair(name, getattr(self, name))
+            require_number(f"the low end of {name}", low, least, greatest)
+            require_number(f"the high end of {name}", high, low * (1 + LEAST_WIDTH), greatest, hint="above the low end")
             object.__setattr__(self, name, (low, high))
         if self.young_kpa[0] <= self.box().tissue_young_kpa[1]:  # the box refuses what does not fit
             raise InputError(

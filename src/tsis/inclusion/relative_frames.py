@@ -11,7 +11,8 @@ from tsis.imaging import subtract_background
 from tsis.imaging.correct import require_image, require_same_frame
 from tsis.imaging.patch import NOISE_FACTOR, SMOOTH_PX, pixel_noise, smoothed
 from tsis.inclusion.frames import correct_light
-from tsis.model import Calibration, check
+from tsis.model import Calibration
+from tsis.model.check import require_one_of, require_type
 from tsis.model.errors import ImageMismatchError, InputError
 from tsis.model.image_series import as_images
 
@@ -81,11 +82,11 @@ def change_of_light(
     UnknownNameError
         When ``against`` is neither of its two values.
     """
-    check.require_one_of("kind of reference", against, (UNTOUCHED, PLAIN))
+    require_one_of("kind of reference", against, (UNTOUCHED, PLAIN))
     require_image("image", image)
     image.scale()
     if calibration is not None:
-        check.require_type("calibration", calibration, Calibration)
+        require_type("calibration", calibration, Calibration)
     references = as_images("reference", reference)
     if not references:
         raise InputError("reference must hold at least one frame of the untouched probe or of plain tissue; got none")

@@ -9,7 +9,7 @@ import numpy as np
 from scipy import ndimage
 
 from tsis.inclusion.shape_binary import binary_features
-from tsis.model import check
+from tsis.model.check import require_number
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -53,7 +53,7 @@ def lit_part(change: LightChange, threshold_grey: float | None) -> LitPart:
     """Count the pixels brighter than ``threshold_grey``, 5 of 255 levels when None."""
     full_scale = change.image.full_scale
     least = SOURCE_THRESHOLD * full_scale if threshold_grey is None else threshold_grey
-    check.require_number("threshold_grey", least, 1e-6 * full_scale, full_scale, hint="above zero")
+    require_number("threshold_grey", least, 1e-6 * full_scale, full_scale, hint="above zero")
     found = binary_features(change.image, least)
     lit = found.contact and found.equivalent_diameter_px >= LEAST_WIDTH_PX
     mask = found.patch.mask & lit

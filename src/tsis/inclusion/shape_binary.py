@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.imaging import Features, features
-from tsis.model import check
+from tsis.model.check import require_number
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def binary_image(image: TactileImage, threshold_grey: float) -> TactileImage:
     >>> binary_image(TactileImage(grey=[[3.0, 5.0, 9.0]]), 5.0).grey.tolist()
     [[0.0, 255.0, 255.0]]
     """
-    check.require_number("threshold_grey", threshold_grey, -image.full_scale, image.full_scale)
+    require_number("threshold_grey", threshold_grey, -image.full_scale, image.full_scale)
     return replace(image, grey=np.where(image.grey >= threshold_grey, image.full_scale, 0.0))
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import require_array, require_number
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -62,9 +62,9 @@ def two_means(grey: ArrayLike) -> TwoMeans:
     >>> two_means(grey).threshold_grey
     50.0
     """
-    levels = check.require_array("grey", grey, ndim=2)
+    levels = require_array("grey", grey, ndim=2)
     for axis, name in enumerate(("rows", "columns")):
-        check.require_number(f"number of {name} of grey", levels.shape[axis], 2, np.inf)
+        require_number(f"number of {name} of grey", levels.shape[axis], 2, np.inf)
     corners = float(levels[[0, 0, -1, -1], [0, -1, 0, -1]].mean())
     ascending = np.sort(levels, axis=None)
     sums = np.concatenate([[0.0], np.cumsum(ascending)])

@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
 import numpy as np
 
-from tsis.model import TactileImage, check
+from tsis.model import TactileImage
+from tsis.model.check import require_array, require_number, require_one_of, require_type
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
@@ -51,12 +52,12 @@ class Mode:
     pixel_format: str = ""
 
     def __post_init__(self) -> None:
-        check.require_number("width_px", self.width_px, 1, 65535, hint="pixels")
-        check.require_number("height_px", self.height_px, 1, 65535, hint="pixels")
-        check.require_number("full_scale", self.full_scale, 1.0, 65535.0)
+        require_number("width_px", self.width_px, 1, 65535, hint="pixels")
+        require_number("height_px", self.height_px, 1, 65535, hint="pixels")
+        require_number("full_scale", self.full_scale, 1.0, 65535.0)
         if self.frames_per_s is not None:
-            check.require_number("frames_per_s", self.frames_per_s, 1e-3, 1e5)
-        check.require_type("pixel_format", self.pixel_format, str)
+            require_number("frames_per_s", self.frames_per_s, 1e-3, 1e5)
+        require_type("pixel_format", self.pixel_format, str)
 
     @property
     def label(self) -> str:
@@ -75,7 +76,7 @@ def named_mode(modes: Iterable[Mode], label: str) -> Mode:
         When there is none; the nearest is suggested.
     """
     by_label = {mode.label: mode for mode in modes}
-    return by_label[check.require_one_of("mode", label, by_label)]
+    return by_label[require_one_of("mode", label, by_label)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,7 +108,7 @@ class Setting:
 
     def checked(self, value: float) -> float:
         """Return ``value`` when the range holds it, else say why not."""
-        return check.require_number(self.name, value, self.low, self.high, hint=self.unit)
+        return require_number(self.name, value, self.low, self.high, hint=self.unit)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -139,9 +140,9 @@ class Frame:
 
     def __post_init__(self) -> None:
         pixels = np.asarray(self.pixels)
-        object.__setattr__(self, "pixels", check.require_array("pixels", pixels, ndim=2, dtype=pixels.dtype.type))
-        check.require_number("sequence", self.sequence, 0, 2**63)
-        check.require_number("full_scale", self.full_scale, 1.0, 65535.0)
+        object.__setattr__(self, "pixels", require_array("pixels", pixels, ndim=2, dtype=pixels.dtype.type))
+        require_number("sequence", self.sequence, 0, 2**63)
+        require_number("full_scale", self.full_scale, 1.0, 65535.0)
         object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
 
     def tactile_image(

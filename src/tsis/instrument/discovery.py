@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from tsis.model import check
+from tsis.model.check import require_number, require_one_of, require_type
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -76,8 +76,8 @@ def find_cameras(
     UnknownNameError
         When a source has another name.
     """
-    check.require_number("patience_s", patience_s, 0.01, 600.0, hint="seconds")
-    names = [check.require_one_of("camera source", name, LIVE_SOURCES) for name in sources]
+    require_number("patience_s", patience_s, 0.01, 600.0, hint="seconds")
+    names = [require_one_of("camera source", name, LIVE_SOURCES) for name in sources]
     found: list[CameraInfo] = []
     missing: dict[str, str] = {}
     for name in names:
@@ -110,9 +110,9 @@ def connect(spec: str) -> Camera:
     >>> connect("files:frames").name
     'frames'
     """
-    check.require_type("spec", spec, str)
+    require_type("spec", spec, str)
     name, _, identity = spec.partition(":")
-    check.require_one_of("camera source", name, SOURCES)
+    require_one_of("camera source", name, SOURCES)
     if name in _SEARCHED:
         return _class(*_SEARCHED[name])(identity)  # type: ignore[no-any-return]
     if name == "opencv":

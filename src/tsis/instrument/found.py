@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tsis.model import check
+from tsis.model.check import require_type
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,7 +36,7 @@ class CameraInfo:
 
     def __post_init__(self) -> None:
         for name in ("source", "identity", "maker", "model", "note"):
-            check.require_type(name, getattr(self, name), str)
+            require_type(name, getattr(self, name), str)
 
     @property
     def spec(self) -> str:

@@ -6,7 +6,7 @@ import itertools
 import re
 from typing import TYPE_CHECKING
 
-from tsis.model import check
+from tsis.model.check import require_integer
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -41,7 +41,7 @@ def require_file_stem(name: object) -> str:
 
 def target_folder(target: object, *, name: str = "Target") -> str:
     """Name of the folder of a target, e.g. ``"Target1"``; ``target`` is a whole number in [1, 99999]."""
-    number = check.require_integer("target", target, 1, LARGEST_TARGET, hint="number of the target")
+    number = require_integer("target", target, 1, LARGEST_TARGET, hint="number of the target")
     return f"{require_file_stem(name)}{number}"
 
 

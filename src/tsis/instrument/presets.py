@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING
 
-from tsis.model import check
+from tsis.model.check import require_one_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -40,7 +40,7 @@ def preset(name: str, settings: Iterable[Setting]) -> dict[str, float]:
     >>> preset("minimal", settings), preset("default", settings)
     ({'exposure_ms': 0.1}, {'exposure_ms': 20.0})
     """
-    minimal = check.require_one_of("preset", name, PRESETS) == "minimal"
+    minimal = require_one_of("preset", name, PRESETS) == "minimal"
     light = [setting for setting in settings if setting.name in _OF_LIGHT]
     if not minimal:
         return {setting.name: setting.value for setting in light}

@@ -15,7 +15,7 @@ from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.instrument.file_bytes import as_path, printable_path
 from tsis.instrument.naming import snapshot_stems, target_folder
 from tsis.instrument.png import whole_levels
-from tsis.model import check
+from tsis.model.check import require_one_of
 from tsis.model.durable import write_durably
 from tsis.model.errors import FileInputError
 
@@ -90,7 +90,7 @@ def save_snapshot(
     FileInputError
         When the files cannot be written; nothing is left of this snapshot then, and earlier ones are as they were.
     """
-    check.require_one_of("picture format", picture, FORMATS)
+    require_one_of("picture format", picture, FORMATS)
     pixels = whole_levels(frame.pixels, frame.full_scale)
     place = as_path(folder) / target_folder(target, name=name)
     raw_format = "bmp" if picture == "bmp" and pixels.dtype == np.uint8 else "png"

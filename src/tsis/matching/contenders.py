@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from tsis.matching.peers import PEERS, peer
 from tsis.matching.registration import METHODS, match_points
 from tsis.matching.trial_runs import MatchOutcome
-from tsis.model import check
+from tsis.model.check import require_one_of
 
 if TYPE_CHECKING:
     import numpy as np
@@ -31,7 +31,7 @@ class BenchmarkMethod:
     name: str
 
     def __post_init__(self) -> None:
-        check.require_one_of("method", self.name, (*OWN_METHODS, *PEERS))
+        require_one_of("method", self.name, (*OWN_METHODS, *PEERS))
 
     def absent(self) -> str:
         """Why it cannot be run here; empty when it can."""

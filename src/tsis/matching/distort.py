@@ -15,7 +15,7 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from tsis.matching.fit import UNMATCHED
-from tsis.model import check
+from tsis.model.check import require_array, require_integer, require_number, require_one_of
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -62,10 +62,10 @@ class Distortion:
 
     def __post_init__(self) -> None:
         for name, high in (("bending", 1.0), ("affine", 1.0), ("noise_sd", 1.0), ("outlier_ratio", 100.0)):
-            check.require_number(name, getattr(self, name), 0.0, high)
-        check.require_number("rotation_deg", self.rotation_deg, 0.0, 180.0)
-        check.require_number("occluded", self.occluded, 0.0, 0.9)
-        check.require_one_of("kind of occlusion", self.occlusion, ("patch", "scattered"))
+            require_number(name, getattr(self, name), 0.0, high)
+        require_number("rotation_deg", self.rotation_deg, 0.0, 180.0)
+        require_number("occluded", self.occluded, 0.0, 0.9)
+        require_one_of("kind of occlusion", self.occlusion, ("patch", "scattered"))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -94,8 +94,8 @@ class Trial:
 
     def __post_init__(self) -> None:
         for field in ("source", "target", "target_clean"):
-            object.__setattr__(self, field, check.require_array(field, getattr(self, field), ndim=2))
-        object.__setattr__(self, "truth", check.require_array("truth", self.truth, ndim=1, dtype=np.int64))
+            object.__setattr__(self, field, require_array(field, getattr(self, field), ndim=2))
+        object.__setattr__(self, "truth", require_array("truth", self.truth, ndim=1, dtype=np.int64))
         same = {self.source.shape[1], self.target.shape[1]} in ({2}, {3})
         if not same or self.target.shape != self.target_clean.shape:
             raise InputError(
@@ -131,9 +131,9 @@ def public_distortion(family: Family, level: int) -> Distortion:
     >>> public_distortion("deformation", 1).bending, public_distortion("noise", 6).noise_sd
     (0.02, 0.05)
     """
-    check.require_one_of("family of trials", family, PUBLIC_LEVELS)
+    require_one_of("family of trials", family, PUBLIC_LEVELS)
     levels = PUBLIC_LEVELS[family]
-    return levels[check.require_integer("level", level, 1, len(levels)) - 1]
+    return levels[require_integer("level", level, 1, len(levels)) - 1]
 
 
 def distort(shape: ArrayLike, distortion: Distortion, *, rng: np.random.Generator, name: str = "") -> Trial:
@@ -162,7 +162,7 @@ def distort(shape: ArrayLike, distortion: Distortion, *, rng: np.random.Generato
     >>> trial.target.shape, bool(abs(trial.target_clean[trial.truth] - square).max() < 1e-12)
     ((10, 2), True)
     """
-    source = check.require_array("shape", shape, ndim=2)
+    source = require_array("shape", shape, ndim=2)
     if source.shape[1] not in (2, 3) or len(source) < 5:
         raise InputError(f"shape must hold 5 or more points with 2 or 3 coordinates each; got shape {source.shape}")
     moved = rotated(deformed(source, distortion, rng=rng), distortion.rotation_deg, rng=rng)

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.spatial.distance import pdist
 
-from tsis.model import check
+from tsis.model.check import require_array, require_number
 from tsis.model.compiled import compiled
 from tsis.model.errors import InputError
 
@@ -217,11 +217,11 @@ def _normalised(counts: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _scale(value: float) -> float:
-    return check.require_number("scale", value, SMALLEST, 1e300, hint="the points must not all lie in one place")
+    return require_number("scale", value, SMALLEST, 1e300, hint="the points must not all lie in one place")
 
 
 def _points(value: ArrayLike) -> NDArray[np.float64]:
-    points = check.require_array("points", value, ndim=2)
+    points = require_array("points", value, ndim=2)
     if points.shape[1] not in (2, 3):
         raise InputError(f"points must have 2 or 3 coordinates each; got shape {points.shape}")
     return points

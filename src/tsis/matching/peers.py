@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import require_one_of
 from tsis.model.errors import MissingExtraError
 
 if TYPE_CHECKING:
@@ -89,7 +89,7 @@ def peer(name: str) -> Peer:
     >>> peer("pycpd-raw").scaling
     'raw'
     """
-    return PEERS[check.require_one_of("peer", name, PEERS)]
+    return PEERS[require_one_of("peer", name, PEERS)]
 
 
 def _frame(points: NDArray[np.float64], scaling: str) -> tuple[NDArray[np.float64], float]:

@@ -14,7 +14,7 @@ from tsis.matching.frame import NormalFrame
 from tsis.matching.reliability import RELIABLE, confidence_of
 from tsis.matching.sampled import MOST_POINTS, drawn, matched_all
 from tsis.matching.spline import spread_out
-from tsis.model import check
+from tsis.model.check import require_array, require_one_of, require_type
 from tsis.model.errors import InputError
 from tsis.model.threads import one_blas_thread
 
@@ -82,7 +82,7 @@ class Registration:
         InputError
             When the points are not finite or of another dimension.
         """
-        checked = check.require_array("points", points, ndim=2)
+        checked = require_array("points", points, ndim=2)
         dimension = self.moved.shape[1]
         if checked.shape[1] != dimension:
             raise InputError(f"points must have {dimension} coordinates each, as the source; got shape {checked.shape}")
@@ -140,14 +140,14 @@ def match_points(
 
     For comparisons with programs that withhold nothing. Parameters and errors are those of `register`.
     """
-    check.require_one_of("method", method, METHODS)
+    require_one_of("method", method, METHODS)
     source, target = _points("source", source), _points("target", target)
     if source.shape[1] != target.shape[1]:
         raise InputError(
             f"source and target must have as many coordinates; got {source.shape[1]} and {target.shape[1]}"
         )
     rng = np.random.default_rng(0) if rng is None else rng
-    check.require_type("rng", rng, np.random.Generator)
+    require_type("rng", rng, np.random.Generator)
     with one_blas_thread():
         return _guess(method, source, target, rng)
 
@@ -204,7 +204,7 @@ def _stay(points: NDArray[np.float64], /) -> NDArray[np.float64]:
 
 
 def _points(name: str, value: ArrayLike) -> NDArray[np.float64]:
-    points = check.require_array(name, value, ndim=2)
+    points = require_array(name, value, ndim=2)
     dimension = points.shape[1]
     if dimension not in (2, 3):
         raise InputError(f"{name} must have 2 or 3 coordinates a point; got shape {points.shape}")

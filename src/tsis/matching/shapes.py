@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import require_integer
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -37,7 +37,7 @@ def fourier_curve(count: int, *, rng: np.random.Generator) -> NDArray[np.float64
     >>> fourier_curve(100, rng=np.random.default_rng(0)).shape
     (100, 2)
     """
-    check.require_integer("count", count, FEWEST, MOST)
+    require_integer("count", count, FEWEST, MOST)
     angle = np.linspace(0, 2 * np.pi, 2000)
     order = np.arange(2, 7)[:, None]
     size = rng.normal(0.0, 0.35, (4, 5)) / np.arange(2, 7) ** 0.5
@@ -49,7 +49,7 @@ def fourier_curve(count: int, *, rng: np.random.Generator) -> NDArray[np.float64
 
 def strokes(count: int, *, rng: np.random.Generator) -> NDArray[np.float64]:
     """Points along 4 to 7 strokes of 2 to 4 straight pieces each, as a written character has them."""
-    check.require_integer("count", count, FEWEST, MOST)
+    require_integer("count", count, FEWEST, MOST)
     lines = [_stroke(rng) for _ in range(rng.integers(4, 8))]
     length = np.array([np.linalg.norm(np.diff(line, axis=0), axis=1).sum() for line in lines])
     share = np.maximum(np.floor(count * length / length.sum()).astype(int), 1)
@@ -68,7 +68,7 @@ def _stroke(rng: np.random.Generator) -> NDArray[np.float64]:
 
 def spiral(count: int, *, rng: np.random.Generator) -> NDArray[np.float64]:
     """Points evenly along a spiral of 1.5 to 3 turns, which looks alike after many a rotation."""
-    check.require_integer("count", count, FEWEST, MOST)
+    require_integer("count", count, FEWEST, MOST)
     angle = np.linspace(0.5 * np.pi, 2 * np.pi * rng.uniform(1.5, 3.0), 2000)
     radius = angle ** rng.uniform(0.8, 1.3)
     turned = angle + rng.uniform(0, 2 * np.pi)
@@ -77,13 +77,13 @@ def spiral(count: int, *, rng: np.random.Generator) -> NDArray[np.float64]:
 
 def scattered_texture(count: int, *, rng: np.random.Generator) -> NDArray[np.float64]:
     """Points anywhere in a square, as corners of a random pattern."""
-    check.require_integer("count", count, FEWEST, MOST)
+    require_integer("count", count, FEWEST, MOST)
     return _fitted(rng.uniform(0.0, 1.0, (count, 2)))
 
 
 def even_texture(count: int, *, rng: np.random.Generator) -> NDArray[np.float64]:
     """Points that keep apart in a square: of `TRIES` candidates the one farthest from all before it."""
-    check.require_integer("count", count, FEWEST, MOST)
+    require_integer("count", count, FEWEST, MOST)
     points = np.empty((count, 2))
     points[0] = rng.uniform(0.0, 1.0, 2)
     for done in range(1, count):
@@ -95,7 +95,7 @@ def even_texture(count: int, *, rng: np.random.Generator) -> NDArray[np.float64]
 
 def tactile_surface(count: int, *, rng: np.random.Generator) -> NDArray[np.float64]:
     """Points (x, y, z) of a pressed dome: a broad one over a disc, with one to three smaller bumps on it."""
-    check.require_integer("count", count, FEWEST, MOST)
+    require_integer("count", count, FEWEST, MOST)
     # Sunflower seeds cover a disc evenly at any count; a little chance keeps them from being a lattice.
     radius = np.sqrt((np.arange(count) + 0.5) / count)
     angle = np.arange(count) * np.pi * (3 - np.sqrt(5)) + rng.uniform(0, 2 * np.pi)

@@ -19,7 +19,7 @@ from scipy.spatial.distance import cdist
 
 from tsis.matching.frame import NormalFrame
 from tsis.matching.ridge import ridge_solution
-from tsis.model import check
+from tsis.model.check import require_array, require_number
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -208,8 +208,8 @@ def fit_spline(
     to = _points("targets", targets, at.shape[1])
     if len(to) != len(at):
         raise InputError(f"targets must be as many as the points, {len(at)}; got {len(to)}")
-    check.require_number("bending", bending, 0.0, 1e12)
-    trust = np.ones(len(at)) if weights is None else check.require_array("weights", weights, ndim=1)
+    require_number("bending", bending, 0.0, 1e12)
+    trust = np.ones(len(at)) if weights is None else require_array("weights", weights, ndim=1)
     if len(trust) != len(at) or trust.min() < 0 or trust.max() == 0:
         raise InputError(f"weights must be {len(at)} numbers that are not negative, one of them positive")
     kept = trust > ABSENT * trust.max()
@@ -281,7 +281,7 @@ def spread_order(points: NDArray[np.float64]) -> NDArray[np.int64]:
 
 
 def _points(name: str, value: ArrayLike, dimension: int | None = None) -> NDArray[np.float64]:
-    points = check.require_array(name, value, ndim=2)
+    points = require_array(name, value, ndim=2)
     if points.shape[1] not in ((2, 3) if dimension is None else (dimension,)):
         wanted = "2 or 3" if dimension is None else str(dimension)
         raise InputError(f"{name} must have {wanted} coordinates each; got shape {points.shape}")

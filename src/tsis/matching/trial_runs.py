@@ -17,7 +17,7 @@ from tsis.matching.distort import Distortion, distort
 from tsis.matching.shapes import scattered_texture, tactile_surface
 from tsis.matching.trial_rows import TrialRow, append_rows, resumable_rows
 from tsis.matching.trials import matching_error
-from tsis.model import check
+from tsis.model.check import require_integer
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
@@ -97,8 +97,8 @@ def run_trials(
     InputError
         When a value is out of range.
     """
-    check.require_integer("seed", seed, 0, 2**32 - 1)
-    check.require_integer("workers", workers, 1, MOST_WORKERS)
+    require_integer("seed", seed, 0, 2**32 - 1)
+    require_integer("workers", workers, 1, MOST_WORKERS)
     wanted = list(trials)
     kept = [] if file is None else resumable_rows(file, seed=seed, resume=resume)
     found = {(row.trial, row.method): row for row in kept}

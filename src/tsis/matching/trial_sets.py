@@ -15,7 +15,7 @@ from tsis.matching.trials import (
     hotel_trials,
     public_trials,
 )
-from tsis.model import check
+from tsis.model.check import require_integer, require_one_of
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -64,17 +64,17 @@ def distorted_set(
     >>> len(distorted_set(None, families=["noise"], levels=[1, 6], count=3))
     12
     """
-    check.require_integer("count", count, 1, MOST_TRIALS)
+    require_integer("count", count, 1, MOST_TRIALS)
     for family in families:
-        check.require_one_of("family of trials", family, FAMILIES)
+        require_one_of("family of trials", family, FAMILIES)
     if not families:
         raise InputError("families must name at least one kind of trials; got none")
     deepest = max(len(PUBLIC_LEVELS[family]) for family in families)
     for level in levels or ():
-        check.require_integer("level", level, 1, deepest)
+        require_integer("level", level, 1, deepest)
     chosen = shapes or (GENERATED_SHAPES if folder is None else PUBLIC_SHAPES)
     for shape in chosen:
-        check.require_one_of("shape", shape, SHAPES if folder is None else PUBLIC_SHAPES)
+        require_one_of("shape", shape, SHAPES if folder is None else PUBLIC_SHAPES)
     trials: list[Trial] = []
     for shape in dict.fromkeys(chosen):
         for family in dict.fromkeys(families):

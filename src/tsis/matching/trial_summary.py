@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import require_number
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Sequence
@@ -107,7 +107,7 @@ def summarise(
     InputError
         When ``failure`` is not positive.
     """
-    check.require_number("failure", failure, 1e-300, 1e300)
+    require_number("failure", failure, 1e-300, 1e300)
     return [
         _summary(group, level, method, cell[method], _best(cell, rivals), failure, seed)
         for (group, level), cell in _cells(rows).items()
@@ -132,7 +132,7 @@ def summarise_pooled(
     InputError
         When ``failure`` is not positive.
     """
-    check.require_number("failure", failure, 1e-300, 1e300)
+    require_number("failure", failure, 1e-300, 1e300)
     kinds: dict[str, list[dict[str, list[TrialRow]]]] = defaultdict(list)
     for (group, _), cell in _cells(rows).items():
         kinds[group.rsplit("/", 1)[-1]].append(cell)

@@ -13,8 +13,8 @@ from tsis.instrument.file_bytes import one_line, printable_path, read_bytes
 from tsis.matching.distort import PUBLIC_LEVELS, Trial, distort, public_distortion, shuffled, visible
 from tsis.matching.fit import UNMATCHED
 from tsis.matching.shapes import SHAPES
-from tsis.model import check
 from tsis.model.array_archive import arrays_of
+from tsis.model.check import require_array, require_integer, require_number, require_one_of
 from tsis.model.errors import FileInputError, InputError
 
 if TYPE_CHECKING:
@@ -77,7 +77,7 @@ def matching_error(trial: Trial, moved: ArrayLike) -> float:
     >>> matching_error(trial, points + [3.0, 0.0])
     3.0
     """
-    moved = check.require_array("moved", moved, ndim=2)
+    moved = require_array("moved", moved, ndim=2)
     if moved.shape != trial.source.shape:
         raise InputError(f"moved must have the source's shape {trial.source.shape}; got {moved.shape}")
     true = trial.truth != UNMATCHED
@@ -108,7 +108,7 @@ def public_trials(
     InputError
         When there is no such shape, family or level, or the file is missing or broken.
     """
-    check.require_one_of("shape", shape, PUBLIC_SHAPES)
+    require_one_of("shape", shape, PUBLIC_SHAPES)
     public_distortion(family, level)
     key = f"{shape}_{_PREFIX[family]}_{level}"
     stored = _public_arrays(folder / PUBLIC_FILE, (f"{key}_x1", f"{key}_target", f"{key}_target_clean"))
@@ -147,8 +147,8 @@ def hotel_trials(
         When a value is out of range, or the file is missing or not the published one.
     """
     frames = _frames(folder / SEQUENCE_FILE, "hotel")
-    check.require_integer("separation", separation, 1, len(frames) - 1)
-    check.require_number("hidden", hidden, 0.0, 0.9)
+    require_integer("separation", separation, 1, len(frames) - 1)
+    require_number("hidden", hidden, 0.0, 0.9)
     starts = np.arange(len(frames) - separation)
     if count is not None and count < len(starts):
         starts = np.unique(np.linspace(0, len(starts) - 1, count).round().astype(int))
@@ -185,7 +185,7 @@ def generated_trials(
     InputError
         When there is no such shape, family or level.
     """
-    make = SHAPES[check.require_one_of("shape", shape, SHAPES)]
+    make = SHAPES[require_one_of("shape", shape, SHAPES)]
     distortion = public_distortion(family, level)
     for number in range(count):
         key = [seed, list(SHAPES).index(shape), FAMILIES.index(family), level, points, number]

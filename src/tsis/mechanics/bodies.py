@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.mechanics import mesh
 from tsis.mechanics.condensed import FIXED, condense_layers
 from tsis.mechanics.face import Face
+from tsis.mechanics.mesh import LayeredMesh, face_lines, mesh_rectangle, two_sided_lines
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -57,7 +57,7 @@ class Resolution:
 @lru_cache(maxsize=16)
 def face_of(radius_mm: float, resolution: Resolution, central_mm: float = np.inf) -> Face:
     """The contact face of a probe of ``radius_mm``; its cell on the axis is at most ``central_mm`` wide."""
-    lines = mesh.face_lines(
+    lines = face_lines(
         radius_mm,
         finest=resolution.edge * radius_mm,
         growth=resolution.growth,
@@ -77,14 +77,14 @@ def probe_compliance(probe: Probe, face: Face, resolution: Resolution) -> NDArra
     depth, young, poisson = [np.zeros(1)], [], []
     finest = resolution.edge * probe.radius_mm
     for layer in probe.layers:
-        lines = mesh.two_sided_lines(
+        lines = two_sided_lines(
             layer.thickness_mm, finest=finest, growth=resolution.growth, largest=probe.radius_mm / 3
         )
         depth.append(depth[-1][-1] + lines[1:])
         young += [layer.young_kpa] * (len(lines) - 1)
         poisson += [layer.poisson] * (len(lines) - 1)
-    flat = mesh.mesh_rectangle(face.lines, np.concatenate(depth)[::-1], resolution.order, a_is_radius=True)
-    body = mesh.LayeredMesh(nodes=_bulged(flat.nodes, probe), order=flat.order)
+    flat = mesh_rectangle(face.lines, np.concatenate(depth)[::-1], resolution.order, a_is_radius=True)
+    body = LayeredMesh(nodes=_bulged(flat.nodes, probe), order=flat.order)
     count, layers, _ = body.nodes.shape
     dofs = count + np.arange(count * layers * 2).reshape(count, layers, 2)
     dofs[:, -1, 1] = np.arange(count)

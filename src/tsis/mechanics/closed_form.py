@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.polynomial import legendre
 
-from tsis.model import Layer, check
+from tsis.model import Layer
+from tsis.model.check import require_number
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -139,10 +140,8 @@ def hertz(*, radius_mm: float, indentation_mm: float, young_kpa: float, poisson:
     >>> round(contact.force_mn, 4), round(contact.peak_pressure_kpa, 4)
     (8.1907, 0.7822)
     """
-    radius = check.require_number("radius_mm", radius_mm, 1e-6, 1e6, hint="millimetres")
-    depth = check.require_number(
-        "indentation_mm", indentation_mm, 1e-12, radius, hint="millimetres, at most the radius"
-    )
+    radius = require_number("radius_mm", radius_mm, 1e-6, 1e6, hint="millimetres")
+    depth = require_number("indentation_mm", indentation_mm, 1e-12, radius, hint="millimetres, at most the radius")
     modulus = _plane_strain(young_kpa, poisson)
     contact = float(np.sqrt(radius * depth))
     return HertzContact(
@@ -178,8 +177,8 @@ def hertz_under_force(*, radius_mm: float, force_mn: float, young_kpa: float, po
     >>> round(contact.contact_radius_mm**2 / 10.0, 4), round(contact.peak_pressure_kpa, 4)
     (0.5, 0.7822)
     """
-    radius = check.require_number("radius_mm", radius_mm, 1e-6, 1e6, hint="millimetres")
-    force = check.require_number("force_mn", force_mn, 1e-12, 1e12, hint="millinewtons")
+    radius = require_number("radius_mm", radius_mm, 1e-6, 1e6, hint="millimetres")
+    force = require_number("force_mn", force_mn, 1e-12, 1e12, hint="millinewtons")
     contact = (3 * force * radius / (4 * _plane_strain(young_kpa, poisson))) ** (1 / 3)
     return HertzContact(force_mn=force, contact_radius_mm=contact, peak_pressure_kpa=1.5 * force / (np.pi * contact**2))
 
@@ -199,7 +198,7 @@ def punch_stiffness(*, radius_mm: float, young_kpa: float, poisson: float) -> fl
     >>> punch_stiffness(radius_mm=12.0, young_kpa=5.0, poisson=0.0)
     120.0
     """
-    radius = check.require_number("radius_mm", radius_mm, 1e-6, 1e6, hint="millimetres")
+    radius = require_number("radius_mm", radius_mm, 1e-6, 1e6, hint="millimetres")
     return 2 * _plane_strain(young_kpa, poisson) * radius
 
 
@@ -221,8 +220,8 @@ def punch_pressure_kpa(radius_mm: ArrayLike, *, punch_radius_mm: float, force_mn
     >>> float(round(punch_pressure_kpa(0.0, punch_radius_mm=12.0, force_mn=1000.0) / mean, 3))
     0.5
     """
-    edge = check.require_number("punch_radius_mm", punch_radius_mm, 1e-6, 1e6, hint="millimetres")
-    force = check.require_number("force_mn", force_mn, 0.0, 1e12, hint="millinewtons")
+    edge = require_number("punch_radius_mm", punch_radius_mm, 1e-6, 1e6, hint="millimetres")
+    force = require_number("force_mn", force_mn, 0.0, 1e12, hint="millinewtons")
     left = edge**2 - np.asarray(radius_mm, dtype=float) ** 2
     inside = left > 0
     root = np.sqrt(np.where(inside, left, 1.0))
@@ -257,8 +256,8 @@ def bonded_layer_ratio(radius_over_thickness: float, *, poisson: float) -> float
     >>> [round(bonded_layer_ratio(share, poisson=0.49), 3) for share in (0.01, 0.2, 1.0, 2.0)]
     [1.011, 1.274, 3.484, 8.337]
     """
-    share = check.require_number("radius_over_thickness", radius_over_thickness, 0.0, 20.0)
-    ratio = check.require_number("poisson", poisson, 0.0, LARGEST_POISSON)
+    share = require_number("radius_over_thickness", radius_over_thickness, 0.0, 20.0)
+    ratio = require_number("poisson", poisson, 0.0, LARGEST_POISSON)
     # Points enough for the fastest cosine, cos(u s) up to u = KERNEL_END, and for phi's steep end under a wide punch.
     u, du = _gauss(0.0, KERNEL_END, 80 + int(8 * share))
     x, dx = _gauss(0.0, 1.0, 24 + int(8 * share))
@@ -312,11 +311,9 @@ def sphere_in_uniaxial_stress(
     >>> round(sphere.stress_ratio, 5), round(sphere.strain_ratio, 5)
     (1.87451, 0.11453)
     """
-    stiffer = check.require_number("contrast", contrast, 0.0, 1e9)
-    nu = check.require_number("poisson", poisson, 0.0, LARGEST_POISSON)
-    inner = (
-        nu if sphere_poisson is None else check.require_number("sphere_poisson", sphere_poisson, 0.0, LARGEST_POISSON)
-    )
+    stiffer = require_number("contrast", contrast, 0.0, 1e9)
+    nu = require_number("poisson", poisson, 0.0, LARGEST_POISSON)
+    inner = nu if sphere_poisson is None else require_number("sphere_poisson", sphere_poisson, 0.0, LARGEST_POISSON)
     bulk, shear = 1 / (3 * (1 - 2 * nu)), 1 / (2 * (1 + nu))  # for a body of modulus 1 under a stress of 1
     bulk_in, shear_in = stiffer / (3 * (1 - 2 * inner)), stiffer / (2 * (1 + inner))
     alpha, beta = (1 + nu) / (3 * (1 - nu)), 2 * (4 - 5 * nu) / (15 * (1 - nu))
@@ -337,8 +334,8 @@ def _in_series(layers: Sequence[Layer], moduli: Sequence[float]) -> float:
 
 
 def _material(young_kpa: float, poisson: float) -> tuple[float, float]:
-    young = check.require_number("young_kpa", young_kpa, 1e-6, 1e12, hint="kilopascals")
-    return young, check.require_number("poisson", poisson, 0.0, LARGEST_POISSON)
+    young = require_number("young_kpa", young_kpa, 1e-6, 1e12, hint="kilopascals")
+    return young, require_number("poisson", poisson, 0.0, LARGEST_POISSON)
 
 
 def _plane_strain(young_kpa: float, poisson: float) -> float:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import require_array, require_number
 from tsis.model.errors import InputError, MechanicsError
 
 if TYPE_CHECKING:
@@ -78,9 +78,9 @@ def unilateral_contact(
     >>> force.tolist(), found.gap_mm.tolist()
     ([0.5, 0.0], [0.0, 2.5])
     """
-    matrix = check.require_array("compliance", compliance, ndim=2)
-    gap = check.require_array("gap_mm", gap_mm, ndim=1)
-    approach = check.require_number("approach_mm", approach_mm, -1e6, 1e6, hint="millimetres")
+    matrix = require_array("compliance", compliance, ndim=2)
+    gap = require_array("gap_mm", gap_mm, ndim=1)
+    approach = require_number("approach_mm", approach_mm, -1e6, 1e6, hint="millimetres")
     if matrix.shape != (gap.size, gap.size):
         raise InputError(f"compliance must have shape ({gap.size}, {gap.size}), as gap_mm has; got {matrix.shape}")
     overlap = approach - gap

@@ -25,7 +25,9 @@ from tsis.mechanics.surrogate_solves import (
     profiles,
     solve_all,
 )
-from tsis.model import Probe, check, disk_cache
+from tsis.model import Probe
+from tsis.model.check import require_number, require_type
+from tsis.model.disk_cache import content_key
 from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
@@ -133,10 +135,10 @@ def build_full_contact_surrogate(
     InputError
         When a value lies outside its range or an inclusion of the box does not fit into the slab.
     """
-    check.require_type("probe", probe, Probe)
-    poisson_step = check.require_number("poisson_step", poisson_step, 1e-4, 0.1, hint="a difference of Poisson's ratio")
+    require_type("probe", probe, Probe)
+    poisson_step = require_number("poisson_step", poisson_step, 1e-4, 0.1, hint="a difference of Poisson's ratio")
     box, degrees, resolution = box or Box(), degrees or FULL_CONTACT_DEGREES, resolution or Resolution()
-    key = disk_cache.content_key(
+    key = content_key(
         {
             "format": FORMAT_VERSION,
             "probe": mechanical_content(probe),

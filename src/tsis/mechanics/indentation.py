@@ -13,7 +13,8 @@ from tsis.mechanics import disc_contact
 from tsis.mechanics.bodies import Resolution, face_of, probe_compliance
 from tsis.mechanics.small_strain import half_space_compliance
 from tsis.mechanics.strain_limit import STRAIN_LIMIT
-from tsis.model import Probe, check
+from tsis.model import Probe
+from tsis.model.check import require_number, require_type
 from tsis.model.errors import InputError, MechanicsError
 from tsis.model.press import MN_PER_N
 
@@ -53,7 +54,7 @@ class Indentation:
 
     def area_deeper_than_mm2(self, depth_mm: float) -> float:
         """Area of the face, mm², that is pressed in by more than ``depth_mm``, in [0, 1000]; else `InputError`."""
-        check.require_number("depth_mm", depth_mm, 0.0, 1e3, hint="millimetres")
+        require_number("depth_mm", depth_mm, 0.0, 1e3, hint="millimetres")
         deeper = self.face_displacement_mm - depth_mm
         if deeper[0] <= 0:
             return 0.0
@@ -94,9 +95,9 @@ def indent(
     >>> f"{found.depth_mm:.3f} mm deep, contact of {found.contact_radius_mm:.2f} mm"
     '0.520 mm deep, contact of 2.13 mm'
     """
-    check.require_type("probe", probe, Probe)
-    check.require_number("sphere_radius_mm", sphere_radius_mm, 0.5, 1000.0, hint="millimetres")
-    check.require_number("force_n", force_n, 1e-4, 50.0, hint="newtons")
+    require_type("probe", probe, Probe)
+    require_number("sphere_radius_mm", sphere_radius_mm, 0.5, 1000.0, hint="millimetres")
+    require_number("force_n", force_n, 1e-4, 50.0, hint="newtons")
     if probe.face_curvature_mm is not None:
         raise InputError(f"probe must be flat to be indented; got face_curvature_mm {probe.face_curvature_mm:g}")
     with threadpool_limits(limits=1, user_api="blas"):

@@ -9,7 +9,8 @@ from tsis.mechanics.face import FACE_POINTS
 from tsis.mechanics.finite_strain.bodies import FiniteResolution
 from tsis.mechanics.finite_strain.pressing import press_finite
 from tsis.mechanics.small_strain import small_strain_press
-from tsis.model import Phantom, PressField, Probe, check
+from tsis.model import Phantom, PressField, Probe
+from tsis.model.check import require_number, require_type
 from tsis.model.errors import InputError
 
 
@@ -56,9 +57,9 @@ def press(
     >>> f"{field.face_displacement_mm[0]:.4f} mm in the centre"
     '0.1555 mm in the centre'
     """
-    check.require_type("probe", probe, Probe)
-    check.require_type("phantom", phantom, Phantom)
-    check.require_number("force_n", force_n, 0.0, 50.0, hint="newtons")
+    require_type("probe", probe, Probe)
+    require_type("phantom", phantom, Phantom)
+    require_number("force_n", force_n, 0.0, 50.0, hint="newtons")
     if force_n == 0 and strain in ("small", "finite"):
         return _untouched(probe)
     if strain == "small" and isinstance(resolution, Resolution | None):

@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.mechanics import mesh
 from tsis.mechanics.condensed import EMPTY, FIXED, Condensate, condense_layers
+from tsis.mechanics.mesh import LayeredMesh, graded, mesh_around, mesh_inside, mesh_rectangle, outer_lines, refine
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -45,11 +45,11 @@ class Slab:
         # Cut off where neither the face nor the thickness is felt any more: 4 thicknesses leave 0.1 %.
         edge = float(face.lines[-1])
         outer, finest = max(10 * edge, 4 * thickness_mm), resolution.edge * edge
-        beyond = mesh.outer_lines(edge, outer, finest=finest, growth=resolution.growth)
+        beyond = outer_lines(edge, outer, finest=finest, growth=resolution.growth)
         lines = np.concatenate([face.lines, beyond[1:]])
         split = int(np.searchsorted(lines, block_mm))
         self._block_lines, self._far_lines = lines[: split + 1], lines[split:]
-        self._depth = mesh.graded(thickness_mm, finest, resolution.growth, thickness_mm / 3)
+        self._depth = graded(thickness_mm, finest, resolution.growth, thickness_mm / 3)
 
     @property
     def _contacts(self) -> int:
@@ -71,9 +71,9 @@ class Slab:
         faces = np.arange(self._contacts)
         return _inverse(self._sweep(body, dofs, faces, start=far).keep(faces))
 
-    def _strip(self, lines: NDArray[np.float64], first: int) -> tuple[mesh.LayeredMesh, NDArray[np.int64]]:
+    def _strip(self, lines: NDArray[np.float64], first: int) -> tuple[LayeredMesh, NDArray[np.int64]]:
         """The whole depth between two radii, swept inwards, its displacements numbered from ``first``."""
-        body = mesh.mesh_rectangle(self._depth, lines[::-1], self.resolution.order, a_is_radius=False)
+        body = mesh_rectangle(self._depth, lines[::-1], self.resolution.order, a_is_radius=False)
         depths, radii, _ = body.nodes.shape
         dofs = first + np.arange(depths * radii * 2).reshape(depths, radii, 2)
         dofs[-1] = FIXED  # bonded to the chest wall
@@ -82,7 +82,7 @@ class Slab:
 
     def _sweep(
         self,
-        body: mesh.LayeredMesh,
+        body: LayeredMesh,
         dofs: NDArray[np.int64],
         keep: NDArray[np.int64],
         *,
@@ -103,9 +103,9 @@ class Slab:
     def _boundary(self) -> NDArray[np.float64]:
         """Outer nodes of the block: along the face, down the side, back along the chest wall."""
         order, edge, bottom = self.resolution.order, self._block_lines[-1], self.thickness_mm
-        top = mesh.refine(self._block_lines, order)
-        side = mesh.refine(self._depth, order)
-        back = mesh.refine(np.linspace(edge, 0.0, self.resolution.below_cells + 1), order)
+        top = refine(self._block_lines, order)
+        side = refine(self._depth, order)
+        back = refine(np.linspace(edge, 0.0, self.resolution.below_cells + 1), order)
         return np.concatenate(
             [
                 np.column_stack([top, np.zeros_like(top)]),
@@ -122,7 +122,7 @@ class Slab:
         """Mesh an inclusion into the block and condense everything onto the face and the inclusion's surface."""
         far, side = self._far
         boundary, order = self._boundary(), self.resolution.order
-        outer = mesh.mesh_around(boundary, shape, order, layers=self._ray_layers(boundary, shape.size))
+        outer = mesh_around(boundary, shape, order, layers=self._ray_layers(boundary, shape.size))
         count, layers, _ = outer.nodes.shape
         first = 1 + max(int(far.dofs.max()), int(side.max()))
         dofs = first + np.arange(count * layers * 2).reshape(count, layers, 2)
@@ -133,7 +133,7 @@ class Slab:
         dofs[[0, -1], :, 0] = FIXED  # the axis
         faces = np.arange(self._contacts)
         around = self._sweep(outer, dofs, faces, start=far)
-        inner = mesh.mesh_inside(boundary, shape, order, layers=self.resolution.sphere_layers)
+        inner = mesh_inside(boundary, shape, order, layers=self.resolution.sphere_layers)
         core = int(dofs.max()) + 1 + np.arange(count * inner.nodes.shape[1] * 2).reshape(count, -1, 2)
         core[:, 0, 0], core[:, 0, 1] = FIXED, core[0, 0, 1]  # the centre is one node on the axis
         core[[0, -1], :, 0] = FIXED

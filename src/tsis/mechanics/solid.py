@@ -13,7 +13,8 @@ from tsis.mechanics.solid_mesh import FEATURE, SolidResolution, outer_radius_mm
 from tsis.mechanics.solid_symmetry import symmetry_of
 from tsis.mechanics.solid_tie import TiedSolid
 from tsis.mechanics.strain_limit import strain_problem
-from tsis.model import Phantom, PressField, PressMap, Probe, check
+from tsis.model import Phantom, PressField, PressMap, Probe
+from tsis.model.check import require_number, require_type
 from tsis.model.errors import InputError, MechanicsError
 from tsis.model.extra import import_extra
 from tsis.model.press import MN_PER_N
@@ -80,11 +81,11 @@ def press_solid(
     MissingExtraError
         When NGSolve is not installed.
     """
-    check.require_type("probe", probe, Probe)
-    check.require_type("phantom", phantom, Phantom)
-    check.require_number("force_n", force_n, 0.0, 50.0, hint="newtons")
-    check.require_number("spacing_mm", spacing_mm, 0.02, 5.0, hint="millimetres")
-    check.require_number("threads", threads, 1, 64)
+    require_type("probe", probe, Probe)
+    require_type("phantom", phantom, Phantom)
+    require_number("force_n", force_n, 0.0, 50.0, hint="newtons")
+    require_number("spacing_mm", spacing_mm, 0.02, 5.0, hint="millimetres")
+    require_number("threads", threads, 1, 64)
     if probe.face_curvature_mm is not None:
         raise InputError(
             f"face_curvature_mm must be None for a press in three dimensions; got {probe.face_curvature_mm:g}"

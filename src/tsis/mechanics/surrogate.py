@@ -14,7 +14,7 @@ import numpy as np
 
 from tsis.mechanics import chebyshev
 from tsis.mechanics.face import hats
-from tsis.model import check
+from tsis.model.check import require_number
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class Box:
             low, high = getattr(self, name)
             if not 0 < low < high < np.inf:
                 raise InputError(f"{name} must be a range (low, high) with 0 < low < high; got {getattr(self, name)}")
-        check.require_number("poisson", self.poisson, 0.0, 0.495)
+        require_number("poisson", self.poisson, 0.0, 0.495)
         deepest = self.depth_mm[1] + self.diameter_mm[1]
         if deepest >= self.thickness_mm[0]:
             raise InputError(
@@ -84,7 +84,7 @@ class Degrees:
 
     def __post_init__(self) -> None:
         for name in ("diameter", "depth", "contrast", "tissue", "thickness", "plain"):
-            check.require_number(name, getattr(self, name), 1, 100, hint="Chebyshev points")
+            require_number(name, getattr(self, name), 1, 100, hint="Chebyshev points")
 
 
 def contrast_factor(contrast: Any) -> Any:

@@ -17,7 +17,9 @@ from tsis.mechanics.surrogate_solves import (
     profiles,
     solve_all,
 )
-from tsis.model import Probe, check, disk_cache
+from tsis.model import Probe
+from tsis.model.check import require_number, require_type
+from tsis.model.disk_cache import content_key
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -66,11 +68,11 @@ def build_surrogate(
     MechanicsError
         When the force strains plain tissue of the box beyond what the model describes, or a press fails.
     """
-    check.require_type("probe", probe, Probe)
-    force_n = check.require_number("force_n", force_n, 1e-3, 50.0, hint="newtons")
+    require_type("probe", probe, Probe)
+    force_n = require_number("force_n", force_n, 1e-3, 50.0, hint="newtons")
     box, degrees = box or Box(), degrees or Degrees()
     slabs, resolution = slabs_of(probe, box, force_n, strain, resolution)
-    key = disk_cache.content_key(
+    key = content_key(
         {
             "format": FORMAT_VERSION,
             "probe": mechanical_content(probe),

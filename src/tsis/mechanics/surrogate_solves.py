@@ -19,7 +19,7 @@ from threadpoolctl import threadpool_limits
 from tsis.mechanics import chebyshev
 from tsis.mechanics.surrogate import Surrogate, contrast_factor, contrast_from_factor, log_range, signal_scale
 from tsis.mechanics.surrogate_presses import FACE_POINTS
-from tsis.model import disk_cache
+from tsis.model.disk_cache import read_cached_arrays, write_cached
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -146,12 +146,12 @@ def cached_arrays(
     kind: str, key: str, solved: Callable[[], dict[str, NDArray[np.float64]]]
 ) -> dict[str, NDArray[np.float64]]:
     """Arrays from the disk cache, or solved now and written there."""
-    stored = disk_cache.read_cached_arrays(kind, key)
+    stored = read_cached_arrays(kind, key)
     if stored is None:
         found = solved()
         buffer = io.BytesIO()
         np.savez(buffer, allow_pickle=False, **found)
-        disk_cache.write_cached(kind, key, buffer.getvalue())
+        write_cached(kind, key, buffer.getvalue())
         return found
     return stored
 

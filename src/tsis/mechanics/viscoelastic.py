@@ -18,7 +18,8 @@ from threadpoolctl import threadpool_limits
 from tsis.mechanics.bodies import Resolution
 from tsis.mechanics.small_strain import compliances
 from tsis.mechanics.strain_limit import strain_problem
-from tsis.model import Phantom, Probe, Relaxation, check
+from tsis.model import Phantom, Probe, Relaxation
+from tsis.model.check import require_array, require_number, require_type
 from tsis.model.errors import InputError, MechanicsError
 from tsis.model.press import MN_PER_N
 
@@ -95,7 +96,7 @@ def relaxing_press(
         When the contact does not cover the face, or the strain is too large.
     """
     _check(probe, phantom, relaxation, approach_mm, ramp_s)
-    times = check.require_array("time_s", time_s, ndim=1)
+    times = require_array("time_s", time_s, ndim=1)
     if times.min() < 0 or times.max() > 1e7:
         raise InputError(f"time_s must lie in [0, 1e+07] seconds; got {times.min():g} to {times.max():g}")
     kernel, course = _course_of(probe, phantom, relaxation, approach_mm, resolution)
@@ -154,7 +155,7 @@ def settling_time_s(
     >>> f"{time:.2f} s"
     '7.52 s'
     """
-    check.require_number("tolerance", tolerance, 1e-6, 1.0, hint="a share of the settled force")
+    require_number("tolerance", tolerance, 1e-6, 1.0, hint="a share of the settled force")
     _check(probe, phantom, relaxation, approach_mm, ramp_s)
     kernel, course = _course_of(probe, phantom, relaxation, approach_mm, resolution)
     settled = course.forces(np.array([np.inf]), ramp_s)
@@ -168,12 +169,12 @@ def settling_time_s(
 
 
 def _check(probe: Probe, phantom: Phantom, relaxation: Relaxation, approach_mm: float, ramp_s: float) -> None:
-    check.require_type("probe", probe, Probe)
-    check.require_type("phantom", phantom, Phantom)
-    check.require_type("relaxation", relaxation, Relaxation)
-    check.require_number("approach_mm", approach_mm, 1e-4, 100.0, hint="millimetres")
+    require_type("probe", probe, Probe)
+    require_type("phantom", phantom, Phantom)
+    require_type("relaxation", relaxation, Relaxation)
+    require_number("approach_mm", approach_mm, 1e-4, 100.0, hint="millimetres")
     if ramp_s != 0:
-        check.require_number("ramp_s", ramp_s, 1e-6, 1e6, hint="seconds; 0 is at once")
+        require_number("ramp_s", ramp_s, 1e-6, 1e6, hint="seconds; 0 is at once")
     problem = strain_problem(approach_mm, probe, phantom.thickness_mm)
     if problem is not None:
         raise MechanicsError(f"{problem}: choose a smaller approach_mm")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tsis.model import check
+from tsis.model.check import require_number, require_type
 from tsis.model.errors import InputError
 from tsis.model.light_map import LightMap
 
@@ -85,15 +85,15 @@ class Calibration:
     probe: str = ""
 
     def __post_init__(self) -> None:
-        check.require_type("name", self.name, str)
-        check.require_type("probe", self.probe, str)
-        check.require_number("gain_grey_per_kpa", self.gain_grey_per_kpa, 1e-6, 1e6)
-        check.require_number("saturation_kpa", self.saturation_kpa, 1e-3, 1e6)
-        check.require_number("background_grey", self.background_grey, 0.0, 65535.0)
+        require_type("name", self.name, str)
+        require_type("probe", self.probe, str)
+        require_number("gain_grey_per_kpa", self.gain_grey_per_kpa, 1e-6, 1e6)
+        require_number("saturation_kpa", self.saturation_kpa, 1e-3, 1e6)
+        require_number("background_grey", self.background_grey, 0.0, 65535.0)
         if self.light is not None and not isinstance(self.light, LightMap):
             raise InputError(f"light must be a LightMap or None; got {self.light!r:.80}")
         for name in SHARES:
-            check.require_number(name, getattr(self, name), 0.0, 1.0, hint="a share of one")
-        check.require_number("grain_mm", self.grain_mm, 0.05, 50.0, hint="millimetres")
-        check.require_number("read_noise_grey", self.read_noise_grey, 0.0, 1e4)
-        check.require_number("shot_noise_grey", self.shot_noise_grey, 0.0, 1e4)
+            require_number(name, getattr(self, name), 0.0, 1.0, hint="a share of one")
+        require_number("grain_mm", self.grain_mm, 0.05, 50.0, hint="millimetres")
+        require_number("read_noise_grey", self.read_noise_grey, 0.0, 1e4)
+        require_number("shot_noise_grey", self.shot_noise_grey, 0.0, 1e4)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import require_array, require_number, require_one_of, require_type
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -85,27 +85,27 @@ class Estimate:
 
     def __post_init__(self) -> None:
         for name in ("samples", "prior_sd", "cramer_rao_sd", "provenance"):
-            check.require_type(name, getattr(self, name), Mapping)
+            require_type(name, getattr(self, name), Mapping)
         for name in ("identifiability", "prior"):
-            check.require_type(name, getattr(self, name), str)
-        check.require_type("trusted", self.trusted, bool)
-        check.require_type("flags", self.flags, tuple)
-        check.require_type("notes", self.notes, tuple)
-        samples = {name: check.require_array(name, values, ndim=1) for name, values in self.samples.items()}
+            require_type(name, getattr(self, name), str)
+        require_type("trusted", self.trusted, bool)
+        require_type("flags", self.flags, tuple)
+        require_type("notes", self.notes, tuple)
+        samples = {name: require_array(name, values, ndim=1) for name, values in self.samples.items()}
         if set(samples) != set(self.prior_sd):
             raise InputError(
                 f"samples and prior_sd must name the same parameters; got {set(samples)} and {set(self.prior_sd)}"
             )
         for name, sd in self.prior_sd.items():
-            check.require_number(f"prior_sd[{name!r}]", sd, 1e-300, 1e300)
+            require_number(f"prior_sd[{name!r}]", sd, 1e-300, 1e300)
         for name, sd in self.cramer_rao_sd.items():
-            check.require_one_of("parameter", name, samples)
+            require_one_of("parameter", name, samples)
             if not isinstance(sd, float) or not sd > 0:
                 raise InputError(f"cramer_rao_sd[{name!r}] must be positive; got {sd!r}")
         if self.presence is not None:
-            check.require_number("presence", self.presence, 0.0, 1.0, hint="a probability")
+            require_number("presence", self.presence, 0.0, 1.0, hint="a probability")
         if self.log_bayes_factor is not None:
-            check.require_number("log_bayes_factor", self.log_bayes_factor, -LARGEST_EVIDENCE, LARGEST_EVIDENCE)
+            require_number("log_bayes_factor", self.log_bayes_factor, -LARGEST_EVIDENCE, LARGEST_EVIDENCE)
         object.__setattr__(self, "cramer_rao_sd", MappingProxyType(dict(self.cramer_rao_sd)))
         object.__setattr__(self, "samples", MappingProxyType(samples))
         object.__setattr__(self, "prior_sd", MappingProxyType(dict(self.prior_sd)))
@@ -135,7 +135,7 @@ class Estimate:
 
         ``level`` is the probability of each, in (0, 1); else `InputError` is raised.
         """
-        check.require_number("level", level, 1e-6, 1.0 - 1e-6)
+        require_number("level", level, 1e-6, 1.0 - 1e-6)
         tails = (0.5 - level / 2, 0.5 + level / 2)
         bounds = {name: np.quantile(values, tails) for name, values in self.samples.items()}
         return {name: (float(low), float(high)) for name, (low, high) in bounds.items()}

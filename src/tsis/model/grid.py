@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import require_array
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 def require_ascending(name: str, values: ArrayLike) -> NDArray[np.float64]:
     """Check a coordinate of a grid: at least two numbers, each above the one before."""
-    result: NDArray[np.float64] = check.require_array(name, values, ndim=1)
+    result: NDArray[np.float64] = require_array(name, values, ndim=1)
     if len(result) < 2 or (np.diff(result) <= 0).any():
         raise InputError(f"{name} must hold at least two ascending numbers; got {values!r:.80}")
     return result

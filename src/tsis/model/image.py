@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import require_array, require_number, require_pair
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -22,8 +22,8 @@ LARGEST_GREY = 1e9  # far beyond any sensor, and its square still a number
 def require_pixel_scale(value: tuple[float, float]) -> tuple[float, float]:
     """Check a pair (x, y) of mm per pixel."""
     x, y = (
-        check.require_number("mm_per_pixel", part, SMALLEST_PIXEL_MM, LARGEST_PIXEL_MM, hint="millimetres per pixel")
-        for part in check.require_pair("mm_per_pixel", value)
+        require_number("mm_per_pixel", part, SMALLEST_PIXEL_MM, LARGEST_PIXEL_MM, hint="millimetres per pixel")
+        for part in require_pair("mm_per_pixel", value)
     )
     return x, y
 
@@ -36,14 +36,14 @@ def require_image_numbers(
     axis_px: tuple[float, float] | None,
 ) -> None:
     """Refuse what no image may have; parameters as of `TactileImage`."""
-    check.require_number("full_scale", full_scale, 1.0, 65535.0)
+    require_number("full_scale", full_scale, 1.0, 65535.0)
     if mm_per_pixel is not None:
         require_pixel_scale(mm_per_pixel)
     if force_n is not None:
-        check.require_number("force_n", force_n, 0.0, 100.0, hint="newtons")
+        require_number("force_n", force_n, 0.0, 100.0, hint="newtons")
     if axis_px is not None:
-        for place in check.require_pair("axis_px", axis_px):
-            check.require_number("axis_px", place, -1e6, 1e6, hint="pixels")
+        for place in require_pair("axis_px", axis_px):
+            require_number("axis_px", place, -1e6, 1e6, hint="pixels")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -82,7 +82,7 @@ class TactileImage:
     settings: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        grey = check.require_array("grey", self.grey, ndim=2)
+        grey = require_array("grey", self.grey, ndim=2)
         if np.abs(grey).max() > LARGEST_GREY:
             raise InputError(f"grey must lie within +-{LARGEST_GREY:g} grey levels; got {np.abs(grey).max():g}")
         object.__setattr__(self, "grey", grey)
@@ -95,7 +95,7 @@ class TactileImage:
             rows, columns = self.grey.shape
             object.__setattr__(self, "axis_px", ((columns - 1) / 2, (rows - 1) / 2))
         else:
-            object.__setattr__(self, "axis_px", check.require_pair("axis_px", self.axis_px))
+            object.__setattr__(self, "axis_px", require_pair("axis_px", self.axis_px))
         if not isinstance(self.settings, Mapping):
             raise InputError(f"settings must be a mapping of names to values; got {self.settings!r:.80}")
         object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.model import check
 from tsis.model.calibration import Calibration
+from tsis.model.check import require_type
 from tsis.model.errors import ImageMismatchError, InputError, NotCalibratedError
 from tsis.model.image import TactileImage
 from tsis.model.probe import Probe
@@ -43,7 +43,7 @@ def require_same_probe(probe: Probe, calibration: Calibration) -> None:
     NotCalibratedError
         When ``calibration`` is no `Calibration`, or both names are known and differ.
     """
-    check.require_type("probe", probe, Probe)
+    require_type("probe", probe, Probe)
     if not isinstance(calibration, Calibration):
         raise NotCalibratedError(
             f"calibration must be a Calibration, the answer of this probe's grey level to pressure; got {calibration!r}"

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import require_number
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,8 +30,8 @@ class Glass:
     refractive_index: float = 1.515
 
     def __post_init__(self) -> None:
-        check.require_number("glass.thickness_mm", self.thickness_mm, 0.01, 50.0, hint="millimetres")
-        check.require_number("glass.refractive_index", self.refractive_index, 1.0, 4.0)
+        require_number("glass.thickness_mm", self.thickness_mm, 0.01, 50.0, hint="millimetres")
+        require_number("glass.refractive_index", self.refractive_index, 1.0, 4.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,13 +73,13 @@ class Led:
     power: float = 1.0
 
     def __post_init__(self) -> None:
-        check.require_number("azimuth_deg", self.azimuth_deg, -360.0, 360.0, hint="degrees")
+        require_number("azimuth_deg", self.azimuth_deg, -360.0, 360.0, hint="degrees")
         if self.height_mm is not None:
-            check.require_number("height_mm", self.height_mm, 0.0, 250.0, hint="millimetres above the face")
-        check.require_number("aim_deg", self.aim_deg, -80.0, 80.0, hint="degrees")
-        check.require_number("half_angle_deg", self.half_angle_deg, 1.0, 85.0, hint="degrees")
-        check.require_number("diameter_mm", self.diameter_mm, 0.01, 20.0, hint="millimetres")
-        check.require_number("power", self.power, 0.0, 1000.0)
+            require_number("height_mm", self.height_mm, 0.0, 250.0, hint="millimetres above the face")
+        require_number("aim_deg", self.aim_deg, -80.0, 80.0, hint="degrees")
+        require_number("half_angle_deg", self.half_angle_deg, 1.0, 85.0, hint="degrees")
+        require_number("diameter_mm", self.diameter_mm, 0.01, 20.0, hint="millimetres")
+        require_number("power", self.power, 0.0, 1000.0)
 
     @property
     def exponent(self) -> float:

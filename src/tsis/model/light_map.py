@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import require_array, require_number
 from tsis.model.errors import InputError
 from tsis.model.grid import interpolation_matrix, require_ascending
 
@@ -75,19 +75,17 @@ class LightMap:
         if isinstance(self.bend_per_mm2, np.ndarray) and not self.bend_per_mm2.size:
             object.__setattr__(self, "bend_per_mm2", np.zeros(shape))
         for name in FIELDS:
-            values = check.require_array(name, getattr(self, name), ndim=2)
+            values = require_array(name, getattr(self, name), ndim=2)
             if values.shape != shape:
                 raise InputError(f"{name} must have the shape {shape} of y_mm and x_mm; got {values.shape}")
             object.__setattr__(self, name, values)
         for name, most in MOST.items():
-            check.require_number(
-                name, float(np.abs(getattr(self, name)).max()), 0.0, most, hint="the largest, either sign"
-            )
-        check.require_number("relative", float(self.relative.min()), 0.0, np.inf)
+            require_number(name, float(np.abs(getattr(self, name)).max()), 0.0, most, hint="the largest, either sign")
+        require_number("relative", float(self.relative.min()), 0.0, np.inf)
         if self.relative.max() < LEAST_LIGHT:
             raise InputError(f"relative must hold some light, a mean of about 1; got at most {self.relative.max():g}")
-        check.require_number("error", self.error, 0.0, np.inf)
-        check.require_number("depletion", self.depletion, -0.9, 100.0)
+        require_number("error", self.error, 0.0, np.inf)
+        require_number("depletion", self.depletion, -0.9, 100.0)
 
     def __eq__(self, other: object) -> bool:
         """Equal by content, like every value without arrays."""

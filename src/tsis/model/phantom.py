@@ -7,7 +7,7 @@ from itertools import combinations
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import require_array, require_number, require_pair
 from tsis.model.errors import InputError
 
 INCLUSION_RANGES = {"diameter_mm": (0.1, 100.0), "depth_mm": (0.2, 200.0), "young_kpa": (0.1, 1e6)}
@@ -47,14 +47,14 @@ class Inclusion:
 
     def __post_init__(self) -> None:
         within = INCLUSION_RANGES
-        check.require_number("diameter_mm", self.diameter_mm, *within["diameter_mm"], hint="millimetres")
+        require_number("diameter_mm", self.diameter_mm, *within["diameter_mm"], hint="millimetres")
         from_skin = "millimetres from the skin to the inclusion's top"
-        check.require_number("depth_mm", self.depth_mm, *within["depth_mm"], hint=from_skin)
-        check.require_number("young_kpa", self.young_kpa, *within["young_kpa"], hint="kilopascals")
-        check.require_number("poisson", self.poisson, 0.0, 0.495)
-        object.__setattr__(self, "offset_mm", check.require_pair("offset_mm", self.offset_mm))
+        require_number("depth_mm", self.depth_mm, *within["depth_mm"], hint=from_skin)
+        require_number("young_kpa", self.young_kpa, *within["young_kpa"], hint="kilopascals")
+        require_number("poisson", self.poisson, 0.0, 0.495)
+        object.__setattr__(self, "offset_mm", require_pair("offset_mm", self.offset_mm))
         if self.semi_axes_mm is not None:
-            axes = check.require_array("semi_axes_mm", self.semi_axes_mm, ndim=1)
+            axes = require_array("semi_axes_mm", self.semi_axes_mm, ndim=1)
             if axes.shape != (3,) or axes.min() <= 0:
                 raise InputError(f"semi_axes_mm must hold three positive numbers; got {self.semi_axes_mm!r}")
             object.__setattr__(self, "semi_axes_mm", tuple(float(axis) for axis in axes))
@@ -124,9 +124,9 @@ class Phantom:
     assumed: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        check.require_number("young_kpa", self.young_kpa, 0.05, 2000.0, hint="kilopascals; 5 kPa is soft tissue")
-        check.require_number("thickness_mm", self.thickness_mm, 2.0, 500.0, hint="millimetres")
-        check.require_number("poisson", self.poisson, 0.0, 0.495)
+        require_number("young_kpa", self.young_kpa, 0.05, 2000.0, hint="kilopascals; 5 kPa is soft tissue")
+        require_number("thickness_mm", self.thickness_mm, 2.0, 500.0, hint="millimetres")
+        require_number("poisson", self.poisson, 0.0, 0.495)
         object.__setattr__(self, "assumed", tuple(self.assumed))
         object.__setattr__(self, "more_inclusions", tuple(self.more_inclusions))
         if self.inclusion is not None and not isinstance(self.inclusion, Inclusion):

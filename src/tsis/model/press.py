@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import require_array
 from tsis.model.errors import InputError
 from tsis.model.grid import require_ascending
 
@@ -45,7 +45,7 @@ class PressField:
 
     def __post_init__(self) -> None:
         for name in ("radius_mm", "face_displacement_mm", "pressure_kpa"):
-            object.__setattr__(self, name, check.require_array(name, getattr(self, name), ndim=1))
+            object.__setattr__(self, name, require_array(name, getattr(self, name), ndim=1))
 
     def on_grid(self, x_mm: ArrayLike, y_mm: ArrayLike) -> PressMap:
         """The same press over a rectangular grid, each coordinate ascending."""
@@ -115,7 +115,7 @@ class PressMap:
             object.__setattr__(self, name, require_ascending(name, getattr(self, name)))
         shape = (len(self.y_mm), len(self.x_mm))
         for name in ("face_displacement_mm", "pressure_kpa"):
-            values = check.require_array(name, getattr(self, name), ndim=2)
+            values = require_array(name, getattr(self, name), ndim=2)
             if values.shape != shape:
                 raise InputError(f"{name} must have the shape {shape} of y_mm and x_mm; got {values.shape}")
             object.__setattr__(self, name, values)

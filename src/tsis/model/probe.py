@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import require_number, require_type
 from tsis.model.errors import InputError
 from tsis.model.light import CROWN_GLASS, FOUR_LEDS, Glass, Led
 
@@ -44,10 +44,10 @@ class Layer:
     refractive_index: float = 1.41
 
     def __post_init__(self) -> None:
-        check.require_number("thickness_mm", self.thickness_mm, 0.01, 200.0, hint="millimetres")
-        check.require_number("young_kpa", self.young_kpa, 0.1, 1e6, hint="kilopascals")
-        check.require_number("poisson", self.poisson, 0.0, 0.495)
-        check.require_number("refractive_index", self.refractive_index, 1.0, 4.0)
+        require_number("thickness_mm", self.thickness_mm, 0.01, 200.0, hint="millimetres")
+        require_number("young_kpa", self.young_kpa, 0.1, 1e6, hint="kilopascals")
+        require_number("poisson", self.poisson, 0.0, 0.495)
+        require_number("refractive_index", self.refractive_index, 1.0, 4.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,7 +97,7 @@ class Probe:
     assumed: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
-        check.require_number("radius_mm", self.radius_mm, 1.0, 100.0, hint="millimetres")
+        require_number("radius_mm", self.radius_mm, 1.0, 100.0, hint="millimetres")
         layers = tuple(self.layers) if isinstance(self.layers, (tuple, list)) else ()
         if not layers or not all(isinstance(layer, Layer) for layer in layers):
             raise InputError(f"layers must be a tuple of at least one Layer; got {self.layers!r}")
@@ -108,7 +108,7 @@ class Probe:
         self._check_light()
         if self.face_curvature_mm is None:
             return
-        check.require_number(
+        require_number(
             "face_curvature_mm", self.face_curvature_mm, self.radius_mm, 1e6, hint="millimetres, None is flat"
         )
         sag = float(self.sag_mm(self.radius_mm))
@@ -119,16 +119,14 @@ class Probe:
             )
 
     def _check_light(self) -> None:
-        check.require_type("glass", self.glass, Glass)
+        require_type("glass", self.glass, Glass)
         leds = tuple(self.leds) if isinstance(self.leds, (tuple, list)) else ()
         if not all(isinstance(led, Led) for led in leds) or not any(led.power > 0 for led in leds):
             raise InputError(f"leds must be a tuple of Led, at least one with power above 0; got {self.leds!r:.80}")
         object.__setattr__(self, "leds", leds)
         top = self.thickness_mm + self.glass.thickness_mm
         for led in leds:
-            check.require_number(
-                "height_mm of a lamp", self.led_height_mm(led), 0.0, top, hint="layers and glass end there"
-            )
+            require_number("height_mm of a lamp", self.led_height_mm(led), 0.0, top, hint="layers and glass end there")
 
     def led_height_mm(self, led: Led) -> float:
         """Height of a lamp's centre above the face, mm."""

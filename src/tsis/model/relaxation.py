@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import require_array, require_number
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -45,15 +45,15 @@ class Relaxation:
 
     def __post_init__(self) -> None:
         shares, times = (
-            check.require_array("shares", self.shares, ndim=1),
-            check.require_array("times_s", self.times_s, ndim=1),
+            require_array("shares", self.shares, ndim=1),
+            require_array("times_s", self.times_s, ndim=1),
         )
         if shares.shape != times.shape:
             raise InputError(f"shares and times_s must have one value a term; got {shares.size} and {times.size}")
         for share in shares.tolist():
-            check.require_number("shares", share, 1e-6, 0.99, hint="shares of the instantaneous modulus")
+            require_number("shares", share, 1e-6, 0.99, hint="shares of the instantaneous modulus")
         for time in times.tolist():
-            check.require_number("times_s", time, 1e-4, 1e6, hint="seconds")
+            require_number("times_s", time, 1e-4, 1e6, hint="seconds")
         if shares.sum() > 0.99:
             raise InputError(f"shares must add up to at most 0.99, or nothing is left; got {shares.sum():g}")
         if len(set(times.tolist())) < times.size:

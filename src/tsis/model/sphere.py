@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tsis.model import check
+from tsis.model.check import require_number, require_type
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +39,7 @@ class SoftSphere:
     name: str = ""
 
     def __post_init__(self) -> None:
-        check.require_number("radius_mm", self.radius_mm, 0.1, 50.0, hint="millimetres")
-        check.require_number("young_kpa", self.young_kpa, 0.1, 1e6, hint="kilopascals")
-        check.require_number("poisson", self.poisson, 0.0, 0.495)
-        check.require_type("name", self.name, str)
+        require_number("radius_mm", self.radius_mm, 0.1, 50.0, hint="millimetres")
+        require_number("young_kpa", self.young_kpa, 0.1, 1e6, hint="kilopascals")
+        require_number("poisson", self.poisson, 0.0, 0.495)
+        require_type("name", self.name, str)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import require_array
 from tsis.optics import inputs
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def acceptance(index: ArrayLike, *, index_outside: float = 1.0) -> Acceptance:
     >>> acceptance([1.41, 1.515]).blind_deg.round(1).tolist()
     [0.0, 33.7]
     """
-    indices = check.require_array("index", index, ndim=1)
+    indices = require_array("index", index, ndim=1)
     for layer, value in enumerate(indices):
         inputs.require_refractive_index(f"index[{layer}]", float(value))
     outside = inputs.require_refractive_index("index_outside", index_outside)

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import require_array, require_number
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ OTHER_UNITS = {"metres": 1e6, "millimetres": 1e3, "nanometres": 1e-3}  # in micr
 
 def require_wavelength(value: object) -> float:
     """Check a vacuum wavelength in micrometres; when another unit would make light of it, say which."""
-    result = check.require_number("wavelength_um", value, -np.inf, np.inf)
+    result = require_number("wavelength_um", value, -np.inf, np.inf)
     if SHORTEST_UM <= result <= LONGEST_UM:
         return result
     for unit, factor in OTHER_UNITS.items():
@@ -37,19 +37,19 @@ def require_refractive_index(name: str, value: object) -> float:
     """Check one real refractive index."""
     if isinstance(value, complex | np.complexfloating):
         raise InputError(f"{name} must be real, so without absorption or gain; got {value}")
-    return check.require_number(name, value, 1.0, LARGEST_INDEX, hint="1 is vacuum")
+    return require_number(name, value, 1.0, LARGEST_INDEX, hint="1 is vacuum")
 
 
 def require_stack(index: Any, thickness_um: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Check refractive indices and thicknesses in micrometres of layers, one of each a layer."""
     if np.iscomplexobj(index):
         raise InputError("index must be real, so without absorption or gain; got complex values")
-    indices = check.require_array("index", index, ndim=1)
-    thicknesses = check.require_array("thickness_um", thickness_um, ndim=1)
+    indices = require_array("index", index, ndim=1)
+    thicknesses = require_array("thickness_um", thickness_um, ndim=1)
     if len(indices) != len(thicknesses):
         raise InputError(f"index and thickness_um must be of one length; got {len(indices)} and {len(thicknesses)}")
     for layer, value in enumerate(indices):
         require_refractive_index(f"index[{layer}]", float(value))
     for layer, value in enumerate(thicknesses):
-        check.require_number(f"thickness_um[{layer}]", float(value), THINNEST_UM, THICKEST_UM, hint="micrometres")
+        require_number(f"thickness_um[{layer}]", float(value), THINNEST_UM, THICKEST_UM, hint="micrometres")
     return indices, thicknesses

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.ndimage import distance_transform_edt
 
-from tsis.model import LightMap, PressField, PressMap, check
+from tsis.model import LightMap, PressField, PressMap
+from tsis.model.check import require_array, require_number
 from tsis.model.errors import InputError
 from tsis.model.grid import interpolation_matrix, require_ascending
 from tsis.optics.asperities import real_contact
@@ -71,18 +72,18 @@ class Irradiance:
     error: float
 
     def __post_init__(self) -> None:
-        check.require_number("radius_mm", self.radius_mm, 1.0, 100.0, hint="millimetres")
+        require_number("radius_mm", self.radius_mm, 1.0, 100.0, hint="millimetres")
         for name in ("nodes_mm", "displacement_mm"):
             object.__setattr__(self, name, require_ascending(name, getattr(self, name)))
-        terms = check.require_array("terms", self.terms, ndim=4)
+        terms = require_array("terms", self.terms, ndim=4)
         count = len(self.nodes_mm)
         if terms.shape != (3, len(POWERS), count, count) or len(self.displacement_mm) != 3:
             raise InputError(f"terms must have the shape {(3, len(POWERS), count, count)}; got {terms.shape}")
         object.__setattr__(self, "terms", terms)
-        check.require_number("lift_per_mm", self.lift_per_mm, -10.0, 10.0)
-        check.require_number("depletion", self.depletion, -1.0, 100.0)
-        check.require_number("mean_per_mm2", self.mean_per_mm2, 0.0, np.inf)
-        check.require_number("error", self.error, 0.0, np.inf)
+        require_number("lift_per_mm", self.lift_per_mm, -10.0, 10.0)
+        require_number("depletion", self.depletion, -1.0, 100.0)
+        require_number("mean_per_mm2", self.mean_per_mm2, 0.0, np.inf)
+        require_number("error", self.error, 0.0, np.inf)
 
     def at(
         self,

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.model import Probe, check, disk_cache
+from tsis.model import Probe
+from tsis.model.check import LARGEST_SEED, require_integer, require_number, require_type
+from tsis.model.disk_cache import content_key, read_cached_arrays, write_cached
 from tsis.model.errors import InputError
 from tsis.model.threads import one_blas_thread
 from tsis.optics import inputs, rays_kernel
@@ -78,17 +80,15 @@ def irradiance(
     InputError
         When a value lies outside its range or no light reaches the face.
     """
-    check.require_type("probe", probe, Probe)
-    rays = check.require_integer("rays", rays, FEWEST_RAYS, MOST_RAYS)
-    seed = check.require_integer("seed", seed, 0, check.LARGEST_SEED)
+    require_type("probe", probe, Probe)
+    rays = require_integer("rays", rays, FEWEST_RAYS, MOST_RAYS)
+    seed = require_integer("seed", seed, 0, LARGEST_SEED)
     medium = {
         "index_outside": inputs.require_refractive_index("index_outside", index_outside),
-        "absorption_per_mm": check.require_number("absorption_per_mm", absorption_per_mm, 0.0, 10.0),
+        "absorption_per_mm": require_number("absorption_per_mm", absorption_per_mm, 0.0, 10.0),
     }
-    key = disk_cache.content_key(
-        {"format": FORMAT_VERSION, "probe": _optical(probe), "rays": float(rays), "seed": seed, **medium}
-    )
-    stored = disk_cache.read_cached_arrays("irradiance", key) if cached else None
+    key = content_key({"format": FORMAT_VERSION, "probe": _optical(probe), "rays": float(rays), "seed": seed, **medium})
+    stored = read_cached_arrays("irradiance", key) if cached else None
     if stored is not None:
         fields: dict[str, Any] = {name: value if value.ndim else float(value) for name, value in stored.items()}
         return Irradiance(**fields)
@@ -97,7 +97,7 @@ def irradiance(
     if cached:
         buffer = io.BytesIO()
         np.savez(buffer, **{name: getattr(found, name) for name in Irradiance.__slots__})
-        disk_cache.write_cached("irradiance", key, buffer.getvalue())
+        write_cached("irradiance", key, buffer.getvalue())
     return found
 
 

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import LARGEST_SEED, require_integer
 from tsis.optics import rays_kernel
 from tsis.optics.rays_emission import emitted, lamps
 from tsis.optics.rays_scene import scene
@@ -55,10 +55,10 @@ def trace_paths(
     (1.0, 4)
     """
     view = scene(probe, pressed)
-    count = check.require_integer("rays", rays, 1, MOST_RAYS)
+    count = require_integer("rays", rays, 1, MOST_RAYS)
     shining = lamps(probe)
-    chosen = check.require_integer("lamp", lamp, 0, len(shining.share) - 1)
-    rng = np.random.default_rng(check.require_integer("seed", seed, 0, check.LARGEST_SEED))
+    chosen = require_integer("lamp", lamp, 0, len(shining.share) - 1)
+    rng = np.random.default_rng(require_integer("seed", seed, 0, LARGEST_SEED))
 
     def path() -> NDArray[np.float64]:
         position, direction = emitted(shining, chosen, *rng.random(4).tolist())

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from tsis.model import PressField, PressMap, Probe, check
+from tsis.model import PressField, PressMap, Probe
+from tsis.model.check import require_type
 from tsis.model.errors import InputError
 from tsis.optics import rays_surface
 from tsis.optics.asperities import real_contact
@@ -52,7 +53,7 @@ def scene(
     aperture: float = APERTURE,
 ) -> Scene:
     """The probe, dented and touched as ``pressed`` says."""
-    check.require_type("probe", probe, Probe)
+    require_type("probe", probe, Probe)
     if pressed is not None and not isinstance(pressed, PressField | PressMap):
         raise InputError(f"pressed must be a PressField, a PressMap or None; got {pressed!r:.80}")
     side, from_axis = face_grid(probe.radius_mm)

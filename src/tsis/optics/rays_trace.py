@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import LARGEST_SEED, require_integer, require_number
 from tsis.optics import inputs, rays_kernel
 from tsis.optics.rays_emission import lamps
 from tsis.optics.rays_scene import APERTURE, scene
@@ -172,15 +172,15 @@ def trace_rays(
     >>> round(sum(getattr(found.tally, name) for name in found.tally.__slots__), 12), found.tally.contact
     (1.0, 0.0)
     """
-    count = check.require_integer("rays", rays, FEWEST_RAYS, MOST_RAYS)
-    size = check.require_integer("bins", bins, 1, MOST_BINS)
+    count = require_integer("rays", rays, FEWEST_RAYS, MOST_RAYS)
+    size = require_integer("bins", bins, 1, MOST_BINS)
     view = scene(
         probe,
         pressed,
-        saturation_kpa=check.require_number("saturation_kpa", saturation_kpa, 1e-6, 1e6, hint="kilopascals"),
+        saturation_kpa=require_number("saturation_kpa", saturation_kpa, 1e-6, 1e6, hint="kilopascals"),
         index_outside=inputs.require_refractive_index("index_outside", index_outside),
-        absorption_per_mm=check.require_number("absorption_per_mm", absorption_per_mm, 0.0, 10.0),
-        aperture=check.require_number("numerical_aperture", numerical_aperture, 0.0, 1.0),
+        absorption_per_mm=require_number("absorption_per_mm", absorption_per_mm, 0.0, 10.0),
+        aperture=require_number("numerical_aperture", numerical_aperture, 0.0, 1.0),
     )
     record = trace_batches(view, probe, rays=count, seed=seed, bins=size, threads=threads, progress=progress)
     return _light(probe, view, record)
@@ -208,8 +208,8 @@ def trace_batches(
     progress: Callable[[int, int], None] | None = None,
 ) -> Batches:
     """Trace batches of rays beside each other; ``slopes`` (k, 2) are those of faces whose light is recorded too."""
-    start = check.require_integer("seed", seed, 0, check.LARGEST_SEED)
-    workers = check.require_integer("threads", os.cpu_count() or 1 if threads is None else threads, 1, 256)
+    start = require_integer("seed", seed, 0, LARGEST_SEED)
+    workers = require_integer("threads", os.cpu_count() or 1 if threads is None else threads, 1, 256)
     tilts = np.asarray(slopes, dtype=float).reshape(-1, 2)
     shining = lamps(probe)
     each = int(np.ceil(rays / (BATCHES * len(shining.share))))

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, SupportsIndex
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import require_array, require_integer
 from tsis.model.errors import InputError
 from tsis.optics import slab_field, slab_phase
 from tsis.optics.slab_layers import SlabLayers
@@ -94,7 +94,7 @@ class GuidedModes:
     def _field(self, mode: SupportsIndex) -> slab_field.SlabField:
         if not len(self):
             raise InputError(f"mode must be one of none: nothing is guided; got {mode!r}")
-        number = check.require_integer("mode", mode, 0, len(self) - 1)
+        number = require_integer("mode", mode, 0, len(self) - 1)
         some = slab_field.mixed(self.anchor, self.offset, self._q(number).max(), number)
         q = np.array([self._q(one) for one in range(some.start, some.stop)])
         return slab_field.field(self.layers, self.n_eff[some], q, number - some.start)
@@ -104,7 +104,7 @@ class GuidedModes:
 
     def _heights(self, x_um: Any) -> NDArray[np.float64]:
         heights = np.asarray(x_um, dtype=float)
-        check.require_array("x_um", heights.ravel(), ndim=1)
+        require_array("x_um", heights.ravel(), ndim=1)
         return heights
 
 

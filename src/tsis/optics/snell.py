@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import require_array
 from tsis.model.errors import InputError
 from tsis.optics import inputs
 
@@ -138,7 +138,7 @@ def fresnel(angle_deg: ArrayLike, *, index_from: float, index_to: float) -> Fres
 def _incidence(angle_deg: Any) -> NDArray[np.float64]:
     """Angles of incidence in radians."""
     angle = np.asarray(angle_deg)
-    flat = check.require_array("angle_deg", angle.ravel(), ndim=1)
+    flat = require_array("angle_deg", angle.ravel(), ndim=1)
     if not (flat.min() >= 0 and flat.max() <= 90):
         wrong = flat[(flat < 0) | (flat > 90)][0]
         raise InputError(f"angle_deg must lie in [0, 90]; got {wrong:g} (degrees from the interface's normal)")

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.instrument import printable_path
 from tsis.instrument.file_bytes import read_object
-from tsis.model import check
+from tsis.model.check import require_integer, require_type
 from tsis.model.durable import DISK, Disk, write_durably
 from tsis.model.errors import RecordsError, TsisError
 from tsis.records.audit import FIRST, AuditChange, AuditHead, has_entry
@@ -48,8 +48,8 @@ def read_anchor(folder: Path) -> tuple[str, AuditHead]:
         document = read_object(path)
         store, number, found = document.get("store"), document.get("number"), document.get("hash")
         for name, value in (("store", store), ("hash", found)):
-            check.require_type(name, value, str)
-        return str(store), AuditHead(number=check.require_integer("number", number, 0, 2**62), hash=str(found))
+            require_type(name, value, str)
+        return str(store), AuditHead(number=require_integer("number", number, 0, 2**62), hash=str(found))
     except TsisError as error:
         raise RecordsError(
             f"the anchor of the audit, {printable_path(path)}, must be there and whole; {error}"

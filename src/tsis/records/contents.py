@@ -8,7 +8,7 @@ from sqlalchemy import func, select
 
 from tsis.calibration.file import parse_calibration
 from tsis.instrument.naming import LARGEST_TARGET
-from tsis.model import check
+from tsis.model.check import require_integer
 from tsis.model.errors import FileInputError, InputError, RecordsError
 from tsis.records import rows, tables
 from tsis.records.dossier import TargetRecord
@@ -60,7 +60,7 @@ class StoreReader:
 
     def target(self, number: int) -> Target:
         """The target that people call by this number; `InputError` when there is none."""
-        check.require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target")
+        require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target")
         with self.database.reading() as connection:
             query = select(tables.targets).where(tables.targets.c.number == int(number))
             row = connection.execute(query).first()

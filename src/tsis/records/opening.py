@@ -16,7 +16,7 @@ from sqlalchemy import insert, select
 
 from tsis.instrument import printable_path
 from tsis.instrument.file_bytes import as_path, one_line
-from tsis.model import check
+from tsis.model.check import require_one_of
 from tsis.model.durable import DISK, PRIVATE_FILE, PRIVATE_FOLDER, Disk, make_folder_durably, remove_unfinished
 from tsis.model.errors import RecordsError, RecordsWarning
 from tsis.records import rows, tables
@@ -39,7 +39,7 @@ def default_folder(kind: str) -> Path:
     UnknownNameError
         When the kind is neither ``"phantom"`` nor ``"subject"``.
     """
-    check.require_one_of("kind of store", kind, KINDS)
+    require_one_of("kind of store", kind, KINDS)
     return Path(os.environ.get("TSIS_RECORDS_DIR") or Path(platformdirs.user_data_dir("tsis")) / "records") / f"{kind}s"
 
 
@@ -78,7 +78,7 @@ def open_store(
     InputError
         When the actor cannot be shown in a line.
     """
-    check.require_one_of("kind of store", kind, KINDS)
+    require_one_of("kind of store", kind, KINDS)
     actor = _user() if actor is None else actor
     require_label("actor", actor)
     place = default_folder(kind) if folder is None else as_path(folder)

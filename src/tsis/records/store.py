@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from tsis.calibration import ProbeCalibration
 from tsis.calibration.file import calibration_bytes, calibration_sha256
-from tsis.model import TactileImage, check
+from tsis.model import TactileImage
+from tsis.model.check import require_type
 from tsis.model.durable import DISK, Disk
 from tsis.model.errors import InputError
 from tsis.records import rows, tables
@@ -154,10 +155,10 @@ class Store(StoreReader):
         RecordsError
             When it cannot be stored; what was stored before is as it was.
         """
-        check.require_type("target", target, Target)
-        check.require_type("image", image, TactileImage)
+        require_type("target", target, Target)
+        require_type("image", image, TactileImage)
         if calibration is not None:
-            check.require_type("calibration", calibration, ProbeCalibration)
+            require_type("calibration", calibration, ProbeCalibration)
         require_moment("taken", taken)
         content = frame_bytes(image)
         shape = image.grey.shape

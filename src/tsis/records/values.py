@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from tsis.instrument.naming import LARGEST_TARGET
-from tsis.model import check
+from tsis.model.check import require_integer, require_number, require_one_of, require_type
 from tsis.model.errors import InputError
 from tsis.model.image import require_image_numbers
 from tsis.model.phantom import INCLUSION_RANGES
@@ -36,7 +36,7 @@ _NOT_SHOWN_BUT_FINE = re.compile(r"[\n\u200c\u200d]")  # ends of lines; what joi
 
 def require_text(name: str, value: object, longest: int) -> None:
     """Refuse what cannot be shown on a page: no text, too long, or with control characters other than line ends."""
-    check.require_type(name, value, str)
+    require_type(name, value, str)
     assert isinstance(value, str)
     if len(value) > longest or not _NOT_SHOWN_BUT_FINE.sub("", value).isprintable():
         raise InputError(f"{name} must be printable text of at most {longest} characters; got {value!r:.80}")
@@ -50,7 +50,7 @@ def require_label(name: str, value: object) -> None:
 
 def require_moment(name: str, value: object) -> None:
     """Refuse a time without its zone, or one of the first or last day that there is."""
-    check.require_type(name, value, datetime)
+    require_type(name, value, datetime)
     assert isinstance(value, datetime)
     if value.tzinfo is None:
         raise InputError(f"{name} must have a time zone; got {value.isoformat()}")
@@ -94,19 +94,17 @@ class Target:
     version: int = 1
 
     def __post_init__(self) -> None:
-        check.require_integer("number", self.number, 1, LARGEST_TARGET, hint="number of the target")
-        check.require_one_of("kind", self.kind, KINDS)
+        require_integer("number", self.number, 1, LARGEST_TARGET, hint="number of the target")
+        require_one_of("kind", self.kind, KINDS)
         require_text("name", self.name, LONGEST_NAME)
         require_text("note", self.note, LONGEST_NOTE)
         require_moment("made", self.made)
-        check.require_type("truth", self.truth, Mapping)
+        require_type("truth", self.truth, Mapping)
         if self.truth and self.kind == "subject":
             raise InputError(f"truth must be empty for a subject, of whom nothing is known; got {dict(self.truth)}")
         for name in self.truth:
             require_label("a name in truth", name)
-        truth = {
-            name: check.require_number(f"truth[{name!r}]", value, *TRUTH_RANGE) for name, value in self.truth.items()
-        }
+        truth = {name: require_number(f"truth[{name!r}]", value, *TRUTH_RANGE) for name, value in self.truth.items()}
         object.__setattr__(self, "truth", MappingProxyType(truth))
 
 
@@ -124,7 +122,7 @@ def entered(target: Target, names: Collection[str] = ("name", "truth")) -> Targe
         raise InputError(f"name must be one line; got {target.name!r:.80} (a note may have several)")
     if "truth" in names:
         for name, value in target.truth.items():
-            check.require_number(f"truth[{name!r}]", value, *INCLUSION_RANGES.get(name, TRUTH_RANGE))
+            require_number(f"truth[{name!r}]", value, *INCLUSION_RANGES.get(name, TRUTH_RANGE))
     return target
 
 
@@ -188,19 +186,19 @@ class StoredPress:
     version: int = 1
 
     def __post_init__(self) -> None:
-        check.require_one_of("role", self.role, ROLES)
+        require_one_of("role", self.role, ROLES)
         require_moment("taken", self.taken)
         if not isinstance(self.frame, str) or not SHA256.fullmatch(self.frame):
             raise InputError(f"frame must be the SHA-256 of a stored file; got {self.frame!r:.80}")
         for name in ("rows", "columns"):
-            check.require_integer(name, getattr(self, name), 1, LARGEST_SIDE_PX, hint="pixels")
+            require_integer(name, getattr(self, name), 1, LARGEST_SIDE_PX, hint="pixels")
         require_image_numbers(
             full_scale=self.full_scale, mm_per_pixel=self.mm_per_pixel, force_n=self.force_n, axis_px=self.axis_px
         )
         for name in ("name", "probe"):
             require_text(name, getattr(self, name), LONGEST_NAME)
         require_text("note", self.note, LONGEST_NOTE)
-        check.require_type("flags", self.flags, tuple)
+        require_type("flags", self.flags, tuple)
         for flag in self.flags:
             require_text("flag", flag, LONGEST_NAME)
         object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
@@ -247,7 +245,7 @@ class StoredEstimate:
     target: str = ""
 
     def __post_init__(self) -> None:
-        check.require_one_of("kind of estimate", self.kind, ESTIMATES)
+        require_one_of("kind of estimate", self.kind, ESTIMATES)
         require_text("probe", self.probe, LONGEST_NAME)
         require_moment("made", self.made)
         for name, part in (("options", "prior"), ("environment", "libraries")):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tsis.model import check
+from tsis.model.check import require_number
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -56,4 +56,4 @@ def parse_force(text: str, *, called: str = "force_n", nothing: str = "none") ->
     except ValueError as error:
         instead = nothing or "nothing"
         raise InputError(f"{called} must be a number of newtons, or {instead}; got {text!r:.40}") from error
-    return check.require_number(called, value, 0.0, LARGEST_FORCE_N)
+    return require_number(called, value, 0.0, LARGEST_FORCE_N)

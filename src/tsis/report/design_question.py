@@ -16,7 +16,8 @@ from tsis.inclusion import (
 )
 from tsis.inclusion.design_alternatives import ASPECTS, CRITERIA
 from tsis.inclusion.design_search import MOST_EVALUATIONS
-from tsis.model import Probe, check
+from tsis.model import Probe
+from tsis.model.check import require_integer, require_one_of, require_type
 from tsis.virtual.probe import nominal_calibration
 
 if TYPE_CHECKING:
@@ -69,12 +70,12 @@ class DesignQuestion:
     evaluations: int | None = None
 
     def __post_init__(self) -> None:
-        check.require_type("probe", self.probe, Probe)
+        require_type("probe", self.probe, Probe)
         for aspect in self.compared:
-            check.require_one_of("aspect", aspect, ASPECTS)
-        check.require_one_of("criterion", self.criterion, CRITERIA)
+            require_one_of("aspect", aspect, ASPECTS)
+        require_one_of("criterion", self.criterion, CRITERIA)
         if self.evaluations is not None:
-            check.require_integer("evaluations", self.evaluations, 1, MOST_EVALUATIONS)
+            require_integer("evaluations", self.evaluations, 1, MOST_EVALUATIONS)
         _ = self.planned
 
     @property

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import LARGEST_SEED, require_integer
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -45,7 +45,7 @@ def coded(targets: Sequence[Target], seed: int) -> dict[str, Target]:
     >>> list(coded(["a", "b", "c"], seed=1)) == list(coded(["x", "y", "z"], seed=1))
     True
     """
-    check.require_integer("seed", seed, 0, check.LARGEST_SEED)
+    require_integer("seed", seed, 0, LARGEST_SEED)
     order = np.random.default_rng([seed, ORDER]).permutation(len(targets))
     return {code: targets[place] for code, place in zip(_codes(len(targets), seed), order.tolist(), strict=True)}
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tsis.instrument.file_bytes import as_path, printable_path, read_bytes
-from tsis.model import check
+from tsis.model.check import require_number
 from tsis.model.errors import InputError, RecordsError
 from tsis.study.chain import Chain, Draft
 from tsis.study.log import LOG_FILE, append_log, read_log
@@ -188,7 +188,7 @@ def before_unblinding(chain: Chain) -> tuple[Entry, ...]:
 
 def _threshold(entry: Entry, device: str) -> float:
     try:
-        return check.require_number("threshold", entry.content.get("threshold"), -1e12, 1e12)
+        return require_number("threshold", entry.content.get("threshold"), -1e12, 1e12)
     except InputError as error:
         raise RecordsError(
             f"{LOG_FILE}, line {entry.number}, must hold the threshold of {device!r:.60}; {error} (tsis study verify tells "

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from tsis.__about__ import __version__
 from tsis.instrument.file_bytes import as_path, one_line, printable_path
-from tsis.model import check, load_probe
+from tsis.model import load_probe
+from tsis.model.check import LARGEST_SEED, require_integer, require_number, require_type
 from tsis.model.errors import InputError, RecordsError
 from tsis.model.whole import atomic_folder
 from tsis.study.chain import Chain, Draft, link_entries
@@ -73,16 +74,12 @@ def new_study(
     """
     place = as_path(folder)
     given = seed
-    seed = (
-        secrets.randbelow(check.LARGEST_SEED)
-        if seed is None
-        else check.require_integer("seed", seed, 0, check.LARGEST_SEED)
-    )
+    seed = secrets.randbelow(LARGEST_SEED) if seed is None else require_integer("seed", seed, 0, LARGEST_SEED)
     listed = tuple(targets(seed) if callable(targets) else targets)
     if not listed:
         raise InputError("targets must be at least one; got none")
     for each in listed:
-        check.require_type("targets", each, TargetTruth)
+        require_type("targets", each, TargetTruth)
     truths = coded(listed, seed)
     sealed = SealedTruth(salt=secrets.token_hex(32), seed=seed, truths=truths).content()
     if forces_n is None:
@@ -94,7 +91,7 @@ def new_study(
         forces_n=tuple(forces_n),
         with_reference=with_reference,
         repeats=repeats,
-        threshold=float(check.require_number("threshold", threshold, -1e12, 1e12)),
+        threshold=float(require_number("threshold", threshold, -1e12, 1e12)),
         codes=tuple(truths),
         commitment=commitment(sealed),
         made=datetime.now(UTC),

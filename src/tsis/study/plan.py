@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.instrument.file_bytes import parse_object
-from tsis.model import check, list_probes
+from tsis.model import list_probes
+from tsis.model.check import LARGEST_SEED, require_integer, require_number, require_one_of, require_type
 from tsis.model.errors import FileInputError, InputError, RecordsError
 from tsis.records.canonical import SHA256
 
@@ -75,19 +76,19 @@ class StudyPlan:
     def __post_init__(self) -> None:
         for name in ("name", "tsis"):
             text = getattr(self, name)
-            check.require_type(name, text, str)
+            require_type(name, text, str)
             if not 0 < len(text) <= LONGEST_NAME or not text.isprintable():
                 raise InputError(f"{name} must be 1 to {LONGEST_NAME} printable letters; got {text!r:.80}")
         if self.seed is not None:
-            check.require_integer("seed", self.seed, 0, check.LARGEST_SEED)
-        check.require_one_of("probe", self.probe, list_probes())
-        forces = tuple(check.require_number("forces_n", force, 1e-4, 20.0, hint="newtons") for force in self.forces_n)
+            require_integer("seed", self.seed, 0, LARGEST_SEED)
+        require_one_of("probe", self.probe, list_probes())
+        forces = tuple(require_number("forces_n", force, 1e-4, 20.0, hint="newtons") for force in self.forces_n)
         if not 0 < len(forces) <= MOST_FORCES or len(set(forces)) < len(forces):
             raise InputError(f"forces_n must be 1 to {MOST_FORCES} different forces; got {list(self.forces_n)!r:.80}")
         object.__setattr__(self, "forces_n", forces)
-        check.require_type("with_reference", self.with_reference, bool)
-        check.require_integer("repeats", self.repeats, 1, MOST_REPEATS)
-        check.require_number("threshold", self.threshold, -LARGEST_THRESHOLD, LARGEST_THRESHOLD)
+        require_type("with_reference", self.with_reference, bool)
+        require_integer("repeats", self.repeats, 1, MOST_REPEATS)
+        require_number("threshold", self.threshold, -LARGEST_THRESHOLD, LARGEST_THRESHOLD)
         object.__setattr__(self, "codes", tuple(self.codes))
         bad = [code for code in self.codes if not isinstance(code, str) or not CODE.fullmatch(code)]
         if bad or not self.codes or len(set(self.codes)) < len(self.codes):
@@ -96,7 +97,7 @@ class StudyPlan:
             )
         if not isinstance(self.commitment, str) or not SHA256.fullmatch(self.commitment):
             raise InputError(f"commitment must be a SHA-256 in hexadecimal digits; got {self.commitment!r:.80}")
-        check.require_type("made", self.made, datetime)
+        require_type("made", self.made, datetime)
 
     @property
     def device(self) -> str:

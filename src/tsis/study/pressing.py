@@ -14,7 +14,8 @@ from tsis.inclusion import InclusionPrior, estimate
 from tsis.inclusion.verdict import UNTRUSTED_FLAGS
 from tsis.instrument.file_bytes import one_line
 from tsis.mechanics import build_full_contact_surrogate
-from tsis.model import check, load_probe
+from tsis.model import load_probe
+from tsis.model.check import LARGEST_SEED, require_integer
 from tsis.model.errors import InputError, MechanicsError, RecordsError
 from tsis.model.estimate import INTERVAL_LEVEL
 from tsis.optics import irradiance
@@ -100,7 +101,7 @@ def press_study(
         When the study is unblinded, its files are not as they were made, or another run is under way.
     """
     operator = require_short_name("operator", operator or user())
-    check.require_integer("seed", seed, 0, check.LARGEST_SEED)
+    require_integer("seed", seed, 0, LARGEST_SEED)
     seal, unchanged = read_seal(study)
     if not unchanged:
         raise RecordsError(

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
-from tsis.model import check
+from tsis.model.check import require_integer, require_number, require_one_of, require_pair
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -69,24 +69,20 @@ class DeviceReading:
     def __post_init__(self) -> None:
         for name in ("code", "device", "operator"):
             require_short_name(name, getattr(self, name))
-        check.require_integer("repeat", self.repeat, 1, MOST_REPEATS)
+        require_integer("repeat", self.repeat, 1, MOST_REPEATS)
         if self.score is not None:
-            score = check.require_number("score", self.score, -LARGEST_SCORE, LARGEST_SCORE)
+            score = require_number("score", self.score, -LARGEST_SCORE, LARGEST_SCORE)
             object.__setattr__(self, "score", score)
         if self.rank is not None:
-            object.__setattr__(self, "rank", check.require_number("rank", self.rank, -LARGEST_SCORE, LARGEST_SCORE))
+            object.__setattr__(self, "rank", require_number("rank", self.rank, -LARGEST_SCORE, LARGEST_SCORE))
         for name in ("values", "sd"):
             held = {
-                check.require_one_of("quantity", each, QUANTITIES): check.require_number(
-                    each, value, 0.0, LARGEST_VALUE
-                )
+                require_one_of("quantity", each, QUANTITIES): require_number(each, value, 0.0, LARGEST_VALUE)
                 for each, value in getattr(self, name).items()
             }
             object.__setattr__(self, name, MappingProxyType(held))
         ends = {
-            check.require_one_of("quantity", each, QUANTITIES): check.require_pair(
-                each, tuple(float(end) for end in pair)
-            )
+            require_one_of("quantity", each, QUANTITIES): require_pair(each, tuple(float(end) for end in pair))
             for each, pair in self.interval_90.items()
         }
         object.__setattr__(self, "interval_90", MappingProxyType(ends))

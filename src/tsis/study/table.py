@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from tsis.__about__ import __version__
 from tsis.instrument.file_bytes import as_path, printable_name, read_bytes
-from tsis.model import check
+from tsis.model.check import require_number
 from tsis.model.errors import FileInputError, InputError
 from tsis.records.export.csv_files import table_bytes
 from tsis.study.csv_rows import LARGEST_BYTES, parse_csv_rows
@@ -102,7 +102,7 @@ def _threshold(study: Study, device: str, threshold: float | None) -> float:
     before = study.threshold_of(device)
     if threshold is None:
         return before
-    check.require_number("threshold", threshold, -1e12, 1e12)
+    require_number("threshold", threshold, -1e12, 1e12)
     if device in study.devices and threshold != before:
         raise InputError(
             f"threshold must stay what it was when the first readings of {device!r:.60} came in, {before:g}; "

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from tsis.inclusion import InclusionPrior
-from tsis.model import Inclusion, Phantom, check, load_phantom
+from tsis.model import Inclusion, Phantom, load_phantom
+from tsis.model.check import require_integer, require_type
 from tsis.study.truth import TargetTruth
 
 MOST_TARGETS = 100_000  # of one kind
@@ -59,7 +60,7 @@ def random_targets(present: int, blank: int, *, rng: np.random.Generator) -> tup
         When a number is negative or too large, or both are 0.
     """
     _check_numbers(present, blank)
-    check.require_type("rng", rng, np.random.Generator)
+    require_type("rng", rng, np.random.Generator)
     prior = InclusionPrior()
     with_one = [
         TargetTruth(label=f"random-{number + 1}", phantom=_drawn_with_inclusion(prior, rng))
@@ -89,8 +90,8 @@ def _drawn_tissue(prior: InclusionPrior, rng: np.random.Generator, *, at_least_m
 
 
 def _check_numbers(present: int, blank: int) -> None:
-    check.require_integer("present", present, 0, MOST_TARGETS)
-    check.require_integer("blank", blank, 0 if present else 1, MOST_TARGETS, hint="a study needs a target")
+    require_integer("present", present, 0, MOST_TARGETS)
+    require_integer("blank", blank, 0 if present else 1, MOST_TARGETS, hint="a study needs a target")
 
 
 def _unnamed(phantom: Phantom) -> Phantom:

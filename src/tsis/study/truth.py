@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from tsis.model import Inclusion, Phantom, check
+from tsis.model import Inclusion, Phantom
+from tsis.model.check import require_type
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -37,8 +38,8 @@ class TargetTruth:
     phantom: Phantom
 
     def __post_init__(self) -> None:
-        check.require_type("label", self.label, str)
-        check.require_type("phantom", self.phantom, Phantom)
+        require_type("label", self.label, str)
+        require_type("phantom", self.phantom, Phantom)
         if not 0 < len(self.label) <= LONGEST_LABEL or not self.label.isprintable():
             raise InputError(f"label must be 1 to {LONGEST_LABEL} printable letters; got {self.label!r:.80}")
         lump = self.phantom.inclusion

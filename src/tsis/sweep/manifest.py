@@ -39,14 +39,14 @@ def head(plan: Plan) -> dict[str, Any]:
         "version": VERSION,
         "tsis": __version__,
         "libraries": {name: metadata.version(name) for name in LIBRARIES},
-        "plan_sha256": _hash(document),
+        "plan_sha256": manifest_sha256(document),
         "plan": document,
     }
 
 
 def data_set_key(start: Mapping[str, Any]) -> str:
     """The key that every file of the data set carries."""
-    return _hash(start)
+    return manifest_sha256(start)
 
 
 def write_manifest(folder: Path, start: Mapping[str, Any], receipts: Iterable[Receipt] | None) -> None:
@@ -80,7 +80,7 @@ def read_manifest(folder: Path) -> dict[str, Any]:
         whole = all(NAME.fullmatch(name) and name == shard_name(shard) for name, shard, _ in entries)
         plan_from_document(document["plan"])
         whole = whole and document.get("data_set") == data_set_key({key: document[key] for key in START})
-        whole = whole and document["plan_sha256"] == _hash(document["plan"])
+        whole = whole and document["plan_sha256"] == manifest_sha256(document["plan"])
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError, InputError) as error:
         raise FileInputError(
             f"{printable_path(path)} must be the manifest of a sweep; got: {one_line(error)}"
@@ -97,5 +97,5 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 START = ("format", "version", "tsis", "libraries", "plan_sha256", "plan")
 
 
-def _hash(document: Mapping[str, Any]) -> str:
+def manifest_sha256(document: Mapping[str, Any]) -> str:
     return hashlib.sha256(json.dumps(document, sort_keys=True, allow_nan=False).encode()).hexdigest()

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.model import Inclusion, Phantom, Probe, check
+from tsis.model import Inclusion, Phantom, Probe
+from tsis.model.check import LARGEST_SEED, require_number, require_one_of, require_type
 from tsis.model.errors import InputError
 from tsis.sweep.quantity import Quantity, Range, extremes
 
@@ -90,7 +91,7 @@ class Plan:
     _samples: int = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        check.require_type("probe", self.probe, Probe)
+        require_type("probe", self.probe, Probe)
         for name, value, choices in (
             ("sample", self.sample, SAMPLINGS),
             ("strain", self.strain, MODELS),
@@ -169,7 +170,7 @@ class Plan:
             )
         if self.count is None or self.seed is None:
             raise InputError(f"count and seed must be given when sample is {self.sample!r}")
-        _whole("seed", self.seed, 0, check.LARGEST_SEED)
+        _whole("seed", self.seed, 0, LARGEST_SEED)
         largest = LARGEST_LATIN if self.sample == "latin-hypercube" else LARGEST_PRESSES
         return _whole("count", self.count, 1, largest)
 
@@ -225,9 +226,7 @@ class Plan:
 
 
 def _checked_quantities(quantities: Mapping[str, Quantity]) -> dict[str, Quantity]:
-    given = {
-        check.require_one_of("quantity", name, QUANTITIES): _checked(name, value) for name, value in quantities.items()
-    }
+    given = {require_one_of("quantity", name, QUANTITIES): _checked(name, value) for name, value in quantities.items()}
     missing = [name for name in ("tissue_young_kpa", "thickness_mm") if name not in given]
     of_inclusion = [name for name in INCLUSION if name in given]
     if of_inclusion:
@@ -245,17 +244,17 @@ def _checked_quantities(quantities: Mapping[str, Quantity]) -> dict[str, Quantit
 def _checked(name: str, value: Any) -> Quantity:
     if isinstance(value, Range):
         for end in (value.low, value.high):
-            check.require_number(name, end, 0.0, 1e6)
+            require_number(name, end, 0.0, 1e6)
         return value
     if isinstance(value, tuple):
         return _numbers(name, value, 0.0, 1e6, LARGEST_PRESSES)
-    return check.require_number(name, value, 0.0, 1e6)
+    return require_number(name, value, 0.0, 1e6)
 
 
 def _checked_columns(columns: Any, *, has_inclusion: bool) -> tuple[str, ...]:
     if not isinstance(columns, (tuple, list)) or not columns:
         raise InputError(f"columns must be a list of names ({', '.join(COLUMNS)}); got {columns!r:.80}")
-    chosen = {check.require_one_of("column", name, COLUMNS) for name in columns}
+    chosen = {require_one_of("column", name, COLUMNS) for name in columns}
     if "change_by_inclusion_mm" in chosen and not has_inclusion:
         raise InputError("change_by_inclusion_mm must be left out of columns for plain tissue, where nothing changes")
     return tuple(name for name in COLUMNS if name in chosen)
@@ -265,7 +264,7 @@ def _numbers(name: str, values: Any, low: float, high: float, most: int) -> tupl
     if not isinstance(values, (tuple, list)) or not 0 < len(values) <= most:
         got = f"{len(values)}" if isinstance(values, (tuple, list)) else f"{values!r:.80}"
         raise InputError(f"{name} must be a list of 1 to {most} numbers; got {got}")
-    numbers = tuple(check.require_number(name, value, low, high) for value in values)
+    numbers = tuple(require_number(name, value, low, high) for value in values)
     if len(set(numbers)) < len(numbers):
         raise InputError(f"{name} must not repeat a value; got {list(values)!r:.80}")
     return numbers

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from tsis.instrument.file_bytes import one_line, read_parsed
-from tsis.model import Layer, Probe, check, load_probe
+from tsis.model import Layer, Probe, load_probe
+from tsis.model.check import require_number, require_one_of
 from tsis.model.errors import InputError
 from tsis.sweep.plan import Plan
 from tsis.sweep.quantity import Quantity, Range
@@ -94,12 +95,12 @@ def plan_from_document(document: Mapping[str, Any]) -> Plan:
         When it holds an unknown key, or a value that a plan cannot take.
     """
     for key in document:
-        check.require_one_of("key of a plan", key, KEYS)
+        require_one_of("key of a plan", key, KEYS)
     if "probe" not in document:
         raise InputError('a plan must name its probe; got none (probe = "tsis-2011", say)')
     outputs = _table("outputs", document.get("outputs", {}))
     for key in outputs:
-        check.require_one_of("key of [outputs]", key, OUTPUTS)
+        require_one_of("key of [outputs]", key, OUTPUTS)
     given = {key: _tuple(document[key]) for key in document if key in _PLAIN}
     given |= {key: _tuple(value) for key, value in outputs.items()}
     return Plan(probe=_probe(document["probe"]), quantities=_quantities(document), **given)
@@ -182,10 +183,10 @@ def _quantities(document: Mapping[str, Any]) -> dict[str, Quantity]:
 
 def _ranged(name: str, value: Any, *, logarithmic: bool) -> Quantity:
     if not isinstance(value, list):
-        return check.require_number(name, value, 0.0, 1e6)
+        return require_number(name, value, 0.0, 1e6)
     if len(value) != 2:
         raise InputError(f"{name} must be a number or [low, high]; got {value!r:.80} (lists of values go under [grid])")
-    low, high = (check.require_number(name, end, 0.0, 1e6) for end in value)
+    low, high = (require_number(name, end, 0.0, 1e6) for end in value)
     try:
         return Range(low=low, high=high, logarithmic=logarithmic)
     except InputError as error:
@@ -197,7 +198,7 @@ def _probe(value: Any) -> Probe:
         return load_probe(value).unlit()  # of which the document of a plan holds no light
     table = _table("probe", value)
     for key in table:
-        check.require_one_of("key of [probe]", key, _PROBE_KEYS)
+        require_one_of("key of [probe]", key, _PROBE_KEYS)
     layers = table.get("layers")
     if "radius_mm" not in table or not isinstance(layers, list):
         raise InputError(f"[probe] must give radius_mm and a list of layers; got {', '.join(table) or 'nothing'}")
@@ -208,7 +209,7 @@ def _layer(value: Any) -> Layer:
     table = _table("layers", value)
     known = [item.name for item in fields(Layer)]
     for key in table:
-        check.require_one_of("key of a layer", key, known)
+        require_one_of("key of a layer", key, known)
     if not {"thickness_mm", "young_kpa"} <= set(table):
         raise InputError(f"a layer must give thickness_mm and young_kpa; got {', '.join(table) or 'nothing'}")
     return Layer(**table)

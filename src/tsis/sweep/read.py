@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.instrument import printable_path, read_bytes
-from tsis.model import check
+from tsis.model.check import require_one_of
 from tsis.model.errors import FileInputError
 from tsis.sweep.manifest import MANIFEST_FILE, read_manifest
 from tsis.sweep.plan import PROFILES
 from tsis.sweep.plan_file import plan_document, plan_from_document
-from tsis.sweep.shards import LARGEST_BYTES, decode_shard, sha256
+from tsis.sweep.shards import LARGEST_SHARD_BYTES, decode_shard, sha256
 
 if TYPE_CHECKING:
     import os
@@ -75,14 +75,14 @@ def read_data_set(folder: str | os.PathLike[str], columns: Sequence[str] | None 
     outputs = plan_document(plan_from_document(manifest["plan"]))["outputs"]
     parts: dict[str, list[NDArray[Any]]] = {}
     for entry in manifest["shards"]:
-        content = read_bytes(place / entry["file"], most=LARGEST_BYTES)
+        content = read_bytes(place / entry["file"], most=LARGEST_SHARD_BYTES)
         if sha256(content) != entry["sha256"]:
             raise FileInputError(
                 f"{printable_path(place / entry['file'])} must be as it was written; its SHA-256 differs"
             )
         table = decode_shard(content)
         for name in table.column_names if columns is None else columns:
-            check.require_one_of("column", name, table.column_names)
+            require_one_of("column", name, table.column_names)
             try:
                 parts.setdefault(name, []).append(_array(table.column(name), name))
             except (ValueError, AttributeError, TypeError, NotImplementedError) as error:
@@ -118,7 +118,7 @@ def _complete(folder: str | os.PathLike[str]) -> tuple[Path, dict[str, Any]]:
 
 def _fault(place: Path, entry: dict[str, Any]) -> str:
     try:
-        content = read_bytes(place / entry["file"], most=LARGEST_BYTES)
+        content = read_bytes(place / entry["file"], most=LARGEST_SHARD_BYTES)
     except FileInputError as error:
         return "missing" if not (place / entry["file"]).exists() else str(error)
     return "" if sha256(content) == entry["sha256"] else "damaged"

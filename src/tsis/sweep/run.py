@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tsis.mechanics import press as press_by_elements
-from tsis.model import Phantom, check
+from tsis.model import Phantom
+from tsis.model.check import require_number
 from tsis.model.durable import remove_unfinished
 from tsis.model.errors import MechanicsError, SweepError
 from tsis.sweep.dask_crew import DaskPool
@@ -144,7 +145,7 @@ def worker_count(workers: int | None) -> int:
     """
     if workers is None:
         return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return int(check.require_number("workers", workers, 1, MOST_WORKERS))
+    return int(require_number("workers", workers, 1, MOST_WORKERS))
 
 
 def require_working_model(plan: Plan, press: PressFunction = press_by_elements) -> None:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 NAME = re.compile(r"part-\d{6}\.parquet")
 DATA_SET, SHARD, REFUSED, DIGEST = "tsis.data_set", "tsis.shard", "tsis.refused", "tsis.sha256"
-LARGEST_BYTES = 96 * 2**20  # a file of the most presses and profiles takes 60 million bytes
+LARGEST_SHARD_BYTES = 96 * 2**20  # a file of the most presses and profiles takes 60 million bytes
 _ZEROS = b"0" * 64
 # In a Parquet footer an entry is its key, the byte 0x18 (a text follows), the text's length and the text.
 _BEFORE_DIGEST = DIGEST.encode() + b"\x18" + bytes([len(_ZEROS)])
@@ -107,7 +107,7 @@ def receipt_of(content: bytes, *, shard: int, data_set: str) -> Receipt | None:
 
 def data_set_of(path: Path) -> str | None:
     """The data set that a whole file belongs to; None when it is damaged or no file of a sweep."""
-    content = read_bytes(path, most=LARGEST_BYTES)
+    content = read_bytes(path, most=LARGEST_SHARD_BYTES)
     if not is_whole(content):
         return None
     try:
@@ -137,11 +137,13 @@ def decode_shard(content: bytes) -> Any:
     try:
         footer = _footer(content)
         unpacked = sum(abs(footer.row_group(group).total_byte_size) for group in range(footer.num_row_groups))
-        table = parquet.read_table(pa.BufferReader(content), use_threads=False) if unpacked <= LARGEST_BYTES else None
+        table = (
+            parquet.read_table(pa.BufferReader(content), use_threads=False) if unpacked <= LARGEST_SHARD_BYTES else None
+        )
     except Exception as error:  # hostile bytes make Arrow raise nearly anything
         raise FileInputError(f"a file of a sweep must be a whole Parquet file; got: {one_line(error)}") from error
     if table is None:
-        raise FileInputError(f"a file of a sweep must unpack to at most {LARGEST_BYTES} bytes; got {unpacked}")
+        raise FileInputError(f"a file of a sweep must unpack to at most {LARGEST_SHARD_BYTES} bytes; got {unpacked}")
     return table
 
 

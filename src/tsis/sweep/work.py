@@ -12,7 +12,7 @@ from tsis.model.durable import write_durably
 from tsis.model.errors import SweepError
 from tsis.sweep.manifest import MANIFEST_FILE
 from tsis.sweep.presses import press_all
-from tsis.sweep.shards import LARGEST_BYTES, Receipt, encode_shard, receipt_of, shard_name
+from tsis.sweep.shards import LARGEST_SHARD_BYTES, Receipt, encode_shard, receipt_of, shard_name
 
 if TYPE_CHECKING:
     from tsis.sweep.plan import Plan
@@ -108,4 +108,4 @@ def _present(path: Path) -> bytes | None:
         status = path.stat()
     except FileNotFoundError:
         return None
-    return path.read_bytes() if stat.S_ISREG(status.st_mode) and status.st_size <= LARGEST_BYTES else b""
+    return path.read_bytes() if stat.S_ISREG(status.st_mode) and status.st_size <= LARGEST_SHARD_BYTES else b""

@@ -11,7 +11,8 @@ import numpy as np
 
 from tsis.imaging.sensor import expose
 from tsis.instrument import Frame, Mode, Setting
-from tsis.model import Phantom, SoftSphere, check
+from tsis.model import Phantom, SoftSphere
+from tsis.model.check import require_number, require_one_of
 from tsis.model.errors import CameraError, InputError
 
 if TYPE_CHECKING:
@@ -100,7 +101,7 @@ class VirtualCamera:
         light: NDArray[np.float64] | None = None,
     ) -> None:
         self._probe, self._rng = probe, rng
-        rate = check.require_number("frames_per_s", frames_per_s, 0.1, 1000.0)
+        rate = require_number("frames_per_s", frames_per_s, 0.1, 1000.0)
         self._paced, self._clock = paced, clock
         self._settings = {
             one.name: one
@@ -159,7 +160,7 @@ class VirtualCamera:
         MechanicsError
             When the tissue cannot be pressed so hard; the press is as it was.
         """
-        check.require_one_of("setting", name, (FORCE, *self._settings))
+        require_one_of("setting", name, (FORCE, *self._settings))
         if name != FORCE:
             setting = self._settings[name]
             self._settings[name] = replace(setting, value=setting.checked(value))

@@ -14,7 +14,8 @@ from tsis.hardness.seen_sphere import press_fields, require_small_sphere
 from tsis.imaging.render import render
 from tsis.imaging.sensor import Sensor, expose
 from tsis.mechanics import SphereResolution
-from tsis.model import Calibration, LightMap, Probe, SoftSphere, TactileImage, check
+from tsis.model import Calibration, LightMap, Probe, SoftSphere, TactileImage
+from tsis.model.check import require_array, require_number, require_type
 from tsis.virtual.probe import LARGEST_FORCE_N, VirtualProbe
 
 if TYPE_CHECKING:
@@ -93,19 +94,19 @@ class DirectContactRig:
         resolution: SphereResolution = DIRECT_CONTACT_RESOLUTION,
         solve: Callable[..., Sequence[PressField]] = press_fields,
     ) -> None:
-        check.require_type("probe", probe, Probe)
+        require_type("probe", probe, Probe)
         self._light = LightMap.uniform() if light is None else light
-        check.require_type("light", self._light, LightMap)
-        check.require_type("resolution", resolution, SphereResolution)
+        require_type("light", self._light, LightMap)
+        require_type("resolution", resolution, SphereResolution)
         sensor = Sensor() if sensor is None else sensor
         if calibration is None:
             calibration = direct_contact_calibration(sensor, probe=probe, light=light)
         # The errors of a rig are those of a virtual probe, which draws and checks them.
         self._bench = VirtualProbe(probe, rng=rng, sensor=sensor, light=self._light, calibration=calibration)
         self.probe, self.sensor, self.calibration = probe, sensor, calibration
-        self._radius_sd_mm = check.require_number("radius_sd_mm", radius_sd_mm, 0.0, 5.0, hint="millimetres")
-        self._drift_sd = check.require_number("drift_sd", drift_sd, 0.0, 1.0, hint="a share of one")
-        self._offset_sd_mm = check.require_number("offset_sd_mm", offset_sd_mm, 0.0, 5.0, hint="millimetres")
+        self._radius_sd_mm = require_number("radius_sd_mm", radius_sd_mm, 0.0, 5.0, hint="millimetres")
+        self._drift_sd = require_number("drift_sd", drift_sd, 0.0, 1.0, hint="a share of one")
+        self._offset_sd_mm = require_number("offset_sd_mm", offset_sd_mm, 0.0, 5.0, hint="millimetres")
         self._rng, self._resolution, self._solve = rng, resolution, solve
         self._written = dict[SoftSphere, float]()
 
@@ -118,7 +119,7 @@ class DirectContactRig:
         """The same rig with another solution of its presses, for objects whose radius is known so closely."""
         other = copy(self)
         other._solve = solve
-        other._radius_sd_mm = check.require_number("radius_sd_mm", radius_sd_mm, 0.0, 5.0, hint="millimetres")
+        other._radius_sd_mm = require_number("radius_sd_mm", radius_sd_mm, 0.0, 5.0, hint="millimetres")
         return other
 
     def press(self, sphere: SoftSphere, *, force_n: float) -> TactileImage:
@@ -146,11 +147,11 @@ class DirectContactRig:
 
     def _commanded(self, sphere: SoftSphere, forces_n: Sequence[float]) -> list[PressField]:
         """Presses that miss their commanded forces a little."""
-        check.require_type("sphere", sphere, SoftSphere)
+        require_type("sphere", sphere, SoftSphere)
         require_small_sphere(self.probe, sphere.radius_mm)
-        commanded = check.require_array("forces_n", forces_n, ndim=1)
+        commanded = require_array("forces_n", forces_n, ndim=1)
         for force in commanded:
-            check.require_number("forces_n", force, 1e-3, LARGEST_FORCE_N, hint="newtons")
+            require_number("forces_n", force, 1e-3, LARGEST_FORCE_N, hint="newtons")
         missed = 1 + self.calibration.force_sd * self._rng.standard_normal(len(commanded))
         return self._fields(sphere, commanded * np.maximum(missed, 0.1))
 
@@ -228,11 +229,11 @@ def direct_contact_calibration(
     InputError
         When an argument is of the wrong kind or outside its range.
     """
-    check.require_type("sensor", sensor, Sensor)
-    check.require_type("probe", probe, Probe)
+    require_type("sensor", sensor, Sensor)
+    require_type("probe", probe, Probe)
     if peak_kpa is None:
         peak_kpa = float(np.clip(0.6 * probe.layers[0].young_kpa, 50.0, 220.0))
-    check.require_number("peak_kpa", peak_kpa, 0.1, 1e5, hint="kilopascals")
+    require_number("peak_kpa", peak_kpa, 0.1, 1e5, hint="kilopascals")
     brightest = 1.0 if light is None else float(light.relative.max())
     return Calibration(
         name="virtual rig of direct contact, nominal",

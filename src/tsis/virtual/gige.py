@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.instrument.sources.aravis.library import load
-from tsis.model import check
+from tsis.model.check import require_number, require_type
 from tsis.model.errors import CameraError, InputError
 from tsis.virtual.camera import USUAL_MS, VirtualCamera
 
@@ -74,13 +74,13 @@ class GigEServer:
         frames_per_s: float = 30.0,
         library: Callable[[], Aravis] = load,
     ) -> None:
-        check.require_type("camera", camera, VirtualCamera)
-        check.require_type("interface", interface, str)
-        check.require_type("serial", serial, str)
+        require_type("camera", camera, VirtualCamera)
+        require_type("interface", interface, str)
+        require_type("serial", serial, str)
         if not SERIAL.fullmatch(serial):
             raise InputError(f"serial must be 1 to 15 letters, digits, dots, hyphens or underscores; got {serial!r}")
         self._camera, self._interface, self._serial = camera, interface, serial
-        self._period_us = round(1e6 / check.require_number("frames_per_s", frames_per_s, 0.1, 1000.0))
+        self._period_us = round(1e6 / require_number("frames_per_s", frames_per_s, 0.1, 1000.0))
         self._library = library
         self._handle: int | None = None
         self._frames: Iterator[Frame] = iter(())

@@ -9,7 +9,7 @@ import numpy as np
 from tsis.calibration.lamps.patch import ReferencePatch
 from tsis.imaging.led_drift import LedDrift
 from tsis.imaging.sensor import Sensor, expose
-from tsis.model import check
+from tsis.model.check import require_number, require_type
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -60,13 +60,13 @@ class LoadingCamera:
         warm_s: float = 1800.0,
         frame_s: float = 10.0,
     ) -> None:
-        check.require_type("sensor", sensor, Sensor)
-        check.require_type("rng", rng, np.random.Generator)
+        require_type("sensor", sensor, Sensor)
+        require_type("rng", rng, np.random.Generator)
         self.sensor, self.patch = sensor, PATCH if patch else None
         self._rng = rng
         start, step = (
-            check.require_number("warm_s", warm_s, 0.0, 1e6),
-            check.require_number("frame_s", frame_s, 1e-3, 1e4),
+            require_number("warm_s", warm_s, 0.0, 1e6),
+            require_number("frame_s", frame_s, 1e-3, 1e4),
         )
         self._lamps = (drift or LedDrift()).factors(start + step * np.arange(LONGEST), rng)
         self._taken = 0

@@ -11,7 +11,8 @@ from tsis.calibration.force.line import LARGEST_GAUGE_N
 from tsis.imaging.contact_light import rough_contact
 from tsis.imaging.sensor import Sensor
 from tsis.mechanics.closed_form import HertzContact, effective_modulus_kpa, hertz_under_force
-from tsis.model import Calibration, Probe, TactileImage, check
+from tsis.model import Calibration, Probe, TactileImage
+from tsis.model.check import require_number, require_type
 from tsis.model.errors import InputError
 from tsis.model.press import MN_PER_N
 from tsis.virtual.direct_contact import direct_contact_calibration
@@ -87,12 +88,12 @@ class VirtualLoadingMachine:
         warm_s: float = 1800.0,
         frame_s: float = 10.0,
     ) -> None:
-        check.require_type("probe", probe, Probe)
-        check.require_type("rng", rng, np.random.Generator)
+        require_type("probe", probe, Probe)
+        require_type("rng", rng, np.random.Generator)
         self.probe, self.sensor, self.errors = probe, sensor or Sensor(), errors or MachineErrors()
-        check.require_type("sensor", self.sensor, Sensor)
-        check.require_type("errors", self.errors, MachineErrors)
-        self._rng, self._blur_mm = rng, check.require_number("blur_mm", blur_mm, 0.0, 2.0, hint="millimetres")
+        require_type("sensor", self.sensor, Sensor)
+        require_type("errors", self.errors, MachineErrors)
+        self._rng, self._blur_mm = rng, require_number("blur_mm", blur_mm, 0.0, 2.0, hint="millimetres")
         self.camera = LoadingCamera(self.sensor, rng=rng, drift=drift, patch=patch, warm_s=warm_s, frame_s=frame_s)
         self._tips: dict[float, tuple[float, NDArray[np.float64]]] = {}
         self._largest_n = 0.0
@@ -126,12 +127,12 @@ class VirtualLoadingMachine:
 
     def flat(self, level: float = 0.4) -> TactileImage:
         """A frame of even contact with the whole face that fills a share of the scale, in [0.02, 0.9]."""
-        check.require_number("level", level, 0.02, 0.9, hint="a share of the scale")
+        require_number("level", level, 0.02, 0.9, hint="a share of the scale")
         return self._lit(level * self.camera.range_grey * self.truth.relative_light, f"flat {level:g}")
 
     def edge(self, angle_deg: float = 5.0) -> TactileImage:
         """A frame of a block pressed evenly on one half of the face, its straight edge tilted to the columns."""
-        check.require_number("angle_deg", angle_deg, -45.0, 45.0, hint="degrees")
+        require_number("angle_deg", angle_deg, -45.0, 45.0, hint="degrees")
         x, y = self.sensor.axes_mm()
         across = x[None, :] * np.cos(np.radians(angle_deg)) + y[:, None] * np.sin(np.radians(angle_deg))
         # Covered shares of pixels, as the edge runs through them.
@@ -157,8 +158,8 @@ class VirtualLoadingMachine:
         InputError
             When a value lies outside its range, or the contact would leave the frame.
         """
-        tip = check.require_number("tip_radius_mm", tip_radius_mm, 0.5, 100.0, hint="millimetres")
-        force = check.require_number("force_n", force_n, 0.0, LARGEST_GAUGE_N, hint="newtons")
+        tip = require_number("tip_radius_mm", tip_radius_mm, 0.5, 100.0, hint="millimetres")
+        force = require_number("force_n", force_n, 0.0, LARGEST_GAUGE_N, hint="newtons")
         force *= max(0.0, 1 + self.errors.force_sd * self._rng.standard_normal())
         if force == 0:
             return self.no_contact(), self._shown(0.0)

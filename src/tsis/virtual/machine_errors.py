@@ -7,7 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.model import Calibration, check
+from tsis.model import Calibration
+from tsis.model.check import require_number
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -64,7 +65,7 @@ class MachineErrors:
 
     def __post_init__(self) -> None:
         for one in fields(self):
-            check.require_number(one.name, getattr(self, one.name), 0.0, 100.0)
+            require_number(one.name, getattr(self, one.name), 0.0, 100.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

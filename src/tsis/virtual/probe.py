@@ -11,7 +11,8 @@ from tsis.imaging.contact_light import as_contact_model
 from tsis.imaging.render import render
 from tsis.imaging.sensor import Sensor, expose
 from tsis.mechanics import FiniteResolution, Resolution, press, press_solid
-from tsis.model import Calibration, LightMap, Probe, TactileImage, check
+from tsis.model import Calibration, LightMap, Probe, TactileImage
+from tsis.model.check import require_number, require_one_of, require_type
 from tsis.model.errors import InputError
 from tsis.optics import Irradiance, irradiance
 
@@ -92,21 +93,21 @@ class VirtualProbe:
         strain: str = "small",
         resolution: Resolution | FiniteResolution | None = None,
     ) -> None:
-        check.require_type("probe", probe, Probe)
-        check.require_type("rng", rng, np.random.Generator)
+        require_type("probe", probe, Probe)
+        require_type("rng", rng, np.random.Generator)
         self.probe = probe
         self.sensor = Sensor() if sensor is None else sensor
-        check.require_type("sensor", self.sensor, Sensor)
+        require_type("sensor", self.sensor, Sensor)
         self._light = irradiance(probe) if light is None else _checked_light(light, probe)
         if calibration is None:
             calibration = replace(nominal_calibration(self.sensor, self._light), probe=probe.name)
         self.calibration = calibration
-        check.require_type("calibration", self.calibration, Calibration)
+        require_type("calibration", self.calibration, Calibration)
         self._contact_model = as_contact_model(contact_model)
         self._rng = rng
-        self._strain = check.require_one_of("strain", strain, RESOLUTIONS)
+        self._strain = require_one_of("strain", strain, RESOLUTIONS)
         self._resolution = RESOLUTIONS[strain] if resolution is None else resolution
-        check.require_type("resolution", self._resolution, type(RESOLUTIONS[strain]))
+        require_type("resolution", self._resolution, type(RESOLUTIONS[strain]))
         self._gain = 1 + self.calibration.gain_sd * rng.standard_normal()
         self._emphasis = self.calibration.shading_sd * rng.standard_normal()
         self._pattern = self._ring_pattern(self.calibration.pattern_sd)
@@ -126,13 +127,13 @@ class VirtualProbe:
             When an inclusion lies off the axis, is no body of revolution or is one of several, and NGSolve, which
             presses those, is not installed.
         """
-        check.require_number("force_n", force_n, 1e-4, LARGEST_FORCE_N, hint="newtons")
+        require_number("force_n", force_n, 1e-4, LARGEST_FORCE_N, hint="newtons")
         light = self.light(phantom, force_n=force_n)
         return self._image(light, force_n=force_n, name=phantom.name or "phantom")
 
     def light(self, phantom: Phantom, *, force_n: float) -> NDArray[np.float64]:
         """Expected grey levels above the background of one press that misses ``force_n`` a little; 0 is no contact."""
-        check.require_number("force_n", force_n, 0.0, LARGEST_FORCE_N, hint="newtons")
+        require_number("force_n", force_n, 0.0, LARGEST_FORCE_N, hint="newtons")
         force = force_n * max(0.0, 1 + self.calibration.force_sd * self._rng.standard_normal())
         seen = self._seen(phantom, force)
         seen *= self._gain * self._pattern * self._ring_pattern(self.calibration.repeatability_sd)

@@ -12,7 +12,8 @@ import cv2
 import numpy as np
 
 from tsis.imaging.sensor import Sensor, expose
-from tsis.model import TactileImage, check
+from tsis.model import TactileImage
+from tsis.model.check import require_integer, require_number, require_type
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -35,7 +36,7 @@ def untouched_frame(sensor: Sensor, *, rng: np.random.Generator) -> TactileImage
     rng
         Source of the noise.
     """
-    check.require_type("sensor", sensor, Sensor)
+    require_type("sensor", sensor, Sensor)
     return _exposed(np.ones((sensor.rows, sensor.columns)), sensor, rng, 0.0, "untouched probe")
 
 
@@ -98,14 +99,14 @@ def dot_board_frame(
     >>> frame.grey.shape, frame.mm_per_pixel
     ((492, 768), None)
     """
-    check.require_type("sensor", sensor, Sensor)
-    check.require_number("pitch_mm", pitch_mm, 0.05, 50.0, hint="millimetres")
-    check.require_number("dot_diameter_mm", dot_diameter_mm, 0.01, 50.0, hint="millimetres")
-    check.require_number("scatter_mm", scatter_mm, 0.0, 1.0, hint="millimetres")
-    check.require_number("missing", missing, 0.0, 1.0, hint="a share of one")
-    check.require_number("contrast", contrast, 0.0, 0.45, hint="a share of one")
+    require_type("sensor", sensor, Sensor)
+    require_number("pitch_mm", pitch_mm, 0.05, 50.0, hint="millimetres")
+    require_number("dot_diameter_mm", dot_diameter_mm, 0.01, 50.0, hint="millimetres")
+    require_number("scatter_mm", scatter_mm, 0.0, 1.0, hint="millimetres")
+    require_number("missing", missing, 0.0, 1.0, hint="a share of one")
+    require_number("contrast", contrast, 0.0, 0.45, hint="a share of one")
     x, y = _face_mm(sensor, distortion)
-    turn = np.exp(-1j * np.radians(check.require_number("angle_deg", angle_deg, -360.0, 360.0, hint="degrees")))
+    turn = np.exp(-1j * np.radians(require_number("angle_deg", angle_deg, -360.0, 360.0, hint="degrees")))
     place = ((x - offset_mm[0]) + 1j * (y - offset_mm[1])) * turn / pitch_mm
     column, row = np.rint(place.real).astype(int), np.rint(place.imag).astype(int)
     first = column.min(), row.min()
@@ -115,7 +116,7 @@ def dot_board_frame(
     cell = column - first[0], row - first[1]
     distance = pitch_mm * np.abs(place - (column + 1j * row) - wrong[cell])
     mark = there[cell] * _soft_disc(distance, dot_diameter_mm)
-    for _ in range(check.require_integer("strays", strays, 0, 1000)):
+    for _ in range(require_integer("strays", strays, 0, 1000)):
         speck = rng.uniform(x.min(), x.max()), rng.uniform(y.min(), y.max())
         mark = np.maximum(mark, _soft_disc(np.hypot(x - speck[0], y - speck[1]), dot_diameter_mm))
     change = contrast * _pixels(mark, sensor)
@@ -161,10 +162,10 @@ def ball_frame(
     >>> bool(deep.grey[246, 384] < 0.9 * shallow.grey[246, 384])
     True
     """
-    check.require_type("sensor", sensor, Sensor)
-    radius = check.require_number("ball_radius_mm", ball_radius_mm, 0.1, 100.0, hint="millimetres")
-    depth = check.require_number("depth_mm", depth_mm, 1e-3, radius, hint="millimetres")
-    check.require_number("conforming", conforming, 0.1, 0.99, hint="a share of one")
+    require_type("sensor", sensor, Sensor)
+    radius = require_number("ball_radius_mm", ball_radius_mm, 0.1, 100.0, hint="millimetres")
+    depth = require_number("depth_mm", depth_mm, 1e-3, radius, hint="millimetres")
+    require_number("conforming", conforming, 0.1, 0.99, hint="a share of one")
     x, y = _face_mm(sensor, distortion)
     distance = np.hypot(x - offset_mm[0], y - offset_mm[1])
     edge = conforming * np.sqrt(2 * radius * depth - depth**2)
@@ -178,7 +179,7 @@ def ball_frame(
 
 def _face_mm(sensor: Sensor, distortion: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Where on the face the parts of the pixels look, (x, y) from the frame's middle, mm, shape (rows * PARTS, ...)."""
-    check.require_number("distortion", distortion, -0.3, 0.3, hint="a share of one")
+    require_number("distortion", distortion, -0.3, 0.3, hint="a share of one")
     parts = (np.arange(PARTS) + 0.5) / PARTS - 0.5
     x, y = (
         np.add.outer(axis, parts * size).ravel()
@@ -202,7 +203,7 @@ def _exposed(
     share: NDArray[np.float64], sensor: Sensor, rng: np.random.Generator, blur_px: float, name: str
 ) -> TactileImage:
     """The frame of a share of the probe's uneven light."""
-    check.require_number("blur_px", blur_px, 0.0, 50.0, hint="pixels")
+    require_number("blur_px", blur_px, 0.0, 50.0, hint="pixels")
     if blur_px > 0.0:
         share = np.asarray(cv2.GaussianBlur(share, (0, 0), blur_px, borderType=cv2.BORDER_REPLICATE))
     across, down = (np.linspace(-1.0, 1.0, sides) for sides in (sensor.columns, sensor.rows))

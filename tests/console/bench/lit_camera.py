@@ -10,7 +10,7 @@ import numpy as np
 from tests.waiting import HANGS_S
 
 from tsis.instrument import Frame, Mode, Setting
-from tsis.model import check
+from tsis.model.check import require_one_of
 from tsis.model.errors import CameraError
 
 if TYPE_CHECKING:
@@ -85,7 +85,7 @@ class LitCamera:
         return (Setting(name="gain", value=self.gain, low=0.0, high=self._world.most_gain, unit="dB"),)
 
     def adjust(self, name: str, value: float) -> None:
-        check.require_one_of("setting", name, ["gain"])
+        require_one_of("setting", name, ["gain"])
         self.gain = self.settings()[0].checked(value)
         self.adjusted.append(self.gain)
 

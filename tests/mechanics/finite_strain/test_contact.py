@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from tsis.mechanics import mesh
 from tsis.mechanics.element import lame_constants
 from tsis.mechanics.finite_strain import load_path, neo_hookean
 from tsis.mechanics.finite_strain.elastic_body import FIXED, OWN, ElasticBody, number_unknowns
@@ -15,16 +14,14 @@ from tsis.mechanics.finite_strain.obstacle import Plate, SoftFace
 from tsis.mechanics.finite_strain.potential import Load, Potential
 from tsis.mechanics.finite_strain.sliding_contact import SlidingContact
 from tsis.mechanics.finite_strain.smooth_face import SmoothFace
-from tsis.mechanics.mesh import LayeredMesh
+from tsis.mechanics.mesh import LayeredMesh, mesh_rectangle
 
 YOUNG, POISSON, RADIUS = 5.0, 0.49, 3.0
 
 
 def cylinder(columns: int, low: float, high: float, order: int = 4, *, bent: float = 0.0) -> Solid:
     """A cylinder of radius 3 mm, its inner nodes bent so that the elements are no rectangles."""
-    straight = mesh.mesh_rectangle(
-        np.linspace(0, RADIUS, columns + 1), np.linspace(low, high, 3), order, a_is_radius=True
-    )
+    straight = mesh_rectangle(np.linspace(0, RADIUS, columns + 1), np.linspace(low, high, 3), order, a_is_radius=True)
     nodes = straight.nodes.copy()
     # Quadratic, so that integration is still exact.
     swell = nodes[..., 0] * (RADIUS - nodes[..., 0]) * (nodes[..., 1] - low) * (high - nodes[..., 1])

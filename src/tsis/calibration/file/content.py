@@ -24,7 +24,7 @@ LARGEST_BYTES = 128 * 2**20  # maps of a camera of 8 million pixels
 
 def calibration_sha256(known: ProbeCalibration) -> str:
     """SHA-256 of the content: the name under which results cite the calibration."""
-    found = _hash(to_plain(known, pack=False))
+    found = document_sha256(to_plain(known, pack=False))
     assert found is not None  # values hold neither NaN nor endless nesting
     return found
 
@@ -118,7 +118,7 @@ def _known(document: dict[str, Any], name: str) -> ProbeCalibration:
             "(calibrate again, or read it with the release of tsis that wrote it)"
         )
     content = document.get("calibration")
-    expected = _hash(content)
+    expected = document_sha256(content)
     if expected is None or document.get("sha256") != expected:
         raise CalibrationError(
             f"{name} must be as it was written; its content does not match its hash, so it was changed or "
@@ -134,7 +134,7 @@ def _known(document: dict[str, Any], name: str) -> ProbeCalibration:
     return known
 
 
-def _hash(content: Any) -> str | None:
+def document_sha256(content: Any) -> str | None:
     try:
         canonical = json.dumps(
             _as_floats(without_maps(content)), sort_keys=True, separators=(",", ":"), allow_nan=False

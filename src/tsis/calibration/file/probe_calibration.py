@@ -12,7 +12,8 @@ from tsis.calibration.force.line import ForceLine
 from tsis.calibration.reference.making import CameraReference
 from tsis.calibration.scale import PixelScale
 from tsis.calibration.specification.sheet import Specification
-from tsis.model import Calibration, check
+from tsis.model import Calibration
+from tsis.model.check import require_number, require_type
 from tsis.model.errors import CalibrationError, InputError
 
 if TYPE_CHECKING:
@@ -82,16 +83,14 @@ new one: tsis calibrate)
             require_name(name, getattr(self, name))
         for name, kind in PARTS.items():
             if getattr(self, name) is not None:
-                check.require_type(name, getattr(self, name), kind)
+                require_type(name, getattr(self, name), kind)
                 require_measured(name, getattr(self, name))
         self._require_one_probe()
         if self.specification is not None:
             require_sheet(self.specification)
         for name in self.settings:
             require_name("the name of a setting", name)
-        values = {
-            name: check.require_number(f"settings.{name}", value, -1e12, 1e12) for name, value in self.settings.items()
-        }
+        values = {name: require_number(f"settings.{name}", value, -1e12, 1e12) for name, value in self.settings.items()}
         object.__setattr__(self, "settings", MappingProxyType(values))
         for name in ("made", "expires"):
             require_time(name, getattr(self, name))

@@ -24,7 +24,7 @@ from tsis.calibration.force.quality import (
     tip_difference,
 )
 from tsis.calibration.measured import MeasuredValue
-from tsis.model import check
+from tsis.model.check import require_number, require_type
 from tsis.model.errors import CalibrationError
 
 if TYPE_CHECKING:
@@ -74,13 +74,13 @@ def fit_force_line(
         When forces are in another unit.
     """
     for loading in loadings:
-        check.require_type("loadings", loading, Loading)
+        require_type("loadings", loading, Loading)
     if len(loadings) < 2:
         raise CalibrationError(
             f"a force line needs at least 2 loadings, of two tips or repeats of one, for the lamps' drift hides in the "
             f"slope of a single one; got {len(loadings)}"
         )
-    gauge = check.require_number("gauge_share", gauge_share, 0.0, 0.5, hint="a share of one")
+    gauge = require_number("gauge_share", gauge_share, 0.0, 0.5, hint="a share of one")
     runs = [run_of(loading) for loading in loadings]
     tips = tuple(sorted({run.tip_mm for run in runs}))
     units = _units(runs)

@@ -10,7 +10,7 @@ from scipy.optimize import brentq
 
 from tsis.calibration.force.reading import PATCH_METHODS
 from tsis.calibration.measured import MeasuredValue
-from tsis.model import check
+from tsis.model.check import require_integer, require_number, require_one_of, require_type
 from tsis.model.errors import InputError
 
 UPPER = 0.975  # quantile at the upper end of a 95 % interval
@@ -86,22 +86,22 @@ class ForceLine:
 
     def __post_init__(self) -> None:
         for name in ("intercept_grey", "slope_grey_per_n", "residual_grey", "residual_share"):
-            check.require_type(name, getattr(self, name), MeasuredValue)
-        check.require_number("slope_grey_per_n", self.slope_grey_per_n.value, 1e-9, 1e15, hint="grey levels a newton")
+            require_type(name, getattr(self, name), MeasuredValue)
+        require_number("slope_grey_per_n", self.slope_grey_per_n.value, 1e-9, 1e15, hint="grey levels a newton")
         for value, least in zip(self.unit_covariance, (0.0, -1e30, 0.0), strict=True):
-            check.require_number("unit_covariance", value, least, 1e30, hint="variance, covariance, variance")
-        check.require_integer("units", self.units, 2, 10_000)
+            require_number("unit_covariance", value, least, 1e30, hint="variance, covariance, variance")
+        require_integer("units", self.units, 2, 10_000)
         for name in ("assumed_tip_share", "drift_share", "gauge_share"):
-            check.require_number(name, getattr(self, name), 0.0, 1.0, hint="a share of one")
-        check.require_number("most_n", self.most_n, 0.0, LARGEST_GAUGE_N, hint="newtons")
-        check.require_number("least_n", self.least_n, 0.0, self.most_n, hint="newtons, at most most_n")
-        check.require_integer("pixels", self.pixels, 1, 2**40)
-        check.require_number("full_scale", self.full_scale, 1.0, 65535.0)
+            require_number(name, getattr(self, name), 0.0, 1.0, hint="a share of one")
+        require_number("most_n", self.most_n, 0.0, LARGEST_GAUGE_N, hint="newtons")
+        require_number("least_n", self.least_n, 0.0, self.most_n, hint="newtons, at most most_n")
+        require_integer("pixels", self.pixels, 1, 2**40)
+        require_number("full_scale", self.full_scale, 1.0, 65535.0)
         if not self.tips_mm:
             raise InputError("tips_mm must hold the radius of at least one tip; got none")
         for tip in self.tips_mm:
-            check.require_number("tips_mm", tip, 0.1, 1000.0, hint="millimetres")
-        check.require_one_of("segmentation method", self.method, PATCH_METHODS)
+            require_number("tips_mm", tip, 0.1, 1000.0, hint="millimetres")
+        require_one_of("segmentation method", self.method, PATCH_METHODS)
         self._refuse_impossible_sums()
 
     def _refuse_impossible_sums(self) -> None:
@@ -136,7 +136,7 @@ class ForceLine:
         InputError
             When the force lies outside the valid range.
         """
-        total = check.require_number("total_grey", total_grey, -1e15, 1e15)
+        total = require_number("total_grey", total_grey, -1e15, 1e15)
         force = (total - self.intercept_grey.value) / self.slope_grey_per_n.value
         if not self.least_n <= force <= self.most_n:
             raise InputError(

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from tsis.calibration.force.line import LARGEST_GAUGE_N
-from tsis.model import check
+from tsis.model.check import require_array, require_integer, require_number
 from tsis.model.errors import CalibrationError, InputError
 
 if TYPE_CHECKING:
@@ -43,8 +43,8 @@ def loading_forces(largest_n: float = LARGEST_N, step_n: float = STEP_N) -> tupl
     >>> loading_forces(0.3)
     (0.0, 0.1, 0.2, 0.3, 0.2, 0.1, 0.0)
     """
-    check.require_number("largest_n", largest_n, 1e-3, LARGEST_GAUGE_N, hint="newtons")
-    steps = round(largest_n / check.require_number("step_n", step_n, 1e-4, largest_n, hint="newtons"))
+    require_number("largest_n", largest_n, 1e-3, LARGEST_GAUGE_N, hint="newtons")
+    steps = round(largest_n / require_number("step_n", step_n, 1e-4, largest_n, hint="newtons"))
     up = [round(largest_n * step / steps, 9) for step in range(steps + 1)]
     return (*up, *up[-2::-1])
 
@@ -85,10 +85,10 @@ class Loading:
     run: int = 1
 
     def __post_init__(self) -> None:
-        check.require_number("tip_radius_mm", self.tip_radius_mm, 0.1, 1000.0, hint="millimetres")
-        check.require_integer("run", self.run, 1, 10_000)
+        require_number("tip_radius_mm", self.tip_radius_mm, 0.1, 1000.0, hint="millimetres")
+        require_integer("run", self.run, 1, 10_000)
         for name in ("force_n", "total_grey", "field_grey", "peak_grey", "mean_square_mm2", "clipped"):
-            values = check.require_array(name, getattr(self, name), ndim=1)
+            values = require_array(name, getattr(self, name), ndim=1)
             object.__setattr__(self, name, values)
             if len(values) != len(self.force_n):
                 raise InputError(f"{name} must hold one number a press, {len(self.force_n)}; got {len(values)}")

@@ -10,7 +10,8 @@ import numpy as np
 from scipy import ndimage
 
 from tsis.imaging.patch import segment, smoothed
-from tsis.model import TactileImage, check
+from tsis.model import TactileImage
+from tsis.model.check import require_one_of
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -129,7 +130,7 @@ def patch_mask(image: TactileImage, *, method: str = "threshold") -> NDArray[np.
         ``"threshold"`` cuts six standard deviations of the noise above the dark side; ``"canny"`` fills the outline
         that Canny's edges draw, and takes the threshold's patch where they do not close.
     """
-    check.require_one_of("segmentation method", method, PATCH_METHODS)
+    require_one_of("segmentation method", method, PATCH_METHODS)
     patch = segment(image, method="noise")
     mask = np.asarray(patch.mask)
     if not patch.found:

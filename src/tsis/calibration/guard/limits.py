@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tsis.model import check
+from tsis.model.check import require_number
 from tsis.model.errors import InputError
 
 
@@ -76,7 +76,7 @@ class GuardLimits:
 
     def __post_init__(self) -> None:
         for name, (low, high) in RANGES.items():
-            check.require_number(name, getattr(self, name), low, high)
+            require_number(name, getattr(self, name), low, high)
         if self.least_force_n >= self.most_force_n:
             raise InputError(
                 f"least_force_n must lie below most_force_n; got {self.least_force_n:g} N and {self.most_force_n:g} N"

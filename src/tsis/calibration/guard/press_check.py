@@ -10,7 +10,8 @@ from tsis.calibration.guard.limits import GuardLimits
 from tsis.calibration.guard.reading import read_guard_frame
 from tsis.calibration.guard.reference import GuardReference, prepared
 from tsis.imaging.correct import require_image
-from tsis.model import TactileImage, check
+from tsis.model import TactileImage
+from tsis.model.check import require_number, require_type
 
 if TYPE_CHECKING:
     from tsis.calibration.guard.flags import GuardFlag
@@ -67,9 +68,9 @@ def check_press(
     require_image("image", image)
     if isinstance(reference, TactileImage) or reference is None:
         reference = GuardReference(untouched=reference)
-    check.require_type("reference", reference, GuardReference)
+    require_type("reference", reference, GuardReference)
     limits = GuardLimits() if limits is None else limits
-    check.require_type("limits", limits, GuardLimits)
-    force = image.force_n if force_n is None else check.require_number("force_n", force_n, 0.0, 1000.0, hint="newtons")
+    require_type("limits", limits, GuardLimits)
+    force = image.force_n if force_n is None else require_number("force_n", force_n, 0.0, 1000.0, hint="newtons")
     reading = read_guard_frame(image.grey, prepared(reference, FrameShape.of(image)), force_n=force)
     return tuple(one.flag for one in findings(reading, limits, settling=settling) if one.excess > 1.0)

@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING, Any
 from tsis.calibration.guard.reading import read_guard_frame
 from tsis.calibration.lamps.patch import LEAST_LIT, ReferencePatch, require_lit
 from tsis.imaging.correct import require_image, require_same_frame
-from tsis.model import TactileImage, check
+from tsis.model import TactileImage
+from tsis.model.check import require_number, require_type
 from tsis.model.errors import ImageMismatchError, InputError
 
 if TYPE_CHECKING:
@@ -63,13 +64,13 @@ class GuardReference:
             if wanted and self.untouched is None:
                 raise InputError(f"{name} needs a frame of the untouched probe to compare with; give untouched")
         if self.patch is not None:
-            check.require_type("patch", self.patch, ReferencePatch)
+            require_type("patch", self.patch, ReferencePatch)
             assert self.untouched is not None
             self.patch.of(self.untouched)  # inside the frame
         if self.face_radius_mm is not None:
-            check.require_number("face_radius_mm", self.face_radius_mm, 0.1, 1000.0, hint="millimetres")
+            require_number("face_radius_mm", self.face_radius_mm, 0.1, 1000.0, hint="millimetres")
         if self.dark_grey is not None:
-            check.require_number("dark_grey", self.dark_grey, 0.0, 65535.0)
+            require_number("dark_grey", self.dark_grey, 0.0, 65535.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -16,7 +16,7 @@ from tsis.calibration.guard.reading import read_guard_frame
 from tsis.calibration.guard.reference import GuardReference, prepared
 from tsis.calibration.guard.stillness import RepeatedFrames
 from tsis.calibration.settling.verdict import LONGEST_S, assess_history
-from tsis.model import check
+from tsis.model.check import require_number, require_type
 
 if TYPE_CHECKING:
     from tsis.calibration.guard.flags import GuardFlag
@@ -95,12 +95,12 @@ class PressWatch:
         limits: GuardLimits | None = None,
         longest_s: float = LONGEST_S,
     ) -> None:
-        check.require_type("shape", shape, FrameShape)
+        require_type("shape", shape, FrameShape)
         reference = GuardReference() if reference is None else reference
-        check.require_type("reference", reference, GuardReference)
+        require_type("reference", reference, GuardReference)
         self.limits = GuardLimits() if limits is None else limits
-        check.require_type("limits", self.limits, GuardLimits)
-        self._longest_s = check.require_number("longest_s", longest_s, 1e-2, 1e5, hint="seconds")
+        require_type("limits", self.limits, GuardLimits)
+        self._longest_s = require_number("longest_s", longest_s, 1e-2, 1e5, hint="seconds")
         self._prepared: Prepared = prepared(reference, shape)
 
     def step(
@@ -134,7 +134,7 @@ class PressWatch:
         """
         self._prepared.check_fits(frame.pixels, frame.full_scale)
         if force_n is not None:
-            check.require_number("force_n", force_n, 0.0, 1000.0, hint="newtons")
+            require_number("force_n", force_n, 0.0, 1000.0, hint="newtons")
         reading = read_guard_frame(frame.pixels, self._prepared, force_n=force_n)
         history, outside = self._remembered(state, frame.time_s, reading)
         # Between two closed bins the series is the same, and so is the verdict.

@@ -10,7 +10,7 @@ import numpy as np
 from tsis.calibration.measured import MeasuredValue
 from tsis.imaging.correct import require_image, require_same_frame
 from tsis.imaging.patch import pixel_noise
-from tsis.model import check
+from tsis.model.check import require_integer, require_number
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -52,12 +52,12 @@ class ReferencePatch:
 
     def __post_init__(self) -> None:
         for first, last in (("first_row", "last_row"), ("first_column", "last_column")):
-            start = check.require_integer(first, getattr(self, first), 0, 65534, hint="pixels")
+            start = require_integer(first, getattr(self, first), 0, 65534, hint="pixels")
             object.__setattr__(self, first, start)
             object.__setattr__(
                 self,
                 last,
-                check.require_integer(last, getattr(self, last), start + 1, 65535, hint="pixels, beyond the first"),
+                require_integer(last, getattr(self, last), start + 1, 65535, hint="pixels, beyond the first"),
             )
         if self.pixels < LEAST_PIXELS:
             raise InputError(f"a reference patch must hold at least {LEAST_PIXELS} pixels; got {self.pixels}")
@@ -156,7 +156,7 @@ def patch_ratio(
     1.03
     """
     require_same_frame(image, reference, "reference")
-    check.require_number("dark_grey", dark_grey, 0.0, image.full_scale)
+    require_number("dark_grey", dark_grey, 0.0, image.full_scale)
     levels = [_level("image", image, patch, dark_grey), _level("reference", reference, patch, dark_grey)]
     (now, now_sd), (before, before_sd) = levels
     require_lit(before, reference.full_scale)
@@ -203,6 +203,6 @@ def drift_corrected(image: TactileImage, ratio: MeasuredValue | float, *, dark_g
     100.0
     """
     require_image("image", image)
-    value = check.require_number("ratio", ratio.value if isinstance(ratio, MeasuredValue) else ratio, 0.05, 20.0)
-    check.require_number("dark_grey", dark_grey, 0.0, image.full_scale)
+    value = require_number("ratio", ratio.value if isinstance(ratio, MeasuredValue) else ratio, 0.05, 20.0)
+    require_number("dark_grey", dark_grey, 0.0, image.full_scale)
     return replace(image, grey=dark_grey + (image.grey - dark_grey) / value)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.calibration.measured import MeasuredValue
-from tsis.model import check
+from tsis.model.check import require_array, require_number
 from tsis.model.errors import CalibrationError, InputError
 
 if TYPE_CHECKING:
@@ -64,8 +64,8 @@ class WarmUp:
         >>> round(lamps.wait_s(0.01))
         483
         """
-        check.require_number("share", share, 1e-5, 1.0, hint="a share of the warm lamps' light")
-        check.require_number("now_s", now_s, 0.0, 1e7, hint="seconds")
+        require_number("share", share, 1e-5, 1.0, hint="a share of the warm lamps' light")
+        require_number("now_s", now_s, 0.0, 1e7, hint="seconds")
         largest = max(abs(end) for end in self.amplitude.interval())
         if largest <= share:
             return 0.0
@@ -126,7 +126,7 @@ def fit_warm_up(time_s: ArrayLike, ratio: ArrayLike) -> WarmUp:
 
 
 def _checked(time_s: ArrayLike, ratio: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    time, value = check.require_array("time_s", time_s, ndim=1), check.require_array("ratio", ratio, ndim=1)
+    time, value = require_array("time_s", time_s, ndim=1), require_array("ratio", ratio, ndim=1)
     if time.shape != value.shape:
         raise InputError(f"time_s and ratio must be of one length; got {time.size} and {value.size}")
     if time.size < FEWEST:

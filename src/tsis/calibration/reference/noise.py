@@ -18,7 +18,8 @@ import numpy as np
 import scipy
 
 from tsis.calibration.measured import MeasuredValue
-from tsis.model import TactileImage, check
+from tsis.model import TactileImage
+from tsis.model.check import require_type
 from tsis.model.errors import CalibrationError, ImageMismatchError
 
 if TYPE_CHECKING:
@@ -71,7 +72,7 @@ def stack(name: str, images: Sequence[TactileImage], *, least: int) -> NDArray[n
     if len(images) < least:
         raise CalibrationError(f"{name} must hold at least {least} frames; got {len(images)} (take more)")
     for image in images:
-        check.require_type(name, image, TactileImage)
+        require_type(name, image, TactileImage)
         if image.grey.shape != images[0].grey.shape or image.full_scale != images[0].full_scale:
             raise ImageMismatchError(
                 f"{name} must hold frames of one size and full scale; got {images[0].grey.shape} at "

@@ -11,7 +11,8 @@ from scipy.ndimage import uniform_filter
 from tsis.calibration.lamps.patch import Box, ReferencePatch
 from tsis.calibration.measured import MeasuredValue
 from tsis.imaging.correct import SCALE_TOLERANCE, require_image
-from tsis.model import TactileImage, check
+from tsis.model import TactileImage
+from tsis.model.check import require_array, require_integer, require_number, require_type
 from tsis.model.errors import ImageMismatchError, InputError
 from tsis.model.image import require_pixel_scale
 
@@ -76,7 +77,7 @@ class CameraReference:
 
     def __post_init__(self) -> None:
         for name in ("dark_grey", "untouched_grey", "relative_light"):
-            values = check.require_array(name, getattr(self, name), ndim=2)
+            values = require_array(name, getattr(self, name), ndim=2)
             if values.shape != np.shape(self.dark_grey):
                 raise InputError(
                     f"{name} must have the shape of dark_grey {np.shape(self.dark_grey)}; got {values.shape}"
@@ -89,14 +90,14 @@ class CameraReference:
             raise InputError(f"relative_light must be at least {LEAST_LIGHT:g} where pixels are usable")
         usable.flags.writeable = False
         object.__setattr__(self, "usable", usable)
-        check.require_number("full_scale", self.full_scale, 1.0, 65535.0)
+        require_number("full_scale", self.full_scale, 1.0, 65535.0)
         if self.mm_per_pixel is not None:
             object.__setattr__(self, "mm_per_pixel", require_pixel_scale(self.mm_per_pixel))
         for name in ("dark_frames", "untouched_frames", "flat_frames"):
-            check.require_integer(name, getattr(self, name), 0, 10**9)
+            require_integer(name, getattr(self, name), 0, 10**9)
         for name in ("read_noise_grey", "shot_noise_grey", "stray_grey"):
-            check.require_type(name, getattr(self, name), MeasuredValue)
-        check.require_number("lamp_sd", self.lamp_sd, 0.0, 1.0, hint="a share of one")
+            require_type(name, getattr(self, name), MeasuredValue)
+        require_number("lamp_sd", self.lamp_sd, 0.0, 1.0, hint="a share of one")
         if self.patch_px is not None:
             patch = ReferencePatch.from_px(self.patch_px)
             patch.require_inside(self.dark_grey.shape)

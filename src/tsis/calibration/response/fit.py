@@ -21,7 +21,7 @@ from tsis.calibration.force.reading import HERTZ_SPREAD
 from tsis.calibration.measured import MeasuredValue
 from tsis.calibration.response.shape import HIGHEST, light_share, peakedness, spread_factor
 from tsis.calibration.response.value import PressureResponse, Saturation
-from tsis.model import check
+from tsis.model.check import require_number
 from tsis.model.errors import CalibrationError, InputError
 from tsis.model.press import MN_PER_N
 
@@ -68,8 +68,8 @@ def fit_response(
         raise InputError("the reference's mm_per_pixel must be known for the gain; calibrate the scale first")
     if len(loadings) < 2:
         raise CalibrationError(f"the answer to pressure needs at least 2 loadings; got {len(loadings)}")
-    check.require_number("gauge_share", gauge_share, 0.0, 0.5, hint="a share of one")
-    check.require_number("area_share", area_share, 0.0, 0.5, hint="a share of one")
+    require_number("gauge_share", gauge_share, 0.0, 0.5, hint="a share of one")
+    require_number("area_share", area_share, 0.0, 0.5, hint="a share of one")
     pixel = reference.mm_per_pixel[0] * reference.mm_per_pixel[1]
     saturation = _saturation(loadings, pixel)
     bend = saturation.bend_per_kpa2

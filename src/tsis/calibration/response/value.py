@@ -8,7 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.calibration.measured import MeasuredValue
-from tsis.model import Calibration, check
+from tsis.model import Calibration
+from tsis.model.check import require_type
 
 if TYPE_CHECKING:
     from tsis.calibration.reference.making import CameraReference
@@ -36,7 +37,7 @@ class Saturation:
     bend_per_kpa2: MeasuredValue
 
     def __post_init__(self) -> None:
-        check.require_type("bend_per_kpa2", self.bend_per_kpa2, MeasuredValue)
+        require_type("bend_per_kpa2", self.bend_per_kpa2, MeasuredValue)
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
         """Ends in kPa; the upper one is infinite when a straight answer cannot be excluded."""

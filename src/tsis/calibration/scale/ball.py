@@ -21,7 +21,7 @@ from tsis.calibration.measured import MeasuredValue
 from tsis.calibration.scale.ball_fit import first_shape, fit_shape, shape_slopes
 from tsis.calibration.scale.ball_press import SECTORS, jackknife, pixel_aspect_ratio, read_ball_press, without_sector
 from tsis.calibration.scale.value import UNIT, PixelScale, check_field
-from tsis.model import check
+from tsis.model.check import require_array, require_number
 from tsis.model.errors import CalibrationError, ImageMismatchError, InputError
 
 if TYPE_CHECKING:
@@ -157,9 +157,9 @@ def scale_from_ball(
     >>> low < 0.0336 < high
     True
     """
-    radius = check.require_number("ball_radius_mm", ball_radius_mm, 0.2, 50.0, hint="millimetres")
-    check.require_number("ball_radius_sd_mm", ball_radius_sd_mm, 0.0, 5.0, hint="millimetres")
-    check.require_number("travel_sd_mm", travel_sd_mm, 0.0, 1.0, hint="millimetres")
+    radius = require_number("ball_radius_mm", ball_radius_mm, 0.2, 50.0, hint="millimetres")
+    require_number("ball_radius_sd_mm", ball_radius_sd_mm, 0.0, 5.0, hint="millimetres")
+    require_number("travel_sd_mm", travel_sd_mm, 0.0, 1.0, hint="millimetres")
     travel = _checked_travel(images, travel_mm, radius)
     presses = [read_ball_press(image, reference) for image in images]
     if len({image.grey.shape for image in images}) > 1:
@@ -199,7 +199,7 @@ def scale_from_ball(
 
 
 def _checked_travel(images: Sequence[TactileImage], travel_mm: Sequence[float], radius: float) -> NDArray[np.float64]:
-    travel: NDArray[np.float64] = check.require_array("travel_mm", travel_mm, ndim=1)
+    travel: NDArray[np.float64] = require_array("travel_mm", travel_mm, ndim=1)
     if len(images) != len(travel):
         raise InputError(f"travel_mm must hold one reading for each of the {len(images)} images; got {len(travel)}")
     if len(images) < 2:

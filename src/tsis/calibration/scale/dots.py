@@ -25,7 +25,7 @@ from tsis.calibration.scale.spots import Spots, find_spots, in_even_light
 from tsis.calibration.scale.value import PixelScale, check_field
 from tsis.imaging import subtract_background
 from tsis.imaging.correct import require_image
-from tsis.model import check
+from tsis.model.check import require_integer, require_number
 from tsis.model.errors import CalibrationError
 
 if TYPE_CHECKING:
@@ -147,11 +147,11 @@ def scale_from_dots(
     """
     require_image("image", image)
     pitch = MeasuredValue(
-        value=check.require_number("pitch_mm", pitch_mm, 0.05, 50.0, hint="millimetres"),
-        sd=check.require_number("pitch_sd_mm", pitch_sd_mm, 0.0, 1.0, hint="millimetres"),
+        value=require_number("pitch_mm", pitch_mm, 0.05, 50.0, hint="millimetres"),
+        sd=require_number("pitch_sd_mm", pitch_sd_mm, 0.0, 1.0, hint="millimetres"),
         unit="mm",
     )
-    min_dots = check.require_integer("min_dots", min_dots, FEWEST, 10**6)
+    min_dots = require_integer("min_dots", min_dots, FEWEST, 10**6)
     change = image if reference is None else subtract_background(image, reference)
     spots = find_spots(change.grey, least=min_dots)
     cells, centres, strays = _dots(spots, min_dots)

@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 
 from tsis.imaging.patch import NOISE_FACTOR, QUANTISATION, pixel_noise
-from tsis.model import check
+from tsis.model.check import require_integer
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -77,7 +77,7 @@ def find_spots(grey: NDArray[np.float64], *, least: int) -> Spots:
     >>> spots.bright, np.sort(spots.places_px[:, 0]).round(1).tolist()
     (True, [20.3, 60.3, 100.3])
     """
-    least = check.require_integer("least", least, 1, 10**6)
+    least = require_integer("least", least, 1, 10**6)
     noise = max(pixel_noise(grey), QUANTISATION)
     blurs = FINEST_PX * STEP ** np.arange(64)
     blurs = blurs[blurs <= max(COARSEST * min(grey.shape), FINEST_PX)]

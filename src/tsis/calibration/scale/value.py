@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from tsis.calibration.measured import MeasuredValue
-from tsis.model import TactileImage, check
+from tsis.model import TactileImage
+from tsis.model.check import require_integer, require_number, require_one_of, require_pair, require_type
 from tsis.model.errors import CalibrationError, ImageMismatchError, InputError
 from tsis.model.image import LARGEST_PIXEL_MM, SMALLEST_PIXEL_MM
 
@@ -72,20 +73,20 @@ class PixelScale:
     def __post_init__(self) -> None:
         for name in ("mm_per_pixel_x", "mm_per_pixel_y"):
             size = getattr(self, name)
-            check.require_type(name, size, MeasuredValue)
-            check.require_number(name, size.value, SMALLEST_PIXEL_MM, LARGEST_PIXEL_MM, hint="millimetres per pixel")
+            require_type(name, size, MeasuredValue)
+            require_number(name, size.value, SMALLEST_PIXEL_MM, LARGEST_PIXEL_MM, hint="millimetres per pixel")
             if size.unit != UNIT:
                 raise InputError(f"{name} must be in {UNIT}; got {size.unit!r}")
         if not isinstance(self.shape, (tuple, list)) or len(self.shape) != 2:
             raise InputError(f"shape must hold rows and columns; got {self.shape!r}")
-        rows, columns = (check.require_integer("shape", side, 1, 65536) for side in self.shape)
+        rows, columns = (require_integer("shape", side, 1, 65536) for side in self.shape)
         object.__setattr__(self, "shape", (rows, columns))
-        object.__setattr__(self, "at_px", check.require_pair("at_px", self.at_px))
-        check.require_one_of("method of a scale", self.method, METHODS)
-        object.__setattr__(self, "count", check.require_integer("count", self.count, 1, 10**6))
-        check.require_number("residual_px", self.residual_px, 0.0, 1e4, hint="pixels")
-        check.require_number("rotation_deg", self.rotation_deg, -45.0, 45.0, hint="degrees")
-        check.require_number("skew_deg", self.skew_deg, -90.0, 90.0, hint="degrees")
+        object.__setattr__(self, "at_px", require_pair("at_px", self.at_px))
+        require_one_of("method of a scale", self.method, METHODS)
+        object.__setattr__(self, "count", require_integer("count", self.count, 1, 10**6))
+        require_number("residual_px", self.residual_px, 0.0, 1e4, hint="pixels")
+        require_number("rotation_deg", self.rotation_deg, -45.0, 45.0, hint="degrees")
+        require_number("skew_deg", self.skew_deg, -90.0, 90.0, hint="degrees")
 
     @property
     def mm_per_pixel(self) -> tuple[float, float]:
@@ -100,7 +101,7 @@ class PixelScale:
         ImageMismatchError
             When the frame has another size than those that the scale was measured on.
         """
-        check.require_type("image", image, TactileImage)
+        require_type("image", image, TactileImage)
         if image.grey.shape != self.shape:
             raise ImageMismatchError(
                 f"image must have the shape {self.shape} that the scale was measured on; got {image.grey.shape} "

@@ -20,7 +20,8 @@ from tsis.calibration.specification.edge import edge_width
 from tsis.calibration.specification.rate import frame_rate
 from tsis.calibration.specification.sheet import specification_sheet
 from tsis.instrument import printable_path
-from tsis.model import TactileImage, check
+from tsis.model import TactileImage
+from tsis.model.check import require_number
 from tsis.model.errors import CalibrationError, ImageMismatchError, InputError
 
 if TYPE_CHECKING:
@@ -89,7 +90,7 @@ def calibrate(
     FileInputError
         When a file of the session is missing or damaged.
     """
-    check.require_number("days", days, 1, 3650)
+    require_number("days", days, 1, 3650)
     terms, steps = session.terms(), {step.name: step for step in session.plan()}
     if missing := session.missing():
         raise CalibrationError(

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tsis.model import TactileImage, check
+from tsis.model import TactileImage
+from tsis.model.check import require_number, require_type
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -26,8 +27,8 @@ class CalibrationFrame:
     time_s: float | None = None
 
     def __post_init__(self) -> None:
-        check.require_type("image", self.image, TactileImage)
+        require_type("image", self.image, TactileImage)
         if self.force_n is not None:
-            check.require_number("force_n", self.force_n, -100.0, 100.0, hint="newtons")
+            require_number("force_n", self.force_n, -100.0, 100.0, hint="newtons")
         if self.time_s is not None:
-            check.require_number("time_s", self.time_s, -1e15, 1e15, hint="seconds")
+            require_number("time_s", self.time_s, -1e15, 1e15, hint="seconds")

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tsis.calibration.force.loading import LARGEST_N, STEP_N, TIPS_MM
-from tsis.model import check
+from tsis.model.check import require_integer, require_number
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -69,8 +69,8 @@ def plan_steps(tips_mm: Sequence[float] = TIPS_MM, *, repeats: int = 1) -> tuple
     >>> [step.name for step in plan_steps((2.0, 10.0))]
     ['dark', 'untouched', 'flat-1', 'flat-2', 'flat-3', 'board-untouched', 'board', 'edge', 'tip-2mm-1', 'tip-10mm-1']
     """
-    check.require_integer("repeats", repeats, 1, 20)
-    radii = [check.require_number("tip_radius_mm", tip, 0.1, 1000.0, hint="millimetres") for tip in tips_mm]
+    require_integer("repeats", repeats, 1, 20)
+    radii = [require_number("tip_radius_mm", tip, 0.1, 1000.0, hint="millimetres") for tip in tips_mm]
     flats = [
         CalibrationStep(
             name=f"{FLAT}-{level}",

@@ -12,7 +12,7 @@ from tsis.calibration.file.probe_calibration import SETTING_TOLERANCE
 from tsis.calibration.file.soundness import require_name, require_time
 from tsis.calibration.force.loading import TIPS_MM
 from tsis.calibration.session.steps import plan_steps
-from tsis.model import check
+from tsis.model.check import require_number
 from tsis.model.errors import InputError
 
 STATED = ("name", "pitch_mm", "pitch_sd_mm", "gauge_share", "patch_px", "tips_mm", "repeats")  # by a person
@@ -63,9 +63,9 @@ class SessionSetup:
         for name in ("name", "probe", "camera"):
             require_name(name, getattr(self, name))
         require_time("began", self.began)
-        check.require_number("pitch_mm", self.pitch_mm, 0.05, 50.0, hint="millimetres")
-        check.require_number("pitch_sd_mm", self.pitch_sd_mm, 0.0, 1.0, hint="millimetres")
-        check.require_number("gauge_share", self.gauge_share, 0.0, 0.5, hint="a share of one")
+        require_number("pitch_mm", self.pitch_mm, 0.05, 50.0, hint="millimetres")
+        require_number("pitch_sd_mm", self.pitch_sd_mm, 0.0, 1.0, hint="millimetres")
+        require_number("gauge_share", self.gauge_share, 0.0, 0.5, hint="a share of one")
         steps = [step.name for step in plan_steps(self.tips_mm, repeats=self.repeats)]
         if len(set(steps)) < len(steps):
             raise InputError(f"tips_mm must hold each tip once; got {list(self.tips_mm)} (take repeats instead)")

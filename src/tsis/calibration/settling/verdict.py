@@ -20,7 +20,7 @@ from scipy.special import stdtrit
 from tsis.calibration.measured import MeasuredValue
 from tsis.calibration.settling.decay import DecayFit
 from tsis.imaging.patch import GAUSSIAN_MAD
-from tsis.model import check
+from tsis.model.check import require_array, require_number
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -112,9 +112,9 @@ def judge_settling(
     >>> judge_settling(time[:60], force[:60]).verdict, judge_settling(time, force).verdict
     ('settling', 'settled')
     """
-    check.require_number("tolerance", tolerance, 1e-4, 0.5, hint="a share of the settled value")
-    check.require_number("longest_s", longest_s, 1e-2, 1e5, hint="seconds")
-    time, values = check.require_array("time_s", time_s, ndim=1), check.require_array("value", value, ndim=1)
+    require_number("tolerance", tolerance, 1e-4, 0.5, hint="a share of the settled value")
+    require_number("longest_s", longest_s, 1e-2, 1e5, hint="seconds")
+    time, values = require_array("time_s", time_s, ndim=1), require_array("value", value, ndim=1)
     if time.shape != values.shape:
         raise InputError(f"time_s and value must be of one length; got {time.size} and {values.size}")
     if (np.diff(time) <= 0).any():
@@ -123,7 +123,7 @@ def judge_settling(
     if step is None:
         step = display_step(values)
     else:
-        check.require_number("step", step, 0.0, 1e12, hint="in the unit of the values")
+        require_number("step", step, 0.0, 1e12, hint="in the unit of the values")
     if step is None:
         return UNKNOWN
     return assess_history(*_averaged(time, values), tolerance=tolerance, longest_s=longest_s, step=step)

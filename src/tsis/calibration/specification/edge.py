@@ -12,7 +12,8 @@ from scipy.special import erf
 from tsis.calibration.force.curves import mean_of
 from tsis.imaging.correct import require_image
 from tsis.imaging.patch import pixel_noise
-from tsis.model import TactileImage, check
+from tsis.model import TactileImage
+from tsis.model.check import require_number, require_one_of
 from tsis.model.errors import CalibrationError
 
 if TYPE_CHECKING:
@@ -60,8 +61,8 @@ def edge_width(image: TactileImage, *, shape: str = "straight", reach_mm: float 
     0.154
     """
     require_image("image", image)
-    check.require_one_of("edge", shape, SHAPES)
-    check.require_number("reach_mm", reach_mm, 0.05, 20.0, hint="millimetres")
+    require_one_of("edge", shape, SHAPES)
+    require_number("reach_mm", reach_mm, 0.05, 20.0, hint="millimetres")
     places, light = _lit(image)
     distance, along = (_from_line if shape == "straight" else _from_circle)(places, _crossing(image))
     flat = image.grey.ravel()

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.calibration.measured import MeasuredValue
-from tsis.model import check
+from tsis.model.check import require_array
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def frame_rate(time_s: ArrayLike) -> MeasuredValue:
     >>> round(frame_rate([0.0, 0.03, 0.07, 0.10]).value, 6)
     30.0
     """
-    time = check.require_array("time_s", time_s, ndim=1)
+    time = require_array("time_s", time_s, ndim=1)
     if len(time) < FEWEST or (np.diff(time) <= 0).any():
         raise InputError(f"time_s must hold at least {FEWEST} ascending times; got {len(time)} values")
     steps = np.diff(time)

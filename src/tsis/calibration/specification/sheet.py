@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from tsis.calibration.force.quality import WIDEST
 from tsis.calibration.measured import MeasuredValue  # noqa: TC001 - the file format reads the type
-from tsis.model import check
+from tsis.model.check import require_one_of, require_type
 
 if TYPE_CHECKING:
     from tsis.calibration.force.line import ForceLine, ForceLineDiagnostics
@@ -61,7 +61,7 @@ class Specification:
     def __getitem__(self, quantity: str) -> SpecificationRow:
         """The line of a quantity; `UnknownNameError` when there is none."""
         by_name = {row.quantity: row for row in self.rows}
-        return by_name[check.require_one_of("quantity", quantity, by_name)]
+        return by_name[require_one_of("quantity", quantity, by_name)]
 
 
 def specification_sheet(
@@ -90,7 +90,7 @@ def specification_sheet(
     InputError
         When ``probe`` is no text.
     """
-    check.require_type("probe", probe, str)
+    require_type("probe", probe, str)
     return Specification(
         probe=probe,
         rows=(

@@ -10,7 +10,8 @@ import numpy as np
 
 from tsis.instrument.discovery import SOURCES, STORED_SOURCES, connect
 from tsis.instrument.presets import preset
-from tsis.model import check, load_phantom, load_probe
+from tsis.model import load_phantom, load_probe
+from tsis.model.check import require_one_of
 from tsis.model.errors import InputError
 from tsis.virtual import VirtualCamera, VirtualProbe
 
@@ -44,7 +45,7 @@ def connector(spec: str, press: VirtualPress) -> Callable[[], Camera]:
 
 def live_connector(spec: str) -> Callable[[], Camera]:
     """The same of a camera that is not virtual; `UnknownNameError` when no source is called so."""
-    check.require_one_of("camera source", spec.partition(":")[0], (VIRTUAL, *SOURCES))
+    require_one_of("camera source", spec.partition(":")[0], (VIRTUAL, *SOURCES))
     return partial(connect, spec)
 
 

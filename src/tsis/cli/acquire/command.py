@@ -24,7 +24,7 @@ from tsis.instrument.gauge.connecting import BAUD
 from tsis.instrument.naming import LARGEST_TARGET
 from tsis.instrument.presets import PRESETS
 from tsis.instrument.snapshot import FORMATS
-from tsis.model import check
+from tsis.model.check import LARGEST_SEED, require_number, require_one_of
 from tsis.model.errors import InputError
 
 RING_FRAMES = 256  # eight seconds of a usual camera, for a disk that pauses
@@ -63,7 +63,7 @@ def acquire(
     probe: ProbeName = "tsis-2011",
     phantom: PhantomName = "hardness-100",
     force_n: ForceN = 1.0,
-    seed: Annotated[int, typer.Option(help="Seed of the virtual probe's errors.", min=0, max=check.LARGEST_SEED)] = 4,
+    seed: Annotated[int, typer.Option(help="Seed of the virtual probe's errors.", min=0, max=LARGEST_SEED)] = 4,
     keep: Annotated[
         bool, typer.Option("--keep", help="Keep the snapshot in the store of records too: tsis records list.")
     ] = False,
@@ -90,12 +90,12 @@ def acquire(
     if watch and (frames is not None or out is not None):
         raise InputError("--watch saves nothing: leave out --frames and --out (--seconds ends it)")
     if seconds is not None:
-        check.require_number("--seconds", seconds, 0.01, LONGEST_S, hint="seconds")
+        require_number("--seconds", seconds, 0.01, LONGEST_S, hint="seconds")
     if keep and (sequence or watch):
         raise InputError("--keep is of snapshots; a sequence goes into a store by tsis records import")
-    check.require_one_of("role", role, ROLES)
-    check.require_one_of("picture format", picture, FORMATS)
-    check.require_one_of("colour map", map_name, COLOUR_MAPS)
+    require_one_of("role", role, ROLES)
+    require_one_of("picture format", picture, FORMATS)
+    require_one_of("colour map", map_name, COLOUR_MAPS)
     known = None if calibration is None else read_usable_calibration(calibration)
     destination = chosen_destination(keep, store, kind)
     where = None

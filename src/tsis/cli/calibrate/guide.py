@@ -24,7 +24,8 @@ from tsis.cli.force_gauge import GaugeBaud, GaugeLatency, GaugePort, GaugeSends,
 from tsis.cli.targets import AsJson
 from tsis.instrument.acquisition import Acquisition
 from tsis.instrument.gauge.connecting import BAUD
-from tsis.model import check, load_probe
+from tsis.model import load_probe
+from tsis.model.check import LARGEST_SEED, require_number
 from tsis.model.errors import InputError
 from tsis.virtual.calibration_bench import VirtualBench, bench_name
 
@@ -66,7 +67,7 @@ def guide(
     session: Annotated[
         Path, typer.Option(help="Folder for the frames; with the same options a session in it goes on.")
     ] = Path("tsis-calibration-frames"),
-    seed: Annotated[int, typer.Option(help="Seed of the virtual bench.", min=0, max=check.LARGEST_SEED)] = 4,
+    seed: Annotated[int, typer.Option(help="Seed of the virtual bench.", min=0, max=LARGEST_SEED)] = 4,
     days: Days = DAYS,
     out: Out = OUT,
     as_json: AsJson = False,
@@ -76,7 +77,7 @@ def guide(
     Frames are kept as they come, a folder a step: whatever interrupts the session, it goes on with the step that was
     not finished. Without --camera the virtual bench does every step by itself.
     """
-    check.require_number("--days", days, 1, 3650)
+    require_number("--days", days, 1, 3650)
     folder, console = SessionFolder(session), Console(stderr=True, highlight=False)
     terms = SessionSetup(
         name=name,

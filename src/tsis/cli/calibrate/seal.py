@@ -16,7 +16,7 @@ from tsis.cli.console_output import people, print_json, print_notice
 from tsis.cli.targets import AsJson
 from tsis.instrument import printable_path
 from tsis.instrument.file_bytes import read_object
-from tsis.model import check
+from tsis.model.check import require_number
 from tsis.model.errors import FileInputError, InputError
 from tsis.report.document import envelope
 
@@ -33,8 +33,8 @@ def seal(
     as_json: AsJson = False,
 ) -> None:
     """Check values written by hand, and write them as a calibration file with date, expiry and hash."""
-    check.require_number("--days", days, 1, 3650)
-    known = _read(values, days)
+    require_number("--days", days, 1, 3650)
+    known = read_values_to_seal(values, days)
     cited = write_calibration(known, out)
     if as_json:
         print_json(envelope("calibrate seal", file=str(out.resolve()), sha256=cited))
@@ -45,7 +45,7 @@ def seal(
     print_notice(console)
 
 
-def _read(path: Path, days: float) -> ProbeCalibration:
+def read_values_to_seal(path: Path, days: float) -> ProbeCalibration:
     content = read_object(path, most=LARGEST_VALUES_BYTES)
     if measured := [name for name in FROM_FRAMES if content.get(name) is not None]:
         raise FileInputError(

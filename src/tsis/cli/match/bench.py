@@ -20,7 +20,7 @@ from tsis.matching.trial_runs import run_trials
 from tsis.matching.trial_sets import distorted_set, hotel_set
 from tsis.matching.trial_summary import FAILURE_RMS, summarise, summarise_pooled
 from tsis.matching.trials import FAMILIES
-from tsis.model import check
+from tsis.model.check import require_one_of
 from tsis.model.errors import InputError
 from tsis.report.document import envelope
 
@@ -94,7 +94,7 @@ def _trials(
 ) -> list[Trial]:
     chosen = families.split(",") if families else [*FAMILIES, *([HOTEL] if data is not None else [])]
     for name in chosen:
-        check.require_one_of("family of trials", name, (*FAMILIES, HOTEL))
+        require_one_of("family of trials", name, (*FAMILIES, HOTEL))
     if HOTEL in chosen and data is None:
         raise InputError("--families hotel needs --data, the folder of the sequence")
     distorted: list[Family] = [family for family in FAMILIES if family in chosen]

@@ -18,7 +18,7 @@ from tsis.instrument.file_bytes import printable_name, printable_path
 from tsis.matching.fit import UNMATCHED
 from tsis.matching.point_file import csv_text, read_points
 from tsis.matching.registration import METHODS, register
-from tsis.model import check
+from tsis.model.check import require_one_of
 from tsis.model.durable import write_durably
 from tsis.model.errors import FileInputError, InputError
 from tsis.plots.matching import point_sets
@@ -47,7 +47,7 @@ def points(
     Files hold two or three coordinates a line, with or without a first line of names. Matches count rows from 0; -1 is
     none.
     """
-    check.require_one_of("method", method, METHODS)
+    require_one_of("method", method, METHODS)
     for file in (out, figure):
         _refuse_existing(file)
     if out is not None and out == figure:

@@ -17,7 +17,7 @@ from tsis.cli.console_output import progress_bar, waiting
 from tsis.cli.probe_file import given_lit_probe
 from tsis.cli.targets import AimDeg, AsJson, HalfAngleDeg, LampHeightMm, ProbeGiven
 from tsis.mechanics import indent
-from tsis.model import check
+from tsis.model.check import require_number
 from tsis.model.errors import InputError, MechanicsError
 from tsis.optics import acceptance, trace_paths, trace_rays
 from tsis.optics.rays_face import tip_press
@@ -100,7 +100,7 @@ def _pressed(
 
 def _force_for(probe: Probe, tip_radius_mm: float, depth_mm: float) -> float:
     """The force under which a sphere sinks so deep."""
-    check.require_number("depth_mm", depth_mm, 1e-3, probe.thickness_mm, hint="millimetres, less than the layers")
+    require_number("depth_mm", depth_mm, 1e-3, probe.thickness_mm, hint="millimetres, less than the layers")
 
     def depth(log_force: float) -> float | None:
         """None where the force strains the probe beyond what the model describes."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tsis.instrument.naming import LARGEST_TARGET
-from tsis.model import check
+from tsis.model.check import require_integer
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -63,4 +63,4 @@ def target_number(text: str) -> int:
     """The number of a target as a person wrote it."""
     if not text.isascii() or not text.isdigit():
         raise InputError(f"--target must be a number from 1 to {LARGEST_TARGET}, or new; got {text!r:.40}")
-    return check.require_integer("--target", int(text[:20]), 1, LARGEST_TARGET)
+    return require_integer("--target", int(text[:20]), 1, LARGEST_TARGET)

@@ -11,7 +11,7 @@ import typer
 from tsis.cli.console_output import people, print_json, print_notice, waiting
 from tsis.cli.records.chosen_store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, TargetNumber, opened
 from tsis.cli.targets import AsJson
-from tsis.model import check
+from tsis.model.check import require_one_of
 from tsis.model.errors import InputError
 from tsis.report.document import envelope
 from tsis.report.forms import ENDINGS, MASKED, PAGES, require_absent, write_form
@@ -46,7 +46,7 @@ def export(
     """
     wanted = list(dict.fromkeys(part for each in forms for part in each.split(",")))
     for form in wanted:
-        check.require_one_of("form of export", form, ENDINGS)
+        require_one_of("form of export", form, ENDINGS)
     if identified and not set(wanted) & set(MASKED):
         raise InputError(f"--identified is of {' and '.join(MASKED)}; the other forms mask nothing (leave it out)")
     stem = f"target-{number}"

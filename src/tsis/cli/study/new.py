@@ -11,7 +11,7 @@ import typer
 from tsis.cli.console_output import people, print_json, print_notice
 from tsis.cli.study.chosen import StudyFolder
 from tsis.cli.targets import AsJson, ProbeName
-from tsis.model import check
+from tsis.model.check import LARGEST_SEED
 from tsis.model.errors import InputError
 from tsis.report.document import envelope
 
@@ -41,7 +41,7 @@ def new(
             help="Seed of codes and order, written into the plan: who knows it can make the same study.",
             show_default="drawn, and sealed with the truth",
             min=0,
-            max=check.LARGEST_SEED,
+            max=LARGEST_SEED,
         ),
     ] = None,
     like: Annotated[

@@ -16,7 +16,7 @@ from tsis.cli.interrupt import ended_by
 from tsis.cli.records.chosen_store import DATABASE, PHANTOM, opened
 from tsis.cli.study.chosen import ByName, StudyFolder
 from tsis.cli.targets import AsJson
-from tsis.model import check
+from tsis.model.check import LARGEST_SEED
 from tsis.report.document import envelope
 
 
@@ -28,7 +28,7 @@ def run(
         Path | None,
         typer.Option(help="Folder of a store of phantoms that gets frames and estimates, under the codes."),
     ] = None,
-    seed: Annotated[int, typer.Option(help="Seed of the probe's errors.", min=0, max=check.LARGEST_SEED)] = 0,
+    seed: Annotated[int, typer.Option(help="Seed of the probe's errors.", min=0, max=LARGEST_SEED)] = 0,
     as_json: AsJson = False,
 ) -> None:
     """Press what is left to read with the virtual probe, and enter each estimate at once.

@@ -13,19 +13,17 @@ from tsis.console.api.asking import CONTROL
 from tsis.console.api.description import description
 from tsis.console.api.documented import OF_CALLS
 from tsis.console.api.errors import install_error_handlers
-from tsis.console.api.routes import (
-    about,
-    calibration,
-    camera,
-    cameras,
-    control,
-    estimates,
-    frames,
-    jobs,
-    press,
-    state,
-    targets,
-)
+from tsis.console.api.routes.about import about_router
+from tsis.console.api.routes.calibration import calibration_router
+from tsis.console.api.routes.camera import camera_router
+from tsis.console.api.routes.cameras import cameras_router
+from tsis.console.api.routes.control import control_router
+from tsis.console.api.routes.estimates import estimates_router
+from tsis.console.api.routes.frames import frames_router
+from tsis.console.api.routes.jobs import jobs_router
+from tsis.console.api.routes.press import press_router
+from tsis.console.api.routes.state import state_router
+from tsis.console.api.routes.targets import targets_router
 
 if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -35,7 +33,19 @@ if TYPE_CHECKING:
 
 PLACE, VERSION = "/api", "/v1"
 HEADERS = ((b"tsis-notice", RESEARCH_USE_ONLY.encode()), (b"cache-control", b"no-store"))
-PARTS = (state, control, cameras, camera, press, frames, calibration, jobs, targets, estimates, about)
+ROUTERS = (
+    state_router,
+    control_router,
+    cameras_router,
+    camera_router,
+    press_router,
+    frames_router,
+    calibration_router,
+    jobs_router,
+    targets_router,
+    estimates_router,
+    about_router,
+)
 DESCRIPTION = f"""Calls for scripts beside the pages of `tsis console`. {RESEARCH_USE_ONLY}
 
 Every call needs `Authorization: Bearer TOKEN` with the token of the address that the console printed. Acts on the
@@ -68,8 +78,8 @@ def api_app(bench: Bench, reports: Reports) -> FastAPI:
     )
     application.state.bench, application.state.reports = bench, reports
     version = APIRouter(prefix=VERSION, responses=OF_CALLS)
-    for part in PARTS:
-        version.include_router(part.router)
+    for router in ROUTERS:
+        version.include_router(router)
     application.include_router(version)
     install_error_handlers(application)
     application.openapi = partial(description, application)  # type: ignore[method-assign]

@@ -23,7 +23,7 @@ from tsis.console.bench.watcher import Watcher
 from tsis.imaging.colour import COLOUR_MAPS
 from tsis.instrument.discovery import connect
 from tsis.instrument.naming import LARGEST_TARGET
-from tsis.model import check
+from tsis.model.check import require_integer, require_one_of
 from tsis.records import open_store
 
 if TYPE_CHECKING:
@@ -157,12 +157,12 @@ class Bench:
     def set_target(self, number: int, *, by: str) -> None:
         """Choose the target that snapshots go to, in [1, 99999]."""
         with self._acts.act(by, "choosing a target"):
-            self._target = check.require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target")
+            self._target = require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target")
 
     def step_target(self, many: int, *, by: str) -> None:
         """Choose the target so many after the present one, whichever that is when it is done; before where negative."""
         with self._acts.act(by, "choosing a target"):
-            self._target = check.require_integer(
+            self._target = require_integer(
                 "target", self._target + many, 1, LARGEST_TARGET, hint="number of the target"
             )
 
@@ -222,7 +222,7 @@ class Bench:
         RecordsError
             When the store does not take the press, whose files stay then.
         """
-        check.require_one_of("colour map", map_name, COLOUR_MAPS)
+        require_one_of("colour map", map_name, COLOUR_MAPS)
         with self._acts.act(by, "keeping a press"):
             self.desk.look()  # somebody may have changed a setting elsewhere
             arrival, gauge = self.desk.fresh(), self._gauge

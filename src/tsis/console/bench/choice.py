@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 from tsis.imaging.sensor import Sensor
 from tsis.instrument.discovery import LIVE_SOURCES, STORED_SOURCES
-from tsis.model import check, list_phantoms, list_probes, list_spheres
+from tsis.model import list_phantoms, list_probes, list_spheres
+from tsis.model.check import LARGEST_SEED, require_integer, require_one_of, require_type
 from tsis.model.errors import InputError
 from tsis.model.variants import phantom_variant
 from tsis.records.values import ROLES
@@ -55,20 +56,20 @@ class CameraChoice:
     seed: int = 4
 
     def __post_init__(self) -> None:
-        check.require_type("spec", self.spec, str)
+        require_type("spec", self.spec, str)
         self._require_live()
         if self.mode is not None:
-            check.require_type("mode", self.mode, str)
+            require_type("mode", self.mode, str)
             if self.is_virtual:  # whose modes are known before it runs
-                check.require_one_of("mode", self.mode, [virtual_mode(Sensor()).label])
-        check.require_one_of("probe", self.probe, list_probes())
-        check.require_one_of("phantom", self.phantom, (*list_phantoms(), *list_spheres()))
+                require_one_of("mode", self.mode, [virtual_mode(Sensor()).label])
+        require_one_of("probe", self.probe, list_probes())
+        require_one_of("phantom", self.phantom, (*list_phantoms(), *list_spheres()))
         changed = (self.diameter_mm, self.depth_mm, self.young_kpa)
         if not self.is_sphere:
             phantom_variant(self.phantom, *changed)
         elif any(value is not None for value in changed):
             raise InputError(f"diameter_mm, depth_mm and young_kpa are of phantoms; {self.phantom} is a sphere")
-        check.require_integer("seed", self.seed, 0, check.LARGEST_SEED)
+        require_integer("seed", self.seed, 0, LARGEST_SEED)
 
     def _require_live(self) -> None:
         source = self.spec.partition(":")[0]
@@ -77,7 +78,7 @@ class CameraChoice:
                 f"camera must be a live one; got {self.spec!r:.80}, which is stored (estimate from stored frames with "
                 "tsis examine, or enter them with tsis records import)"
             )
-        check.require_one_of("camera source", source, (VIRTUAL, *LIVE_SOURCES))
+        require_one_of("camera source", source, (VIRTUAL, *LIVE_SOURCES))
         if source == VIRTUAL and self.spec != VIRTUAL:
             raise InputError(f"the virtual probe is called virtual and nothing more; got {self.spec!r:.80}")
         if source == OPENCV and not OPENCV_SPEC.fullmatch(self.spec):

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tsis.model import check
+from tsis.model.check import require_number, require_type
 from tsis.model.errors import ControlError, InputError
 
 if TYPE_CHECKING:
@@ -75,11 +75,11 @@ class Control:
         InputError
             When the name cannot be shown, or the time lies outside its range.
         """
-        check.require_type("identity", identity, str)
-        check.require_type("name", name, str)
+        require_type("identity", identity, str)
+        require_type("name", name, str)
         if not name.strip() or not name.isprintable() or len(name) > LONGEST_NAME:
             raise InputError(f"name must be 1 to {LONGEST_NAME} characters that can be shown; got {name!r:.80}")
-        check.require_number("held_s", held_s, SHORTEST_HELD_S, LONGEST_HELD_S, hint="seconds")
+        require_number("held_s", held_s, SHORTEST_HELD_S, LONGEST_HELD_S, hint="seconds")
         with self._lock:
             held = self._present()
             other = held is not None and held.identity != identity

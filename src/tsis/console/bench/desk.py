@@ -13,7 +13,7 @@ from tsis.instrument.acquisition.acquisition import LOST_AFTER_S
 from tsis.instrument.discovery import connect
 from tsis.instrument.patience import LATE_FRAMES
 from tsis.instrument.presets import preset
-from tsis.model import check
+from tsis.model.check import require_number, require_one_of
 from tsis.model.errors import CameraError, ControlError, InputError
 from tsis.virtual.camera import LARGEST_FORCE_N
 
@@ -161,7 +161,7 @@ class CameraDesk:
         """Change a setting now and after each reconnection; errors as `Acquisition.adjust`."""
         acquisition = self._streaming()
         if present := self.settings():
-            check.require_one_of("setting", name, [each.name for each in present])
+            require_one_of("setting", name, [each.name for each in present])
         acquisition.adjust(name, value)
         self._wanted[name] = float(value)
         self._changed()
@@ -204,10 +204,10 @@ class CameraDesk:
         MechanicsError
             When the tissue cannot be pressed so hard; the press is as it was.
         """
-        check.require_one_of("role", role, self.roles)
+        require_one_of("role", role, self.roles)
         if self.choice.is_virtual or force_n is not None:
             most = LARGEST_FORCE_N if self.choice.is_virtual else MOST_TYPED_N
-            force_n = check.require_number("force_n", force_n, 0.0, most, hint="newtons")
+            force_n = require_number("force_n", force_n, 0.0, most, hint="newtons")
         if self.stage is not None and force_n is not None:
             self.stage.hold(role, force_n)
         self.role, self.force_n = role, force_n

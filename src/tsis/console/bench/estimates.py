@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from tsis.instrument.naming import LARGEST_TARGET
-from tsis.model import check
+from tsis.model.check import require_integer, require_one_of
 from tsis.model.errors import InputError, RecordsError
 from tsis.records.environment import environment
 from tsis.records.estimation import REFERENCES, EstimationRequest, estimate_stored, require_options
@@ -95,11 +95,11 @@ def require_estimable(
     store: Store, number: int, *, kind: str, presses: Sequence[str] | None, options: Mapping[str, Any]
 ) -> None:
     """Refuse what no estimate can be begun with; parameters as of `estimate_target`, `InputError` says why."""
-    check.require_one_of("kind of estimate", kind, ESTIMATES)
+    require_one_of("kind of estimate", kind, ESTIMATES)
     require_options(kind, options)
     if presses is not None and not (len(presses) > 0 and all(isinstance(each, str) for each in presses)):
         raise InputError(f"presses must be identities of presses, one at least; got {presses!r:.80}")
-    store.target(check.require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target"))
+    store.target(require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target"))
 
 
 def estimate_title(number: int) -> str:

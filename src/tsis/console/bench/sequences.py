@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from tsis.console.bench.reading import force_at, gauge_force
 from tsis.instrument.naming import target_folder
 from tsis.instrument.recording import FrameFolder, FurtherColumns, record
-from tsis.model import check
+from tsis.model.check import require_integer, require_number
 from tsis.model.errors import CameraError, FileInputError, GaugeError, InputError
 from tsis.report import free_folder
 
@@ -50,9 +50,9 @@ class SequenceTerms:
         if (self.seconds is None) == (self.frames is None):
             raise InputError("a sequence must have one end: give seconds or frames")
         if self.seconds is not None:
-            check.require_number("seconds", self.seconds, SHORTEST_S, LONGEST_S, hint="seconds")
+            require_number("seconds", self.seconds, SHORTEST_S, LONGEST_S, hint="seconds")
         if self.frames is not None:
-            object.__setattr__(self, "frames", check.require_integer("frames", self.frames, 1, MOST_FRAMES))
+            object.__setattr__(self, "frames", require_integer("frames", self.frames, 1, MOST_FRAMES))
 
 
 def begin_sequence(

@@ -11,7 +11,8 @@ from tsis.calibration.cited import UsableCalibration
 from tsis.calibration.file import ProbeCalibration, calibration_sha256
 from tsis.calibration.guard.reference import GuardReference
 from tsis.console.bench.choice import BALL, PLAIN, TARGET, UNTOUCHED
-from tsis.model import Phantom, SoftSphere, TactileImage, check, load_probe, load_sphere
+from tsis.model import Phantom, SoftSphere, TactileImage, load_probe, load_sphere
+from tsis.model.check import require_number, require_one_of
 from tsis.model.errors import MechanicsError
 from tsis.model.variants import phantom_variant
 from tsis.virtual import DirectContactRig, VirtualCamera, VirtualProbe
@@ -115,8 +116,8 @@ class VirtualStage:
         MechanicsError
             When the tissue cannot be pressed so hard; the press is as it was.
         """
-        check.require_one_of("role", role, self.roles)
-        check.require_number("force_n", force_n, 0.0, LARGEST_FORCE_N, hint="newtons")
+        require_one_of("role", role, self.roles)
+        require_number("force_n", force_n, 0.0, LARGEST_FORCE_N, hint="newtons")
         with self._one_at_a_time:
             lies, pressed_n = self._lying(role), _pressed_n(role, force_n)
             try:

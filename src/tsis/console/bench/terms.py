@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from tsis.console.bench.choice import VIRTUAL, CameraChoice
-from tsis.model import check
+from tsis.model.check import require_one_of
 from tsis.records.values import KINDS
 
 
@@ -48,7 +48,7 @@ class BenchTerms:
     calibration: Path | None = None
 
     def __post_init__(self) -> None:
-        check.require_one_of("kind of store", self.kind, KINDS)
+        require_one_of("kind of store", self.kind, KINDS)
         self.choice  # noqa: B018 - which refuses what cannot be chosen
 
     @property

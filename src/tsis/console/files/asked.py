@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from tsis.console.statuses import AbsentError
 from tsis.instrument.naming import LARGEST_TARGET
-from tsis.model import check
+from tsis.model.check import require_one_of
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def press_of(store: Store, target: str, press: str) -> StoredPress:
 def form_of(name: str, text: str, forms: Collection[str]) -> str:
     """The form that stands in an address; `AbsentError` when there is none of that name."""
     with _in_the_address():
-        return check.require_one_of(name, text, forms)
+        return require_one_of(name, text, forms)
 
 
 @contextmanager

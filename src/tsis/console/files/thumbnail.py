@@ -9,7 +9,8 @@ import numpy as np
 
 from tsis.imaging import colour_map
 from tsis.imaging.colour import COLOUR_MAPS
-from tsis.model import TactileImage, check
+from tsis.model import TactileImage
+from tsis.model.check import require_integer, require_one_of
 
 if TYPE_CHECKING:
     from typing import Any
@@ -42,8 +43,8 @@ def thumbnail_png(levels: NDArray[Any], *, full_scale: float, size: int, name: s
     UnknownNameError
         When no map has that name.
     """
-    check.require_integer("size", size, SMALLEST_PX, LARGEST_PX, hint="pixels of the longer side")
-    check.require_one_of("colour map", name, MAPS)
+    require_integer("size", size, SMALLEST_PX, LARGEST_PX, hint="pixels of the longer side")
+    require_one_of("colour map", name, MAPS)
     grey = levels.astype(np.float64)
     share = size / max(grey.shape)
     if share < 1.0:

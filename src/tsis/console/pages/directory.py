@@ -17,7 +17,7 @@ PAGES: dict[str, tuple[str, Callable[..., Awaitable[None] | None]]] = {
     "/calibrate/{name}": ("Calibrate", calibrate.session_page),
     "/hardness": ("Hardness", hardness.page),
     "/study": ("Study", study.listing),
-    "/study/{name}": ("Study", study.study_page),
+    "/study/{name}": ("Study", study.show_study),
     "/records": ("Records", records.listing),
     "/records/{number}": ("Records", records.target_page),
     "/design": ("Design", design.page),

@@ -11,7 +11,7 @@ from tsis.instrument.acquisition.intake import Intake, silence
 from tsis.instrument.acquisition.ring import FrameRing
 from tsis.instrument.camera import named_mode
 from tsis.instrument.patience import LATE_FRAMES
-from tsis.model import check
+from tsis.model.check import require_number
 from tsis.model.errors import CameraError, TsisError
 
 if TYPE_CHECKING:
@@ -82,8 +82,8 @@ class Acquisition:
     ) -> None:
         self.ring = FrameRing(ring_frames, patient=patient)
         self._connect, self._mode, self._wanted = connect, mode, dict(settings or {})
-        self._lost_after_s = check.require_number("lost_after_s", lost_after_s, 0.05, 3600.0, hint="seconds")
-        self._retry_s = check.require_number("retry_s", retry_s, 0.0, 3600.0, hint="seconds")
+        self._lost_after_s = require_number("lost_after_s", lost_after_s, 0.05, 3600.0, hint="seconds")
+        self._retry_s = require_number("retry_s", retry_s, 0.0, 3600.0, hint="seconds")
         self._reconnect, self._clock = reconnect, clock
         self._intake = Intake(self.ring, clock=clock)
         self._camera: Camera | None = None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from tsis.model import check
+from tsis.model.check import require_integer, require_number
 
 if TYPE_CHECKING:
     from tsis.instrument.camera import Frame
@@ -30,5 +30,5 @@ class ReceivedFrame:
     connection: int = 0
 
     def __post_init__(self) -> None:
-        check.require_number("arrived_s", self.arrived_s, -1e15, 1e15, hint="seconds")
-        check.require_integer("connection", self.connection, 0, 2**31)
+        require_number("arrived_s", self.arrived_s, -1e15, 1e15, hint="seconds")
+        require_integer("connection", self.connection, 0, 2**31)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 
-from tsis.model import check
+from tsis.model.check import require_number
 
 
 class FrameRate:
@@ -27,7 +27,7 @@ class FrameRate:
     """
 
     def __init__(self, window_s: float = 2.0) -> None:
-        self._window_s = check.require_number("window_s", window_s, 0.01, 3600.0, hint="seconds")
+        self._window_s = require_number("window_s", window_s, 0.01, 3600.0, hint="seconds")
         self._times_s: deque[float] = deque()
 
     def add(self, time_s: float) -> None:

@@ -6,7 +6,7 @@ import threading
 from collections import deque
 from typing import TYPE_CHECKING
 
-from tsis.model import check
+from tsis.model.check import require_integer
 
 if TYPE_CHECKING:
     from tsis.instrument.acquisition.arrival import ReceivedFrame
@@ -32,8 +32,8 @@ class FrameRing:
 
     def __init__(self, capacity: int = 64, *, patient: bool = False, most_bytes: int = MOST_BYTES) -> None:
         self.patient = patient
-        self.capacity = check.require_integer("capacity", capacity, 1, LARGEST_RING, hint="frames")
-        self._most_bytes = check.require_integer("most_bytes", most_bytes, 1, 2**40)
+        self.capacity = require_integer("capacity", capacity, 1, LARGEST_RING, hint="frames")
+        self._most_bytes = require_integer("most_bytes", most_bytes, 1, 2**40)
         self._held: deque[ReceivedFrame] = deque()
         self._bytes = 0
         self._put = self._read_to = 0

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from tsis.instrument.gauge.noise import reading_noise
-from tsis.model import check
+from tsis.model.check import require_number
 from tsis.model.errors import GaugeError, InputError
 
 if TYPE_CHECKING:
@@ -99,9 +99,9 @@ def force_at(
 
     The true course at 0.55 s is 0.3025 N.
     """
-    at_s = check.require_number("time_s", time_s, -1e12, 1e12) + check.require_number("latency_s", latency_s, -1e3, 1e3)
-    check.require_number("time_error_s", time_error_s, 0.0, 1e3)
-    check.require_number("longest_gap_s", longest_gap_s, 1e-6, 1e6)
+    at_s = require_number("time_s", time_s, -1e12, 1e12) + require_number("latency_s", latency_s, -1e3, 1e3)
+    require_number("time_error_s", time_error_s, 0.0, 1e3)
+    require_number("longest_gap_s", longest_gap_s, 1e-6, 1e6)
     right = _right(readings, at_s)
     around = readings[max(right - _EACH_SIDE, 0) : right + _EACH_SIDE]
     right -= max(right - _EACH_SIDE, 0)

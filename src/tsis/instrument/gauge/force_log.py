@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from tsis.instrument.gauge.alignment import LONGEST_GAP_S, ForceAtTime, force_at
-from tsis.model import check
+from tsis.model.check import require_integer, require_number
 from tsis.model.errors import GaugeError, TsisError
 
 if TYPE_CHECKING:
@@ -74,8 +74,8 @@ class ForceLog:
     """
 
     def __init__(self, gauge: Gauge, *, capacity: int = 100_000, latency_s: float = 0.0) -> None:
-        self._gauge, self._latency_s = gauge, check.require_number("latency_s", latency_s, -10.0, 10.0, hint="seconds")
-        self._kept: deque[ForceReading] = deque(maxlen=check.require_integer("capacity", capacity, 8, 10_000_000))
+        self._gauge, self._latency_s = gauge, require_number("latency_s", latency_s, -10.0, 10.0, hint="seconds")
+        self._kept: deque[ForceReading] = deque(maxlen=require_integer("capacity", capacity, 8, 10_000_000))
         self._changed = threading.Condition()
         self._thread: threading.Thread | None = None
         self._running, self._received, self._error = False, 0, ""

@@ -17,7 +17,7 @@ import scipy
 from scipy.ndimage import gaussian_filter1d
 
 from tsis.instrument.gauge.noise import reading_noise
-from tsis.model import check
+from tsis.model.check import require_array, require_number
 from tsis.model.errors import GaugeError, InputError
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ class Latency:
 
     def interval(self, level: float = 0.95) -> tuple[float, float]:
         """Ends of the interval of Student's t that holds the delay with probability ``level``."""
-        check.require_number("level", level, 1e-6, 1 - 1e-9, hint="a probability")
+        require_number("level", level, 1e-6, 1 - 1e-9, hint="a probability")
         half = float(scipy.stats.t.ppf(0.5 + level / 2, self.degrees_of_freedom)) * self.sd_s
         return self.latency_s - half, self.latency_s + half
 
@@ -107,8 +107,8 @@ def find_latency(
     >>> round(find_latency(frames, 500 + 3e4 * course(frames), readings).latency_s, 3)
     0.08
     """
-    check.require_number("longest_s", longest_s, 1e-3, 60.0)
-    frames = _series("frame", check.require_array("frame_times_s", frame_times_s, ndim=1), frame_sums)
+    require_number("longest_s", longest_s, 1e-3, 60.0)
+    frames = _series("frame", require_array("frame_times_s", frame_times_s, ndim=1), frame_sums)
     forces = _series("reading", [each.time_s for each in readings], [each.force_n for each in readings])
     step_n = max(each.resolution_n for each in readings)
     _refuse_flat("force", *forces, step=step_n, cure="press and release while both run")
@@ -131,7 +131,7 @@ def find_latency(
 def _series(what: str, times: ArrayLike, values: ArrayLike) -> tuple[Floats, Floats]:
     if len(np.atleast_1d(np.asarray(times))) < _LEAST:
         raise GaugeError(f"at least {_LEAST} {what}s are needed to find a delay; got {np.size(times)}")
-    checked = check.require_array(f"{what} times", times, ndim=1), check.require_array(f"{what} values", values, ndim=1)
+    checked = require_array(f"{what} times", times, ndim=1), require_array(f"{what} values", values, ndim=1)
     if checked[0].shape != checked[1].shape:
         raise InputError(f"each {what} must have a time and a value; got {checked[0].size} and {checked[1].size}")
     if not (np.diff(checked[0]) > 0).all():

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from tsis.model import check
+from tsis.model.check import require_number
 
 LARGEST_FORCE_N = 1e6
 
@@ -41,7 +41,7 @@ class ForceReading:
     time_error_s: float = 0.0
 
     def __post_init__(self) -> None:
-        check.require_number("time_s", self.time_s, -1e12, 1e12)
-        check.require_number("force_n", self.force_n, -LARGEST_FORCE_N, LARGEST_FORCE_N)
-        check.require_number("resolution_n", self.resolution_n, 0.0, LARGEST_FORCE_N)
-        check.require_number("time_error_s", self.time_error_s, 0.0, 1e6)
+        require_number("time_s", self.time_s, -1e12, 1e12)
+        require_number("force_n", self.force_n, -LARGEST_FORCE_N, LARGEST_FORCE_N)
+        require_number("resolution_n", self.resolution_n, 0.0, LARGEST_FORCE_N)
+        require_number("time_error_s", self.time_error_s, 0.0, 1e6)

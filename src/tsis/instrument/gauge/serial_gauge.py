@@ -12,7 +12,7 @@ from tsis.instrument.gauge.ascii_reply import Reply, ReplyKind, force_unit, newt
 from tsis.instrument.gauge.reading import LARGEST_FORCE_N, ForceReading
 from tsis.instrument.gauge.serial_line import SerialLine
 from tsis.instrument.gauge.serial_port import PORT_FAILURES, opened
-from tsis.model import check
+from tsis.model.check import require_integer, require_number, require_type
 from tsis.model.errors import GaugeError, InputError
 
 if TYPE_CHECKING:
@@ -74,13 +74,13 @@ class SerialGauge:
         open_port: Callable[..., Any] = serial.Serial,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        check.require_type("port", port, str)
+        require_type("port", port, str)
         if not port:
             raise InputError("port must be the name of a serial port; got an empty one")
-        self._name, self._baud = port, check.require_integer("baud", baud, 50, 4_000_000, hint="bits per second")
+        self._name, self._baud = port, require_integer("baud", baud, 50, 4_000_000, hint="bits per second")
         self._stated_unit = None if unit is None else force_unit(unit)
         self._poll, self._tare_command = _command("poll", poll), _command("tare_command", tare_command)
-        self._timeout_s = check.require_number("timeout_s", timeout_s, 0.01, 3600.0)
+        self._timeout_s = require_number("timeout_s", timeout_s, 0.01, 3600.0)
         self._open_port, self._clock = open_port, clock
         self._line: SerialLine | None = None
         self._lost, self._skipped = False, 0

@@ -7,7 +7,7 @@ import time
 from typing import TYPE_CHECKING
 
 from tsis.instrument.gauge.reading import ForceReading
-from tsis.model import check
+from tsis.model.check import require_number
 from tsis.model.errors import GaugeError
 
 if TYPE_CHECKING:
@@ -67,11 +67,11 @@ class SimulatedGauge:
         wait: Callable[[float], object] | None = None,
     ) -> None:
         self._force, self._rng, self._clock = force, rng, clock
-        self._noise_n = check.require_number("noise_n", noise_n, 0.0, 1e3)
-        self._resolution_n = check.require_number("resolution_n", resolution_n, 0.0, 1e3)
-        self._zero_n = check.require_number("zero_n", zero_n, -1e3, 1e3)
-        self._gain = check.require_number("gain", gain, -1e3, 1e3)
-        self._interval_s = 1.0 / check.require_number("rate_per_s", rate_per_s, 1e-3, 1e5)
+        self._noise_n = require_number("noise_n", noise_n, 0.0, 1e3)
+        self._resolution_n = require_number("resolution_n", resolution_n, 0.0, 1e3)
+        self._zero_n = require_number("zero_n", zero_n, -1e3, 1e3)
+        self._gain = require_number("gain", gain, -1e3, 1e3)
+        self._interval_s = 1.0 / require_number("rate_per_s", rate_per_s, 1e-3, 1e5)
         self._closed = threading.Event()
         self._closed.set()
         self._wait = wait or self._closed.wait

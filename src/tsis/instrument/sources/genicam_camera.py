@@ -8,9 +8,10 @@ import time
 from typing import TYPE_CHECKING
 
 from tsis.instrument.camera import Frame
-from tsis.instrument.sources import genicam_modes, genicam_settings
+from tsis.instrument.sources import genicam_settings
 from tsis.instrument.sources.block_count import BlockCount
 from tsis.instrument.sources.genicam_link import reason
+from tsis.instrument.sources.genicam_modes import apply_mode, modes
 from tsis.model.errors import CameraError
 
 if TYPE_CHECKING:
@@ -94,7 +95,7 @@ class GenICamCamera:
     def modes(self) -> tuple[Mode, ...]:
         """Each grey format at the present size and at the full one, the present one first."""
         with self._speaking("tell its modes") as link:
-            return genicam_modes.modes(link.nodes)
+            return modes(link.nodes)
 
     def settings(self) -> tuple[Setting, ...]:
         """Those of exposure_ms, gain, brightness and frames_per_s that the camera has."""
@@ -116,8 +117,8 @@ class GenICamCamera:
             if self._running.is_set():
                 raise CameraError(f"{self.name} is running already; call stop() and open() first")
             genicam_settings.run_free(link.nodes)
-            chosen = mode or genicam_modes.modes(link.nodes)[0]
-            genicam_modes.apply_mode(link.nodes, chosen)
+            chosen = mode or modes(link.nodes)[0]
+            apply_mode(link.nodes, chosen)
             self._full_scale = chosen.full_scale
             self._remember(link)
             link.begin()

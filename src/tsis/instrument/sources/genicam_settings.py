@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from tsis.instrument.camera import Setting
 from tsis.instrument.patience import LATE_FRAMES, SILENT_S
 from tsis.instrument.sources.genicam_nodes import choice_node, first_number, number_node, set_choice
-from tsis.model import check
+from tsis.model.check import require_one_of
 from tsis.model.errors import CameraError
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ def adjust(nodes: Nodes, name: str, value: float) -> None:
     present = {setting.name: setting for setting in settings(nodes)}
     if not present:
         raise CameraError(f"the camera has no setting called {name!r}; it has none at all")
-    feature = _FEATURES[check.require_one_of("setting", name, present)]
+    feature = _FEATURES[require_one_of("setting", name, present)]
     if feature.automatic:
         set_choice(nodes, feature.automatic, "Off")
     for switch in feature.switches:

@@ -7,7 +7,7 @@ import sys
 from typing import Any
 
 from tsis.instrument.quiet import quiet_decoders
-from tsis.model import extra
+from tsis.model.extra import import_extra
 
 
 def maker_library(name: str, *, source: str) -> Any:
@@ -23,4 +23,4 @@ def maker_library(name: str, *, source: str) -> Any:
     """
     imported = name in sys.modules
     with contextlib.nullcontext() if imported else quiet_decoders():  # silences warnings, and puts the filters back
-        return extra.import_extra(name, feature=f"the camera source {source}", extra=f"camera-{source}")
+        return import_extra(name, feature=f"the camera source {source}", extra=f"camera-{source}")

@@ -13,7 +13,7 @@ from tsis.instrument.camera import Frame, Mode, Setting
 from tsis.instrument.luma import grey_of_opencv
 from tsis.instrument.quiet import quiet_decoders
 from tsis.instrument.sources.capture import present_mode
-from tsis.model import check
+from tsis.model.check import require_number, require_one_of
 from tsis.model.errors import CameraError
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ class OpenCVDevice:
         capture: Callable[[int], Any] = cv2.VideoCapture,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        self._index = int(check.require_number("index", index, 0, 9999))
+        self._index = int(require_number("index", index, 0, 9999))
         self._open_capture, self._clock = capture, clock
         self._capture: Any = None
         self._one_call = threading.Lock()  # OpenCV's captures belong to one thread at a time
@@ -105,7 +105,7 @@ class OpenCVDevice:
         present = {setting.name: setting for setting in self.settings()}
         if not present:
             raise CameraError(f"{self.name} has no setting called {name!r}; it has none at all")
-        wanted = present[check.require_one_of("setting", name, present)].checked(value)
+        wanted = present[require_one_of("setting", name, present)].checked(value)
         with self._one_call:
             taken = self._opened().set(_PROPERTIES[name], wanted)
         if not taken:

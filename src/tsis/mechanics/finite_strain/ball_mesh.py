@@ -6,9 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.mechanics import mesh
 from tsis.mechanics.finite_strain.meshed_solid import MeshPatch, Solid, weld
-from tsis.mechanics.mesh import LayeredMesh
+from tsis.mechanics.mesh import LayeredMesh, refine
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -38,8 +37,8 @@ def mesh_ball(
     """
     side = CORE * radius_mm
     centre = np.array([0.0, radius_mm])
-    line = mesh.refine(np.linspace(0.0, 1.0, cells + 1), order)
-    upright = mesh.refine(np.linspace(-1.0, 1.0, cells + 1), order)
+    line = refine(np.linspace(0.0, 1.0, cells + 1), order)
+    upright = refine(np.linspace(-1.0, 1.0, cells + 1), order)
     flat = np.zeros_like(line)
     below = np.column_stack([line, flat - 1])
     beside = np.column_stack([np.ones_like(upright), upright])
@@ -48,7 +47,7 @@ def mesh_ball(
     angles = np.pi * np.concatenate([line / 4, (1 / 4 + (upright + 1) / 4)[1:], (3 / 4 + line / 4)[1:]])
     circle = radius_mm * np.column_stack([np.sin(angles), -np.cos(angles)])
     circle[[0, -1], 0] = 0.0
-    share = mesh.refine(np.linspace(0.0, 1.0, rings + 1), order)
+    share = refine(np.linspace(0.0, 1.0, rings + 1), order)
     ring = centre + circle[:, None] + share[None, :, None] * (outline - circle)[:, None]
     core = centre + side * np.stack(np.meshgrid(line, upright, indexing="ij"), axis=-1)
     patches = [

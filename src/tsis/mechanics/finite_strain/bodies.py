@@ -7,9 +7,18 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.mechanics import mesh
 from tsis.mechanics.finite_strain.meshed_solid import MeshPatch, Solid, weld
-from tsis.mechanics.mesh import LayeredMesh
+from tsis.mechanics.mesh import (
+    LayeredMesh,
+    Spheroid,
+    face_lines,
+    graded,
+    mesh_around,
+    mesh_inside,
+    mesh_rectangle,
+    outer_lines,
+    refine,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -90,10 +99,10 @@ def mesh_probe(shape: RoundedProbe, face_lines: NDArray[np.float64], resolution:
     order, probe, fillet, radius = resolution.order, shape.probe, shape.fillet_mm, shape.radius_mm
     frame = 2 * fillet  # thickness of the strip along face and side
     corner = radius - frame
-    depth = mesh.graded(frame, 0.7 * resolution.rim_mm, resolution.growth, frame)
-    inwards = mesh.refine(depth / frame, order)
+    depth = graded(frame, 0.7 * resolution.rim_mm, resolution.growth, frame)
+    inwards = refine(depth / frame, order)
     # Along the face: from the axis to the middle of the rounded rim; the inner line ends at the corner of the strip.
-    along = mesh.refine(face_lines, order)
+    along = refine(face_lines, order)
     start = shape.middle_mm
     outer = shape.flat_points(along * start)
     inner = np.column_stack([along * corner, np.full_like(along, -frame)])
@@ -102,11 +111,11 @@ def mesh_probe(shape: RoundedProbe, face_lines: NDArray[np.float64], resolution:
     ends = np.cumsum([layer.thickness_mm for layer in probe.layers])
     inner_ends, outer_ends = np.concatenate([[frame], ends]), np.concatenate([[0.0], ends - fillet * (1 - np.pi / 4)])
     pieces = [
-        mesh.graded(1.0, min(1.0, max(resolution.rim_mm, 0.25 * size) / size), resolution.growth, 1.0)
+        graded(1.0, min(1.0, max(resolution.rim_mm, 0.25 * size) / size), resolution.growth, 1.0)
         for size in np.diff(inner_ends)
     ]
     counts = [len(piece) - 1 for piece in pieces]
-    shares = [mesh.refine(piece, order) for piece in pieces]
+    shares = [refine(piece, order) for piece in pieces]
     up = _chain(inner_ends, shares)
     side_inner = np.column_stack([np.full_like(up, corner), -up])
     side_arc = start + _chain(outer_ends, shares)
@@ -177,14 +186,14 @@ def mesh_slab(phantom: Phantom, probe: Probe, resolution: FiniteResolution) -> M
     largest = resolution.largest * probe.radius_mm
     cells = int(np.ceil(min(SLIDING_MM, SLIDING_SHARE * probe.radius_mm) / resolution.rim_mm))
     fine = edge - resolution.rim_mm * np.arange(cells + 1)[::-1]
-    coarse = mesh.face_lines(
+    coarse = face_lines(
         float(fine[0]), finest=resolution.rim_mm * resolution.growth, growth=resolution.growth, largest=largest
     )
     inside = np.concatenate([coarse[:-1], fine])
     outer = max(8 * probe.radius_mm, 3.2 * thickness)
-    beyond = mesh.outer_lines(edge, outer, finest=resolution.rim_mm, growth=resolution.growth)
+    beyond = outer_lines(edge, outer, finest=resolution.rim_mm, growth=resolution.growth)
     lines = np.concatenate([inside, beyond[1:]])
-    depth = mesh.graded(thickness, 1.5 * resolution.rim_mm, resolution.growth, thickness / 4)
+    depth = graded(thickness, 1.5 * resolution.rim_mm, resolution.growth, thickness / 4)
     reach = int(np.searchsorted(lines, edge + 2 * resolution.rim_mm))
     tissue = {"young_kpa": phantom.young_kpa, "poisson": phantom.poisson}
 
@@ -193,7 +202,7 @@ def mesh_slab(phantom: Phantom, probe: Probe, resolution: FiniteResolution) -> M
 
     inclusion = phantom.inclusion
     if inclusion is None:
-        solid = weld([plain(mesh.mesh_rectangle(lines, depth, order, a_is_radius=True))])
+        solid = weld([plain(mesh_rectangle(lines, depth, order, a_is_radius=True))])
         return MeshedSlab(
             solid=solid, skin=solid.patches[0][: reach * order + 1, 0], inclusion=np.zeros(len(solid.cells), dtype=bool)
         )
@@ -201,15 +210,15 @@ def mesh_slab(phantom: Phantom, probe: Probe, resolution: FiniteResolution) -> M
     block = max(0.75 * probe.radius_mm, 1.3 * across)
     split = int(np.searchsorted(lines, block))
     near, far = lines[: split + 1], lines[split:]
-    spheroid = mesh.Spheroid(centre_depth=inclusion.centre_depth_mm, half_width=across, half_height=upright)
+    spheroid = Spheroid(centre_depth=inclusion.centre_depth_mm, half_width=across, half_height=upright)
     boundary = _outline(near, depth, order, cells=max(2, len(near) // 2))
-    around = mesh.mesh_around(boundary, spheroid, order, layers=resolution.ray_layers)
-    within = mesh.mesh_inside(boundary, spheroid, order, layers=resolution.sphere_layers)
+    around = mesh_around(boundary, spheroid, order, layers=resolution.ray_layers)
+    within = mesh_inside(boundary, spheroid, order, layers=resolution.sphere_layers)
     solid = weld(
         [
             plain(around),
             plain(within),
-            plain(mesh.mesh_rectangle(far, depth, order, a_is_radius=True)),
+            plain(mesh_rectangle(far, depth, order, a_is_radius=True)),
         ]
     )
     columns = (len(boundary) - 1) // order
@@ -224,8 +233,8 @@ def mesh_slab(phantom: Phantom, probe: Probe, resolution: FiniteResolution) -> M
 def _outline(near: NDArray[np.float64], depth: NDArray[np.float64], order: int, *, cells: int) -> NDArray[np.float64]:
     """Outer nodes of the block around the inclusion: along the skin, down its side, back along the chest wall."""
     edge, bottom = near[-1], depth[-1]
-    top, side = mesh.refine(near, order), mesh.refine(depth, order)
-    back = mesh.refine(np.linspace(edge, 0.0, cells + 1), order)
+    top, side = refine(near, order), refine(depth, order)
+    back = refine(np.linspace(edge, 0.0, cells + 1), order)
     return np.concatenate(
         [
             np.column_stack([top, np.zeros_like(top)]),

@@ -11,7 +11,8 @@ from threadpoolctl import threadpool_limits
 from tsis.mechanics.finite_strain.bodies import FiniteResolution
 from tsis.mechanics.finite_strain.probe_on_slab import FinitePress, ProbeOnSlab
 from tsis.mechanics.on_axis import shape_on_axis
-from tsis.model import Phantom, PressField, Probe, check
+from tsis.model import Phantom, PressField, Probe
+from tsis.model.check import require_number, require_type
 from tsis.model.errors import InputError, MechanicsError
 from tsis.model.press import MN_PER_N
 
@@ -110,8 +111,8 @@ def _steps(
     *,
     contrast: bool = True,
 ) -> tuple[FinitePress, ...]:
-    check.require_type("probe", probe, Probe)
-    check.require_type("phantom", phantom, Phantom)
+    require_type("probe", probe, Probe)
+    require_type("phantom", phantom, Phantom)
     require_ascending_forces(forces_n)
     softer = min(phantom.young_kpa, probe.layers[0].young_kpa)
     require_enough_force(forces_n[0], softer, probe.radius_mm, lightest=LIGHTEST)
@@ -125,7 +126,7 @@ def require_ascending_forces(forces_n: Sequence[float]) -> None:
     if not forces_n:
         raise InputError("forces_n must hold at least one force; got none")
     for force in forces_n:
-        check.require_number("force_n", force, 1e-6, LARGEST_FORCE_N, hint="newtons")
+        require_number("force_n", force, 1e-6, LARGEST_FORCE_N, hint="newtons")
     if any(later <= earlier for earlier, later in pairwise(forces_n)):
         raise InputError(f"forces_n must ascend; got {tuple(forces_n)}")
 

@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.mechanics.face import FACE_POINTS
-from tsis.mechanics.finite_strain import face_reading, load_path, neo_hookean
+from tsis.mechanics.finite_strain import load_path, neo_hookean
 from tsis.mechanics.finite_strain.bodies import FiniteResolution, mesh_probe, mesh_slab
 from tsis.mechanics.finite_strain.elastic_body import FIXED, OWN, ElasticBody, number_unknowns
+from tsis.mechanics.finite_strain.face_reading import face_displacement_mm, face_pressure_kpa
 from tsis.mechanics.finite_strain.meshed_solid import join_meshes
 from tsis.mechanics.finite_strain.obstacle import SoftFace
 from tsis.mechanics.finite_strain.potential import Potential
@@ -139,10 +140,8 @@ class ProbeOnSlab:
         radius = np.linspace(0.0, self.shape.radius_mm, FACE_POINTS)
         field = PressField(
             radius_mm=radius,
-            face_displacement_mm=face_reading.face_displacement_mm(
-                self.shape, self.face, displacements, radius, glass_mm=travel
-            ),
-            pressure_kpa=face_reading.face_pressure_kpa(self.shape, self.contact, self.face, positions, radius),
+            face_displacement_mm=face_displacement_mm(self.shape, self.face, displacements, radius, glass_mm=travel),
+            pressure_kpa=face_pressure_kpa(self.shape, self.contact, self.face, positions, radius),
             approach_mm=travel,
             force_n=force_n,
         )

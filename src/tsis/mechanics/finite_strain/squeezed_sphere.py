@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from tsis.mechanics import mesh
 from tsis.mechanics.face import FACE_POINTS
-from tsis.mechanics.finite_strain import face_reading, load_path
+from tsis.mechanics.finite_strain import load_path
 from tsis.mechanics.finite_strain.ball_mesh import mesh_ball
 from tsis.mechanics.finite_strain.bodies import FiniteResolution, mesh_probe
 from tsis.mechanics.finite_strain.elastic_body import FIXED, OWN, ElasticBody, number_unknowns
+from tsis.mechanics.finite_strain.face_reading import face_displacement_mm, face_pressure_kpa
 from tsis.mechanics.finite_strain.meshed_solid import join_meshes
 from tsis.mechanics.finite_strain.obstacle import Plate, SoftFace
 from tsis.mechanics.finite_strain.potential import Potential
@@ -22,7 +22,9 @@ from tsis.mechanics.finite_strain.probe_on_slab import SPRING, STEERING, STIFFNE
 from tsis.mechanics.finite_strain.rounded_probe import rounded
 from tsis.mechanics.finite_strain.sliding_contact import SlidingContact
 from tsis.mechanics.finite_strain.smooth_face import SmoothFace
-from tsis.model import PressField, Probe, check
+from tsis.mechanics.mesh import graded
+from tsis.model import PressField, Probe
+from tsis.model.check import require_number, require_type
 from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
@@ -141,12 +143,10 @@ def squeeze_path(
     resolution: SphereResolution | None = None,
 ) -> tuple[SpherePress, ...]:
     """Results of `squeeze_sphere` at several ascending forces in newtons, on one path; arguments, errors as there."""
-    check.require_type("probe", probe, Probe)
-    check.require_number(
-        "sphere_radius_mm", sphere_radius_mm, 0.1, WIDEST * probe.radius_mm, hint="0.6 of the face's radius"
-    )
-    check.require_number("young_kpa", young_kpa, 0.1, 1e6, hint="kilopascals")
-    check.require_number("poisson", poisson, 0.0, 0.495)
+    require_type("probe", probe, Probe)
+    require_number("sphere_radius_mm", sphere_radius_mm, 0.1, WIDEST * probe.radius_mm, hint="0.6 of the face's radius")
+    require_number("young_kpa", young_kpa, 0.1, 1e6, hint="kilopascals")
+    require_number("poisson", poisson, 0.0, 0.495)
     require_ascending_forces(forces_n)
     softer = min(young_kpa, probe.layers[0].young_kpa)
     require_enough_force(forces_n[0], softer, sphere_radius_mm, lightest=LIGHTEST)
@@ -230,10 +230,8 @@ class SphereOnProbe:
             peak_pressure_kpa=peak,
             field=PressField(
                 radius_mm=radius,
-                face_displacement_mm=face_reading.face_displacement_mm(
-                    self.shape, self.face, displacements, radius, glass_mm=0.0
-                ),
-                pressure_kpa=face_reading.face_pressure_kpa(self.shape, self.contact, self.face, positions, radius),
+                face_displacement_mm=face_displacement_mm(self.shape, self.face, displacements, radius, glass_mm=0.0),
+                pressure_kpa=face_pressure_kpa(self.shape, self.contact, self.face, positions, radius),
                 approach_mm=travel,
                 force_n=force_n,
             ),
@@ -266,5 +264,5 @@ def _lines(probe: Probe, radius_mm: float, size: float) -> NDArray[np.float64]:
     """Element boundaries along the face as shares: even under the sphere, coarser beyond it."""
     even = int(np.ceil(min(1.4 * radius_mm, 0.8 * probe.radius_mm) / size))
     near = size * np.arange(even + 1)
-    far = near[-1] + mesh.graded(probe.radius_mm - near[-1], 2 * size, 2.0, probe.radius_mm / 3)
+    far = near[-1] + graded(probe.radius_mm - near[-1], 2 * size, 2.0, probe.radius_mm / 3)
     return np.asarray(np.concatenate([near, far[1:]]) / probe.radius_mm)

@@ -7,7 +7,7 @@ from functools import cache
 from importlib.resources import files
 from typing import TYPE_CHECKING, Any
 
-from tsis.model import check
+from tsis.model.check import require_one_of
 from tsis.model.light import FOUR_LEDS, Glass, Led
 from tsis.model.phantom import Inclusion, Phantom
 from tsis.model.probe import Layer, Probe
@@ -50,7 +50,7 @@ def load_probe(name: str = "tsis-2011") -> Probe:
     >>> load_probe("tsis-2011").thickness_mm
     10.0
     """
-    return parse_probe(name, _table("probes")[check.require_one_of("probe", name, list_probes())])
+    return parse_probe(name, _table("probes")[require_one_of("probe", name, list_probes())])
 
 
 def parse_probe(name: str, entry: Mapping[str, Any]) -> Probe:
@@ -80,7 +80,7 @@ def load_phantom(name: str) -> Phantom:
     >>> load_phantom("hardness-70").inclusion.young_kpa
     70.0
     """
-    entry = _table("phantoms")[check.require_one_of("phantom", name, list_phantoms())]
+    entry = _table("phantoms")[require_one_of("phantom", name, list_phantoms())]
     inclusion = entry.get("inclusion")
     return Phantom(
         name=name,
@@ -105,4 +105,4 @@ def load_sphere(name: str) -> SoftSphere:
     >>> load_sphere("cl2003x").young_kpa
     62.0
     """
-    return SoftSphere(name=name, **_table("spheres")[check.require_one_of("sphere", name, list_spheres())])
+    return SoftSphere(name=name, **_table("spheres")[require_one_of("sphere", name, list_spheres())])

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import require_integer, require_number, require_one_of
 from tsis.model.errors import InputError
 from tsis.optics import inputs
 
@@ -49,9 +49,7 @@ class ThinGuide:
         object.__setattr__(self, "index", index)
         object.__setattr__(self, "thickness_um", thickness)
         inputs.require_refractive_index("index_outside", self.index_outside)
-        rigid = check.require_integer(
-            "rigid_layers", self.rigid_layers, 0, len(index) - 1, hint="for a layer must yield"
-        )
+        rigid = require_integer("rigid_layers", self.rigid_layers, 0, len(index) - 1, hint="for a layer must yield")
         object.__setattr__(self, "rigid_layers", rigid)
 
     def __eq__(self, other: object) -> bool:
@@ -94,7 +92,7 @@ def thin_guide(name: str) -> ThinGuide:
     >>> thin_guide("dissertation").total_um
     10.0
     """
-    return THIN_GUIDES[check.require_one_of("thin guide", name, THIN_GUIDES)]
+    return THIN_GUIDES[require_one_of("thin guide", name, THIN_GUIDES)]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,8 +111,8 @@ class Dent:
     tip_radius_um: float = 10.0
 
     def __post_init__(self) -> None:
-        check.require_number("depth_um", self.depth_um, 0.0, LARGEST_TIP_UM, hint="micrometres")
-        check.require_number("tip_radius_um", self.tip_radius_um, 0.1, LARGEST_TIP_UM, hint="micrometres")
+        require_number("depth_um", self.depth_um, 0.0, LARGEST_TIP_UM, hint="micrometres")
+        require_number("tip_radius_um", self.tip_radius_um, 0.1, LARGEST_TIP_UM, hint="micrometres")
 
     @property
     def half_width_um(self) -> float:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from tsis.model import check
+from tsis.model.check import require_integer, require_number, require_one_of, require_type
 from tsis.model.errors import InputError
 from tsis.model.threads import one_blas_thread
 from tsis.optics import inputs
@@ -138,13 +138,13 @@ def propagate(
     >>> bool(flat.powers.guided.mean() > 0.999999), bool(pressed.powers.guided.mean() < 0.99)
     (True, True)
     """
-    check.require_type("guide", guide, ThinGuide)
+    require_type("guide", guide, ThinGuide)
     dent = Dent() if dent is None else dent
-    check.require_type("dent", dent, Dent)
-    check.require_one_of("method", method, CELLS_A_WAVE)
+    require_type("dent", dent, Dent)
+    require_one_of("method", method, CELLS_A_WAVE)
     wavelength_um = inputs.require_wavelength(wavelength_um)
-    modes = check.require_integer("modes", modes, 1, MOST_SECTION_NODES)
-    check.require_number(
+    modes = require_integer("modes", modes, 1, MOST_SECTION_NODES)
+    require_number(
         "length_um", length_um, 2 * (dent.half_width_um + DENT_MARGIN_UM), LONGEST_UM, hint="the dent must fit"
     )
     across, along = _axes(guide, method, wavelength_um, length_um, step_um)
@@ -187,9 +187,7 @@ def _axes(
     shortest = wavelength_um / max(float(guide.index.max()), guide.index_outside)
     step = shortest / CELLS_A_WAVE[method]
     if step_um is not None:
-        step = check.require_number(
-            "step_um", step_um, 1e-4, shortest / COARSEST, hint="micrometres, 4 cells a wavelength"
-        )
+        step = require_number("step_um", step_um, 1e-4, shortest / COARSEST, hint="micrometres, 4 cells a wavelength")
     air = AIR_WAVES * wavelength_um / guide.index_outside
     ends = air if method == "fdfd" else 0.0
     return (
@@ -199,7 +197,7 @@ def _axes(
 
 
 def _refuse_what_does_not_fit(across: Axis, along: Axis, method: Method, modes: int, memory_gib: float) -> None:
-    limit = check.require_number("memory_gib", memory_gib, 0.01, 4096.0)
+    limit = require_number("memory_gib", memory_gib, 0.01, 4096.0)
     rows = across.cells + 1
     if rows > MOST_SECTION_NODES:
         raise InputError(

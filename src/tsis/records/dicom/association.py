@@ -7,7 +7,7 @@ import ssl
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from tsis.model import check
+from tsis.model.check import require_integer, require_number, require_type
 from tsis.model.errors import InputError, RecordsError
 from tsis.model.extra import import_extra
 from tsis.records.dicom.libraries import pydicom
@@ -56,8 +56,8 @@ def c_store(
         When a name of an application, the port or the time is not possible.
     """
     port, timeout_s = (
-        check.require_integer("port", port, 1, 65_535),
-        check.require_number("timeout_s", timeout_s, 0.1, 600.0),
+        require_integer("port", port, 1, 65_535),
+        require_number("timeout_s", timeout_s, 0.1, 600.0),
     )
     entity = _entity(files, calling_ae, timeout_s)
     where = f"{called_ae} at {host}:{port}"
@@ -82,7 +82,7 @@ def _entity(files: Sequence[DicomFile], calling_ae: str, timeout_s: float) -> An
 
 
 def _title(name: str, value: str) -> str:
-    check.require_type(name, value, str)
+    require_type(name, value, str)
     if not 0 < len(value.strip()) <= 16 or not value.isascii() or not value.isprintable() or "\\" in value:
         raise InputError(f"{name} must have 1 to 16 printable characters of ASCII without backslash; got {value!r}")
     return value.strip()

@@ -6,7 +6,7 @@ import ipaddress
 from typing import TYPE_CHECKING, Any
 from urllib.parse import urlsplit
 
-from tsis.model import check
+from tsis.model.check import require_number, require_type
 from tsis.model.errors import InputError, RecordsError
 from tsis.model.extra import import_extra
 
@@ -55,7 +55,7 @@ def stow_rs(
     """
     if not files:
         raise InputError("files must hold at least one instance; got none")
-    timeout_s = check.require_number("timeout_s", timeout_s, 0.1, 600.0)
+    timeout_s = require_number("timeout_s", timeout_s, 0.1, 600.0)
     here = _check_address(url, allow_plain_http=allow_plain_http)
     requests = import_extra("requests", feature="STOW-RS", extra="dicom")
     web = import_extra("dicomweb_client.api", feature="STOW-RS", extra="dicom")
@@ -74,7 +74,7 @@ def stow_rs(
 
 def _check_address(url: str, *, allow_plain_http: bool) -> bool:
     """Whether an address that may be sent to is of this machine itself."""
-    check.require_type("url", url, str)
+    require_type("url", url, str)
     try:
         parts = urlsplit(url)
         host = parts.hostname or ""

@@ -6,8 +6,8 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from tsis.instrument.file_bytes import as_path, printable_path
-from tsis.model import whole
 from tsis.model.errors import FileInputError
+from tsis.model.whole import atomic_file, atomic_folder
 
 if TYPE_CHECKING:
     import os
@@ -25,7 +25,7 @@ def export_file(path: str | os.PathLike[str]) -> Iterator[Path]:
         When there is something of that name, or it cannot be written.
     """
     wanted = as_path(path)
-    with _refusing(wanted), whole.atomic_file(wanted) as draft:
+    with _refusing(wanted), atomic_file(wanted) as draft:
         yield draft
 
 
@@ -39,7 +39,7 @@ def export_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
         When there is something of that name, or it cannot be written.
     """
     wanted = as_path(path)
-    with _refusing(wanted), whole.atomic_folder(wanted) as draft:
+    with _refusing(wanted), atomic_folder(wanted) as draft:
         yield draft
 
 

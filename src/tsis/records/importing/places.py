@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from tsis.instrument import printable_path
 from tsis.instrument.recording.record import RECORDING_INDEX, RECORDING_SUMMARY
-from tsis.model import check
+from tsis.model.check import require_one_of
 from tsis.model.errors import FileInputError
 from tsis.records.export.bundle import read_bundle
 from tsis.records.export.bundle.contents import DOCUMENTS
@@ -54,7 +54,7 @@ def find_import_batches(
         if progress is not None:
             progress(done)
 
-    check.require_one_of("role of a press", given.role, ROLES)
+    require_one_of("role of a press", given.role, ROLES)
     paths = list({path.absolute(): path for path in paths}.values())
     folders = [path for path in paths if _is_folder(path)]
     files = [path for path in paths if path not in folders]

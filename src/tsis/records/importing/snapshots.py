@@ -8,7 +8,7 @@ from tsis.instrument import printable_path
 from tsis.instrument.file_bytes import printable_name, read_object
 from tsis.instrument.naming import LARGEST_TARGET
 from tsis.instrument.snapshot import SIDECAR_FORMAT, SIDECAR_VERSION
-from tsis.model import check
+from tsis.model.check import require_integer, require_one_of
 from tsis.model.errors import FileInputError, InputError
 from tsis.records.importing.cited import cited_calibration
 from tsis.records.importing.found import (
@@ -120,7 +120,7 @@ def _snapshot(
 ) -> tuple[int, IncomingPress, tuple[str, ...]]:
     if document["version"] != SIDECAR_VERSION:
         raise InputError(f"version must be {SIDECAR_VERSION}; got {document['version']!r:.20}")
-    target = check.require_integer("target", document["target"], 1, LARGEST_TARGET)
+    target = require_integer("target", document["target"], 1, LARGEST_TARGET)
     hashes: dict[str, Any] = document["sha256"]
     ending = next((each for each in RAW if each in hashes), None)
     if ending is None:
@@ -136,7 +136,7 @@ def _snapshot(
     }
     press = IncomingPress(
         **read,
-        role=given.role if document.get("role") is None else check.require_one_of("role", document["role"], ROLES),
+        role=given.role if document.get("role") is None else require_one_of("role", document["role"], ROLES),
         taken=moment(document, "taken", "snapshot"),
         name=printable_name(raw),
         force_n=_force_n(document.get("force")),

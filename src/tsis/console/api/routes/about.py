@@ -8,10 +8,10 @@ from tsis.console.api.asking import TheBench
 from tsis.console.api.models.about import AboutAnswer, StoreTold
 from tsis.records import environment
 
-router = APIRouter(tags=["about"])
+about_router = APIRouter(tags=["about"])
 
 
-@router.get("/about", operation_id="get_about")
+@about_router.get("/about", operation_id="get_about")
 def get_about(bench: TheBench) -> AboutAnswer:
     """Tell versions, and where records and files are kept."""
     store = bench.store

@@ -21,17 +21,17 @@ from tsis.console.api.models.about import CalibrationAnswer, CalibrationTold
 if TYPE_CHECKING:
     from tsis.console.bench import Bench
 
-router = APIRouter(prefix="/calibration", tags=["calibration"])
+calibration_router = APIRouter(prefix="/calibration", tags=["calibration"])
 LARGEST_UPLOAD = 32 * 2**20  # bytes
 
 
-@router.get("", operation_id="get_calibration")
+@calibration_router.get("", operation_id="get_calibration")
 def get_calibration(bench: TheBench) -> CalibrationAnswer:
     """Tell which calibration is in force."""
     return _answer(bench)
 
 
-@router.get(
+@calibration_router.get(
     "/file", operation_id="get_calibration_file", response_class=Response, responses={**CALIBRATION_FILE, **OF_RECORDS}
 )
 def get_calibration_file(bench: TheBench) -> Response:
@@ -42,7 +42,9 @@ def get_calibration_file(bench: TheBench) -> Response:
     return Response(calibration_bytes(known.known), media_type="application/json")
 
 
-@router.put("", operation_id="use_calibration", responses={**OF_ACTS, **OF_BODIES}, openapi_extra=CALIBRATION_BODY)
+@calibration_router.put(
+    "", operation_id="use_calibration", responses={**OF_ACTS, **OF_BODIES}, openapi_extra=CALIBRATION_BODY
+)
 async def use_calibration(request: Request, bench: TheBench, by: Acting) -> CalibrationAnswer:
     """Put a calibration in force: the body is a calibration file of at most 32 MiB.
 
@@ -53,7 +55,7 @@ async def use_calibration(request: Request, bench: TheBench, by: Acting) -> Cali
     return _answer(bench)
 
 
-@router.delete("", operation_id="forget_calibration", responses=OF_ACTS)
+@calibration_router.delete("", operation_id="forget_calibration", responses=OF_ACTS)
 def forget_calibration(bench: TheBench, by: Acting) -> CalibrationAnswer:
     """Go back to the virtual probe's own calibration, or to none."""
     bench.use_calibration(None, by=by)

@@ -11,10 +11,10 @@ from tsis.console.api.documented import OF_BODIES, OF_CONTROL
 from tsis.console.api.models.control import ControlAnswer, ControlGiven
 from tsis.records.values import require_label
 
-router = APIRouter(tags=["control"])
+control_router = APIRouter(tags=["control"])
 
 
-@router.post("/control", operation_id="take_control", responses={**OF_CONTROL, **OF_BODIES})
+@control_router.post("/control", operation_id="take_control", responses={**OF_CONTROL, **OF_BODIES})
 async def take_control(bench: TheBench, given: ControlGiven, caller: Caller = None) -> ControlAnswer:
     """Hold the camera; who holds it already, and says so by the header, keeps the identity.
 
@@ -28,7 +28,7 @@ async def take_control(bench: TheBench, given: ControlGiven, caller: Caller = No
     return ControlAnswer(identity=identity, name=given.name, held_s=given.held_s)
 
 
-@router.delete("/control", operation_id="release_control", status_code=204)
+@control_router.delete("/control", operation_id="release_control", status_code=204)
 async def release_control(bench: TheBench, caller: Caller = None) -> Response:
     """Give the camera back; from anybody but the holder it changes nothing."""
     if caller:

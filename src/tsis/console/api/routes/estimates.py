@@ -15,10 +15,10 @@ from tsis.console.api.telling import told_estimate
 from tsis.records.estimation import PRIORS
 from tsis.records.recompute import recompute
 
-router = APIRouter(prefix="/targets/{number}", tags=["records"])
+estimates_router = APIRouter(prefix="/targets/{number}", tags=["records"])
 
 
-@router.get("/estimates", operation_id="list_estimates", responses=OF_RECORDS)
+@estimates_router.get("/estimates", operation_id="list_estimates", responses=OF_RECORDS)
 def list_estimates(bench: TheBench, number: TargetNumber) -> EstimatesAnswer:
     """List the estimates of a target in the order in which they were made."""
     target = known_target(bench, number)
@@ -31,7 +31,7 @@ def list_estimates(bench: TheBench, number: TargetNumber) -> EstimatesAnswer:
     )
 
 
-@router.post(
+@estimates_router.post(
     "/estimate", operation_id="estimate_target", responses={**OF_RECORDS, **OF_JOBS, **OF_BODIES}, status_code=202
 )
 def estimate_target(bench: TheBench, number: TargetNumber, given: Annotated[EstimateGiven, Body()]) -> JobAnswer:
@@ -41,7 +41,7 @@ def estimate_target(bench: TheBench, number: TargetNumber, given: Annotated[Esti
     return JobAnswer(job=JobTold.model_validate(job.state()))
 
 
-@router.post(
+@estimates_router.post(
     "/recompute", operation_id="recompute_target", responses={**OF_RECORDS, **OF_JOBS, **OF_BODIES}, status_code=202
 )
 def recompute_target(
@@ -56,7 +56,7 @@ def recompute_target(
     return JobAnswer(job=JobTold.model_validate(job.state()))
 
 
-@router.get(
+@estimates_router.get(
     "/report.html",
     operation_id="get_report_html",
     response_class=Response,
@@ -67,7 +67,7 @@ def get_report_html(bench: TheBench, reports: TheReports, number: TargetNumber) 
     return Response(reports.content(known_target(bench, number), "html"), media_type="text/html")
 
 
-@router.get(
+@estimates_router.get(
     "/report.pdf",
     operation_id="get_report_pdf",
     response_class=Response,

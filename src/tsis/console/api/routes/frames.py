@@ -15,11 +15,11 @@ from tsis.instrument.png import QUICK, whole_levels
 if TYPE_CHECKING:
     from tsis.instrument.acquisition import ReceivedFrame
 
-router = APIRouter(tags=["frames"])
+frames_router = APIRouter(tags=["frames"])
 Quality = Annotated[int, Query(ge=1, le=100, description="of JPEG")]
 
 
-@router.get("/frame.png", operation_id="get_frame_png", response_class=Response, responses=picture("image/png"))
+@frames_router.get("/frame.png", operation_id="get_frame_png", response_class=Response, responses=picture("image/png"))
 def get_frame_png(bench: TheBench) -> Response:
     """Send the newest frame, lossless: grey levels of 8 bits, or 16 where the camera has more.
 
@@ -30,7 +30,7 @@ def get_frame_png(bench: TheBench) -> Response:
     return _sent(arrival, cv2.imencode(".png", levels, QUICK)[1].tobytes(), "image/png")
 
 
-@router.get("/frame.jpg", operation_id="get_frame_jpg", response_class=Response, responses=picture("image/jpeg"))
+@frames_router.get("/frame.jpg", operation_id="get_frame_jpg", response_class=Response, responses=picture("image/jpeg"))
 def get_frame_jpg(bench: TheBench, quality: Quality = 85) -> Response:
     """Send the newest frame as a small picture of 8 bits, for the eye."""
     arrival = bench.desk.fresh()

@@ -16,22 +16,22 @@ from tsis.model.errors import InputError
 if TYPE_CHECKING:
     from tsis.console.bench import Bench, Job
 
-router = APIRouter(prefix="/jobs", tags=["jobs"])
+jobs_router = APIRouter(prefix="/jobs", tags=["jobs"])
 
 
-@router.get("", operation_id="list_jobs")
+@jobs_router.get("", operation_id="list_jobs")
 def list_jobs(bench: TheBench) -> JobsAnswer:
     """List the last jobs of this console, the newest last."""
     return JobsAnswer(jobs=[JobTold.model_validate(state) for state in bench.jobs.states()])
 
 
-@router.get("/{identity}", operation_id="get_job", responses=OF_RECORDS)
+@jobs_router.get("/{identity}", operation_id="get_job", responses=OF_RECORDS)
 def get_job(bench: TheBench, identity: JobIdentity) -> JobAnswer:
     """Tell how far a job is, and what it returned."""
     return _answer(bench, _known(bench, identity))
 
 
-@router.delete("/{identity}", operation_id="end_job", responses={**OF_RECORDS, **OF_ACTS})
+@jobs_router.delete("/{identity}", operation_id="end_job", responses={**OF_RECORDS, **OF_ACTS})
 def end_job(bench: TheBench, identity: JobIdentity, caller: Caller = None) -> JobAnswer:
     """Ask a job to end, which it does at its next step; one that follows the camera only for who holds it."""
     job = _known(bench, identity)

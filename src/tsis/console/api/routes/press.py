@@ -23,17 +23,17 @@ from tsis.console.api.routes.state import state_answer
 from tsis.console.api.telling import told_press
 from tsis.model.errors import InputError
 
-router = APIRouter(tags=["press"])
+press_router = APIRouter(tags=["press"])
 
 
-@router.put("/target", operation_id="choose_target", responses={**OF_ACTS, **OF_BODIES})
+@press_router.put("/target", operation_id="choose_target", responses={**OF_ACTS, **OF_BODIES})
 def choose_target(bench: TheBench, given: TargetChoiceGiven, by: Acting) -> StateAnswer:
     """Choose the target that snapshots go to; it is entered with its first press."""
     bench.set_target(given.number, by=by)
     return state_answer(bench, by)
 
 
-@router.put("/press", operation_id="hold_press", responses={**OF_ACTS, **OF_BODIES})
+@press_router.put("/press", operation_id="hold_press", responses={**OF_ACTS, **OF_BODIES})
 def hold_press(bench: TheBench, given: PressGiven, by: Acting) -> StateAnswer:
     """Say what is pressed and how hard; the virtual probe is moved there."""
     if not given.model_fields_set:
@@ -43,7 +43,7 @@ def hold_press(bench: TheBench, given: PressGiven, by: Acting) -> StateAnswer:
     return state_answer(bench, by)
 
 
-@router.post("/snapshot", operation_id="take_snapshot", responses={**OF_ACTS, **OF_BODIES}, status_code=201)
+@press_router.post("/snapshot", operation_id="take_snapshot", responses={**OF_ACTS, **OF_BODIES}, status_code=201)
 def take_snapshot(bench: TheBench, by: Acting, given: Annotated[SnapshotGiven | None, Body()] = None) -> KeptAnswer:
     """Keep the press as it is seen now: its files, and the press in the store; when this answers, both last."""
     kept = bench.snapshot(by=by, map_name=(given or SnapshotGiven()).map_name)
@@ -57,14 +57,14 @@ def take_snapshot(bench: TheBench, by: Acting, given: Annotated[SnapshotGiven | 
     )
 
 
-@router.post("/sequence", operation_id="begin_sequence", responses={**OF_ACTS, **OF_BODIES}, status_code=202)
+@press_router.post("/sequence", operation_id="begin_sequence", responses={**OF_ACTS, **OF_BODIES}, status_code=202)
 def begin_sequence(bench: TheBench, given: SequenceOfSeconds | SequenceOfFrames, by: Acting) -> JobAnswer:
     """Record every frame until so many have come or so much time has passed."""
     job = bench.begin_sequence(**given.model_dump(), by=by)
     return JobAnswer(job=JobTold.model_validate(job.state()))
 
 
-@router.delete("/sequence", operation_id="end_sequence", responses=OF_ACTS)
+@press_router.delete("/sequence", operation_id="end_sequence", responses=OF_ACTS)
 def end_sequence(bench: TheBench, by: Acting) -> StateAnswer:
     """End the sequence under way; what was recorded stays. Without one nothing happens."""
     bench.end_sequence(by=by)

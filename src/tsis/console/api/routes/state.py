@@ -14,10 +14,10 @@ from tsis.console.api.models.sight import SightAnswer, SightTold
 from tsis.console.api.models.state import StateAnswer
 from tsis.console.bench import Bench
 
-router = APIRouter(tags=["state"])
+state_router = APIRouter(tags=["state"])
 
 
-@router.get("/state", operation_id="get_state")
+@state_router.get("/state", operation_id="get_state")
 def get_state(bench: TheBench, caller: Caller = None) -> StateAnswer:
     """Tell how camera, target, press, calibration and jobs are; with the header it keeps the camera held."""
     if caller:
@@ -25,7 +25,7 @@ def get_state(bench: TheBench, caller: Caller = None) -> StateAnswer:
     return state_answer(bench, caller)
 
 
-@router.get("/sight", operation_id="get_sight")
+@state_router.get("/sight", operation_id="get_sight")
 def get_sight(bench: TheBench) -> SightAnswer:
     """Tell what the newest frame shows: contact, force, stillness, flags, grey histogram and exposure."""
     sight = bench.sight

@@ -15,10 +15,10 @@ from tsis.console.api.telling import told_press, told_target
 from tsis.instrument.png import QUICK
 from tsis.model.errors import InputError
 
-router = APIRouter(prefix="/targets", tags=["records"])
+targets_router = APIRouter(prefix="/targets", tags=["records"])
 
 
-@router.get("", operation_id="list_targets")
+@targets_router.get("", operation_id="list_targets")
 def list_targets(bench: TheBench, page: PageAsked) -> TargetsAnswer:
     """List the targets of the store by number."""
     found = bench.store.targets()
@@ -33,14 +33,14 @@ def list_targets(bench: TheBench, page: PageAsked) -> TargetsAnswer:
     )
 
 
-@router.get("/{number}", operation_id="get_target", responses=OF_RECORDS)
+@targets_router.get("/{number}", operation_id="get_target", responses=OF_RECORDS)
 def get_target(bench: TheBench, number: TargetNumber) -> TargetAnswer:
     """Tell what is stored of a target."""
     target = known_target(bench, number)
     return TargetAnswer(target=told_target(target), presses=bench.store.press_count(target))
 
 
-@router.patch("/{number}", operation_id="edit_target", responses={**OF_RECORDS, **OF_EDITS, **OF_BODIES})
+@targets_router.patch("/{number}", operation_id="edit_target", responses={**OF_RECORDS, **OF_EDITS, **OF_BODIES})
 def edit_target(bench: TheBench, number: TargetNumber, given: TargetGiven) -> TargetAnswer:
     """Change name, note or truth of a target as it was read; 409 when somebody has changed it since.
 
@@ -54,7 +54,7 @@ def edit_target(bench: TheBench, number: TargetNumber, given: TargetGiven) -> Ta
     return TargetAnswer(target=told_target(edited), presses=bench.store.press_count(edited))
 
 
-@router.get("/{number}/presses", operation_id="list_presses", responses=OF_RECORDS)
+@targets_router.get("/{number}/presses", operation_id="list_presses", responses=OF_RECORDS)
 def list_presses(bench: TheBench, number: TargetNumber, page: PageAsked) -> PressesAnswer:
     """List presses of a target in the order in which they were taken."""
     target = known_target(bench, number)
@@ -66,7 +66,7 @@ def list_presses(bench: TheBench, number: TargetNumber, page: PageAsked) -> Pres
     )
 
 
-@router.get(
+@targets_router.get(
     "/{number}/presses/{identity}/frame.png",
     operation_id="get_press_frame",
     response_class=Response,

@@ -8,7 +8,8 @@ import numpy as np
 
 from tsis.calibration.force.loading import loading_forces
 from tsis.calibration.session import LiveBench
-from tsis.model import check, load_probe
+from tsis.model import load_probe
+from tsis.model.check import require_number
 from tsis.model.errors import CalibrationError, CameraError
 from tsis.virtual.calibration_bench import VirtualBench
 
@@ -132,7 +133,7 @@ class CameraRig:
 
     def one(self, force_n: float) -> CalibrationFrame:
         """The next frame with a typed force, in [-100, 100] N."""
-        check.require_number("force", force_n, -LARGEST_TYPED_N, LARGEST_TYPED_N, hint="newtons")
+        require_number("force", force_n, -LARGEST_TYPED_N, LARGEST_TYPED_N, hint="newtons")
         return LiveBench(self._acquisition()).one(force_n)
 
     def _acquisition(self) -> Acquisition:

@@ -11,7 +11,7 @@ from tsis.calibration.session import archive_calibration, calibrate, save_calibr
 from tsis.console.bench.calibrating.step_state import DONE, LEFT_OUT, OPEN, UNDER_WAY, StepState
 from tsis.console.bench.calibrating.typed import TypedLoadings
 from tsis.console.bench.jobs import RUNNING, Ended
-from tsis.model import check
+from tsis.model.check import require_number, require_one_of
 from tsis.model.errors import CalibrationError, ControlError, TsisError
 
 if TYPE_CHECKING:
@@ -181,7 +181,7 @@ class CalibrationSession:
 
     def make(self, *, days: float) -> Job:
         """Make the calibration in the background and keep its file; the job's result is the `MadeCalibration`."""
-        check.require_number("days", days, 1, 3650)
+        require_number("days", days, 1, 3650)
 
         def work(job: Job) -> MadeCalibration:
             known, findings = calibrate(self.folder, days=days, progress=job.advance)
@@ -257,7 +257,7 @@ class CalibrationSession:
 
     def _step(self, name: str) -> CalibrationStep:
         return {step.name: step for step in self._plan}[
-            check.require_one_of("step", name, [step.name for step in self._plan])
+            require_one_of("step", name, [step.name for step in self._plan])
         ]
 
     def _open(self, name: str) -> CalibrationStep:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tsis.model import check
+from tsis.model.check import require_integer
 from tsis.model.errors import CalibrationError
 
 if TYPE_CHECKING:
@@ -42,9 +42,7 @@ class TypedLoadings:
 
     def require_room(self, step: str) -> None:
         """Refuse, with `InputError`, a press more than a loading may have."""
-        check.require_integer(
-            "presses of a loading", len(self.shots(step)) + 1, 1, MOST_TYPED, hint="keep what there is"
-        )
+        require_integer("presses of a loading", len(self.shots(step)) + 1, 1, MOST_TYPED, hint="keep what there is")
 
     def add(self, step: str, shot: CalibrationFrame) -> int:
         """Add a press, and say how many there are.

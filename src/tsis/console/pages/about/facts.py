@@ -19,7 +19,7 @@ ALSO = ("matplotlib", "sqlalchemy", "nicegui", "fastapi", "uvicorn")  # beside t
 SHORT = 16  # digits of a SHA-256 that tell one calibration from another on a page
 
 
-def versions() -> Facts:
+def version_facts() -> Facts:
     """Of this program, of what it runs on, and of the libraries that it rests on."""
     found = environment()
     libraries = {**found["libraries"], **{name: metadata.version(name) for name in ALSO}}
@@ -31,7 +31,7 @@ def versions() -> Facts:
     )
 
 
-def calibration(state: BenchState, cited: UsableCalibration | None) -> Facts:
+def calibration_facts(state: BenchState, cited: UsableCalibration | None) -> Facts:
     """The calibration in force."""
     if cited is None and state.camera.choice.is_virtual:
         return (("In force", "the virtual probe's own, once it runs"),)
@@ -52,7 +52,7 @@ def calibration(state: BenchState, cited: UsableCalibration | None) -> Facts:
     )
 
 
-def camera(state: BenchState) -> Facts:
+def camera_facts(state: BenchState) -> Facts:
     """The camera and the seed of the virtual one."""
     now = state.camera
     size = f"{now.columns} x {now.rows} pixels" if now.rows else "not known before it runs"
@@ -70,7 +70,7 @@ def camera(state: BenchState) -> Facts:
     return tuple(found)
 
 
-def places(bench: Bench) -> Facts:
+def place_facts(bench: Bench) -> Facts:
     """Where things are kept, and how much."""
     store = bench.store
     return (

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.console.pages.about import facts
 from tsis.console.pages.about.citation import LICENCE, citation, licence
+from tsis.console.pages.about.facts import calibration_facts, camera_facts, place_facts, version_facts
 from tsis.console.pages.calibration_seen import CalibrationSeen
 from tsis.console.pages.examine.keys import KEYS
 from tsis.console.pages.fact_list import FactList
@@ -56,12 +56,12 @@ async def page(bench: Bench, viewer: Viewer) -> None:
     in_force = CalibrationSeen(bench)
 
     def show(state: BenchState) -> None:
-        calibration.show(facts.calibration(state, in_force.of(state)))
-        camera.show(facts.camera(state))
+        calibration.show(calibration_facts(state, in_force.of(state)))
+        camera.show(camera_facts(state))
 
     viewer.follow(show)
-    versions.show(await viewer.attempt(facts.versions) or ())
-    places.show(await viewer.attempt(facts.places, bench) or ())
+    versions.show(await viewer.attempt(version_facts) or ())
+    places.show(await viewer.attempt(place_facts, bench) or ())
 
 
 @contextmanager

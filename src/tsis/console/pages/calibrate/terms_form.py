@@ -12,7 +12,8 @@ from tsis.calibration.force.loading import TIPS_MM
 from tsis.calibration.session import SessionSetup
 from tsis.console.pages.field_words import field_words
 from tsis.console.pages.number_field import shown_number, typed_number, unit_field
-from tsis.model import check, list_probes
+from tsis.model import list_probes
+from tsis.model.check import LARGEST_SEED, require_integer
 from tsis.model.errors import InputError
 from tsis.virtual.calibration_bench import bench_name
 
@@ -92,15 +93,13 @@ class TermsForm:
 
     def _terms(self) -> SessionSetup:
         tips = typed_numbers(WORDS["tips_mm"], self._tips.value or "")
-        repeats = check.require_integer(
-            "loadings of each tip", typed_number("loadings", self._repeats.value or ""), 1, 20
-        )
+        repeats = require_integer("loadings of each tip", typed_number("loadings", self._repeats.value or ""), 1, 20)
         if len(tips) * repeats < LEAST_LOADINGS:
             raise InputError(
                 f"a calibration needs at least {LEAST_LOADINGS} loadings, of two tips or of one twice; got {len(tips)} "
                 f"tip and {repeats} loading of it (add a tip, or load it twice)"
             )
-        seed = check.require_integer("seed", typed_number("seed", self._seed.value or ""), 0, check.LARGEST_SEED)
+        seed = require_integer("seed", typed_number("seed", self._seed.value or ""), 0, LARGEST_SEED)
         name = (self._name.value or "").strip()
         if not name:
             raise InputError("name must be given: what the calibration will be called; got none")
@@ -141,5 +140,5 @@ def typed_patch(text: str) -> tuple[int, int, int, int] | None:
     found = typed_numbers("lamps seen past the probe", text)
     if len(found) != SIDES:
         raise InputError(f"lamps seen past the probe must be left, top, right, bottom in pixels; got {text!r:.60}")
-    left, top, right, bottom = (check.require_integer("lamps seen past the probe", side, 0, 100_000) for side in found)
+    left, top, right, bottom = (require_integer("lamps seen past the probe", side, 0, 100_000) for side in found)
     return left, top, right, bottom

@@ -11,7 +11,7 @@ from tsis.console.pages.loading import loading
 from tsis.console.pages.number_field import typed_number, unit_field
 from tsis.instrument.gauge import find_ports
 from tsis.instrument.gauge.connecting import BAUD, connected_gauge
-from tsis.model import check
+from tsis.model.check import require_integer
 from tsis.model.errors import GaugeError
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ class GaugePanel:
             await self._viewer.attempt(self._connected)
 
     def _connected(self) -> None:
-        baud = check.require_integer(
+        baud = require_integer(
             "baud", typed_number("baud", str(self._baud.value or "")), 50, FASTEST, hint="bits per second"
         )
         unit = None if self._unit.value == ITS_OWN else str(self._unit.value)

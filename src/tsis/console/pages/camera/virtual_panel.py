@@ -12,7 +12,8 @@ from tsis.console.pages.field_words import field_words
 from tsis.console.pages.headings import panel_title
 from tsis.console.pages.loading import loading
 from tsis.console.pages.number_field import shown_number, typed_number, unit_field
-from tsis.model import check, list_phantoms, list_probes, list_spheres
+from tsis.model import list_phantoms, list_probes, list_spheres
+from tsis.model.check import LARGEST_SEED, require_integer
 
 if TYPE_CHECKING:
     from tsis.console.bench import Bench, BenchState
@@ -75,9 +76,7 @@ class VirtualPanel:
             choice = CameraChoice(
                 probe=self._probe.value,
                 phantom=self._phantom.value,
-                seed=check.require_integer(
-                    "seed", typed_number("seed", str(self._seed.value or "")), 0, check.LARGEST_SEED
-                ),
+                seed=require_integer("seed", typed_number("seed", str(self._seed.value or "")), 0, LARGEST_SEED),
                 diameter_mm=changed["diameter_mm"],
                 depth_mm=changed["depth_mm"],
                 young_kpa=changed["young_kpa"],

@@ -9,7 +9,7 @@ from tsis.console.pages.field_words import FORCE, field_words
 from tsis.console.pages.number_field import typed_number
 from tsis.inclusion.design_protocol import MOST_FRAMES
 from tsis.inclusion.design_search import MOST_EVALUATIONS
-from tsis.model import check
+from tsis.model.check import require_integer
 from tsis.model.errors import InputError
 from tsis.report.design_question import QUICK, DesignQuestion
 
@@ -48,7 +48,7 @@ class AskedDraft:
                 probe=probe,
                 forces_n=self.forces_n(),
                 with_reference=self.with_reference,
-                frames_each=check.require_integer("frames", typed_number("frames", self.frames), 1, MOST_FRAMES),
+                frames_each=require_integer("frames", typed_number("frames", self.frames), 1, MOST_FRAMES),
                 compared=tuple(aspect for aspect in COMPARED if aspect in self.compared),
                 criterion=self.criterion,
                 traced=self.traced,
@@ -57,7 +57,7 @@ class AskedDraft:
 
     def _evaluations(self) -> int:
         name = "stacks to try"
-        return check.require_integer(name, typed_number(name, self.evaluations), 1, MOST_EVALUATIONS)
+        return require_integer(name, typed_number(name, self.evaluations), 1, MOST_EVALUATIONS)
 
     def forces_n(self) -> tuple[float, ...]:
         """Forces as typed with commas or spaces between them; none when the field is empty."""

@@ -12,7 +12,7 @@ from tsis.console.pages.number_field import NumberField
 from tsis.console.pages.run_button import RunButton
 from tsis.console.pages.words import force_words
 from tsis.instrument.naming import LARGEST_TARGET
-from tsis.model import check
+from tsis.model.check import require_integer
 from tsis.records.values import ROLE_WORDS
 
 if TYPE_CHECKING:
@@ -79,7 +79,7 @@ class PressPanel:
         await self._viewer.attempt(self._bench.step_target, by, by=self._viewer.identity)
 
     def _set_target(self, number: float) -> None:
-        whole = check.require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target")
+        whole = require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target")
         self._bench.set_target(whole, by=self._viewer.identity)
 
     def _hold(self, force_n: float) -> None:

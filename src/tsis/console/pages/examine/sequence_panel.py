@@ -9,7 +9,7 @@ from nicegui import ui
 from tsis.console.bench.sequences import MOST_FRAMES
 from tsis.console.pages.number_field import shown_number, typed_number, unit_field
 from tsis.console.pages.progress_bar import ProgressBar
-from tsis.model import check
+from tsis.model.check import require_integer
 
 if TYPE_CHECKING:
     from tsis.console.bench import Bench, BenchState, JobState
@@ -62,7 +62,7 @@ class SequencePanel:
         length = typed_number("length", str(self._length.value or ""))
         if self._unit.value == FRAMES:
             self._bench.begin_sequence(
-                frames=check.require_integer("frames", length, 1, MOST_FRAMES), by=self._viewer.identity
+                frames=require_integer("frames", length, 1, MOST_FRAMES), by=self._viewer.identity
             )
         else:
             self._bench.begin_sequence(seconds=length, by=self._viewer.identity)

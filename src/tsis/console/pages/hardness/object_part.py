@@ -15,7 +15,8 @@ from tsis.console.pages.loading import loading
 from tsis.console.pages.number_field import shown_number, typed_number, unit_field
 from tsis.hardness import require_radius
 from tsis.hardness.frames import RADIUS_SD_MM
-from tsis.model import check, list_spheres, load_probe
+from tsis.model import list_spheres, load_probe
+from tsis.model.check import require_number
 from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
@@ -103,9 +104,7 @@ class ObjectPart:
         if not sd_text:
             return TypedRadius(radius_mm=radius)
         sd = typed_number("its standard deviation", sd_text)
-        check.require_number(
-            "its standard deviation", sd, 0.0, radius / 10, hint="millimetres, up to a tenth of the radius"
-        )
+        require_number("its standard deviation", sd, 0.0, radius / 10, hint="millimetres, up to a tenth of the radius")
         return TypedRadius(radius_mm=radius, sd_mm=sd)
 
     def _fill(self, which: object, radius_mm: float, sd_mm: float | None) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 
 from tsis.console.pages.field_words import field_words
 from tsis.console.pages.number_field import typed_number
-from tsis.model import check
+from tsis.model.check import LARGEST_SEED, require_integer
 from tsis.model.errors import InputError
 from tsis.study import printed_targets, random_targets
 from tsis.study.codes import TARGETS
@@ -48,7 +48,7 @@ class StudyDraft:
             shelf.make(
                 name,
                 self._targets(),
-                seed=self._whole("seed", self.seed, 0, check.LARGEST_SEED) if self.seed.strip() else None,
+                seed=self._whole("seed", self.seed, 0, LARGEST_SEED) if self.seed.strip() else None,
                 probe=self.probe,
                 forces_n=self._forces(),
                 with_reference=self.with_reference,
@@ -73,7 +73,7 @@ class StudyDraft:
 
     @staticmethod
     def _whole(name: str, text: str, low: int, high: int) -> int:
-        return check.require_integer(name, typed_whole(name, text), low, high)
+        return require_integer(name, typed_whole(name, text), low, high)
 
 
 def typed_whole(name: str, text: str) -> int:

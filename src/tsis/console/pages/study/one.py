@@ -28,7 +28,7 @@ if TYPE_CHECKING:
 EVERY_S = 0.5
 
 
-def study_page(bench: Bench, viewer: Viewer, name: str) -> None:
+def show_study(bench: Bench, viewer: Viewer, name: str) -> None:
     """Build the page of the study whose name stands in the address."""
     viewer.every(EVERY_S, OneStudy(bench, viewer, name).look)
 
@@ -131,4 +131,4 @@ def _facts(found: StudySeen) -> tuple[tuple[str, str], ...]:
     )
 
 
-__all__ = ["OneStudy", "study_page"]
+__all__ = ["OneStudy", "show_study"]

@@ -14,7 +14,7 @@ from tsis.instrument.sources.aravis.library import load
 from tsis.instrument.sources.aravis.stream import Stream
 from tsis.instrument.sources.aravis.watch import Watch
 from tsis.instrument.sources.block_count import BlockCount
-from tsis.model import check
+from tsis.model.check import require_one_of, require_type
 from tsis.model.errors import CameraError
 
 if TYPE_CHECKING:
@@ -74,7 +74,7 @@ class AravisCamera:
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         if identity is not None:
-            check.require_type("identity", identity, str)
+            require_type("identity", identity, str)
         self._identity = identity or None
         self._library, self._clock = library, clock
         self._connection: Connection | None = None
@@ -137,7 +137,7 @@ class AravisCamera:
         with self._controlling:
             connection = self._opened()
             by_name = {setting.name: setting for setting in self.settings()}
-            wanted = by_name[check.require_one_of("setting", name, by_name)].checked(value)
+            wanted = by_name[require_one_of("setting", name, by_name)].checked(value)
             features.adjust(connection.aravis, connection.camera, name, wanted)
             if self._running.is_set():
                 self._taken = [*self._taken[-1:], (time.time_ns(), features.values(self.settings()))]
