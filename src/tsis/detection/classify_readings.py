@@ -10,12 +10,12 @@ import numpy as np
 from tsis.detection.classify_classes import CLASSES, ClassSplit
 from tsis.detection.presence import presence
 from tsis.inclusion import PARAMETERS
-from tsis.model import Estimate
 from tsis.model.check import require_array, require_integer, require_number, require_type
 from tsis.model.errors import InputError
 from tsis.model.estimate import LARGEST_EVIDENCE
 
 if TYPE_CHECKING:
+    from tsis.model import Estimate
     from collections.abc import Sequence
 
     from numpy.typing import NDArray

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.model import Probe
 from tsis.model.check import require_array
 from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
+    from tsis.model import Probe
     from numpy.typing import NDArray
 
 MIDDLE_RADIUS_MM, RADIUS_STEP_MM = 3.3, 3.0

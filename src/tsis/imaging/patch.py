@@ -12,10 +12,10 @@ from skimage.filters import threshold_otsu
 from skimage.measure import find_contours
 
 from tsis.imaging.correct import require_image
-from tsis.model import TactileImage
 from tsis.model.check import require_number, require_one_of
 
 if TYPE_CHECKING:
+    from tsis.model import TactileImage
     from numpy.typing import NDArray
 
 SEGMENTATION_METHODS = ("otsu", "half", "noise")

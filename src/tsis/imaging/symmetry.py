@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 WINDOW = 1.2  # radius of what is compared, in patch radii: the hill with its foot
 SAMPLES = 24  # across the window's radius; the blur leaves nothing finer
-LEAST_VISIBLE = 0.5  # share of the window that must lie inside the image, with its turned twin
+LEAST_COMPARED = 0.5  # share of the window that must lie inside the image, with its turned twin
 
 
 def symmetry_centre(
@@ -42,7 +42,7 @@ def symmetry_centre(
         values = cv2.remap(hill, columns, rows, cv2.INTER_LINEAR)[0].astype(np.float64)
         inside = ((columns >= 0) & (columns <= width - 1) & (rows >= 0) & (rows <= height - 1))[0]
         pair = inside & inside[::-1]
-        if np.count_nonzero(pair) < LEAST_VISIBLE * pair.size:
+        if np.count_nonzero(pair) < LEAST_COMPARED * pair.size:
             return 1.0
         turned = values[::-1]
         alike = float(np.square(values + turned)[pair].sum())

@@ -13,7 +13,7 @@ _SIGNATURE_BYTES = 8
 _PNG_KEPT = frozenset(
     {b"tRNS", b"acTL", b"fcTL", b"fdAT"}
 )  # beside the critical ones: they tell kind and number of pictures
-_JPEG_ADOBE, _JPEG_SCAN, _PICTURES = 0xEE, 0xDA, b"MPF\0"
+_JPEG_ADOBE, _JPEG_SCAN_START, _PICTURES = 0xEE, 0xDA, b"MPF\0"
 _JPEG_NOTES = frozenset({*range(0xE1, 0xF0), 0xFE}) - {_JPEG_ADOBE}
 
 
@@ -37,7 +37,7 @@ def jpeg_pixels(data: bytes) -> bytes:
         while data[place + 1] == 0xFF:  # fill bytes
             place += 1
         marker = data[place + 1]
-        if data[place] != 0xFF or not 0xC0 <= marker <= 0xFE or marker == _JPEG_SCAN or 0xD0 <= marker <= 0xD9:
+        if data[place] != 0xFF or not 0xC0 <= marker <= 0xFE or marker == _JPEG_SCAN_START or 0xD0 <= marker <= 0xD9:
             break  # pixels, or something that the decoder shall judge
         end = place + 2 + int(struct.unpack_from(">H", data, place + 2)[0])
         if marker not in _JPEG_NOTES or data[place + 4 : place + 8] == _PICTURES:

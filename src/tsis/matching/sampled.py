@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 MOST_PAIRS = 16_000_000  # 128 MB a table; a method holds a few of them
 SAMPLE = 2000  # points of the source; of the target, as many as a table of all pairs has room for
 MOST_POINTS = 2_000_000
-REACH = 0.5  # of the target's spacing, up to which a moved point has found its partner
+MUTUAL_RANGE = 0.5  # of the target's spacing, up to which a moved point has found its partner
 
 
 def drawn(
@@ -50,10 +50,10 @@ def matched_all(fit: MatchFit, source: NDArray[np.float64], target: NDArray[np.f
 def mutual_nearest(
     moved: NDArray[np.float64], target: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Pairs that are each other's nearest within `REACH` of the target's spacing, and their trust, shapes (n,)."""
+    """Pairs that are each other's nearest within `MUTUAL_RANGE` of the target's spacing, and their trust, shapes (n,)."""
     away, nearest = KDTree(target).query(moved)
     _, back = KDTree(moved).query(target)
-    reach = REACH * spacing(target)
+    reach = MUTUAL_RANGE * spacing(target)
     found = (np.asarray(back)[nearest] == np.arange(len(moved))) & (away <= reach)
     matches = np.where(found, nearest, UNMATCHED).astype(np.int64)
     return matches, np.where(found, 1 - away / reach / 2, 0.0)

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from tsis.optics.rays_scene import Scene
 
 LONGEST = 200  # points
-MOST_RAYS = 10_000
+MOST_PATHS = 10_000
 
 
 def trace_paths(
@@ -55,7 +55,7 @@ def trace_paths(
     (1.0, 4)
     """
     view = scene(probe, pressed)
-    count = require_integer("rays", rays, 1, MOST_RAYS)
+    count = require_integer("rays", rays, 1, MOST_PATHS)
     shining = lamps(probe)
     chosen = require_integer("lamp", lamp, 0, len(shining.share) - 1)
     rng = np.random.default_rng(require_integer("seed", seed, 0, LARGEST_SEED))

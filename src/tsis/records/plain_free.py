@@ -51,7 +51,7 @@ def free_to_plain(value: Any, where: str, depth: int = DEEPEST) -> Any:
             raise InputError(f"{where} must be a whole number of at most 64 bits; got one of {int(value).bit_length()}")
         return int(value)
     if isinstance(value, (float, np.floating)):
-        return _number(float(value))
+        return _free_number(float(value))
     if isinstance(value, (datetime, PurePath)):
         return value.isoformat() if isinstance(value, datetime) else str(value)
     if isinstance(value, np.ndarray):
@@ -72,7 +72,7 @@ def _mapping_to_plain(value: Mapping[Any, Any], where: str, depth: int) -> dict[
     return plain
 
 
-def _number(value: float) -> float | dict[str, str]:
+def _free_number(value: float) -> float | dict[str, str]:
     if math.isfinite(value):
         return value
     return {NUMBER: "nan" if math.isnan(value) else "infinity" if value > 0 else "-infinity"}

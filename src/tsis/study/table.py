@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tsis.study.csv_rows import CsvRow
     from tsis.study.folder import Study
 
-COLUMNS = ("code", "score", "operator", "repeat", *QUANTITIES)
+READING_COLUMNS = ("code", "score", "operator", "repeat", *QUANTITIES)
 NO_ANSWER = "the device gave no answer"
 
 
@@ -32,7 +32,7 @@ def import_readings(
     threshold: float | None = None,
     actor: str = "",
 ) -> Study:
-    """Enter the readings of a device from a file with the columns `COLUMNS`, all or none.
+    """Enter the readings of a device from a file with the columns `READING_COLUMNS`, all or none.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def import_table(
     limit = _threshold(study, device, threshold)
     readings: dict[tuple[str, str, str, int], DeviceReading] = {}
     known, codes = {reading.key for reading in study.readings}, frozenset(study.plan.codes)
-    for row in parse_csv_rows(content, name, COLUMNS):
+    for row in parse_csv_rows(content, name, READING_COLUMNS):
         reading = _reading(row, codes, device)
         if reading.key in readings or reading.key in known:
             raise FileInputError(
@@ -158,11 +158,11 @@ def export_readings(study: Study, device: str | None = None) -> bytes:
     held = [reading for reading in study.readings if reading.device == device]
     if not held:
         raise InputError(f"device must be one that has readings, {', '.join(study.devices)}; got {device!r:.60}")
-    rows: list[list[Any]] = [list(COLUMNS)]
+    rows: list[list[Any]] = [list(READING_COLUMNS)]
     for each in held:
         values = [each.values.get(name) for name in QUANTITIES]
         rows.append([each.code, each.score, each.operator, each.repeat, *values])
     return table_bytes(rows)
 
 
-__all__ = ["COLUMNS", "export_readings", "import_readings", "import_table"]
+__all__ = ["READING_COLUMNS", "export_readings", "import_readings", "import_table"]

@@ -11,11 +11,11 @@ import numpy as np
 
 from tsis.imaging.sensor import expose
 from tsis.instrument import Frame, Mode, Setting
-from tsis.model import Phantom, SoftSphere
 from tsis.model.check import require_number, require_one_of
 from tsis.model.errors import CameraError, InputError
 
 if TYPE_CHECKING:
+    from tsis.model import Phantom, SoftSphere
     from collections.abc import Callable, Iterator
 
     from numpy.typing import NDArray

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Any
 from tsis.calibration.guard.reading import read_guard_frame
 from tsis.calibration.lamps.patch import LEAST_LIT, ReferencePatch, require_lit
 from tsis.imaging.correct import require_image, require_same_frame
-from tsis.model import TactileImage
 from tsis.model.check import require_number, require_type
 from tsis.model.errors import ImageMismatchError, InputError
 
 if TYPE_CHECKING:
+    from tsis.model import TactileImage
     import numpy as np
     from numpy.typing import NDArray
 

@@ -11,12 +11,12 @@ from scipy.ndimage import uniform_filter
 from tsis.calibration.lamps.patch import Box, ReferencePatch
 from tsis.calibration.measured import MeasuredValue
 from tsis.imaging.correct import SCALE_TOLERANCE, require_image
-from tsis.model import TactileImage
 from tsis.model.check import require_array, require_integer, require_number, require_type
 from tsis.model.errors import ImageMismatchError, InputError
 from tsis.model.image import require_pixel_scale
 
 if TYPE_CHECKING:
+    from tsis.model import TactileImage
     from numpy.typing import NDArray
 
 LEAST_LIGHT = 0.2  # of the mean: what is darker is not divided by

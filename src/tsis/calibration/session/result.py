@@ -20,11 +20,11 @@ from tsis.calibration.specification.edge import edge_width
 from tsis.calibration.specification.rate import frame_rate
 from tsis.calibration.specification.sheet import specification_sheet
 from tsis.instrument import printable_path
-from tsis.model import TactileImage
 from tsis.model.check import require_number
 from tsis.model.errors import CalibrationError, ImageMismatchError, InputError
 
 if TYPE_CHECKING:
+    from tsis.model import TactileImage
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from tsis.calibration.force.line import ForceLineDiagnostics

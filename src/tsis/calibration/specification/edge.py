@@ -12,11 +12,11 @@ from scipy.special import erf
 from tsis.calibration.force.curves import mean_of
 from tsis.imaging.correct import require_image
 from tsis.imaging.patch import pixel_noise
-from tsis.model import TactileImage
 from tsis.model.check import require_number, require_one_of
 from tsis.model.errors import CalibrationError
 
 if TYPE_CHECKING:
+    from tsis.model import TactileImage
     from numpy.typing import NDArray
 
     from tsis.calibration.measured import MeasuredValue

@@ -41,7 +41,7 @@ def show(
         dossier = records.dossier(target, limit=limit, offset=offset)
     presses, estimates = dossier.presses, dossier.estimates
     if as_json:
-        print_json(_document(dossier, total))
+        print_json(_target_document(dossier, total))
         return
     console = people()
     name = f" {target.name}" if target.name else ""
@@ -91,7 +91,7 @@ def _until(known: ProbeCalibration) -> str:
     return "it is replaced (simulated)" if known.expires is None else f"{known.expires:%Y-%m-%d}"
 
 
-def _document(dossier: TargetRecord, total: int) -> dict[str, Any]:
+def _target_document(dossier: TargetRecord, total: int) -> dict[str, Any]:
     from tsis.records.plain import press_to_plain, target_to_plain
 
     truth = dict(dossier.target.truth)

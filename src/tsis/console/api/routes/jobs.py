@@ -28,7 +28,7 @@ def list_jobs(bench: TheBench) -> JobsAnswer:
 @jobs_router.get("/{identity}", operation_id="get_job", responses=OF_RECORDS)
 def get_job(bench: TheBench, identity: JobIdentity) -> JobAnswer:
     """Tell how far a job is, and what it returned."""
-    return _answer(bench, _known(bench, identity))
+    return _job_response(bench, _known(bench, identity))
 
 
 @jobs_router.delete("/{identity}", operation_id="end_job", responses={**OF_RECORDS, **OF_ACTS})
@@ -38,7 +38,7 @@ def end_job(bench: TheBench, identity: JobIdentity, caller: Caller = None) -> Jo
     if job.follows_camera and not caller:
         raise NoControlError(f"to end what follows the camera needs the header {CONTROL}, which POST /v1/control gives")
     bench.end_job(identity, by=caller or "")
-    return _answer(bench, job)
+    return _job_response(bench, job)
 
 
 def _known(bench: Bench, identity: str) -> Job:
@@ -48,6 +48,6 @@ def _known(bench: Bench, identity: str) -> Job:
         raise AbsentError(str(error)) from error
 
 
-def _answer(bench: Bench, job: Job) -> JobAnswer:
+def _job_response(bench: Bench, job: Job) -> JobAnswer:
     state = job.state()
     return JobAnswer(job=JobTold.model_validate(state), result=told_result(job.result, bench.store))

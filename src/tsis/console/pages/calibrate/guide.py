@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tsis.console.bench.calibrating import CalibrationSession, StepState
     from tsis.console.pages.viewer import Viewer
 
-LOOK_S = 0.3  # between two looks at the session
+POLL_S = 0.3  # between two looks at the session
 
 
 async def session_page(bench: Bench, viewer: Viewer, name: str) -> None:
@@ -68,7 +68,7 @@ class _Guide:
                         self._frame = KeptFrame(viewer, session)
                 self._making = Making(bench, viewer, session, self._operated)
         self._result = Result(viewer, session)
-        viewer.every(LOOK_S, self._look)
+        viewer.every(POLL_S, self._look)
         viewer.follow(self._show)
 
     def _show(self, state: BenchState) -> None:

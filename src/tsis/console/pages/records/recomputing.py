@@ -26,11 +26,11 @@ EXPLAINED = (
 
 def recompute_button(page: TargetPage, seen: TargetSeen) -> None:
     """A button that asks whether to store what comes out, and computes."""
-    button = ui.button("Recompute", icon="restart_alt", on_click=lambda: _ask(page, seen))
+    button = ui.button("Recompute", icon="restart_alt", on_click=lambda: _ask_to_recompute(page, seen))
     button.props("dense no-caps outline").set_enabled(bool(seen.dossier.estimates))
 
 
-def _ask(page: TargetPage, seen: TargetSeen) -> None:
+def _ask_to_recompute(page: TargetPage, seen: TargetSeen) -> None:
     with page.dialogs, ui.dialog(value=True) as dialog, ui.card().classes("asked"):
         panel_title(f"Recompute target {seen.target.number}")
         ui.label(EXPLAINED)
@@ -38,7 +38,7 @@ def _ask(page: TargetPage, seen: TargetSeen) -> None:
 
         async def begin() -> None:
             dialog.close()
-            await _begin(page, seen, dry_run=dry.value)
+            await _begin_recomputation(page, seen, dry_run=dry.value)
 
         with ui.element("div").classes("row"):
             ui.button("Recompute", on_click=begin).props("no-caps dense unelevated")
@@ -46,7 +46,7 @@ def _ask(page: TargetPage, seen: TargetSeen) -> None:
     dialog.on("hide", dialog.delete)
 
 
-async def _begin(page: TargetPage, seen: TargetSeen, *, dry_run: bool) -> None:
+async def _begin_recomputation(page: TargetPage, seen: TargetSeen, *, dry_run: bool) -> None:
     store, target = page.bench.store, seen.target
     job: Job | None = await page.viewer.attempt(
         page.bench.jobs.begin,
@@ -54,10 +54,10 @@ async def _begin(page: TargetPage, seen: TargetSeen, *, dry_run: bool) -> None:
         lambda job: recompute(store, target, dry_run=dry_run, progress=job.advance),
     )
     if job is not None:
-        follow_job(job, page.below, lambda: _show(page, job))
+        follow_job(job, page.below, lambda: _show_recomputation(page, job))
 
 
-def _show(page: TargetPage, job: Job) -> None:
+def _show_recomputation(page: TargetPage, job: Job) -> None:
     found: tuple[Recomputation, ...] = job.result
     with ui.element("div").classes("told").props('role="status"'):
         for each in found:

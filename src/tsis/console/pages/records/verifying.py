@@ -28,12 +28,12 @@ def verify_button(bench: Bench, viewer: Viewer, place: ui.element) -> None:
             bench.jobs.begin, "verify the store", lambda job: verify_store(bench.store, progress=job.advance)
         )
         if job is not None:
-            follow_job(job, place, lambda: _show(job, place))
+            follow_job(job, place, lambda: _show_verification(job, place))
 
     ui.button("Verify the store", icon="verified_user", on_click=begin).props("dense no-caps outline")
 
 
-def _show(job: Job, place: ui.element) -> None:
+def _show_verification(job: Job, place: ui.element) -> None:
     found: StoreVerification = job.result
     with ui.element("section").classes("told").props('role="status"'):
         ui.label(verdict(found)).classes("good" if found.sound else "flag")

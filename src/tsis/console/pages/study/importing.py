@@ -12,7 +12,7 @@ from tsis.console.pages.number_field import typed_number, unit_field
 from tsis.console.pages.study.who import name_in, who_field
 from tsis.console.pages.upload import LARGEST_MIB, one_file
 from tsis.instrument.file_bytes import one_line
-from tsis.study.table import COLUMNS, import_table
+from tsis.study.table import READING_COLUMNS, import_table
 
 if TYPE_CHECKING:
     from nicegui.events import UploadEventArguments
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from tsis.console.pages.study.one import OneStudy
 
 EXPLAINED = (
-    f"A CSV file with the columns {', '.join(COLUMNS)}. A higher score says that an inclusion is likelier, an empty "
+    f"A CSV file with the columns {', '.join(READING_COLUMNS)}. A higher score says that an inclusion is likelier, an empty "
     "one is undecided; the last three may be empty. A table is entered whole or not at all."
 )
 TOO_LARGE = f"readings must be one CSV file of at most {LARGEST_MIB} MiB here; larger ones: tsis study import"

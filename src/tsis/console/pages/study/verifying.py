@@ -17,8 +17,8 @@ if TYPE_CHECKING:
     from tsis.console.pages.study.one import OneStudy
     from tsis.study import StudyVerification
 
-MOST_SHOWN = 100  # faults; a study that has more has one cause
-MEANT = (
+MOST_FAULTS_SHOWN = 100  # faults; a study that has more has one cause
+VERIFICATION_MEANING = (
     "Lines that were cut off the end of the log, and a log that was written anew, show only beside a head that was "
     "kept elsewhere."
 )
@@ -42,16 +42,16 @@ def verify_button(page: OneStudy, place: ui.element) -> None:
             panel_title("Verification", level=3)
             ui.label(verdict(found)).classes("good" if found.sound else "flag")
             with sentence_list():
-                for fault in found.faults[:MOST_SHOWN]:
+                for fault in found.faults[:MOST_FAULTS_SHOWN]:
                     listed(str(fault), "doubtful")
-            if len(found.faults) > MOST_SHOWN:
-                ui.label(f"and {len(found.faults) - MOST_SHOWN} more (tsis study verify shows all)")
+            if len(found.faults) > MOST_FAULTS_SHOWN:
+                ui.label(f"and {len(found.faults) - MOST_FAULTS_SHOWN} more (tsis study verify shows all)")
             ui.label(f"Head of the log: {found.head}").classes("muted identity")
             with ui.element("div").classes("row"):
                 kept = unit_field("Head that was kept elsewhere", head, keys="text").classes("study-head")
                 ui.button("Compare", on_click=lambda: begin(kept.value or "")).props("dense no-caps outline")
                 ui.button("Close", on_click=place.clear).props("dense no-caps flat")
-            ui.label(MEANT).classes("muted")
+            ui.label(VERIFICATION_MEANING).classes("muted")
 
     button = ui.button("Verify", icon="verified_user", on_click=lambda: begin()).props("dense no-caps outline")
 
