@@ -26,7 +26,7 @@ from benchmarks.simulated_presses import DEFAULT, PROTOCOLS
 from benchmarks.tables import show
 
 import tsis
-from tsis.cli.console_output import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.inclusion import InclusionPrior, estimate
 from tsis.model.disk_cache import cache_folder, content_key
 from tsis.model.errors import TsisError

@@ -17,7 +17,7 @@ import numpy as np
 from benchmarks.tables import show
 from scipy.special import ndtri
 
-from tsis.cli.console_output import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.detection import roc
 from tsis.model.errors import InputError
 

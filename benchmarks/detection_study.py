@@ -32,7 +32,7 @@ from benchmarks.simulated_presses import PROTOCOLS
 from benchmarks.uneven_tissue import lump_changes
 
 import tsis
-from tsis.cli.console_output import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.detection import target_evidence
 from tsis.inclusion import estimate
 from tsis.model.disk_cache import cache_folder, content_key

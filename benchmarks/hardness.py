@@ -27,7 +27,7 @@ from benchmarks.hardness_bank import SolvedSphere
 from scipy.stats import norm
 
 import tsis
-from tsis.cli.console_output import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.hardness import estimate
 from tsis.model import SoftSphere, load_sphere
 from tsis.model.errors import TsisError

@@ -19,7 +19,7 @@ from benchmarks.simulated_presses import PROTOCOLS, SMALL, Protocol, SimulatedCa
 from benchmarks.tables import show
 
 from tsis import Estimate, Inclusion, Phantom, TactileImage, load_probe
-from tsis.cli.console_output import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.inclusion import PARAMETERS, estimate
 from tsis.model.errors import TsisError
 from tsis.virtual import VirtualProbe

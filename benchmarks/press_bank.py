@@ -20,7 +20,7 @@ from benchmarks.simulated_presses import DEFAULT, DRAWN, PROTOCOLS, Protocol, Si
 
 import tsis
 from tsis import Inclusion, Phantom, TactileImage
-from tsis.cli.console_output import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.imaging.sensor import Sensor
 from tsis.inclusion import InclusionPrior
 from tsis.model.durable import remove_unfinished, write_durably

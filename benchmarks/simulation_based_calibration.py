@@ -26,7 +26,7 @@ from benchmarks.tables import show
 from scipy.stats import chisquare, gaussian_kde
 from threadpoolctl import threadpool_limits
 
-from tsis.cli.console_output import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.imaging import radial_profile
 from tsis.imaging.sensor import Sensor
 from tsis.inclusion import PARAMETERS, InclusionPrior

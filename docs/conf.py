@@ -9,7 +9,6 @@ ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
 from release import traceability  # noqa: E402
-
 from studies import gallery_page  # noqa: E402
 
 if TYPE_CHECKING:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.cli.console_output import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.imaging.sensor import Sensor
 from tsis.inclusion import (
     PARAMETERS,

@@ -25,7 +25,7 @@ import numpy as np
 from studies.printed_6_3 import PRINTED, PRINTED_ERROR, PRINTED_RMSE, ROUNDING, relative_error, rmse, without_itself
 
 import tsis
-from tsis.cli.console_output import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.inclusion import (
     PARAMETERS,
     change_reading,

@@ -28,7 +28,7 @@ from studies.printed_6_4 import PRINTED, PRINTED_AREA, percent, printed_lines, t
 from studies.section_6_4_bench import BLANK, PreparedProbe, solved
 
 import tsis
-from tsis.cli.console_output import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.detection import Counts, Proportion, roc
 from tsis.inclusion import estimate
 from tsis.model.errors import TsisError

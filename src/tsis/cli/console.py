@@ -9,7 +9,8 @@ from typing import Annotated
 
 import typer
 
-from tsis.cli.console_output import people, print_json, print_notice, waiting
+from tsis.cli.console_output import people, print_json, print_notice
+from tsis.cli.progress import waiting
 from tsis.cli.records.chosen_store import PHANTOM, StoreDatabase, StoreFolder, StoreKind
 from tsis.cli.targets import AsJson, PhantomName, ProbeName
 from tsis.model.check import LARGEST_SEED

@@ -10,10 +10,11 @@ import numpy as np
 import typer
 
 from tsis.calibration.file import CALIBRATION_FILE, ProbeCalibration, calibration_bytes
-from tsis.cli.console_output import CommandOutcome, progress_bar
+from tsis.cli.console_output import CommandOutcome
 from tsis.cli.estimate_output import estimate_table, estimate_with_progress
 from tsis.cli.keeping import Keep, KeepFolder, KeepTarget, chosen_destination, publish_and_keep
 from tsis.cli.probe_file import given_probe, require_no_file
+from tsis.cli.progress import progress_bar
 from tsis.cli.targets import AsJson, DepthMm, DiameterMm, ForcesN, PhantomName, ProbeGiven, YoungKpa
 from tsis.inclusion import PARAMETERS, InclusionPrior, ring_edges
 from tsis.instrument import png_bytes

@@ -12,8 +12,8 @@ from rich.box import SIMPLE_HEAD
 from rich.table import Table
 
 from tsis.cli.answer import CommandResult, Out, show_result
-from tsis.cli.console_output import progress_bar
 from tsis.cli.probe_file import given_probe
+from tsis.cli.progress import progress_bar
 from tsis.cli.targets import AsJson, ProbeGiven
 from tsis.inclusion.design_search import MOST_EVALUATIONS
 from tsis.model.errors import InputError

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from rich.markup import escape
 from rich.table import Table
 
-from tsis.cli.console_output import progress_bar
+from tsis.cli.progress import progress_bar
 from tsis.inclusion import InclusionPrior, estimate
 from tsis.mechanics import build_full_contact_surrogate
 from tsis.model.estimate import INTERVAL_LEVEL

@@ -14,11 +14,12 @@ from rich.table import Table
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.calibration.cited import read_usable_calibration
 from tsis.calibration.file import CALIBRATION_FILE, ProbeCalibration, calibration_bytes
-from tsis.cli.console_output import CommandOutcome, progress_bar, waiting
+from tsis.cli.console_output import CommandOutcome
 from tsis.cli.given_scale import chosen_scale
 from tsis.cli.keeping import Keep, KeepFolder, KeepKind, KeepTarget, chosen_destination, publish_and_keep
 from tsis.cli.press_forces import target_forces
 from tsis.cli.probe_file import calibrated_probe, given_probe, require_no_file
+from tsis.cli.progress import progress_bar, waiting
 from tsis.cli.targets import AsJson
 from tsis.hardness import HardnessPrior, build_contact_table, estimate, shore
 from tsis.hardness.likelihood import DRIFT_SD

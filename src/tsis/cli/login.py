@@ -8,7 +8,8 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from tsis.cli.console_output import people, print_json, print_notice, waiting
+from tsis.cli.console_output import people, print_json, print_notice
+from tsis.cli.progress import waiting
 from tsis.cli.targets import AsJson
 from tsis.model.errors import InputError
 from tsis.report.document import envelope

@@ -8,8 +8,9 @@ from typing import Annotated
 import numpy as np
 import typer
 
-from tsis.cli.console_output import people, print_notice, waiting
+from tsis.cli.console_output import people, print_notice
 from tsis.cli.interrupt import ended_by
+from tsis.cli.progress import waiting
 from tsis.cli.targets import DepthMm, DiameterMm, ForceN, PhantomName, ProbeName, YoungKpa
 from tsis.model import load_probe
 from tsis.model.check import LARGEST_SEED

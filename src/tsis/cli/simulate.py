@@ -9,8 +9,9 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from tsis.cli.console_output import people, print_json, print_notice, waiting
+from tsis.cli.console_output import people, print_json, print_notice
 from tsis.cli.probe_file import given_probe
+from tsis.cli.progress import waiting
 from tsis.cli.targets import AsJson, DepthMm, DiameterMm, ForceN, PhantomName, ProbeGiven, YoungKpa
 from tsis.mechanics import press
 from tsis.model import list_phantoms, list_probes, load_phantom, load_probe

@@ -12,7 +12,8 @@ import typer
 from rich.table import Table
 
 from tsis.cli import INTERRUPTED
-from tsis.cli.console_output import people, print_json, print_notice, progress_bar
+from tsis.cli.console_output import people, print_json, print_notice
+from tsis.cli.progress import progress_bar
 from tsis.cli.targets import AsJson
 from tsis.report.document import envelope
 from tsis.sweep import EXAMPLE, Plan, load_plan, run_sweep, seconds_per_press, verify_data_set, worker_count

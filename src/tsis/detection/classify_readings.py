@@ -15,12 +15,11 @@ from tsis.model.errors import InputError
 from tsis.model.estimate import LARGEST_EVIDENCE
 
 if TYPE_CHECKING:
-    from tsis.model import Estimate
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from tsis.model import Inclusion
+    from tsis.model import Estimate, Inclusion
 
 DRAWS = 64  # samples of a posterior over which a probability is averaged
 LARGEST_TOLD = 15.0  # of the inverse hyperbolic sine of a log likelihood ratio

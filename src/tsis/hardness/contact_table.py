@@ -11,8 +11,9 @@ from tsis.model.check import require_array
 from tsis.model.press import MN_PER_N
 
 if TYPE_CHECKING:
-    from tsis.model import Probe
     from numpy.typing import NDArray
+
+    from tsis.model import Probe
 
 MIDDLE_RADIUS_MM, RADIUS_STEP_MM = 3.3, 3.0
 MIDDLE_POISSON, POISSON_STEP = 0.475, 0.025

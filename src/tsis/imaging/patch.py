@@ -15,8 +15,9 @@ from tsis.imaging.correct import require_image
 from tsis.model.check import require_number, require_one_of
 
 if TYPE_CHECKING:
-    from tsis.model import TactileImage
     from numpy.typing import NDArray
+
+    from tsis.model import TactileImage
 
 SEGMENTATION_METHODS = ("otsu", "half", "noise")
 SMOOTH_PX = 1.0  # standard deviation of the blur before thresholds: steadies them, moves edges by less than a pixel

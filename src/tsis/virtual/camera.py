@@ -15,12 +15,12 @@ from tsis.model.check import require_number, require_one_of
 from tsis.model.errors import CameraError, InputError
 
 if TYPE_CHECKING:
-    from tsis.model import Phantom, SoftSphere
     from collections.abc import Callable, Iterator
 
     from numpy.typing import NDArray
 
     from tsis.imaging.sensor import Sensor
+    from tsis.model import Phantom, SoftSphere
 
 LARGEST_FORCE_N = 5.0
 FORCE = "force_n"  # its setting that no other camera has

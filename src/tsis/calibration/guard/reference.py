@@ -12,11 +12,11 @@ from tsis.model.check import require_number, require_type
 from tsis.model.errors import ImageMismatchError, InputError
 
 if TYPE_CHECKING:
-    from tsis.model import TactileImage
     import numpy as np
     from numpy.typing import NDArray
 
     from tsis.calibration.guard.blocks import FrameShape
+    from tsis.model import TactileImage
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

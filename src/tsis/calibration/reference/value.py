@@ -16,8 +16,9 @@ from tsis.model.errors import ImageMismatchError, InputError
 from tsis.model.image import require_pixel_scale
 
 if TYPE_CHECKING:
-    from tsis.model import TactileImage
     from numpy.typing import NDArray
+
+    from tsis.model import TactileImage
 
 LEAST_LIGHT = 0.2  # of the mean: what is darker is not divided by
 SATURATED_SHARE = 1e-4  # of the good pixels that may clip

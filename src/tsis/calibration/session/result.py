@@ -24,7 +24,6 @@ from tsis.model.check import require_number
 from tsis.model.errors import CalibrationError, ImageMismatchError, InputError
 
 if TYPE_CHECKING:
-    from tsis.model import TactileImage
     from collections.abc import Callable, Iterator, Mapping, Sequence
 
     from tsis.calibration.force.line import ForceLineDiagnostics
@@ -36,6 +35,7 @@ if TYPE_CHECKING:
     from tsis.calibration.session.folder import SessionFolder
     from tsis.calibration.session.shot import CalibrationFrame
     from tsis.calibration.session.steps import CalibrationStep
+    from tsis.model import TactileImage
 
 DAYS = 180
 

@@ -16,10 +16,10 @@ from tsis.model.check import require_number, require_one_of
 from tsis.model.errors import CalibrationError
 
 if TYPE_CHECKING:
-    from tsis.model import TactileImage
     from numpy.typing import NDArray
 
     from tsis.calibration.measured import MeasuredValue
+    from tsis.model import TactileImage
 
 SHAPES = ("straight", "circle")
 PARTS = 8  # of the edge, measured one by one

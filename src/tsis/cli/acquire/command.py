@@ -14,9 +14,9 @@ from tsis.cli.acquire.listing import list_cameras, show_camera
 from tsis.cli.acquire.sequence import take_sequence
 from tsis.cli.acquire.snapshots import take_snapshot
 from tsis.cli.acquire.watching import watch_presses
-from tsis.cli.console_output import waiting
 from tsis.cli.force_gauge import GaugeBaud, GaugeLatency, GaugePort, GaugeSends, GaugeUnit, gauge_log
 from tsis.cli.keeping import KeepFolder, KeepKind, chosen_destination
+from tsis.cli.progress import waiting
 from tsis.cli.targets import AsJson, ForceN, PhantomName, ProbeName
 from tsis.imaging.colour import COLOUR_MAPS
 from tsis.instrument.acquisition import Acquisition

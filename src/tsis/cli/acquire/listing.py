@@ -9,7 +9,8 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Column, Table
 
-from tsis.cli.console_output import people, print_json, print_notice, waiting
+from tsis.cli.console_output import people, print_json, print_notice
+from tsis.cli.progress import waiting
 from tsis.instrument.discovery import find_cameras
 from tsis.report.document import envelope
 

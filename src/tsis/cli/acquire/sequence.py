@@ -8,9 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import typer
 
-from tsis.cli.console_output import people, print_json, print_notice, progress_bar
+from tsis.cli.console_output import people, print_json, print_notice
 from tsis.cli.force_gauge import force_then
 from tsis.cli.interrupt import ended_by
+from tsis.cli.progress import progress_bar
 from tsis.instrument.recording import FrameFolder, FurtherColumns, LosslessVideo, RecordingReport, record
 from tsis.model.errors import CameraError, FileInputError, GaugeError
 from tsis.report import free_folder

@@ -10,7 +10,8 @@ from rich.table import Table
 from tsis.calibration.file import CALIBRATION_FILE, calibration_bytes, calibration_sha256
 from tsis.calibration.file.plain_values import to_plain
 from tsis.calibration.session import calibrate
-from tsis.cli.console_output import CommandOutcome, progress_bar
+from tsis.cli.console_output import CommandOutcome
+from tsis.cli.progress import progress_bar
 from tsis.report.calibration import calibration_document, calibration_notes, calibration_report, calibration_rows
 
 if TYPE_CHECKING:

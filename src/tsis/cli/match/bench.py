@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from tsis.cli import INTERRUPTED
-from tsis.cli.console_output import people, print_json, print_notice, progress_bar
+from tsis.cli.console_output import people, print_json, print_notice
 from tsis.cli.match.bench_output import HOTEL, bench_figures, pooled_tables, write_results
+from tsis.cli.progress import progress_bar
 from tsis.cli.targets import AsJson
 from tsis.matching.contenders import OWN_METHODS, RIVAL_METHODS, BenchmarkMethod
 from tsis.matching.peers import PEERS

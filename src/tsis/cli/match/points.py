@@ -12,7 +12,8 @@ from matplotlib.figure import Figure
 from rich.markup import escape
 from rich.table import Table
 
-from tsis.cli.console_output import people, print_json, print_notice, waiting
+from tsis.cli.console_output import people, print_json, print_notice
+from tsis.cli.progress import waiting
 from tsis.cli.targets import AsJson
 from tsis.instrument.file_bytes import printable_name, printable_path
 from tsis.matching.fit import UNMATCHED

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from rich.table import Table
 
 from tsis.cli.answer import CommandResult, Out, show_result
-from tsis.cli.console_output import waiting
 from tsis.cli.optics.number_list import numbers
+from tsis.cli.progress import waiting
 from tsis.cli.targets import AsJson
 from tsis.model.errors import InputError
 from tsis.optics import guided_modes, thin_guide

@@ -11,8 +11,8 @@ from matplotlib.figure import Figure
 from rich.table import Table
 
 from tsis.cli.answer import CommandResult, Out, show_result
-from tsis.cli.console_output import progress_bar
 from tsis.cli.optics.number_list import numbers
+from tsis.cli.progress import progress_bar
 from tsis.cli.targets import AsJson
 from tsis.optics import Dent, propagate, thin_guide
 from tsis.optics.propagation import interfaces_um

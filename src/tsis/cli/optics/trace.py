@@ -13,8 +13,8 @@ from rich.table import Table
 from scipy.optimize import brentq
 
 from tsis.cli.answer import CommandResult, Out, show_result
-from tsis.cli.console_output import progress_bar, waiting
 from tsis.cli.probe_file import given_lit_probe
+from tsis.cli.progress import progress_bar, waiting
 from tsis.cli.targets import AimDeg, AsJson, HalfAngleDeg, LampHeightMm, ProbeGiven
 from tsis.mechanics import indent
 from tsis.model.check import require_number

@@ -8,7 +8,8 @@ from typing import Annotated
 
 import typer
 
-from tsis.cli.console_output import people, print_json, print_notice, waiting
+from tsis.cli.console_output import people, print_json, print_notice
+from tsis.cli.progress import waiting
 from tsis.cli.records.chosen_store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, TargetNumber, opened
 from tsis.cli.targets import AsJson
 from tsis.model.check import require_one_of

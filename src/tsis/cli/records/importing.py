@@ -10,8 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Self
 
 import typer
 
-from tsis.cli.console_output import people, print_json, print_notice, progress_bar, waiting
+from tsis.cli.console_output import people, print_json, print_notice
 from tsis.cli.given_scale import scale_of
+from tsis.cli.progress import progress_bar, waiting
 from tsis.cli.records.chosen_store import (
     PHANTOM,
     StoreDatabase,

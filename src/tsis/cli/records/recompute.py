@@ -8,7 +8,8 @@ import typer
 from rich.markup import escape
 from rich.table import Table
 
-from tsis.cli.console_output import people, print_json, print_notice, progress_bar
+from tsis.cli.console_output import people, print_json, print_notice
+from tsis.cli.progress import progress_bar
 from tsis.cli.records.chosen_store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, opened
 from tsis.cli.targets import AsJson
 from tsis.model.errors import InputError, TsisError

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import typer
 
-from tsis.cli.console_output import people, print_json, print_notice, progress_bar
+from tsis.cli.console_output import people, print_json, print_notice
+from tsis.cli.progress import progress_bar
 from tsis.cli.records.chosen_store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, opened
 from tsis.cli.targets import AsJson
 from tsis.report.document import envelope

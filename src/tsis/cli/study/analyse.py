@@ -11,7 +11,8 @@ from rich.box import SIMPLE_HEAD
 from rich.markup import escape
 from rich.table import Table
 
-from tsis.cli.console_output import people, print_json, print_notice, progress_bar
+from tsis.cli.console_output import people, print_json, print_notice
+from tsis.cli.progress import progress_bar
 from tsis.cli.study.chosen import StudyFolder
 from tsis.cli.targets import AsJson
 from tsis.model.errors import InputError
