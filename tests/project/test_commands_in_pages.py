@@ -5,8 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from release import commands
 from release.links import PAGES
+
+from release import commands
 
 ROOT = Path(__file__).parents[2]
 

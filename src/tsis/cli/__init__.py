@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 
-INTERRUPTED = 130  # exit code after Ctrl-C, as shells have it
+from tsis.cli.exit_codes import INTERRUPTED
 
 
 def main() -> None:

@@ -12,13 +12,13 @@ from typing import Annotated, Any, NoReturn, TextIO
 import typer
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.cli import INTERRUPTED
 from tsis.cli.acquire import acquire
 from tsis.cli.calibrate import app as calibrate
 from tsis.cli.console import console
 from tsis.cli.demo import demo
 from tsis.cli.design import design
 from tsis.cli.examine import examine
+from tsis.cli.exit_codes import BAD_INPUT, INTERRUPTED
 from tsis.cli.hardness import hardness
 from tsis.cli.login import app as login
 from tsis.cli.match import app as match
@@ -30,7 +30,6 @@ from tsis.cli.study import app as study
 from tsis.cli.sweep import app as sweep
 from tsis.model.errors import TsisError, TsisWarning
 
-BAD_INPUT = 2
 _show_python_warning = warnings.showwarning
 
 app = typer.Typer(

@@ -11,8 +11,8 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from tsis.cli import INTERRUPTED
 from tsis.cli.console_output import people, print_json, print_notice
+from tsis.cli.exit_codes import INTERRUPTED
 from tsis.cli.progress import progress_bar
 from tsis.cli.targets import AsJson
 from tsis.report.document import envelope

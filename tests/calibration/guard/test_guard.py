@@ -15,8 +15,8 @@ from tsis.calibration.guard.flags import FLAGS
 from tsis.calibration.guard.flicker import flicker_amplitude
 from tsis.calibration.guard.limits import RANGES, GuardLimits
 from tsis.calibration.guard.press_check import check_press
-from tsis.calibration.guard.reading import read_guard_frame
-from tsis.calibration.guard.reference import GuardReference, prepared
+from tsis.calibration.guard.reading import prepared, read_guard_frame
+from tsis.calibration.guard.reference import GuardReference
 from tsis.calibration.guard.watch import PressWatch, WatchState
 from tsis.calibration.lamps.patch import ReferencePatch
 from tsis.calibration.settling.verdict import judge_settling

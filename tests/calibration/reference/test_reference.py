@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 import tsis
 from tsis.calibration.force.reading import patch_mask, read_loading_frame, total_grey
 from tsis.calibration.guard.blocks import FrameShape
-from tsis.calibration.guard.reference import GuardReference, prepared
+from tsis.calibration.guard.reading import prepared
+from tsis.calibration.guard.reference import GuardReference
 from tsis.calibration.reference.making import CameraReference, make_reference
 from tsis.imaging.sensor import Sensor
 from tsis.model import TactileImage

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 from tsis.calibration.guard.blocks import FrameShape
 from tsis.calibration.guard.flags import findings
 from tsis.calibration.guard.limits import GuardLimits
-from tsis.calibration.guard.reading import read_guard_frame
-from tsis.calibration.guard.reference import GuardReference, prepared
+from tsis.calibration.guard.reading import prepared, read_guard_frame
+from tsis.calibration.guard.reference import GuardReference
 from tsis.imaging.correct import require_image
 from tsis.model import TactileImage
 from tsis.model.check import require_number, require_type

@@ -3,20 +3,24 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
 
 from tsis.calibration.guard.outside import level_outside
+from tsis.calibration.guard.reference import Prepared
+from tsis.calibration.lamps.patch import require_lit
 from tsis.imaging.patch import NOISE_FACTOR, QUANTISATION, SMOOTH_PX, pixel_noise, smoothed
+from tsis.model.errors import ImageMismatchError, InputError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from tsis.calibration.guard.blocks import FrameShape
     from tsis.calibration.guard.outside import OutsideLevel
-    from tsis.calibration.guard.reference import Prepared
+    from tsis.calibration.guard.reference import GuardReference
 
 FOOT = 0.05  # of the peak: where the contact's light counts as its own
 BORDER_STEPS = 6  # of a bisection: to a sixtieth of the peak
@@ -196,3 +200,46 @@ def _clipped(pixels: NDArray[Any], mask: NDArray[np.bool], prepared: Prepared) -
     if not np.count_nonzero(clipped):
         return 0.0
     return float(prepared.shape.means(clipped)[mask].mean())
+
+
+def prepared(reference: GuardReference, shape: FrameShape) -> Prepared:
+    """Bring a reference to the blocks of the frames.
+
+    Raises
+    ------
+    ImageMismatchError
+        When the reference's frames are of another size or depth.
+    InputError
+        When the reference patch is not lit.
+    """
+    untouched = reference.untouched
+    for frame in (untouched, reference.level):
+        if frame is not None and (frame.grey.shape, frame.full_scale) != (
+            (shape.rows, shape.columns),
+            shape.full_scale,
+        ):
+            raise ImageMismatchError(
+                f"the reference must have the frames' size {(shape.rows, shape.columns)} and full scale "
+                f"{shape.full_scale:g}; got {frame.grey.shape} and {frame.full_scale:g} (record both in one mode)"
+            )
+    rim = reference.face_radius_mm if shape.mm_per_pixel is not None else None
+    found = Prepared(
+        shape=shape,
+        untouched=None if untouched is None else shape.means(untouched.grey),
+        sign=-1.0 if reference.invert else 1.0,
+        places=shape.places(),
+        beyond_rim=() if rim is None else shape.beyond_rim(rim),
+        patch=reference.patch,
+        patch_before=None,
+        dark_grey=reference.dark_grey,
+    )
+    if reference.patch is not None and untouched is not None:
+        level = float(reference.patch.cut(untouched.grey).mean())
+        require_lit(level - (reference.dark_grey or 0.0), shape.full_scale)
+        found = replace(found, patch_before=level)
+    if reference.level is None:
+        return found
+    tilt = read_guard_frame(reference.level.grey, found).tilt
+    if tilt is None:
+        raise InputError("the level press shows no contact; press the probe square on plain tissue for it")
+    return replace(found, level_tilt=tilt)

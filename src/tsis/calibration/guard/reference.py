@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from tsis.calibration.guard.reading import read_guard_frame
-from tsis.calibration.lamps.patch import LEAST_LIT, ReferencePatch, require_lit
+from tsis.calibration.lamps.patch import LEAST_LIT, ReferencePatch
 from tsis.imaging.correct import require_image, require_same_frame
 from tsis.model.check import require_number, require_type
 from tsis.model.errors import ImageMismatchError, InputError
@@ -126,46 +125,3 @@ class Prepared:
                 f"frames must keep the size {wanted} and full scale {self.shape.full_scale:g} of the watch; got "
                 f"{pixels.shape} and {full_scale:g}: begin a new watch for another mode"
             )
-
-
-def prepared(reference: GuardReference, shape: FrameShape) -> Prepared:
-    """Bring a reference to the blocks of the frames.
-
-    Raises
-    ------
-    ImageMismatchError
-        When the reference's frames are of another size or depth.
-    InputError
-        When the reference patch is not lit.
-    """
-    untouched = reference.untouched
-    for frame in (untouched, reference.level):
-        if frame is not None and (frame.grey.shape, frame.full_scale) != (
-            (shape.rows, shape.columns),
-            shape.full_scale,
-        ):
-            raise ImageMismatchError(
-                f"the reference must have the frames' size {(shape.rows, shape.columns)} and full scale "
-                f"{shape.full_scale:g}; got {frame.grey.shape} and {frame.full_scale:g} (record both in one mode)"
-            )
-    rim = reference.face_radius_mm if shape.mm_per_pixel is not None else None
-    found = Prepared(
-        shape=shape,
-        untouched=None if untouched is None else shape.means(untouched.grey),
-        sign=-1.0 if reference.invert else 1.0,
-        places=shape.places(),
-        beyond_rim=() if rim is None else shape.beyond_rim(rim),
-        patch=reference.patch,
-        patch_before=None,
-        dark_grey=reference.dark_grey,
-    )
-    if reference.patch is not None and untouched is not None:
-        level = float(reference.patch.cut(untouched.grey).mean())
-        require_lit(level - (reference.dark_grey or 0.0), shape.full_scale)
-        found = replace(found, patch_before=level)
-    if reference.level is None:
-        return found
-    tilt = read_guard_frame(reference.level.grey, found).tilt
-    if tilt is None:
-        raise InputError("the level press shows no contact; press the probe square on plain tissue for it")
-    return replace(found, level_tilt=tilt)

@@ -12,8 +12,8 @@ from tsis.calibration.guard.flags import findings
 from tsis.calibration.guard.flicker import FRAMES, flicker_amplitude
 from tsis.calibration.guard.history import PressHistory
 from tsis.calibration.guard.limits import GuardLimits
-from tsis.calibration.guard.reading import read_guard_frame
-from tsis.calibration.guard.reference import GuardReference, prepared
+from tsis.calibration.guard.reading import prepared, read_guard_frame
+from tsis.calibration.guard.reference import GuardReference
 from tsis.calibration.guard.stillness import RepeatedFrames
 from tsis.calibration.settling.verdict import LONGEST_S, assess_history
 from tsis.model.check import require_number, require_type

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from tsis.cli import INTERRUPTED
 from tsis.cli.console_output import people, print_json, print_notice
+from tsis.cli.exit_codes import INTERRUPTED
 from tsis.cli.match.bench_output import HOTEL, bench_figures, pooled_tables, write_results
 from tsis.cli.progress import progress_bar
 from tsis.cli.targets import AsJson

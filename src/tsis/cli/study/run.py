@@ -10,8 +10,8 @@ from typing import Annotated
 
 import typer
 
-from tsis.cli import INTERRUPTED
 from tsis.cli.console_output import people, print_json, print_notice
+from tsis.cli.exit_codes import INTERRUPTED
 from tsis.cli.interrupt import ended_by
 from tsis.cli.progress import progress_bar
 from tsis.cli.records.chosen_store import DATABASE, PHANTOM, opened

@@ -12,11 +12,11 @@ from tsis.console.pages.records.exporting import export_button
 from tsis.console.pages.records.recomputing import recompute_button
 
 if TYPE_CHECKING:
+    from tsis.console.pages.records.context import TargetContext
     from tsis.console.pages.records.reading import TargetSeen
-    from tsis.console.pages.records.target import TargetPage
 
 
-def acts(page: TargetPage, seen: TargetSeen) -> None:
+def acts(page: TargetContext, seen: TargetSeen) -> None:
     """Show the name of the target, the way back, and the buttons."""
     target = seen.target
     name = f": {target.name}" if target.name else ""

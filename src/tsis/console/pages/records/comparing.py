@@ -15,13 +15,13 @@ from tsis.report.comparison import comparison
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from tsis.console.pages.records.context import TargetContext
     from tsis.console.pages.records.reading import TargetSeen
-    from tsis.console.pages.records.target import TargetPage
     from tsis.records import Store, Target
     from tsis.report.page import Page
 
 
-async def compare(page: TargetPage, seen: TargetSeen, *, same_light: bool = False) -> None:
+async def compare(page: TargetContext, seen: TargetSeen, *, same_light: bool = False) -> None:
     """Show the two chosen presses, what differs, and the features of each."""
     place, chosen = page.compared, tuple(page.presses.chosen)
     place.set_visibility(True)

@@ -11,8 +11,8 @@ from tsis.console.pages.records.conflict import show_conflict
 from tsis.console.pages.records.edits import Record
 
 if TYPE_CHECKING:
+    from tsis.console.pages.records.context import TargetContext
     from tsis.console.pages.records.edits import Edited
-    from tsis.console.pages.records.target import TargetPage
 
 
 class Editing(ABC, Generic[Record]):
@@ -28,7 +28,7 @@ class Editing(ABC, Generic[Record]):
         What the button says that changes nothing.
     """
 
-    def __init__(self, page: TargetPage, record: Record, dialog: ui.dialog, *, leave: str) -> None:
+    def __init__(self, page: TargetContext, record: Record, dialog: ui.dialog, *, leave: str) -> None:
         self._page, self._record, self._dialog = page, record, dialog
         self._lay_out()
         self._conflict = ui.element("div")

@@ -12,18 +12,18 @@ from tsis.records.values import ESTIMATES
 from tsis.report.target_words import count_of
 
 if TYPE_CHECKING:
+    from tsis.console.pages.records.context import TargetContext
     from tsis.console.pages.records.reading import TargetSeen
-    from tsis.console.pages.records.target import TargetPage
 
 NEWEST = "the newest press of each role and force"
 
 
-def estimate_button(page: TargetPage, seen: TargetSeen) -> None:
+def estimate_button(page: TargetContext, seen: TargetSeen) -> None:
     """A button that asks what to estimate from, and does it."""
     ui.button("Estimate", icon="calculate", on_click=lambda: _ask(page, seen)).props("dense no-caps outline")
 
 
-def _ask(page: TargetPage, seen: TargetSeen) -> None:
+def _ask(page: TargetContext, seen: TargetSeen) -> None:
     chosen = tuple(page.presses.chosen)
     ways = {"newest": NEWEST, **({"chosen": f"the {count_of(len(chosen), 'press')} chosen below"} if chosen else {})}
     with page.dialogs, ui.dialog(value=True) as dialog, ui.card().classes("asked"):
@@ -45,7 +45,7 @@ def _ask(page: TargetPage, seen: TargetSeen) -> None:
     dialog.on("hide", dialog.delete)
 
 
-async def _begin(page: TargetPage, seen: TargetSeen, kind: str, presses: tuple[str, ...] | None) -> None:
+async def _begin(page: TargetContext, seen: TargetSeen, kind: str, presses: tuple[str, ...] | None) -> None:
     job = await page.viewer.attempt(page.bench.estimate, seen.target.number, kind=kind, presses=presses)
     if job is not None:
         follow_job(job, page.below, _show)

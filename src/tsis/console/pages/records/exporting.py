@@ -11,8 +11,8 @@ from tsis.console.pages.records.fetching import fetch_file
 from tsis.report.forms import FORM_LABELS, MASKED
 
 if TYPE_CHECKING:
+    from tsis.console.pages.records.context import TargetContext
     from tsis.console.pages.records.reading import TargetSeen
-    from tsis.console.pages.records.target import TargetPage
 
 IDENTIFIED = "tell label, names and true times"
 MEANT = {
@@ -22,12 +22,12 @@ MEANT = {
 PAGE = "This form shows what the report shows; of a subject the pseudonym only."
 
 
-def export_button(page: TargetPage, seen: TargetSeen) -> None:
+def export_button(page: TargetContext, seen: TargetSeen) -> None:
     """A button that asks for the form, and has the browser keep the file."""
     ui.button("Export", icon="download", on_click=lambda: _ask(page, seen)).props("dense no-caps outline")
 
 
-def _ask(page: TargetPage, seen: TargetSeen) -> None:
+def _ask(page: TargetContext, seen: TargetSeen) -> None:
     with page.dialogs, ui.dialog(value=True) as dialog, ui.card().classes("asked"):
         panel_title(f"Export target {seen.target.number}")
         form = ui.select(FORM_LABELS, value="csv", label="Form", on_change=lambda: told()).props("outlined dense")

@@ -20,14 +20,14 @@ from tsis.records.written import parse_force
 from tsis.report.target_words import SHORT
 
 if TYPE_CHECKING:
+    from tsis.console.pages.records.context import TargetContext
     from tsis.console.pages.records.reading import TargetSeen
-    from tsis.console.pages.records.target import TargetPage
     from tsis.records import StoredPress, Target
 
 LARGE_PX = 768
 
 
-def open_press(page: TargetPage, seen: TargetSeen, press: StoredPress) -> None:
+def open_press(page: TargetContext, seen: TargetSeen, press: StoredPress) -> None:
     """Show a press in a dialog."""
     with page.dialogs, ui.dialog(value=True) as dialog, ui.card().classes("asked wide"):
         panel_title(f"Press {press_words(press)}")
@@ -44,7 +44,7 @@ def open_press(page: TargetPage, seen: TargetSeen, press: StoredPress) -> None:
     dialog.on("hide", dialog.delete)
 
 
-async def _tell_why(page: TargetPage, seen: TargetSeen, press: StoredPress, place: ui.label) -> None:
+async def _tell_why(page: TargetContext, seen: TargetSeen, press: StoredPress, place: ui.label) -> None:
     """Say why the frame of a press cannot be shown; of a subject without the place, whose name may tell whose it is."""
     sentence = await run.io_bound(fault_of, page.bench.store, press)
     place.text = DAMAGED if seen.private and sentence else sentence
@@ -71,7 +71,7 @@ def _facts(seen: TargetSeen, press: StoredPress) -> None:
 class _PressEditing(Editing["StoredPress"]):
     """The fields of a press of a target in a dialog."""
 
-    def __init__(self, page: TargetPage, target: Target, press: StoredPress, dialog: ui.dialog) -> None:
+    def __init__(self, page: TargetContext, target: Target, press: StoredPress, dialog: ui.dialog) -> None:
         self._target = target
         super().__init__(page, press, dialog, leave="Close")
 

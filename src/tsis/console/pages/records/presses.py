@@ -16,7 +16,7 @@ from tsis.report.target_words import count_of
 if TYPE_CHECKING:
     from nicegui.events import ValueChangeEventArguments
 
-    from tsis.console.pages.records.target import TargetPage
+    from tsis.console.pages.records.context import TargetContext
     from tsis.records import StoredPress
 
 SMALL_PX = 240
@@ -35,7 +35,7 @@ class Presses:
         Where they are shown.
     """
 
-    def __init__(self, page: TargetPage, place: ui.element) -> None:
+    def __init__(self, page: TargetContext, place: ui.element) -> None:
         self._page, self._place = page, place
         self.offset = 0
         self.chosen: list[str] = []

@@ -14,8 +14,8 @@ from tsis.report.recomputation import recomputation_notes, shift_table, stored_s
 
 if TYPE_CHECKING:
     from tsis.console.bench.jobs import Job
+    from tsis.console.pages.records.context import TargetContext
     from tsis.console.pages.records.reading import TargetSeen
-    from tsis.console.pages.records.target import TargetPage
     from tsis.records.recompute import Recomputation
 
 EXPLAINED = (
@@ -24,13 +24,13 @@ EXPLAINED = (
 )
 
 
-def recompute_button(page: TargetPage, seen: TargetSeen) -> None:
+def recompute_button(page: TargetContext, seen: TargetSeen) -> None:
     """A button that asks whether to store what comes out, and computes."""
     button = ui.button("Recompute", icon="restart_alt", on_click=lambda: _ask_to_recompute(page, seen))
     button.props("dense no-caps outline").set_enabled(bool(seen.dossier.estimates))
 
 
-def _ask_to_recompute(page: TargetPage, seen: TargetSeen) -> None:
+def _ask_to_recompute(page: TargetContext, seen: TargetSeen) -> None:
     with page.dialogs, ui.dialog(value=True) as dialog, ui.card().classes("asked"):
         panel_title(f"Recompute target {seen.target.number}")
         ui.label(EXPLAINED)
@@ -46,7 +46,7 @@ def _ask_to_recompute(page: TargetPage, seen: TargetSeen) -> None:
     dialog.on("hide", dialog.delete)
 
 
-async def _begin_recomputation(page: TargetPage, seen: TargetSeen, *, dry_run: bool) -> None:
+async def _begin_recomputation(page: TargetContext, seen: TargetSeen, *, dry_run: bool) -> None:
     store, target = page.bench.store, seen.target
     job: Job | None = await page.viewer.attempt(
         page.bench.jobs.begin,
@@ -57,7 +57,7 @@ async def _begin_recomputation(page: TargetPage, seen: TargetSeen, *, dry_run: b
         follow_job(job, page.below, lambda: _show_recomputation(page, job))
 
 
-def _show_recomputation(page: TargetPage, job: Job) -> None:
+def _show_recomputation(page: TargetContext, job: Job) -> None:
     found: tuple[Recomputation, ...] = job.result
     with ui.element("div").classes("told").props('role="status"'):
         for each in found:

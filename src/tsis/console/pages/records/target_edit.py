@@ -15,14 +15,14 @@ from tsis.records.written import parse_truth
 from tsis.report.target_tables import measure, parameter_label
 
 if TYPE_CHECKING:
+    from tsis.console.pages.records.context import TargetContext
     from tsis.console.pages.records.reading import TargetSeen
-    from tsis.console.pages.records.target import TargetPage
     from tsis.records import Target
 
 PSEUDONYM = "A pseudonym, never a name."
 
 
-def about_target(page: TargetPage, seen: TargetSeen) -> None:
+def about_target(page: TargetContext, seen: TargetSeen) -> None:
     """Show name, note and truth of a target; of a subject no note."""
     target = seen.target
     with ui.element("div").classes("row"):
@@ -42,7 +42,7 @@ def about_target(page: TargetPage, seen: TargetSeen) -> None:
     FactList().show(rows.items())
 
 
-def _ask(page: TargetPage, target: Target) -> None:
+def _ask(page: TargetContext, target: Target) -> None:
     with page.dialogs, ui.dialog(value=True) as dialog, ui.card().classes("asked"):
         _TargetEditing(page, target, dialog, leave="Cancel")
     dialog.on("hide", dialog.delete)

@@ -10,13 +10,13 @@ from nicegui import ui
 from tsis.study import export_readings
 
 if TYPE_CHECKING:
-    from tsis.console.pages.study.one import OneStudy
+    from tsis.console.pages.study.context import StudyContext
     from tsis.console.pages.study.seen import StudySeen
 
 NONE_YET = "Nothing was read yet. Run the virtual probe, or import the readings of another device."
 
 
-def show_devices(page: OneStudy, found: StudySeen) -> None:
+def show_devices(page: StudyContext, found: StudySeen) -> None:
     """Place the devices with their operators."""
     if not found.devices:
         ui.label(NONE_YET).classes("muted")
@@ -38,7 +38,7 @@ def show_devices(page: OneStudy, found: StudySeen) -> None:
                 bar.props["aria-label"] = f"Read with {device} by {each.operator}"
 
 
-async def _export(page: OneStudy, device: str) -> None:
+async def _export(page: StudyContext, device: str) -> None:
     content = await page.viewer.attempt(lambda: export_readings(page.shelf.study(page.name), device))
     if content is not None:
         words = re.sub(r"[^A-Za-z0-9]+", "-", device).strip("-") or "device"

@@ -17,7 +17,7 @@ from tsis.study.table import READING_COLUMNS, import_table
 if TYPE_CHECKING:
     from nicegui.events import UploadEventArguments
 
-    from tsis.console.pages.study.one import OneStudy
+    from tsis.console.pages.study.context import StudyContext
 
 EXPLAINED = (
     f"A CSV file with the columns {', '.join(READING_COLUMNS)}. A higher score says that an inclusion is likelier, an empty "
@@ -27,7 +27,7 @@ TOO_LARGE = f"readings must be one CSV file of at most {LARGEST_MIB} MiB here; l
 CUT = "the file did not come whole; try again"
 
 
-def import_button(page: OneStudy) -> ui.button:
+def import_button(page: StudyContext) -> ui.button:
     """A button that asks for device, threshold and file, and enters what the file says."""
     viewer = page.viewer
     with ui.dialog() as dialog, ui.card().classes("asked study-asked"):
@@ -59,7 +59,7 @@ def import_button(page: OneStudy) -> ui.button:
     return ui.button("Import readings", icon="upload_file", on_click=dialog.open).props("dense no-caps outline")
 
 
-def _enter(page: OneStudy, content: bytes, file: str, device: str, threshold: str, actor: str) -> int:
+def _enter(page: StudyContext, content: bytes, file: str, device: str, threshold: str, actor: str) -> int:
     study = page.shelf.study(page.name)
     limit = typed_number("threshold", threshold) if threshold.strip() else None
     after = import_table(study, content, file, device=device, threshold=limit, actor=actor)

@@ -10,7 +10,7 @@ from tsis.console.pages.progress_bar import ProgressBar
 from tsis.console.studies import job_of
 
 if TYPE_CHECKING:
-    from tsis.console.pages.study.one import OneStudy
+    from tsis.console.pages.study.context import StudyContext
 
 
 class JobSeen:
@@ -22,7 +22,7 @@ class JobSeen:
         Of the study.
     """
 
-    def __init__(self, page: OneStudy) -> None:
+    def __init__(self, page: StudyContext) -> None:
         self._page = page
         with ui.element("div").classes("stack tight") as self._place:
             with ui.element("div").classes("row"):

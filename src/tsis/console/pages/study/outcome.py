@@ -12,7 +12,7 @@ from tsis.console.pages.sentence_list import sentence_list
 from tsis.console.pages.study.seen import told
 
 if TYPE_CHECKING:
-    from tsis.console.pages.study.one import OneStudy
+    from tsis.console.pages.study.context import StudyContext
     from tsis.console.pages.study.seen import StudySeen, Told
 
 
@@ -25,7 +25,7 @@ class Outcome:
         Of the study.
     """
 
-    def __init__(self, page: OneStudy) -> None:
+    def __init__(self, page: StudyContext) -> None:
         self._page = page
         self._panel = ui.element("section").classes("panel stack").props('aria-label="What the study says"')
         self._panel.set_visibility(False)

@@ -12,7 +12,7 @@ from tsis.console.pages.study.who import name_in, who_field
 from tsis.console.studies import begin_reading
 
 if TYPE_CHECKING:
-    from tsis.console.pages.study.one import OneStudy
+    from tsis.console.pages.study.context import StudyContext
     from tsis.console.pages.study.seen import StudySeen
 
 MEANT = (
@@ -30,7 +30,7 @@ class Running:
         Of the study.
     """
 
-    def __init__(self, page: OneStudy) -> None:
+    def __init__(self, page: StudyContext) -> None:
         self._page = page
         self._named = False
         panel_title("Virtual probe")

@@ -15,7 +15,7 @@ from tsis.report.target_words import count_of
 from tsis.study import verify_study
 
 if TYPE_CHECKING:
-    from tsis.console.pages.study.one import OneStudy
+    from tsis.console.pages.study.context import StudyContext
     from tsis.console.pages.study.seen import StudySeen
     from tsis.study import Study, StudyVerification
 
@@ -37,7 +37,7 @@ class Unblinding:
         Of the study.
     """
 
-    def __init__(self, page: OneStudy) -> None:
+    def __init__(self, page: StudyContext) -> None:
         self._page, self._blind = page, True
         self._place = ui.element("div")
         self._button = ui.button("Unblind and analyse", icon="visibility", on_click=self._clicked)

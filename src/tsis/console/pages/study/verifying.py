@@ -14,7 +14,7 @@ from tsis.report.target_words import count_of
 from tsis.study import verify_study
 
 if TYPE_CHECKING:
-    from tsis.console.pages.study.one import OneStudy
+    from tsis.console.pages.study.context import StudyContext
     from tsis.study import StudyVerification
 
 MOST_FAULTS_SHOWN = 100  # faults; a study that has more has one cause
@@ -24,7 +24,7 @@ VERIFICATION_MEANING = (
 )
 
 
-def verify_button(page: OneStudy, place: ui.element) -> None:
+def verify_button(page: StudyContext, place: ui.element) -> None:
     """A button that compares plan, seal, reports and log, and shows in ``place`` what was found."""
 
     async def begin(head: str = "") -> None:
