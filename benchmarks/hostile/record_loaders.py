@@ -18,9 +18,9 @@ from benchmarks.hostile.picture_loaders import token
 from tsis.calibration import MeasuredValue
 from tsis.calibration.file import ProbeCalibration, calibration_bytes, calibration_sha256, read_calibration
 from tsis.calibration.file.content import document_sha256
+from tsis.calibration.file.handwritten import read_handwritten_calibration
 from tsis.calibration.reference.value import CameraReference
 from tsis.calibration.session import CalibrationFrame, SessionFolder, SessionSetup
-from tsis.cli.calibrate.seal import read_values_to_seal as values_to_seal
 from tsis.instrument import read_bytes
 from tsis.model import Calibration, LightMap, TactileImage, load_probe
 from tsis.model.errors import FileInputError
@@ -108,7 +108,7 @@ def _calibrations() -> tuple[Loader, ...]:
             name="values to seal",
             file="values.json",
             originals=(json.dumps(by_hand, indent=1).encode(),),
-            load=lambda path: values_to_seal(path, 180).response is not None,
+            load=lambda path: read_handwritten_calibration(path, 180).response is not None,
             text=True,
             forge=_forged_json,
         ),

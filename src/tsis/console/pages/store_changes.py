@@ -12,8 +12,8 @@ if TYPE_CHECKING:
 
     from tsis.console.pages.viewer import Viewer
 
-EVERY_S = 1.0
-_log = logging.getLogger(__name__)
+CHANGES_EVERY_S = 1.0
+_changes_log = logging.getLogger(__name__)
 
 
 def follow_store(viewer: Viewer, changed: Callable[[], Awaitable[None]]) -> None:
@@ -24,10 +24,10 @@ def follow_store(viewer: Viewer, changed: Callable[[], Awaitable[None]]) -> None
         try:
             entries = await viewer.entries()
         except TsisError as error:  # a page that is shown needs no sentence every second
-            _log.debug("the store was not read: %s", error)
+            _changes_log.debug("the store was not read: %s", error)
             entries = -1
         if seen != [entries]:
             seen[:] = [entries]
             await changed()
 
-    viewer.every(EVERY_S, look)
+    viewer.every(CHANGES_EVERY_S, look)
