@@ -27,10 +27,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tsis.errors import CameraError
 from tsis.instrument import Frame, Mode
 from tsis.instrument.acquisition import Acquisition
-from tsis.instrument.sources.aravis import AravisCamera
-from tsis.model.errors import CameraError
+from tsis.instrument.drivers.aravis import AravisCamera
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -24,7 +24,7 @@ from benchmarks.mutated_files import every_loader
 from rich.console import Console
 from rich.table import Table
 
-from tsis.model.errors import TsisError
+from tsis.errors import TsisError
 
 if TYPE_CHECKING:
     from benchmarks.hostile.bomb_files import Bomb

@@ -21,20 +21,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import tsis
-from tsis.calibration.force.fit import fit_force_line
-from tsis.calibration.force.loading import TIPS_MM, Loading, loading_forces
-from tsis.calibration.force.quality import WIDEST
-from tsis.calibration.force.reading import read_loading_frame
-from tsis.calibration.reference.making import make_reference
-from tsis.calibration.response.fit import fit_response
-from tsis.imaging.sensor import Sensor
-from tsis.virtual.loading_machine import FLAT_LEVELS, VirtualLoadingMachine
+from tsis.calibration.force import TIPS_MM, WIDEST, Loading, fit_force_line, loading_forces, read_loading_frame
+from tsis.calibration.reference import make_reference
+from tsis.calibration.response import fit_response
+from tsis.imaging import Sensor
+from tsis.virtual import FLAT_LEVELS, VirtualLoadingMachine
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from tsis.calibration.force.line import ForceLine
-    from tsis.calibration.reference.making import CameraReference
+    from tsis.calibration.force import ForceLine
+    from tsis.calibration.reference import CameraReference
 
 PROBE = tsis.load_probe("tsis-direct")
 SENSOR = Sensor(columns=256, rows=216)

@@ -21,10 +21,10 @@ from benchmarks.tables import show
 from scipy.optimize import root
 
 from tsis.calibration.scale import axis_ratio_from_ball, scale_from_ball, scale_from_dots
-from tsis.imaging.sensor import Sensor
+from tsis.errors import CalibrationError
+from tsis.imaging import Sensor
 from tsis.instrument import read_image
-from tsis.model.errors import CalibrationError
-from tsis.virtual.scale_targets import ball_frame, dot_board_frame, untouched_frame
+from tsis.virtual import ball_frame, dot_board_frame, untouched_frame
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

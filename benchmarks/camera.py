@@ -23,9 +23,7 @@ from rich.table import Table
 from scipy.ndimage import gaussian_filter
 
 import tsis
-from tsis.imaging.plain_render import render_reference
-from tsis.imaging.render import render
-from tsis.imaging.sensor import Sensor, expose
+from tsis.imaging import Sensor, expose, render, render_reference
 from tsis.model import LightMap
 from tsis.virtual import nominal_calibration
 
@@ -34,7 +32,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis import PressField
+    from tsis.model import PressField
 
 REPEATS = 15
 BLUR_MM = 0.05

@@ -33,7 +33,7 @@ from tests.console.running import running_console
 from websockets.sync.client import connect
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.console.pages.directory import PAGES
+from tsis.console.pages import PAGES
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

@@ -26,10 +26,10 @@ from benchmarks.simulated_presses import DEFAULT, PROTOCOLS
 from benchmarks.tables import show
 
 import tsis
-from tsis.cli.progress import progress_bar
+from tsis.cli import progress_bar
+from tsis.errors import TsisError
+from tsis.files import cache_folder, content_key
 from tsis.inclusion import InclusionPrior, estimate
-from tsis.model.disk_cache import cache_folder, content_key
-from tsis.model.errors import TsisError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

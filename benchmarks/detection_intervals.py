@@ -17,9 +17,9 @@ import numpy as np
 from benchmarks.tables import show
 from scipy.special import ndtri
 
-from tsis.cli.progress import progress_bar
+from tsis.cli import progress_bar
 from tsis.detection import roc
-from tsis.model.errors import InputError
+from tsis.errors import InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable

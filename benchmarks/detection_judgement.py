@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from tsis.detection import Proportion, at_specificity, roc
-from tsis.detection.search_reach import reach_of_trials
+from tsis.detection.search import reach_of_trials
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence

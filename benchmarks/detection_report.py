@@ -21,21 +21,12 @@ from benchmarks.detection_judgement import (
 from benchmarks.detection_tables import Printed, area, area_cells, pairs, share
 from benchmarks.wanted import Wanted, told
 
-from tsis import Inclusion
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.detection import (
-    ClassifierSettings,
-    ClassSplit,
-    TargetEvidence,
-    brier_interval,
-    brier_score,
-    cross_validate,
-    recalibration,
-    reliability_curve,
-)
-from tsis.detection.presence import ABSENCE_FLAG
-from tsis.inclusion.verdict import NEARLY_CERTAIN, UNTRUSTED_FLAGS
-from tsis.model.errors import InputError
+from tsis.detection import ABSENCE_FLAG, brier_interval, brier_score, recalibration, reliability_curve
+from tsis.detection.classify import ClassifierSettings, ClassSplit, TargetEvidence, cross_validate
+from tsis.errors import InputError
+from tsis.inclusion import NEARLY_CERTAIN, UNTRUSTED_FLAGS
+from tsis.model import Inclusion
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

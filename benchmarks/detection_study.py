@@ -32,11 +32,11 @@ from benchmarks.simulated_presses import PROTOCOLS
 from benchmarks.uneven_tissue import lump_changes
 
 import tsis
-from tsis.cli.progress import progress_bar
-from tsis.detection import target_evidence
+from tsis.cli import progress_bar
+from tsis.detection.classify import target_evidence
+from tsis.errors import TsisError
+from tsis.files import cache_folder, content_key
 from tsis.inclusion import estimate
-from tsis.model.disk_cache import cache_folder, content_key
-from tsis.model.errors import TsisError
 
 if TYPE_CHECKING:
     from collections.abc import Callable

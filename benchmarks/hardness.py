@@ -27,10 +27,11 @@ from benchmarks.hardness_bank import SolvedSphere
 from scipy.stats import norm
 
 import tsis
-from tsis.cli.progress import progress_bar
+from tsis.catalog import load_sphere
+from tsis.cli import progress_bar
+from tsis.errors import TsisError
 from tsis.hardness import estimate
-from tsis.model import SoftSphere, load_sphere
-from tsis.model.errors import TsisError
+from tsis.model import SoftSphere
 from tsis.virtual import DirectContactRig
 
 if TYPE_CHECKING:

@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.hardness.seen_sphere import hertzian_radius_mm, press_fields
-from tsis.mechanics.surrogate_solves import cached_arrays, mechanical_content
+from tsis.files import content_key
+from tsis.hardness import hertzian_radius_mm, press_fields
+from tsis.mechanics.surrogate import cached_arrays, mechanical_content
 from tsis.model import PressField, Probe, SoftSphere
-from tsis.model.disk_cache import content_key
-from tsis.virtual.direct_contact import DIRECT_CONTACT_RESOLUTION
+from tsis.virtual import DIRECT_CONTACT_RESOLUTION
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -68,7 +68,7 @@ class SolvedSphere:
     def __call__(
         self, probe: Probe, sphere: SoftSphere, *, forces_n: Sequence[float], resolution: object
     ) -> list[PressField]:
-        """Fields at ``forces_n``, as `tsis.hardness.seen_sphere.press_fields` gives them."""
+        """Fields at ``forces_n``, as `tsis.hardness.press_fields` gives them."""
         del probe, resolution
         arrays = self.arrays()
         return [self._field(arrays, float(np.log(sphere.young_kpa)), float(force)) for force in forces_n]

@@ -18,10 +18,11 @@ import numpy as np
 from benchmarks.simulated_presses import PROTOCOLS, SMALL, Protocol, SimulatedCase
 from benchmarks.tables import show
 
-from tsis import Estimate, Inclusion, Phantom, TactileImage, load_probe
-from tsis.cli.progress import progress_bar
+from tsis.catalog import load_probe
+from tsis.cli import progress_bar
+from tsis.errors import TsisError
 from tsis.inclusion import PARAMETERS, estimate
-from tsis.model.errors import TsisError
+from tsis.model import Estimate, Inclusion, Phantom, TactileImage
 from tsis.virtual import VirtualProbe
 
 if TYPE_CHECKING:

@@ -15,8 +15,7 @@ from tsis.model import PressField
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from tsis import Probe
-    from tsis.model import SoftSphere
+    from tsis.model import Probe, SoftSphere
 
 
 def hertzian_field(probe: Probe, contact_mm: float, force_n: float) -> PressField:

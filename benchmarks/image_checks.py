@@ -23,11 +23,8 @@ from rich.progress import track
 from rich.table import Table
 
 import tsis
-from tsis.inclusion.image_checks import image_findings
-from tsis.inclusion.roundness import roundness
-from tsis.inclusion.sectors import RINGS, SECTORS, sector_means
-from tsis.inclusion.tilt import tilt_evidence
-from tsis.model.errors import MissingExtraError
+from tsis.errors import MissingExtraError
+from tsis.inclusion.checks import RINGS, SECTORS, image_findings, roundness, sector_means, tilt_evidence
 from tsis.virtual import VirtualProbe
 
 if TYPE_CHECKING:

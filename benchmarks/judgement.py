@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis import Estimate, Inclusion
     from tsis.inclusion import InclusionPrior
+    from tsis.model import Estimate, Inclusion
 
 LEVELS = (0.5, 0.9)
 CONFIDENCE = 0.95  # of the intervals around a measured coverage

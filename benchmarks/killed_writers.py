@@ -17,7 +17,7 @@ from pathlib import Path
 from benchmarks.tables import show
 from tests.records.killed_writers import Careless, Found, killed_cycles
 
-from tsis.model.durable import DISK, Disk
+from tsis.files import DISK, Disk
 
 
 def measured(cycles: int, seed: int, disk: Disk) -> tuple[Found, float]:

@@ -1,6 +1,6 @@
 """The forward model and its likelihood written a second time, one point at a time, as loops over the equations.
 
-What `tsis.inclusion.forward` and `tsis.inclusion.likelihood` do with arrays of many inclusions is done here for one
+What `tsis.inclusion.posterior._forward` and `tsis.inclusion.posterior._likelihood` do with arrays of many inclusions is done here for one
 inclusion and one set of nuisances, fast enough for millions of them. Shared with them are only the tables of presses.
 """
 
@@ -12,16 +12,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from benchmarks.simulation_based_calibration import noise
 
-from tsis.model.compiled import compiled
+from tsis.compiled import compiled
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from tsis.inclusion.forward import ForwardModel
-    from tsis.inclusion.likelihood import Profiles
-    from tsis.mechanics import Surrogate
+    from tsis.inclusion.posterior import ForwardModel, Profiles
+    from tsis.mechanics.surrogate import Surrogate
 
     Numbers = NDArray[np.float64]
     # Plain tissue: values and two axes; change by an inclusion: values and five axes.
@@ -154,7 +153,7 @@ def _answers(
     plain: bool,
     site: bool,
 ) -> Numbers:
-    """What the rings answer per newton and, under a dome, then by its shape; `tsis.inclusion.forward` lists nuisances.
+    """What the rings answer per newton and, under a dome, then by its shape; `tsis.inclusion.posterior._forward` lists nuisances.
 
     A probe stiffer by a factor on some tissue does what the believed one does on tissue softer by that factor, with
     pressures and forces in units larger by it.

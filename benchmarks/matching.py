@@ -24,20 +24,28 @@ import numpy as np
 from benchmarks.tables import show
 
 import tsis
-from tsis.matching.contenders import OWN_METHODS, RIVAL_METHODS, BenchmarkMethod
-from tsis.matching.distort import Distortion, distort, public_distortion
-from tsis.matching.peers import PEERS
-from tsis.matching.shapes import SHAPES, even_texture
-from tsis.matching.trial_runs import run_trials
-from tsis.matching.trial_sets import distorted_set, hotel_set
-from tsis.matching.trial_summary import FAILURE_RMS, summarise, summarise_pooled
+from tsis.matching.trials import (
+    FAILURE_RMS,
+    OWN_METHODS,
+    PEERS,
+    RIVAL_METHODS,
+    SHAPES,
+    BenchmarkMethod,
+    Distortion,
+    distort,
+    distorted_set,
+    even_texture,
+    hotel_set,
+    public_distortion,
+    run_trials,
+    summarise,
+    summarise_pooled,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from tsis.matching.distort import Trial
-    from tsis.matching.trial_rows import TrialRow
-    from tsis.matching.trial_summary import TrialSummary
+    from tsis.matching.trials import Trial, TrialRow, TrialSummary
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data" / "matching"
 JUDGED = "tprl"

@@ -25,24 +25,20 @@ from rich.table import Table
 from threadpoolctl import threadpool_limits
 
 import tsis
-from tsis import Inclusion, Phantom
-from tsis.mechanics import Resolution, build_surrogate, press, press_solid
-from tsis.mechanics.element import stiffness
-from tsis.mechanics.finite_strain.bodies import FiniteResolution
-from tsis.mechanics.finite_strain.pressing import press_pairs
-from tsis.mechanics.finite_strain.probe_on_slab import ProbeOnSlab
-from tsis.mechanics.finite_strain.squeezed_sphere import squeeze_path
-from tsis.mechanics.mesh import mesh_rectangle
-from tsis.mechanics.small_strain import PressKernel
+from tsis.mechanics import mesh_rectangle, press, stiffness
+from tsis.mechanics.finite_strain import FiniteResolution, ProbeOnSlab, press_pairs, squeeze_path
+from tsis.mechanics.small_strain import PressKernel, Resolution
+from tsis.mechanics.solid import press_solid
+from tsis.mechanics.surrogate import build_surrogate
+from tsis.model import Inclusion, Phantom
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from numpy.typing import NDArray
 
-    from tsis.mechanics import PressSurrogate
-    from tsis.mechanics.face_contact import PartialContact
-    from tsis.mechanics.surrogate import TissueSurrogate
+    from tsis.mechanics.small_strain import PartialContact
+    from tsis.mechanics.surrogate import PressSurrogate, TissueSurrogate
 
 PROBE, DOMED = tsis.load_probe("tsis-2011"), tsis.load_probe("tsis-domed")
 SPHERE = Inclusion(diameter_mm=10.0, depth_mm=5.0, young_kpa=100.0)

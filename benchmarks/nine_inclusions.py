@@ -21,7 +21,7 @@ from benchmarks.tables import show
 from studies.printed_6_3 import PRINTED, PRINTED_ERROR, relative_error, without_itself
 
 import tsis
-from tsis.cli.progress import progress_bar
+from tsis.cli import progress_bar
 from tsis.inclusion import PARAMETERS, InclusionPrior, estimate
 
 if TYPE_CHECKING:

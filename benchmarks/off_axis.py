@@ -19,12 +19,12 @@ from rich.table import Table
 from scipy.interpolate import RectBivariateSpline
 
 import tsis
-from tsis.imaging.render import render
-from tsis.imaging.sensor import Sensor, expose
-from tsis.inclusion.frames import ring_edges
-from tsis.inclusion.off_axis_place import SEEN, inclusion_place
-from tsis.inclusion.off_axis_rings import off_axis_profile
-from tsis.mechanics import SolidResolution, press, press_solid
+from tsis.imaging import Sensor, expose, render
+from tsis.inclusion import ring_edges
+from tsis.inclusion.checks import SEEN, inclusion_place
+from tsis.inclusion.posterior import off_axis_profile
+from tsis.mechanics import press
+from tsis.mechanics.solid import SolidResolution, press_solid
 from tsis.virtual import nominal_calibration
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis import PressMap
+    from tsis.model import PressMap
 
 PROBE = tsis.load_probe("tsis-2011")
 PLAIN = tsis.Phantom(young_kpa=5.0, thickness_mm=30.0)

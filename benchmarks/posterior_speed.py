@@ -20,10 +20,9 @@ from benchmarks.tables import show
 from threadpoolctl import threadpool_limits
 
 import tsis
-from tsis.inclusion import InclusionPrior, estimate
-from tsis.inclusion.exploration import explore_inclusion
-from tsis.inclusion.posterior import read_frames
-from tsis.mechanics import build_full_contact_surrogate
+from tsis.inclusion import InclusionPrior, estimate, read_frames
+from tsis.inclusion.posterior import explore_inclusion
+from tsis.mechanics.surrogate import build_full_contact_surrogate
 from tsis.virtual import VirtualProbe
 
 if TYPE_CHECKING:
@@ -31,10 +30,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis import TactileImage
-    from tsis.inclusion.exploration import InclusionPosterior
-    from tsis.inclusion.likelihood import InclusionLikelihood
-    from tsis.model import Calibration
+    from tsis.inclusion.posterior import InclusionLikelihood, InclusionPosterior
+    from tsis.model import Calibration, TactileImage
 
 PHANTOM = tsis.Phantom(
     young_kpa=5.0, thickness_mm=30.0, inclusion=tsis.Inclusion(diameter_mm=10.0, depth_mm=5.0, young_kpa=60.0)

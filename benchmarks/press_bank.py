@@ -19,13 +19,13 @@ import numpy as np
 from benchmarks.simulated_presses import DEFAULT, DRAWN, PROTOCOLS, Protocol, SimulatedCase, simulate
 
 import tsis
-from tsis import Inclusion, Phantom, TactileImage
-from tsis.cli.progress import progress_bar
-from tsis.imaging.sensor import Sensor
+from tsis.cli import progress_bar
+from tsis.errors import MechanicsError
+from tsis.files import remove_unfinished, write_durably
+from tsis.imaging import Sensor
 from tsis.inclusion import InclusionPrior
-from tsis.model.durable import remove_unfinished, write_durably
-from tsis.model.errors import MechanicsError
-from tsis.optics import irradiance
+from tsis.model import Inclusion, Phantom, TactileImage
+from tsis.optics.irradiance import irradiance
 from tsis.virtual import nominal_calibration
 
 if TYPE_CHECKING:

@@ -28,16 +28,19 @@ from scipy.optimize import brentq
 from scipy.stats import binomtest, norm
 
 import tsis
-from tsis.calibration.guard.blocks import FrameShape
-from tsis.calibration.guard.history import PressHistory
-from tsis.calibration.guard.limits import GuardLimits
-from tsis.calibration.guard.press_check import check_press
-from tsis.calibration.guard.reference import GuardReference
-from tsis.calibration.guard.watch import PressWatch, WatchState
-from tsis.calibration.lamps.patch import ReferencePatch
-from tsis.calibration.settling.verdict import assess_history
+from tsis.calibration.guard import (
+    FrameShape,
+    GuardLimits,
+    GuardReference,
+    PressHistory,
+    PressWatch,
+    WatchState,
+    check_press,
+)
+from tsis.calibration.lamps import ReferencePatch
+from tsis.calibration.settling import assess_history
 from tsis.instrument import Frame
-from tsis.mechanics import relaxing_press, settling_time_s
+from tsis.mechanics.small_strain import relaxing_press, settling_time_s
 from tsis.model import Relaxation, TactileImage
 from tsis.virtual import VirtualProbe
 

@@ -20,7 +20,7 @@ from rich.table import Table
 from threadpoolctl import threadpool_limits
 
 import tsis
-from tsis.optics import Dent, Propagation, propagate, thin_guide
+from tsis.optics.propagation import Dent, Propagation, propagate, thin_guide
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -22,13 +22,11 @@ from rich.console import Console
 from rich.table import Table
 
 import tsis
-from tsis import Glass, Led, PressField, PressMap, Probe
-from tsis.mechanics import indent, press
-from tsis.model.light import FOUR_LEDS
-from tsis.optics import irradiance, trace_rays
-from tsis.optics.irradiance_leaving import leaving_light
-from tsis.optics.rays_face import tip_press
-from tsis.optics.rays_reference import WAYS_OUT, trace_photons
+from tsis.mechanics import press
+from tsis.mechanics.small_strain import indent
+from tsis.model import FOUR_LEDS, Glass, Led, PressField, PressMap, Probe
+from tsis.optics.irradiance import irradiance, leaving_light
+from tsis.optics.rays import WAYS_OUT, tip_press, trace_photons, trace_rays
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence

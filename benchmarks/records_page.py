@@ -20,7 +20,7 @@ from benchmarks.tables import show
 from tests.console.browser import chromium
 from tests.console.running import running_console
 
-from tsis.records import open_store
+from tsis.records.store import open_store
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -15,18 +15,17 @@ import numpy as np
 from benchmarks.simulated_presses import Protocol, SimulatedCase, surrounded
 from benchmarks.uneven_tissue import SPACING_MM, FaceGrid, Site, lump_changes, uneven
 
-from tsis import Inclusion, Phantom
-from tsis.imaging.render import render
+from tsis.imaging import render
 from tsis.inclusion import InclusionPrior
-from tsis.mechanics import SolidResolution, press, press_solid
-from tsis.virtual import VirtualProbe
-from tsis.virtual.probe import FINE_RESOLUTION
+from tsis.mechanics import press
+from tsis.mechanics.solid import SolidResolution, press_solid
+from tsis.model import Inclusion, Phantom
+from tsis.virtual import FINE_RESOLUTION, VirtualProbe
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis import Probe, TactileImage
-    from tsis.model import PressField, PressMap
+    from tsis.model import PressField, PressMap, Probe, TactileImage
 
 DIAMETER_MM, DEPTH_MM, YOUNG_KPA = (2.0, 15.0), (4.0, 12.0), (40.0, 120.0)
 OFFSET_MM = 5.0  # largest; distances are uniform

@@ -19,9 +19,8 @@ from tsis.inclusion import PARAMETERS
 from tsis.virtual import VirtualProbe
 
 if TYPE_CHECKING:
-    from tsis import Phantom, TactileImage
     from tsis.inclusion import InclusionPrior
-    from tsis.model import Calibration, Probe
+    from tsis.model import Calibration, Phantom, Probe, TactileImage
 
 LARGEST_POISSON = 0.4949
 CLEARANCE = 0.97  # of the slab that an inclusion may reach down to: what is thinner is not meshed well

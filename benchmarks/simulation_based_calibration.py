@@ -26,18 +26,21 @@ from benchmarks.tables import show
 from scipy.stats import chisquare, gaussian_kde
 from threadpoolctl import threadpool_limits
 
-from tsis.cli.progress import progress_bar
-from tsis.imaging import radial_profile
-from tsis.imaging.sensor import Sensor
-from tsis.inclusion import PARAMETERS, InclusionPrior
-from tsis.inclusion.exploration import explore_inclusion
-from tsis.inclusion.forward import THICKNESS, ForwardModel
-from tsis.inclusion.frames import depletion_per_n, ring_edges, ring_light
-from tsis.inclusion.likelihood import InclusionLikelihood, Profiles
-from tsis.inclusion.rings import ring_answers, ring_correlation
-from tsis.mechanics import build_full_contact_surrogate
+from tsis.cli import progress_bar
+from tsis.imaging import Sensor, radial_profile
+from tsis.inclusion import PARAMETERS, InclusionPrior, depletion_per_n, ring_edges, ring_light
+from tsis.inclusion.posterior import (
+    THICKNESS,
+    ForwardModel,
+    InclusionLikelihood,
+    Profiles,
+    explore_inclusion,
+    ring_answers,
+    ring_correlation,
+)
+from tsis.mechanics.surrogate import build_full_contact_surrogate
 from tsis.model import TactileImage
-from tsis.optics import irradiance
+from tsis.optics.irradiance import irradiance
 from tsis.virtual import nominal_calibration
 
 if TYPE_CHECKING:
@@ -45,7 +48,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.inclusion.exploration import InclusionPosterior
+    from tsis.inclusion.posterior import InclusionPosterior
 
 PROTOCOLS = {one.name: one for one in SMALL}
 ALONE = ("flat-alone", "domed")

@@ -27,16 +27,14 @@ from scipy.stats import gaussian_kde, multivariate_normal
 from threadpoolctl import threadpool_limits
 
 from tsis.inclusion import InclusionPrior
-from tsis.inclusion.exploration import explore_inclusion
-from tsis.inclusion.likelihood import InclusionLikelihood
+from tsis.inclusion.posterior import InclusionLikelihood, explore_inclusion
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    from tsis.inclusion.exploration import InclusionPosterior
-    from tsis.inclusion.likelihood import Profiles
+    from tsis.inclusion.posterior import InclusionPosterior, Profiles
 
 PROTOCOLS = {one.name: one for one in SMALL}
 CASES = (

@@ -26,11 +26,20 @@ from benchmarks.tables import show
 from sqlalchemy import insert
 
 from tsis.model import TactileImage
-from tsis.records import Store, StoredPress, Target, open_store
-from tsis.records.audit import AuditChange, append_audit, locked_head
-from tsis.records.frame_file import frame_bytes
-from tsis.records.rows import press_row, target_row
-from tsis.records.tables import frames, presses, targets
+from tsis.records import StoredPress, Target
+from tsis.records.store import (
+    AuditChange,
+    Store,
+    append_audit,
+    frame_bytes,
+    frames,
+    locked_head,
+    open_store,
+    press_row,
+    presses,
+    target_row,
+    targets,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable

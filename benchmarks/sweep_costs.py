@@ -19,16 +19,24 @@ from benchmarks.curves.workers import sweep_plan
 from benchmarks.loopback_cluster import LoopbackCluster
 from benchmarks.sweep_overhead import let_workers_import
 
+from tsis.files import write_durably
 from tsis.mechanics import press
 from tsis.model import PressField
-from tsis.model.durable import write_durably
-from tsis.sweep import dask_crew, run_sweep
-from tsis.sweep.dask_crew import AHEAD, DaskPool
-from tsis.sweep.manifest import MANIFEST_FILE
-from tsis.sweep.presses import press_all
-from tsis.sweep.samples import SweepBatch, sweep_batches
-from tsis.sweep.shards import Receipt, encode_shard
-from tsis.sweep.work import Finished, SweepJob, finish_batch
+from tsis.sweep import (
+    AHEAD,
+    MANIFEST_FILE,
+    DaskPool,
+    Finished,
+    Receipt,
+    SweepBatch,
+    SweepJob,
+    encode_shard,
+    finish_batch,
+    press_all,
+    run_sweep,
+    sweep_batches,
+)
+from tsis.sweep import _dask_pool as dask_crew
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -21,16 +21,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from benchmarks.busy_press import PRESS_S, busy
 
-from tsis.model import load_probe
-from tsis.sweep import Plan, Range, read_data_set, run_sweep
-from tsis.sweep.samples import sweep_batches
+from tsis.catalog import load_probe
+from tsis.sweep import Plan, Range, read_data_set, run_sweep, sweep_batches
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from tsis.sweep.samples import SweepBatch
+    from tsis.sweep import SweepBatch
 
 MOST_OVERHEAD = 0.03
 

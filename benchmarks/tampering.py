@@ -1,4 +1,4 @@
-"""Tampering with stores of records behind the program's back: how much of it `tsis.records.verify_store` finds.
+"""Tampering with stores of records behind the program's back: how much of it `tsis.records.store.verify_store` finds.
 
 Run ``python -m benchmarks.tampering --trials 1000 --seed 1``. Every trial takes a copy of an honest store, changes one
 thing in it with SQLite and files alone (`tests.records.tamperings` says which), and opens and verifies it. Honest

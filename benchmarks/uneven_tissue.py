@@ -3,7 +3,7 @@
 Lumps are spheres of 4 to 10 mm that do not meet; the logarithm of each one's modulus over the tissue's is normal. Their
 centres lie within 6 mm of the probe's axis and their tops 1 to 15 mm deep, so tissue farther out is even, and so is
 what lies between them. In three dimensions they are pressed as they are. Elsewhere what each changes is solved on the
-axis, moved beside it (`tsis.inclusion.off_axis_rings`), and added up: right for weak lumps, as they are.
+axis, moved beside it (`tsis.inclusion.posterior._off_axis`), and added up: right for weak lumps, as they are.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from scipy.interpolate import RegularGridInterpolator
 
-from tsis.inclusion.off_axis_rings import FARTHEST, MOVES
-from tsis.mechanics import contrast_factor, press
-from tsis.mechanics.surrogate_solves import cached_arrays, mechanical_content
+from tsis.files import content_key
+from tsis.inclusion.posterior import FARTHEST, MOVES
+from tsis.mechanics import press
+from tsis.mechanics.surrogate import cached_arrays, contrast_factor, mechanical_content
 from tsis.model import Inclusion, Phantom, PressField, PressMap, Probe
-from tsis.model.disk_cache import content_key
-from tsis.virtual.probe import FINE_RESOLUTION
+from tsis.virtual import FINE_RESOLUTION
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

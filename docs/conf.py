@@ -3,7 +3,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tsis import __version__
+from tsis.__about__ import __version__
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))

@@ -17,27 +17,26 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.cli.progress import progress_bar
-from tsis.imaging.sensor import Sensor
-from tsis.inclusion import (
-    PARAMETERS,
+from tsis.cli import progress_bar
+from tsis.imaging import Sensor
+from tsis.inclusion import PARAMETERS, InclusionPrior
+from tsis.inclusion.design import (
     Design,
-    InclusionPrior,
     ProtocolInformation,
     compare_designs,
     default_protocols,
     dissertation_inclusions,
     protocol_information,
 )
-from tsis.mechanics.covered_surrogate import FULL_CONTACT_DEGREES
-from tsis.virtual.probe import nominal_calibration
+from tsis.mechanics.surrogate import FULL_CONTACT_DEGREES
+from tsis.virtual import nominal_calibration
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from tsis.inclusion import Protocol
+    from tsis.inclusion.design import Protocol
 
 # Expected root mean square errors over the ranges of diameter (mm), depth (mm) and modulus (kPa).
 EARLIER = {

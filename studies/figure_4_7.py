@@ -20,19 +20,17 @@ from scipy import ndimage
 from studies.shown import Shown
 
 import tsis
-from tsis.imaging import features, height_surface, signal
-from tsis.imaging.sensor import Sensor
-from tsis.optics import irradiance
-from tsis.plots import tactile_image
-from tsis.plots.surface import relief
+from tsis.imaging import Sensor, features, height_surface, signal
+from tsis.optics.irradiance import irradiance
+from tsis.plots import relief, tactile_image
 from tsis.virtual import VirtualProbe, nominal_calibration
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from tsis import Calibration, TactileImage
     from tsis.imaging import Features
+    from tsis.model import Calibration, TactileImage
 
 PROBE = tsis.load_probe("tsis-2011")
 PHANTOM = tsis.load_phantom("mammacare-2")

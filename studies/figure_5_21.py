@@ -21,8 +21,7 @@ from skimage.feature import corner_peaks, corner_shi_tomasi
 from studies.shown import Shown
 
 from tsis.matching import match_points
-from tsis.matching.distort import Distortion, distort
-from tsis.matching.trials import matching_error
+from tsis.matching.trials import Distortion, distort, matching_error
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

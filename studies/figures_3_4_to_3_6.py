@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from studies.shown import Shown
 
-from tsis.optics import Dent, Propagation, propagate, thin_guide
+from tsis.optics.propagation import Dent, Propagation, propagate, thin_guide
 from tsis.plots import guide_index, guide_light, light_out_of_the_top
 
 if TYPE_CHECKING:

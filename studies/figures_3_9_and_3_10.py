@@ -19,9 +19,9 @@ import numpy as np
 from studies.shown import Shown
 
 import tsis
-from tsis import Layer, Probe
-from tsis.mechanics import indent
-from tsis.mechanics.closed_form import effective_modulus_kpa
+from tsis.mechanics import effective_modulus_kpa
+from tsis.mechanics.small_strain import indent
+from tsis.model import Layer, Probe
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -22,20 +22,15 @@ from typing import TYPE_CHECKING
 import numpy as np
 from studies.shown import Shown
 
-from tsis.matching.contenders import BenchmarkMethod
-from tsis.matching.trial_runs import run_trials
-from tsis.matching.trial_sets import distorted_set
-from tsis.matching.trial_summary import summarise
-from tsis.matching.trials import LEVEL_LABELS, PUBLIC_FILE
-from tsis.plots.matching import curves_over_levels
+from tsis.matching.trials import LEVEL_LABELS, PUBLIC_FILE, BenchmarkMethod, distorted_set, run_trials, summarise
+from tsis.plots import curves_over_levels
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from matplotlib.figure import Figure
 
-    from tsis.matching.distort import Family
-    from tsis.matching.trial_summary import TrialSummary
+    from tsis.matching.trials import Family, TrialSummary
 
 DATA = Path(__file__).resolve().parents[2] / "shared" / "data" / "matching"
 METHODS = {"tprl": "TPRL", "shape-context": "SC", "tps-rpm": "TPS-RPM", "rpm-lns": "RPM-LNS", "cpd": "CPD"}

@@ -21,9 +21,7 @@ import numpy as np
 from studies.figures_5_14_to_5_18 import DATA, METHODS
 from studies.shown import Shown
 
-from tsis.matching.contenders import BenchmarkMethod
-from tsis.matching.trial_runs import run_trials
-from tsis.matching.trials import HIDDEN_FRACTIONS, SEPARATIONS, SEQUENCE_FILE, hotel_trials
+from tsis.matching.trials import HIDDEN_FRACTIONS, SEPARATIONS, SEQUENCE_FILE, BenchmarkMethod, hotel_trials, run_trials
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

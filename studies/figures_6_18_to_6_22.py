@@ -16,7 +16,7 @@ from studies.printed_6_3 import PRINTED, PRINTED_RMSE, rmse, without_itself
 from studies.section_6_3 import METHODS, ROUTES, Result, run
 from studies.shown import Shown
 
-from tsis.inclusion import LinearMapping, fit_mapping
+from tsis.inclusion.network import LinearMapping, fit_mapping
 from tsis.plots import trial_errors
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from studies.section_6_2 import run as press_phantoms
 from studies.shown import Shown
 
 from tsis.imaging import features
-from tsis.inclusion import ratios
+from tsis.inclusion.relative import ratios
 from tsis.plots import repeated_readings
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from tsis import TactileImage
+    from tsis.model import TactileImage
 
 UNTOUCHED, PLAIN = "untouched probe", "plain tissue"
 LEAST_GREY = 3.0  # change of a pixel that is more than noise

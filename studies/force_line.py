@@ -4,7 +4,7 @@ The source presses a tip of 2 mm radius with 0 to 2 N in steps of 0.1 N and back
 the sums a straight line without hysteresis, and finds 2.45 % between the lines of tips of 10 and 14 mm at 0.8 N.
 `studies/section_5_1.py` asks which contact model makes such a line, with Hertz's contact on a soft half-space into
 which the tip of 2 mm would sink over its equator. Here the probe is the catalog's stiff one, on which all twenty forces
-of that tip can be solved with large strains; the wide tips are those of `tsis.mechanics.indent`.
+of that tip can be solved with large strains; the wide tips are those of `tsis.mechanics.small_strain.indent`.
 
 The pressure is Hertz's with the solved contact radius: pointwise pressures under a rigid tip carry the elements' own
 waves, the radius does not. Frames are a camera's, with lamps that drift, noise and rounding, less a frame without
@@ -41,17 +41,14 @@ from studies.section_5_1_bench import PRINTED_SLOPE, SENSOR
 from studies.shown import Shown
 
 import tsis
-from tsis import PressField
-from tsis.hardness.seen_sphere import hertzian_radius_mm, press_fields
-from tsis.imaging.render import render
-from tsis.imaging.sensor import expose
-from tsis.mechanics import SphereResolution, indent
-from tsis.mechanics.closed_form import HertzContact
-from tsis.model import SoftSphere
-from tsis.model.press import MN_PER_N
-from tsis.plots import grey_sums
-from tsis.plots.hardness_figures import contact_rows
-from tsis.virtual.direct_contact import direct_contact_calibration
+from tsis.hardness import hertzian_radius_mm, press_fields
+from tsis.imaging import expose, render
+from tsis.mechanics import HertzContact
+from tsis.mechanics.finite_strain import SphereResolution
+from tsis.mechanics.small_strain import indent
+from tsis.model import MN_PER_N, PressField, SoftSphere
+from tsis.plots import contact_rows, grey_sums
+from tsis.virtual import direct_contact_calibration
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -60,7 +57,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from studies.section_5_1 import Line
 
-    from tsis import Calibration
+    from tsis.model import Calibration
 
 PROBE = tsis.load_probe("tsis-direct")
 RIGID_KPA = 3e5  # two hundred times the skin's modulus

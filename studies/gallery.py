@@ -19,7 +19,7 @@ from studies.catalogue import SHOWN
 from studies.shown import read_values, write_ours
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.cli.progress import progress_bar
+from tsis.cli import progress_bar
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

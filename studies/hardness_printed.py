@@ -30,9 +30,8 @@ from benchmarks.hertzian_presses import by_table
 from studies.shown import Shown
 
 import tsis
-from tsis.hardness import PrintedHardness, estimate, printed_estimate
-from tsis.hardness.printed import STRESSES
-from tsis.model import SoftSphere, load_sphere
+from tsis.catalog import load_sphere
+from tsis.hardness import STRESSES, PrintedHardness, estimate, printed_estimate
 from tsis.virtual import DirectContactRig
 
 if TYPE_CHECKING:
@@ -41,7 +40,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
-    from tsis import Estimate, PressField, TactileImage
+    from tsis.model import Estimate, PressField, SoftSphere, TactileImage
 
     Solve = Callable[..., Sequence[PressField]]
 
@@ -186,7 +185,7 @@ def solved(sphere: SoftSphere) -> SolvedSphere:
 
 def draw_matching(result: Result, figure: Figure) -> None:
     """Figure 5.22: control points before and after matching."""
-    from tsis.plots.matching import point_sets
+    from tsis.plots import point_sets
 
     example = result.example
     for place, (source, title) in enumerate(((example.before, "before"), (example.registration.moved, "after")), 1):
@@ -201,7 +200,7 @@ def draw_matching(result: Result, figure: Figure) -> None:
 
 def draw_moduli(result: Result, figure: Figure) -> None:
     """Figure 5.23: readings of both ways, one a rig."""
-    from tsis.plots.hardness_figures import modulus_readings
+    from tsis.plots import modulus_readings
 
     columns = {
         "as printed": {name: result.printed[name]["second"] for name in SPHERES},

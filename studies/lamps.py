@@ -31,15 +31,14 @@ from scipy.special import erfinv
 
 import tsis
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.optics import trace_rays
-from tsis.optics.rays_face import evenly_pressed_face, evenly_raised_face
+from tsis.optics.rays import evenly_pressed_face, evenly_raised_face, trace_rays
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
     from numpy.typing import NDArray
 
-    from tsis import Probe
+    from tsis.model import Probe
 
 HEIGHTS_MM = (2.5, 4.0, 5.0, 6.0, 7.0, 8.5)
 AIMS_DEG = (-45.0, -30.0, -15.0, 0.0, 15.0, 30.0, 45.0, 60.0)

@@ -43,13 +43,9 @@ from studies.section_5_1_bench import (
     saturation_kpa,
 )
 
-from tsis.imaging.contact_light import CONTACT_MODELS
-from tsis.imaging.led_drift import LedDrift
-from tsis.imaging.lost_light import find_lost_light
-from tsis.imaging.render import render
-from tsis.imaging.sensor import expose
-from tsis.mechanics import indent
-from tsis.optics import irradiance
+from tsis.imaging import CONTACT_MODELS, LedDrift, expose, find_lost_light, render
+from tsis.mechanics.small_strain import indent
+from tsis.optics.irradiance import irradiance
 from tsis.virtual import nominal_calibration
 
 if TYPE_CHECKING:
@@ -57,10 +53,9 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis import Calibration, PressField
-    from tsis.imaging.lost_light import LostLight
-    from tsis.model import LightMap
-    from tsis.optics import Irradiance
+    from tsis.imaging import LostLight
+    from tsis.model import Calibration, LightMap, PressField
+    from tsis.optics.irradiance import Irradiance
 
 TIPS_MM = (2.0, 10.0, 14.0)
 FORCES_N = np.arange(1, 21) / 10

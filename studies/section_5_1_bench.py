@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import tsis
-from tsis import Calibration, PressField
-from tsis.imaging.sensor import Sensor
-from tsis.mechanics.closed_form import effective_modulus_kpa, hertz_under_force
+from tsis.imaging import Sensor
+from tsis.mechanics import effective_modulus_kpa, hertz_under_force
+from tsis.model import Calibration, PressField
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

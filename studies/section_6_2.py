@@ -17,14 +17,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import tsis
-from tsis.cli.progress import progress_bar
-from tsis.inclusion import RelativeReading, Repeats, ratios, relative_depth, relative_hardness, relative_size
+from tsis.cli import progress_bar
+from tsis.inclusion.relative import RelativeReading, Repeats, ratios, relative_depth, relative_hardness, relative_size
 from tsis.virtual import VirtualProbe
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from tsis import Calibration, TactileImage
+    from tsis.model import Calibration, TactileImage
 
 PRESSES = 15
 WEAK_N, STRONG_N = 0.5, 1.0

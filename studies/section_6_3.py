@@ -25,9 +25,9 @@ import numpy as np
 from studies.printed_6_3 import PRINTED, PRINTED_ERROR, PRINTED_RMSE, ROUNDING, relative_error, rmse, without_itself
 
 import tsis
-from tsis.cli.progress import progress_bar
-from tsis.inclusion import (
-    PARAMETERS,
+from tsis.cli import progress_bar
+from tsis.inclusion import PARAMETERS
+from tsis.inclusion.network import (
     change_reading,
     estimate_by_networks,
     fit_mapping,
@@ -37,7 +37,7 @@ from tsis.inclusion import (
     printed_reading,
     simulated_outputs,
 )
-from tsis.mechanics import Box, build_surrogate
+from tsis.mechanics.surrogate import Box, build_surrogate
 from tsis.virtual import VirtualProbe
 
 if TYPE_CHECKING:
@@ -45,8 +45,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis import TactileImage
-    from tsis.model import LightMap
+    from tsis.model import LightMap, TactileImage
 
 FORCE_N = 1.0
 SAMPLES, TRIALS, REPEATS = 134, 100, 6

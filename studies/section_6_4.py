@@ -28,10 +28,10 @@ from studies.printed_6_4 import PRINTED, PRINTED_AREA, percent, printed_lines, t
 from studies.section_6_4_bench import BLANK, PreparedProbe, solved
 
 import tsis
-from tsis.cli.progress import progress_bar
+from tsis.cli import progress_bar
 from tsis.detection import Counts, Proportion, roc
+from tsis.errors import TsisError
 from tsis.inclusion import estimate
-from tsis.model.errors import TsisError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -15,17 +15,17 @@ import numpy as np
 from benchmarks.searched_presses import MovingProbe
 
 import tsis
+from tsis.files import content_key
 from tsis.mechanics import press
-from tsis.mechanics.surrogate_solves import cached_arrays, mechanical_content
+from tsis.mechanics.surrogate import cached_arrays, mechanical_content
 from tsis.model import PressField
-from tsis.model.disk_cache import content_key
-from tsis.virtual.probe import FINE_RESOLUTION
+from tsis.virtual import FINE_RESOLUTION
 
 if TYPE_CHECKING:
     from benchmarks.uneven_tissue import Site
     from numpy.typing import NDArray
 
-    from tsis import Phantom
+    from tsis.model import Phantom
 
 BLANK = "detection-blank"
 LOG_SOFTER = (-0.15, -0.05, 0.05, 0.15)  # logarithms of tissue over nominal, at which presses are solved

@@ -16,7 +16,7 @@ from studies.catalogue import SHOWN
 from studies.gallery import SEED
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.cli.progress import progress_bar
+from tsis.cli import progress_bar
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

@@ -20,21 +20,19 @@ import numpy as np
 from studies.shown import Shown
 
 import tsis
-from tsis.calibration import edge_width, specification_sheet
-from tsis.calibration.force.fit import fit_force_line
-from tsis.calibration.force.loading import TIPS_MM, Loading, loading_forces
-from tsis.calibration.force.reading import read_loading_frame
-from tsis.calibration.reference.making import CameraReference, make_reference
-from tsis.plots.calibration_figures import hysteresis_loops
-from tsis.virtual.loading_machine import FLAT_LEVELS, VirtualLoadingMachine
+from tsis.calibration.force import TIPS_MM, Loading, fit_force_line, loading_forces, read_loading_frame
+from tsis.calibration.reference import CameraReference, make_reference
+from tsis.calibration.specification import edge_width, specification_sheet
+from tsis.plots import hysteresis_loops
+from tsis.virtual import FLAT_LEVELS, VirtualLoadingMachine
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from tsis.calibration import Specification
-    from tsis.calibration.measured import MeasuredValue
-    from tsis.imaging.sensor import Sensor
+    from tsis.calibration import MeasuredValue
+    from tsis.calibration.specification import Specification
+    from tsis.imaging import Sensor
 
 PROBE = tsis.load_probe("tsis-direct")
 RUNS = 2  # loadings of each tip: what is repeated needs a repeat

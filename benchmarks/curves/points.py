@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.curves.curve import Curve, Line
 from benchmarks.matching import speed_trial
 
-from tsis.matching.contenders import BenchmarkMethod
+from tsis.matching.trials import BenchmarkMethod
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.curves.curve import Curve, Line
 from benchmarks.store_speed import BEGUN, frame, grown
 
-from tsis.records import open_store
+from tsis.records.store import open_store
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 from benchmarks.curves.curve import Curve, Line
 from benchmarks.mechanics import PROBE
 
-from tsis.mechanics import Box, Degrees, build_surrogate
+from tsis.mechanics.surrogate import Box, Degrees, build_surrogate
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -256,7 +256,7 @@ def _parquet() -> bytes:
     import pyarrow as pa
     from pyarrow import parquet
 
-    from tsis.sweep.shards import DIGEST, _signed
+    from tsis.sweep import DIGEST, _signed
 
     sink = pa.BufferOutputStream()
     table = pa.table({"force_n": pa.array(np.zeros(30_000_000))})

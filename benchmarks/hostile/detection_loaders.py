@@ -12,16 +12,16 @@ import numpy as np
 from benchmarks.hostile.json_changed import changed_document, text_of
 from benchmarks.hostile.loader import Loader
 
-from tsis.detection import (
+from tsis.detection.classify import (
     ClassifierSettings,
     ClassSplit,
     TrainingSet,
+    classifier_sha256,
     read_classifier,
-    read_reach,
     train_classifier,
     write_classifier,
 )
-from tsis.detection.classify_file import classifier_sha256
+from tsis.detection.search import read_reach
 
 if TYPE_CHECKING:
     from collections.abc import Hashable

@@ -15,7 +15,8 @@ from benchmarks.hostile.loader import Loader
 from benchmarks.hostile.png_changed import forged
 from PIL import Image
 
-from tsis.instrument import ImageFiles, VideoFile, read_image
+from tsis.instrument import read_image
+from tsis.instrument.drivers import ImageFiles, VideoFile
 
 if TYPE_CHECKING:
     from collections.abc import Hashable

@@ -13,12 +13,11 @@ from benchmarks.hostile.bytes_changed import damaged
 from benchmarks.hostile.loader import Loader
 from benchmarks.hostile.picture_loaders import token
 
+from tsis.files import DIGEST_BYTES, _digest
 from tsis.instrument.gauge import RecordedGauge
-from tsis.matching.point_file import csv_text, read_points
-from tsis.matching.trial_rows import TRIAL_ROW_HEAD, read_trial_rows
-from tsis.matching.trials import PUBLIC_FILE, public_trials
-from tsis.mechanics.surrogate_solves import cached_arrays
-from tsis.model.disk_cache import DIGEST_BYTES, _digest
+from tsis.matching import csv_text, read_points
+from tsis.matching.trials import PUBLIC_FILE, TRIAL_ROW_HEAD, public_trials, read_trial_rows
+from tsis.mechanics.surrogate import cached_arrays
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
@@ -26,7 +25,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.matching.distort import Trial
+    from tsis.matching.trials import Trial
 
 CACHE, KEY = "fits", "0123456789abcdef"
 

@@ -16,20 +16,43 @@ from benchmarks.hostile.loader import Loader
 from benchmarks.hostile.picture_loaders import token
 
 from tsis.calibration import MeasuredValue
-from tsis.calibration.file import ProbeCalibration, calibration_bytes, calibration_sha256, read_calibration
-from tsis.calibration.file.content import document_sha256
-from tsis.calibration.file.handwritten import read_handwritten_calibration
-from tsis.calibration.reference.value import CameraReference
+from tsis.calibration.file import (
+    ProbeCalibration,
+    calibration_bytes,
+    calibration_sha256,
+    document_sha256,
+    read_calibration,
+    read_handwritten_calibration,
+)
+from tsis.calibration.reference import CameraReference
 from tsis.calibration.session import CalibrationFrame, SessionFolder, SessionSetup
-from tsis.instrument import read_bytes
-from tsis.model import Calibration, LightMap, TactileImage, load_probe
-from tsis.model.errors import FileInputError
-from tsis.sweep import EXAMPLE, Plan, Range, load_plan
+from tsis.catalog import load_probe
+from tsis.errors import FileInputError
+from tsis.files import read_bytes
+from tsis.model import Calibration, LightMap, TactileImage
+from tsis.sweep import (
+    EXAMPLE,
+    MANIFEST_FILE,
+    START,
+    Plan,
+    Range,
+    Receipt,
+    Rows,
+    _digest,
+    _digest_place,
+    data_set_key,
+    data_set_of,
+    encode_shard,
+    head,
+    load_plan,
+    manifest_sha256,
+    plan_document,
+    receipt_of,
+    sha256,
+    shard_name,
+    write_manifest,
+)
 from tsis.sweep import read_data_set as read_sweep
-from tsis.sweep.manifest import MANIFEST_FILE, START, data_set_key, head, manifest_sha256, write_manifest
-from tsis.sweep.plan_file import plan_document
-from tsis.sweep.presses import Rows
-from tsis.sweep.shards import Receipt, _digest, _digest_place, data_set_of, encode_shard, receipt_of, sha256, shard_name
 
 if TYPE_CHECKING:
     from collections.abc import Hashable

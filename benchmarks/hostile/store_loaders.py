@@ -19,21 +19,19 @@ from benchmarks.hostile.picture_loaders import token
 from tests.records.export.bundles import plain, sealed
 from tests.records.sample import sample_dossier, sample_estimate
 
-from tsis.instrument import png_bytes, read_bytes
-from tsis.instrument.camera import Frame
-from tsis.instrument.recording.record import (
+from tsis.files import read_bytes
+from tsis.instrument import Frame, png_bytes, save_snapshot
+from tsis.instrument.recording import (
     RECORDING_COLUMNS,
     RECORDING_FORMAT,
     RECORDING_INDEX,
     RECORDING_SUMMARY,
     RECORDING_VERSION,
 )
-from tsis.instrument.snapshot import save_snapshot
 from tsis.model import TactileImage
-from tsis.records import open_store
-from tsis.records.export import read_bundle, write_bundle
+from tsis.records.export.bundle import read_bundle, write_bundle
 from tsis.records.importing import ImportOptions, find_import_batches
-from tsis.records.samples import samples_bytes, samples_of
+from tsis.records.store import open_store, samples_bytes, samples_of
 
 if TYPE_CHECKING:
     from collections.abc import Hashable

@@ -9,11 +9,17 @@ from typing import TYPE_CHECKING
 
 from benchmarks.hostile.loader import Loader
 
-from tsis.model.errors import RecordsError
-from tsis.study import import_readings, new_study, open_study, printed_targets, verify_study
-from tsis.study.chain import read_chain
-from tsis.study.folder import read_seal
-from tsis.study.log import LOG_FILE
+from tsis.errors import RecordsError
+from tsis.study import (
+    LOG_FILE,
+    import_readings,
+    new_study,
+    open_study,
+    printed_targets,
+    read_chain,
+    read_seal,
+    verify_study,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Hashable

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from enum import Enum
 from typing import TYPE_CHECKING
 
-from tsis.model.errors import TsisError
+from tsis.errors import TsisError
 
 if TYPE_CHECKING:
     from collections.abc import Hashable

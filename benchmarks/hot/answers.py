@@ -18,17 +18,16 @@ from benchmarks.turns import Contest, Side, timed
 from sklearn.metrics import roc_auc_score
 
 from tsis.detection import auc_covariance
-from tsis.inclusion.exploration import explore_inclusion
-from tsis.matching.contenders import BenchmarkMethod
-from tsis.matching.trials import matching_error
-from tsis.records import open_store
+from tsis.inclusion.posterior import explore_inclusion
+from tsis.matching.trials import BenchmarkMethod, matching_error
+from tsis.records.store import open_store
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from benchmarks.hot.place import Place
 
-    from tsis.matching.distort import Trial
+    from tsis.matching.trials import Trial
     from tsis.model import TactileImage
 
 POINTS = (105, 1000)

@@ -12,7 +12,7 @@ from benchmarks.image_reading import frame_file, readers
 from benchmarks.turns import Contest, Side, timed
 
 import tsis
-from tsis.imaging.sensor import expose
+from tsis.imaging import expose
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

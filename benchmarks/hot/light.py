@@ -10,7 +10,9 @@ from benchmarks.rays import CLEAR
 from benchmarks.slab_modes import CASES, by_peer
 from benchmarks.turns import Contest, Side, timed
 
-from tsis.optics import Dent, guided_modes, propagate, thin_guide, trace_rays
+from tsis.optics import guided_modes
+from tsis.optics.propagation import Dent, propagate, thin_guide
+from tsis.optics.rays import trace_rays
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

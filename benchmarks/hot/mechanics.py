@@ -23,7 +23,9 @@ from benchmarks.mechanics import (
 from benchmarks.peers.chebyshev_rings import rings_by_numpy
 from benchmarks.turns import Contest, Side, timed
 
-from tsis.mechanics import Resolution, build_surrogate, press
+from tsis.mechanics import press
+from tsis.mechanics.small_strain import Resolution
+from tsis.mechanics.surrogate import build_surrogate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -23,8 +23,7 @@ from fastapi import FastAPI, Response
 from fastapi.responses import HTMLResponse, StreamingResponse
 from nicegui import ui
 
-from tsis.console.bench.choice import CameraChoice
-from tsis.console.bench.stage import VirtualStage
+from tsis.console.services import CameraChoice, VirtualStage
 from tsis.instrument.acquisition import Acquisition
 
 if TYPE_CHECKING:

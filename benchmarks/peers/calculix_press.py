@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.mechanics.mesh import face_lines, graded, outer_lines, two_sided_lines
+from tsis.mechanics import face_lines, graded, outer_lines, two_sided_lines
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis import Phantom, Probe
+    from tsis.model import Phantom, Probe
 
 OUTER_MM = 120.0
 

@@ -10,7 +10,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis import Inclusion, Phantom, Probe
+    from tsis.model import Inclusion, Phantom, Probe
 
 ORDER = 4
 

@@ -6,11 +6,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import tsis
+from tsis.catalog import load_sphere
 from tsis.hardness import build_contact_table, estimate
 from tsis.imaging import features
-from tsis.model import load_sphere
-from tsis.plots import tactile_image
-from tsis.plots.hardness import contact_growth
+from tsis.plots import contact_growth, tactile_image
 from tsis.virtual import DirectContactRig
 
 RADIUS_MM, POISSON, FORCE_N = 3.0, 0.475, 0.7

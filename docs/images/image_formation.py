@@ -11,10 +11,9 @@ from matplotlib.patches import Circle
 from studies.section_5_1 import draw, run
 from studies.section_5_1_bench import PROBE, bench, pressed
 
-from tsis import TactileImage
-from tsis.imaging.render import render
-from tsis.imaging.sensor import Sensor, expose
-from tsis.optics import irradiance
+from tsis.imaging import Sensor, expose, render
+from tsis.model import TactileImage
+from tsis.optics.irradiance import irradiance
 from tsis.plots import tactile_image
 
 if TYPE_CHECKING:

@@ -6,10 +6,8 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from tsis.matching import register
-from tsis.matching.distort import Distortion, distort
-from tsis.matching.shapes import strokes
-from tsis.matching.trials import matching_error
-from tsis.plots.matching import point_sets
+from tsis.matching.trials import Distortion, distort, matching_error, strokes
+from tsis.plots import point_sets
 
 
 def main() -> None:

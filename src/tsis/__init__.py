@@ -1,9 +1,9 @@
 """Open software for optical tactile imaging. Research use only.
 
-A soft transparent probe is pressed on tissue, light escapes where it is pressed, a camera sees it; from the image
-tsis estimates how big, how deep and how stiff an inclusion under the surface is, and how sure that is.
+A soft transparent probe is pressed on tissue. Light escapes where it is pressed, and a camera records it. From the image
+tsis estimates how big, how deep and how stiff an inclusion under the surface is, with intervals.
 
-The rooms (``tsis.mechanics``, ``tsis.imaging``, ...) load when they are first named.
+The packages (``tsis.mechanics``, ``tsis.imaging``, ...) load when they are first used.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 from tsis.__about__ import __version__
+from tsis.catalog import load_phantom, load_probe
 from tsis.model import (
     Calibration,
     Estimate,
@@ -24,8 +25,6 @@ from tsis.model import (
     PressMap,
     Probe,
     TactileImage,
-    load_phantom,
-    load_probe,
 )
 
 if TYPE_CHECKING:
@@ -48,28 +47,37 @@ __all__ = [
     "load_probe",
 ]
 
-_ROOMS = frozenset(
+_PACKAGES = frozenset(
     {
         "calibration",
+        "catalog",
         "console",
         "detection",
+        "errors",
+        "files",
         "hardness",
         "imaging",
         "inclusion",
         "instrument",
         "matching",
         "mechanics",
+        "model",
         "optics",
         "plots",
         "records",
         "report",
         "study",
+        "sweep",
         "virtual",
     }
 )
 
 
+def __dir__() -> list[str]:
+    return sorted({*globals(), *_PACKAGES})
+
+
 def __getattr__(name: str) -> ModuleType:
-    if name in _ROOMS:
+    if name in _PACKAGES:
         return import_module(f"tsis.{name}")
     raise AttributeError(f"module 'tsis' has no attribute {name!r}")

@@ -13,8 +13,8 @@ from benchmarks.searched_presses import MovingProbe, draw
 from benchmarks.uneven_tissue import FaceGrid, Site, uneven
 
 import tsis
-from tsis import Inclusion, Phantom
-from tsis.inclusion.off_axis_rings import off_axis_profile
+from tsis.inclusion.posterior import off_axis_profile
+from tsis.model import Inclusion, Phantom
 from tsis.virtual import VirtualProbe
 
 FLAT = tsis.load_probe("tsis-2011")

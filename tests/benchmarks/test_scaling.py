@@ -18,7 +18,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from tsis.mechanics import Box
+from tsis.mechanics.surrogate import Box
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -10,12 +10,10 @@ import pytest
 from benchmarks.curves.workers import sweep_plan
 from benchmarks.sweep_costs import _pressed, answered_at_once, pressed_at_once
 
+from tsis.catalog import load_phantom, load_probe
 from tsis.mechanics import press
-from tsis.model import load_phantom, load_probe
-from tsis.sweep.presses import press_all
-from tsis.sweep.samples import sweep_batches
-from tsis.sweep.shards import encode_shard, is_whole
-from tsis.sweep.work import Finished, SweepJob, finish_batch
+from tsis.sweep import Finished, SweepJob, encode_shard, finish_batch, press_all, sweep_batches
+from tsis.sweep._shards import is_whole
 
 if TYPE_CHECKING:
     from pathlib import Path

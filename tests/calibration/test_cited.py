@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from tests.calibration.file.bench import bench
 
-from tsis.calibration.cited import read_usable_calibration
+from tsis.calibration import read_usable_calibration
 from tsis.calibration.file import calibration_bytes, calibration_sha256, write_calibration
-from tsis.model.errors import CalibrationError, FileInputError
+from tsis.errors import CalibrationError, FileInputError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.calibration import ProbeCalibration
+    from tsis.calibration.file import ProbeCalibration
 
 NOW = datetime.now(UTC)
 YESTERDAY, TOMORROW = NOW - timedelta(days=1), NOW + timedelta(days=1)

@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import norm
 
 from tsis.calibration import MeasuredValue
-from tsis.model.errors import InputError
+from tsis.errors import InputError
 
 
 def test_interval_of_a_known_spread_is_gaussian() -> None:

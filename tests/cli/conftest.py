@@ -16,11 +16,11 @@ from tests.records.sample import WHEN, levels
 
 from tsis.cli import main
 from tsis.model import TactileImage
-from tsis.records import open_store
-from tsis.report import drawing
+from tsis.records.store import open_store
+from tsis.report import _page as drawing
 
 if TYPE_CHECKING:
-    from tsis.report.page import Picture
+    from tsis.report import Picture
 
 
 def png_of_one_pixel() -> bytes:

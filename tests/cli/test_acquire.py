@@ -13,10 +13,9 @@ import numpy as np
 import pytest
 
 from tsis.calibration.file import ProbeCalibration, write_calibration
-from tsis.instrument.discovery import CameraListing
-from tsis.instrument.found import CameraInfo
+from tsis.catalog import load_phantom, load_probe
+from tsis.instrument import CameraInfo, CameraListing
 from tsis.instrument.gauge import SimulatedGauge
-from tsis.model import load_phantom, load_probe
 from tsis.virtual import VirtualCamera, VirtualProbe
 
 if TYPE_CHECKING:
@@ -54,7 +53,7 @@ def stopped_clock(monkeypatch: pytest.MonkeyPatch) -> None:
         def astimezone(self) -> datetime:
             return NOW
 
-    monkeypatch.setattr("tsis.cli.acquire.snapshots.datetime", Clock)
+    monkeypatch.setattr("tsis.cli.acquire._snapshots.datetime", Clock)
 
 
 def grey(path: Path) -> NDArray[Any]:
@@ -90,7 +89,7 @@ def test_a_list_shows_cameras_and_what_is_missing(run_tsis: RunTsis, monkeypatch
     findings = CameraListing(
         found=(found,), missing={"pylon": "the camera source pylon needs pypylon; pip install ..."}
     )
-    monkeypatch.setattr("tsis.cli.acquire.listing.find_cameras", lambda: findings)
+    monkeypatch.setattr("tsis.cli.acquire._listing.find_cameras", lambda: findings)
     document = json.loads(run_tsis("acquire", "--list", "--json").out)
     assert document["found"] == [
         {"source": "aravis", "identity": "Maker-[red]7", "maker": "Maker [/]", "model": "M", "note": "10.0.0.2"}
@@ -354,7 +353,7 @@ def test_the_gauges_force_stands_beside_each_frame(
         assert port == "port"
         return SimulatedGauge(lambda time_s: 1.25, rng=np.random.default_rng(1), rate_per_s=200.0)
 
-    monkeypatch.setattr("tsis.instrument.gauge.connecting.SerialGauge", gauge)
+    monkeypatch.setattr("tsis.instrument.gauge._force_log.SerialGauge", gauge)
     finished = run_tsis("acquire", *UNTOUCHED, "--gauge", "port", "--json")
     assert finished.code == 0, finished.err
     assert json.loads(finished.out)["force"]["force_n"] == pytest.approx(1.25, abs=0.01)

@@ -14,7 +14,7 @@ from tests.instrument.scripted_camera import ScriptedCamera, frame
 
 from tsis.calibration.file import ProbeCalibration, read_calibration, write_calibration
 from tsis.calibration.session import SessionFolder, SessionSetup
-from tsis.virtual.calibration_bench import VirtualBench
+from tsis.virtual import VirtualBench
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from tsis.calibration.session import CalibrationFrame, CalibrationStep
 
-GUIDE = import_module("tsis.cli.calibrate.guide")  # the package holds the command under this name
+GUIDE = import_module("tsis.cli.calibrate._guide")  # the package holds the command under this name
 PITCH_MM = 1.5
 QUICK = ("--tip-mm", "10", "--tip-mm", "14", "--pitch-mm", str(PITCH_MM))
 STEPS = 10  # of a calibration with two tips

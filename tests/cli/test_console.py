@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.waiting import HANGS_S
 
-from tsis.console import serving
-from tsis.console.security.private_files import FOLDER
+from tsis.console import _serving as serving
+from tsis.console.auth._key import FOLDER
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -59,7 +59,7 @@ def test_who_wants_no_browser_gets_none(
     run_tsis: RunTsis, monkeypatch: pytest.MonkeyPatch, opened: queue.Queue[str], options: tuple[str, ...]
 ) -> None:
     monkeypatch.setattr(serving, "serve_console", lambda _, ready: ready(ADDRESS))
-    monkeypatch.setattr("tsis.console.opening.opened_in_browser", lambda _: pytest.fail("it opens a browser"))
+    monkeypatch.setattr("tsis.console._app.opened_in_browser", lambda _: pytest.fail("it opens a browser"))
     ended = run_tsis("console", *options)
     assert ended.code == 0
     assert ADDRESS in (json.loads(ended.out)["address"] if "--json" in options else ended.out)

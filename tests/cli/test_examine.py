@@ -9,18 +9,17 @@ import cv2
 import numpy as np
 import pytest
 
-from tsis import Calibration
 from tsis.calibration.file import ProbeCalibration, calibration_bytes, read_calibration
-from tsis.cli.press_forces import plain_forces
-from tsis.model import LightMap
-from tsis.model.errors import InputError
+from tsis.cli._options import plain_forces
+from tsis.errors import InputError
+from tsis.model import Calibration, LightMap
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from tests.cli.conftest import RunTsis
 
-    from tsis import Probe
+    from tsis.model import Probe
 
 LONG_AGO = datetime(2020, 1, 1, tzinfo=UTC)
 DISC_PX, CENTRE = 30.0, (140.0, 90.0)
@@ -263,7 +262,7 @@ def test_the_calibration_names_the_probe(
         asked.append((probe.name, calibration.probe))
         raise InputError("stopped here")
 
-    monkeypatch.setattr("tsis.cli.examine.estimate_with_progress", stop)
+    monkeypatch.setattr("tsis.cli._examine.estimate_with_progress", stop)
     (tmp_path / "calibration.json").write_bytes(_known(probe=named, probe_young_sd=0.1))
     options = ("--calibration", "calibration.json", "--force-n", "1", "--scale-mm", "0.05")
     assert run_tsis("examine", "press.png", *options, *arguments).code == 2

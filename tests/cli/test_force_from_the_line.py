@@ -11,16 +11,20 @@ import numpy as np
 import pytest
 from tests.records.sample import sample_estimate
 
-from tsis import Calibration
-from tsis.calibration import CameraReference, ForceLine, MeasuredValue, PixelScale, ProbeCalibration, write_calibration
-from tsis.model.errors import InputError
+from tsis.calibration import MeasuredValue
+from tsis.calibration.file import ProbeCalibration, write_calibration
+from tsis.calibration.force import ForceLine
+from tsis.calibration.reference import CameraReference
+from tsis.calibration.scale import PixelScale
+from tsis.errors import InputError
+from tsis.model import Calibration
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from tests.cli.conftest import RunTsis
 
-    from tsis import Estimate, TactileImage
+    from tsis.model import Estimate, TactileImage
 
 ROWS, COLUMNS, DARK = 120, 160, 8
 GREY_PER_N, DISC_GREY = 2e5, 90
@@ -90,7 +94,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[tuple[list[TactileImage], Cal
         seen.append((frames, calibration))
         raise InputError("stopped here")
 
-    monkeypatch.setattr("tsis.cli.examine.estimate_with_progress", stop)
+    monkeypatch.setattr("tsis.cli._examine.estimate_with_progress", stop)
     return seen
 
 
@@ -119,9 +123,9 @@ def test_what_is_kept_is_given_to_the_estimate_again_bit_for_bit(
         asked.append({"frames": frames, **given})
         return sample_estimate()
 
-    monkeypatch.setattr("tsis.cli.examine.estimate_with_progress", estimate)
+    monkeypatch.setattr("tsis.cli._examine.estimate_with_progress", estimate)
     monkeypatch.setattr("tsis.inclusion.estimate", estimate)
-    monkeypatch.setattr("tsis.records.estimation.build_full_contact_surrogate", lambda *_, **__: None)
+    monkeypatch.setattr("tsis.records._estimation.build_full_contact_surrogate", lambda *_, **__: None)
     for name, radius_px in (("a.png", 20.0), ("b.png", 30.0), ("plain.png", 26.0)):
         _frame(tmp_path / name, radius_px)
     noise = np.random.default_rng(1)

@@ -14,10 +14,9 @@ from tests.cli.kept_demo import FORCES, FRAMES, KNOWN
 from tests.records.importing.snapshot_folder import save
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.model.durable import Disk
-from tsis.model.errors import RecordsError
-from tsis.records import open_store, verify_store
-from tsis.records.store import Store
+from tsis.errors import RecordsError
+from tsis.files import Disk
+from tsis.records.store import Store, open_store, verify_store
 
 if TYPE_CHECKING:
     from tests.cli.conftest import RunTsis

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tsis.console.security.logins import Logins
-from tsis.console.security.private_files import FOLDER
+from tsis.console.auth import Logins
+from tsis.console.auth._key import FOLDER
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -8,17 +8,16 @@ import pytest
 from benchmarks.matching import DATA
 from matplotlib.figure import Figure
 
-from tsis.matching.fit import UNMATCHED
-from tsis.matching.point_file import read_points
-from tsis.matching.trial_rows import read_trial_rows
-from tsis.matching.trials import generated_trials
+from tsis.matching import UNMATCHED, read_points
+from tsis.matching.trials import read_trial_rows
+from tsis.matching.trials._trials import generated_trials
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from tests.cli.conftest import RunTsis
 
-    from tsis.matching.distort import Trial
+    from tsis.matching.trials import Trial
 
 
 def words(text: str) -> str:
@@ -134,7 +133,7 @@ def test_bench_on_generated_shapes(run_tsis: RunTsis, tmp_path: Path) -> None:
 def test_bench_goes_on_where_it_was_interrupted(
     run_tsis: RunTsis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tsis.cli.match.bench_output._figure", lambda *_: Figure())  # drawn in the test above
+    monkeypatch.setattr("tsis.cli.match._bench._figure", lambda *_: Figure())  # drawn in the test above
     file = tmp_path / "bench" / "rows.csv"
     run_tsis(*BENCH, "--trials", "2", "--out", "bench")
     whole = file.read_text().splitlines(keepends=True)
@@ -152,7 +151,7 @@ def test_an_interrupted_bench_says_how_to_go_on(
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("tsis.matching.trial_runs.evaluate_trial", interrupted)
+    monkeypatch.setattr("tsis.matching.trials._runs.evaluate_trial", interrupted)
     finished = run_tsis(*BENCH, "--out", "bench")
     assert finished.code == 130
     assert "Go on with: tsis match bench" in finished.err
@@ -161,7 +160,7 @@ def test_an_interrupted_bench_says_how_to_go_on(
 
 def test_absent_libraries_are_named(run_tsis: RunTsis, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(
-        "tsis.matching.peers.Peer.absent", lambda self: f"{self.library} is not installed", raising=True
+        "tsis.matching.trials._methods.Peer.absent", lambda self: f"{self.library} is not installed", raising=True
     )
     finished = run_tsis("match", "bench", "--methods", "cpd,pycpd,pycpd-raw,probreg", "--levels", "1", "--trials", "1")
     assert "pycpd is not installed; left out: pycpd, pycpd-raw." in words(finished.out)

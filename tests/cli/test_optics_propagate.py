@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from tsis.optics import Dent, propagate, thin_guide
+from tsis.optics.propagation import Dent, propagate, thin_guide
 
 if TYPE_CHECKING:
     from tests.cli.conftest import RunTsis

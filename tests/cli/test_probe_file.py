@@ -9,13 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis import Layer, Probe, load_probe
-from tsis.cli.probe_file import calibrated_probe, given_probe, read_probe
+from tsis.catalog import list_probes, load_phantom, load_probe, probe_toml
+from tsis.cli._options import calibrated_probe, given_probe, read_probe
+from tsis.errors import FileInputError, NotCalibratedError
 from tsis.mechanics import press
-from tsis.model import list_probes, load_phantom
-from tsis.model.catalog.writing import probe_toml
-from tsis.model.errors import FileInputError, NotCalibratedError
-from tsis.model.light import Glass, Led
+from tsis.model import Glass, Layer, Led, Probe
 
 if TYPE_CHECKING:
     from tests.cli.conftest import RunTsis

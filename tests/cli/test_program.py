@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 import tsis
-from tsis.records import open_store
+from tsis.records.store import open_store
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -50,7 +50,7 @@ def test_an_interrupt_is_said(run_tsis: RunTsis, monkeypatch: pytest.MonkeyPatch
     def interrupted(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("tsis.cli.demo.estimate_with_progress", interrupted)
+    monkeypatch.setattr("tsis.cli._demo.estimate_with_progress", interrupted)
     finished = run_tsis("demo")
     assert finished.code == 130
     assert finished.err == "Interrupted; nothing half-written is left.\n"

@@ -17,11 +17,10 @@ from tests.records.sample import WHEN, levels, sample_calibration, sample_dossie
 
 import tsis.hardness
 from tsis.calibration.file import calibration_sha256
+from tsis.files import Disk
 from tsis.model import Estimate, TactileImage
-from tsis.model.durable import Disk
-from tsis.records import open_store, verify_store
-from tsis.records.store import Store
-from tsis.report.forms import ENDINGS
+from tsis.records.store import Store, open_store, verify_store
+from tsis.report import ENDINGS
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -117,7 +116,7 @@ def test_an_anchor_that_lags_is_told(run_tsis: RunTsis, records: Path, monkeypat
         raise OSError(28, "No space left on device")
 
     with open_store(records) as store:
-        monkeypatch.setattr("tsis.records.store.write_anchor", full)
+        monkeypatch.setattr("tsis.records.store._store.write_anchor", full)
         for _ in range(3):
             store.add_target()
     told = run_tsis("records", "verify", *STORE, "--json")
@@ -325,7 +324,7 @@ def test_ctrl_c_in_an_import_says_what_is_stored(
 def test_calibrations_that_snapshots_cite_open_the_store_once(
     run_tsis: RunTsis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    importing: Any = sys.modules["tsis.cli.records.importing"]
+    importing: Any = sys.modules["tsis.cli.records._import"]
     known = sample_calibration()
     for number in range(4):
         save(tmp_path, number, calibration={"name": "bench", "sha256": calibration_sha256(known)})

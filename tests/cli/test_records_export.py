@@ -20,8 +20,8 @@ STORE = ("--store", "records")
 def test_several_forms_appear_together_or_not_at_all(
     run_tsis: RunTsis, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    from tsis.model.errors import MissingExtraError
-    from tsis.report import forms
+    from tsis.errors import MissingExtraError
+    from tsis.report import _forms as forms
 
     whole = forms.write_form
 
@@ -30,7 +30,7 @@ def test_several_forms_appear_together_or_not_at_all(
             raise MissingExtraError("HDF5 export needs h5py, which is not installed")
         return whole(form, *arguments, **options)
 
-    monkeypatch.setattr(sys.modules["tsis.cli.records.export"], "write_form", without_an_extra)
+    monkeypatch.setattr(sys.modules["tsis.cli.records._export"], "write_form", without_an_extra)
     finished = run_tsis("records", "export", "1", "--format", "html,hdf5", "--out", "given", *STORE)
     assert finished.code == 2
     assert "needs h5py" in finished.err

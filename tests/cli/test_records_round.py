@@ -18,11 +18,12 @@ from tests.hardness.stand_ins import by_table
 
 import tsis.hardness
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.cli.acquire.kept_snapshot import ROLES
-from tsis.model import load_phantom
-from tsis.records import open_store, values, verify_store
-from tsis.records.export import read_bundle
-from tsis.report.forms import ENDINGS
+from tsis.catalog import load_phantom
+from tsis.cli.acquire._snapshots import ROLES
+from tsis.records import _values as values
+from tsis.records.export.bundle import read_bundle
+from tsis.records.store import open_store, verify_store
+from tsis.report import ENDINGS
 from tsis.virtual import DirectContactRig
 
 if TYPE_CHECKING:
@@ -125,7 +126,7 @@ def test_a_hardness_is_kept_and_made_again(run: RunTsis, tmp_path: Path, monkeyp
         def __init__(self, *arguments: object, **options: object) -> None:
             super().__init__(*arguments, solve=by_table, **options)  # type: ignore[arg-type]
 
-    monkeypatch.setattr("tsis.cli.hardness.DirectContactRig", Quick)
+    monkeypatch.setattr("tsis.cli._hardness.DirectContactRig", Quick)
     store = ("--store", tmp_path / "records")
     told(run, "hardness", "--demo", "--keep", *store, "--out", tmp_path / "touch")
     frames = [tmp_path / "touch" / f"press-{force}N.png" for force in (0.7, 1.2)]

@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.model import list_phantoms, list_probes
+from tsis.catalog import list_phantoms, list_probes
 
 if TYPE_CHECKING:
     from tests.cli.conftest import RunTsis

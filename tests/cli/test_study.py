@@ -113,8 +113,8 @@ def test_a_change_ends_verify_with_1(run_tsis: RunTsis) -> None:
 
 
 def test_ctrl_c_between_readings_keeps_what_was_read(run_tsis: RunTsis, monkeypatch: pytest.MonkeyPatch) -> None:
-    from tsis.study import folder as folder_of_studies
-    from tsis.study import pressing
+    from tsis.study import _folder as folder_of_studies
+    from tsis.study import _pressing as pressing
 
     folder = made(run_tsis, "--present", "2", "--blank", "1")
     enter = folder_of_studies.enter_readings

@@ -9,9 +9,9 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
-from tsis.cli.study.plan import plan
-from tsis.detection import ScanPlan, measured_reach
-from tsis.model.errors import InputError
+from tsis.cli.study._plan import plan
+from tsis.detection.search import ScanPlan, measured_reach
+from tsis.errors import InputError
 
 if TYPE_CHECKING:
     from pathlib import Path

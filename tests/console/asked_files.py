@@ -13,7 +13,7 @@ from tsis.console.files import files_router
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from tsis.records import Store
+    from tsis.records.store import Store
 
 
 class FilesOf:

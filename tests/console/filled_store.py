@@ -9,7 +9,7 @@ from tests.records.pressed_object import stored_object
 from tests.records.sample import WHEN, levels, sample_calibration, sample_dossier
 
 from tsis.model import TactileImage
-from tsis.records import open_store
+from tsis.records.store import open_store
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -8,7 +8,7 @@ import weakref
 
 from tests.waiting import until
 
-from tsis.console.allocation import share_memory_among_threads, tidied
+from tsis.console._worker import share_memory_among_threads, tidied
 
 
 class Knot:

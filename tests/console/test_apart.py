@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.waiting import HANGS_S
 
-from tsis.console.apart import Apart
-from tsis.model.check import require_integer, require_one_of
-from tsis.model.errors import ControlError, InputError, UnknownNameError
+from tsis.console._worker import Apart
+from tsis.errors import ControlError, InputError, UnknownNameError
+from tsis.model import require_integer, require_one_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

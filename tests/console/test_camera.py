@@ -11,8 +11,8 @@ from playwright.sync_api import expect
 from tests.console.browser import needs_browser, picture
 from tests.console.operator import asked, operating, press_with, run
 
-from tsis.calibration import ProbeCalibration, write_calibration
-from tsis.model import load_phantom, load_probe
+from tsis.calibration.file import ProbeCalibration, write_calibration
+from tsis.catalog import load_phantom, load_probe
 from tsis.virtual import VirtualProbe
 
 if TYPE_CHECKING:

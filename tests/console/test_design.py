@@ -14,9 +14,8 @@ from tests.console.browser import needs_browser, picture
 from tests.console.contrast import texts
 from tests.console.operator import tab
 
-from tsis import load_probe
-from tsis.model.catalog import parse_probe
-from tsis.report.design_question import DesignQuestion, answered, compared_designs
+from tsis.catalog import load_probe, parse_probe
+from tsis.report import DesignQuestion, answered, compared_designs
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -6,12 +6,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis import load_probe
-from tsis.console.pages.design.asked import AskedDraft
-from tsis.console.pages.design.draft import LAMP, LAYER, draft_of, sentence
-from tsis.console.pages.design.telling import file_name
-from tsis.model import list_probes
-from tsis.model.errors import InputError
+from tsis.catalog import list_probes, load_probe
+from tsis.console.pages.design._draft import LAMP, LAYER, AskedDraft, draft_of, sentence
+from tsis.console.pages.design._page import file_name
+from tsis.errors import InputError
 
 typed = st.one_of(
     st.text(max_size=12), st.floats().map(str), st.sampled_from(["", "1e999", "-0", "٣", "nan", "0x10", " 5 "])

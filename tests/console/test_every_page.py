@@ -10,7 +10,7 @@ from tests.console.browser import needs_browser, picture
 from tests.console.contrast import contrast, texts
 from tests.console.operator import TABLET, hold, run, tab
 
-from tsis.console.pages.directory import PAGES
+from tsis.console.pages import PAGES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

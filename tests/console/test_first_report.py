@@ -12,7 +12,7 @@ from tests.console.running import running_console
 from tests.report.pdf_readers import poppler
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.records import open_store
+from tsis.records.store import open_store
 
 if TYPE_CHECKING:
     from pathlib import Path

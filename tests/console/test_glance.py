@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from tsis.console.pages.glance import Glance
-from tsis.console.pages.shell.navigation import NOWHERE, address_of, title_of
+from tsis.console.pages.components import Glance
+from tsis.console.pages.shell._shell import NOWHERE, address_of, title_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -33,13 +33,13 @@ class CountedBench:
 def clock(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
     """Time that passes when told to."""
     now = [100.0]
-    monkeypatch.setattr("tsis.console.pages.glance.time", SimpleNamespace(monotonic=lambda: now[0]))
+    monkeypatch.setattr("tsis.console.pages.components._summary.time", SimpleNamespace(monotonic=lambda: now[0]))
 
     async def here(act: Callable[[], Any]) -> Any:
         await asyncio.sleep(0)
         return act()
 
-    monkeypatch.setattr("tsis.console.pages.glance.run", SimpleNamespace(io_bound=here))
+    monkeypatch.setattr("tsis.console.pages.components._summary.run", SimpleNamespace(io_bound=here))
     return lambda seconds: now.__setitem__(0, now[0] + seconds)
 
 

@@ -11,8 +11,8 @@ from tests.console.browser import needs_browser, picture
 from tests.console.contrast import texts
 from tests.console.operator import TABLET, asked, operating
 
-from tsis.model import load_sphere
-from tsis.records import open_store
+from tsis.catalog import load_sphere
+from tsis.records.store import open_store
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser, Page

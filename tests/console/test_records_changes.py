@@ -12,7 +12,7 @@ from tests.console.filled_store import ESTIMATED, HARD, fill, still
 from tests.console.operator import tab
 from tests.console.running import RunningConsole, running_console
 
-from tsis.records import open_store, verify_store
+from tsis.records.store import open_store, verify_store
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

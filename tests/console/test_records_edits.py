@@ -7,18 +7,18 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.records.sample import sample_dossier
 
-from tsis.console.pages.records.edits import changed, edit_press, edit_target, truth_text
-from tsis.console.pages.records.reading import AT_ONCE, UNKNOWN_FLAG, flags_of, read_target
+from tsis.console.pages.records._context import AT_ONCE, UNKNOWN_FLAG, flags_of, read_target
+from tsis.console.pages.records._edit import changed, edit_press, edit_target, truth_text
+from tsis.errors import InputError
 from tsis.model import TactileImage
-from tsis.model.errors import InputError
-from tsis.records import open_store, verify_store
-from tsis.records.written import parse_force, parse_truth
+from tsis.records import parse_force, parse_truth
+from tsis.records.store import open_store, verify_store
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from tsis.records import Store
+    from tsis.records.store import Store
 
 
 @pytest.fixture

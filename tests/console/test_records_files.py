@@ -21,14 +21,13 @@ from tests.console.asked_files import FilesOf
 from tests.records.sample import levels, sample_dossier
 from tests.report.pdf_readers import sheets
 
-from tsis.console.files import exporting
-from tsis.console.files.thumbnail import thumbnail_png
-from tsis.model.errors import MissingExtraError
-from tsis.records import open_store
-from tsis.records.export import read_bundle
-from tsis.report import target_page
-from tsis.report.forms import ENDINGS, PAGES
-from tsis.report.page import html
+from tsis.console.files import _exporting as exporting
+from tsis.console.files import thumbnail_png
+from tsis.errors import MissingExtraError
+from tsis.records.export.bundle import read_bundle
+from tsis.records.store import open_store
+from tsis.report import ENDINGS, PAGES, html
+from tsis.report.target import target_page
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -36,7 +35,7 @@ if TYPE_CHECKING:
 
     import httpx
 
-    from tsis.records import Store
+    from tsis.records.store import Store
 
 NUMBER = 3  # of the sample's target
 PRESS = "press-1"

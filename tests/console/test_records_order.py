@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.console.pages.records.order import ESTIMATED, KINDS, NOT_ESTIMATED, SHEETS, Order, sheet_of
-from tsis.records import Target, TargetSummary
+from tsis.console.pages.records._listing import ESTIMATED, KINDS, NOT_ESTIMATED, SHEETS, Order, sheet_of
+from tsis.records import Target
+from tsis.records.store import TargetSummary
 
 BEGUN = datetime(2026, 1, 1, tzinfo=UTC)
 COLUMNS = ("number", "name", "presses", "estimates", "last")

@@ -16,8 +16,8 @@ from tests.console.running import RunningConsole, running_console
 from tests.records.sample import WHEN, levels, sample_dossier
 
 from tsis.model import TactileImage
-from tsis.records import open_store
-from tsis.records.export import read_bundle, write_bundle
+from tsis.records.export.bundle import read_bundle, write_bundle
+from tsis.records.store import open_store
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

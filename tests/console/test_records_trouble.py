@@ -18,7 +18,7 @@ from tests.console.operator import tab
 from tests.console.running import running_console
 from tests.records.sample import sample_dossier
 
-from tsis.records import open_store
+from tsis.records.store import open_store
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

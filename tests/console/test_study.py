@@ -17,8 +17,8 @@ from tests.console.operator import TABLET, tab
 from tests.waiting import HANGS_S
 
 from tsis.report.study import study_page
-from tsis.study import analyse, new_study, open_study, printed_targets, verify_study
-from tsis.study.table import import_table
+from tsis.study import import_table, new_study, open_study, printed_targets, verify_study
+from tsis.study.analysis import analyse
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

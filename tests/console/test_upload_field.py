@@ -7,7 +7,7 @@ import weakref
 
 from nicegui import Client, ui
 
-from tsis.console.pages.upload import FileField
+from tsis.console.pages.components._upload import FileField
 
 
 class Page:

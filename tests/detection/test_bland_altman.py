@@ -12,7 +12,7 @@ from scipy.stats import linregress, nct, ttest_rel
 from tests.detection.references import REFERENCES
 
 from tsis.detection import bland_altman
-from tsis.model.errors import InputError
+from tsis.errors import InputError
 
 
 def _pair(seed: int, size: int, growth: float = 0.0) -> tuple[np.ndarray, np.ndarray]:

@@ -18,8 +18,8 @@ from sklearn.preprocessing import StandardScaler
 from sklearn.svm import SVC
 
 import tsis
-from tsis import Estimate, Inclusion
-from tsis.detection import (
+from tsis.detection import wilson_interval
+from tsis.detection.classify import (
     Classifier,
     ClassifierSettings,
     ClassSplit,
@@ -29,10 +29,10 @@ from tsis.detection import (
     read_classifier,
     target_evidence,
     train_classifier,
-    wilson_interval,
     write_classifier,
 )
-from tsis.model.errors import FileInputError, InputError
+from tsis.errors import FileInputError, InputError
+from tsis.model import Estimate, Inclusion
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -184,7 +184,8 @@ def test_a_file_gives_the_same_classifier_back(tmp_path: Path) -> None:
 
 def _rewritten(path: Path, **changed: Any) -> Path:
     """The file with other content and the hash that belongs to it."""
-    from tsis.detection.classify_file import _spelled, classifier_sha256
+    from tsis.detection.classify import classifier_sha256
+    from tsis.detection.classify._file import _spelled
 
     content = json.loads(path.read_bytes())
     content.pop("sha256")

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 from tests.detection.references import REFERENCES
 
 from tsis.detection import auc_covariance, bootstrap_compare_detectors, compare_detectors, roc
-from tsis.detection.bootstrap import drawn_areas
-from tsis.model.errors import InputError
+from tsis.detection._bootstrap import drawn_areas
+from tsis.errors import InputError
 
 SETS = sorted(REFERENCES["roc"])
 

@@ -15,9 +15,8 @@ from statsmodels.stats.anova import anova_lm
 from tests.detection.references import REFERENCES
 
 from tsis.detection import intraclass_correlation
-from tsis.detection.icc import FORMS
-from tsis.detection.two_way import MeanSquares
-from tsis.model.errors import InputError
+from tsis.detection._icc import FORMS, MeanSquares
+from tsis.errors import InputError
 
 TABLES = REFERENCES["icc"]
 OF_PSYCH = dict(zip(FORMS, ("ICC1", "ICC2", "ICC3", "ICC1k", "ICC2k", "ICC3k"), strict=True))

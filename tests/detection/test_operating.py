@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 from sklearn.metrics import balanced_accuracy_score
 from tests.detection.drawn_studies import Study, studies
 
-from tsis.detection import Counts, roc
-from tsis.detection.operating import at_costs, at_sensitivity, at_specificity, held_out_counts, youden_point
-from tsis.model.errors import InputError
+from tsis.detection import Counts, at_costs, at_sensitivity, at_specificity, held_out_counts, roc, youden_point
+from tsis.errors import InputError
 
 
 def _all_decisions(study: Study) -> list[Counts]:

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis import Estimate
-from tsis.detection.presence import PresenceProbability, presence
-from tsis.model.errors import InputError
+from tsis.detection import PresenceProbability, presence
+from tsis.errors import InputError
+from tsis.model import Estimate
 
 SHARES = st.integers(1, 9999).map(lambda whole: Fraction(whole, 10000))
 

@@ -15,7 +15,7 @@ from sklearn.calibration import calibration_curve
 from sklearn.metrics import brier_score_loss
 
 from tsis.detection import brier_interval, brier_score, recalibration, reliability_curve
-from tsis.model.errors import InputError
+from tsis.errors import InputError
 
 Study = tuple[np.ndarray, np.ndarray]
 told = st.lists(st.tuples(st.sampled_from(np.linspace(0, 1, 9).tolist()), st.booleans()), min_size=1, max_size=50)

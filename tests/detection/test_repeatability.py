@@ -15,7 +15,7 @@ from statsmodels.formula.api import ols
 from statsmodels.stats.anova import anova_lm
 
 from tsis.detection import repeatability, reproducibility
-from tsis.model.errors import InputError
+from tsis.errors import InputError
 
 
 def _study(seed: int, shape: tuple[int, int, int], sds: tuple[float, float, float, float]) -> np.ndarray:

@@ -15,7 +15,7 @@ from sklearn.metrics import confusion_matrix, roc_auc_score, roc_curve
 from tests.detection.drawn_studies import Study, studies
 
 from tsis.detection import newcombe_interval, roc
-from tsis.model.errors import InputError
+from tsis.errors import InputError
 
 
 @given(studies())

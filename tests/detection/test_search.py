@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from scipy.interpolate import RegularGridInterpolator
 from scipy.spatial import cKDTree
 
-from tsis.detection import (
+from tsis.detection.search import (
     ReachTable,
     ScanPlan,
     reach_of_trials,
@@ -23,7 +23,7 @@ from tsis.detection import (
     widest_plan,
     widest_spacing_mm,
 )
-from tsis.model.errors import FileInputError, InputError
+from tsis.errors import FileInputError, InputError
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -12,7 +12,7 @@ from scipy.stats import binom
 from statsmodels.stats.proportion import confint_proportions_2indep
 
 from tsis.detection import Proportion, ProportionDifference, ProportionRatio
-from tsis.model.errors import InputError
+from tsis.errors import InputError
 
 shares = st.integers(1, 60).flatmap(
     lambda trials: st.builds(Proportion, successes=st.integers(0, trials), trials=st.just(trials))

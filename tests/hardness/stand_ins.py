@@ -12,8 +12,7 @@ from tsis.hardness import build_contact_table
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from tsis import Probe
-    from tsis.model import PressField, SoftSphere
+    from tsis.model import PressField, Probe, SoftSphere
 
 
 def wrong_by(

@@ -10,9 +10,9 @@ from benchmarks.hardness import summary, wilson
 from benchmarks.hardness_bank import SolvedSphere
 
 import tsis
-from tsis.hardness.seen_sphere import hertzian_radius_mm, press_fields
+from tsis.hardness import hertzian_radius_mm, press_fields
 from tsis.model import SoftSphere
-from tsis.virtual.direct_contact import DIRECT_CONTACT_RESOLUTION
+from tsis.virtual import DIRECT_CONTACT_RESOLUTION
 
 PROBE = tsis.load_probe("tsis-direct")
 

@@ -12,11 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import tsis
-from tsis.hardness import build_contact_table
-from tsis.hardness.contact_table import terms
-from tsis.hardness.seen_sphere import hertzian_radius_mm, press_fields
-from tsis.hardness.table_build import LOADS, SphereCase, added_log_radius, design_of
-from tsis.mechanics import SphereResolution
+from tsis.hardness import build_contact_table, hertzian_radius_mm, press_fields
+from tsis.hardness._table import LOADS, SphereCase, added_log_radius, design_of, terms
+from tsis.mechanics.finite_strain import SphereResolution
 from tsis.model import SoftSphere
 
 if TYPE_CHECKING:

@@ -10,11 +10,11 @@ import pytest
 from tests.hardness.stand_ins import by_table, hertzian_field, wrong_by
 
 import tsis
-from tsis import Estimate, TactileImage
+from tsis.catalog import load_sphere
+from tsis.errors import ImageMismatchError, InputError, NotCalibratedError
 from tsis.hardness import HardnessPrior, build_contact_table, estimate
-from tsis.mechanics import SphereResolution
-from tsis.model import SoftSphere, load_sphere
-from tsis.model.errors import ImageMismatchError, InputError, NotCalibratedError
+from tsis.mechanics.finite_strain import SphereResolution
+from tsis.model import Estimate, SoftSphere, TactileImage
 from tsis.virtual import DirectContactRig
 
 PROBE = tsis.load_probe("tsis-direct")

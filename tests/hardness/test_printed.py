@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tsis import TactileImage
+from tsis.errors import InputError, UnknownNameError
 from tsis.hardness import PrintedHardness, printed_estimate
-from tsis.model.errors import InputError, UnknownNameError
+from tsis.model import TactileImage
 
 PIXEL_MM = 0.04
 Y_MM, X_MM = PIXEL_MM * np.mgrid[-100:101, -120:121]

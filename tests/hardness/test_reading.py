@@ -9,12 +9,10 @@ import pytest
 from tests.hardness.stand_ins import hertzian_field
 
 import tsis
-from tsis import Calibration, TactileImage
+from tsis.errors import InputError
 from tsis.hardness import ContactReading, read_contact
-from tsis.imaging.render import render
-from tsis.imaging.sensor import Sensor, expose
-from tsis.model import LightMap
-from tsis.model.errors import InputError
+from tsis.imaging import Sensor, expose, render
+from tsis.model import Calibration, LightMap, TactileImage
 from tsis.virtual import direct_contact_calibration
 
 PROBE, SENSOR = tsis.load_probe("tsis-direct"), Sensor()

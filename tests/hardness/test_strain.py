@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
+from tsis.errors import InputError
 from tsis.hardness import axial_strain, lagrangian_strain, printed_axial_strain
 from tsis.matching import fit_spline
-from tsis.model.errors import InputError
 
 ANGLES = st.floats(-3.0, 3.0)
 STRETCHES = st.floats(0.2, 3.0)

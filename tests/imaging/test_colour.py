@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from matplotlib import colormaps
 
-from tsis import TactileImage
+from tsis.errors import ImageMismatchError, InputError, UnknownNameError
 from tsis.imaging import change_magnitude, colour_map
-from tsis.model.errors import ImageMismatchError, InputError, UnknownNameError
+from tsis.model import TactileImage
 
 
 def test_change_magnitude_is_the_distance_between_colours() -> None:

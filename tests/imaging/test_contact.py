@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tsis import TactileImage
+from tsis.errors import InputError, UnknownNameError
 from tsis.imaging import features, find_colour_contact, find_contact, segment
-from tsis.model.errors import InputError, UnknownNameError
+from tsis.model import TactileImage
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis import Calibration, PressField
-from tsis.imaging.contact_edge import contact_edges, coverage
-from tsis.imaging.contact_light import CurvatureLoss, RoughContact, SmoothContact, as_contact_model, rough_contact
-from tsis.imaging.sensor import Sensor
-from tsis.model.errors import InputError
+from tsis.errors import InputError
+from tsis.imaging import Sensor, as_contact_model, rough_contact
+from tsis.imaging._contact_models import CurvatureLoss, RoughContact, SmoothContact
+from tsis.imaging._render import contact_edges, coverage
+from tsis.model import Calibration, PressField
 
 SENSOR = Sensor(columns=400, rows=300, mm_per_pixel=(0.02, 0.03))
 

@@ -8,9 +8,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis import TactileImage
+from tsis.errors import ImageMismatchError, InputError
 from tsis.imaging import flatten, match_light, signal, subtract_background, subtract_dark
-from tsis.model.errors import ImageMismatchError, InputError
+from tsis.model import TactileImage
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from skimage.measure import regionprops
 
 import tsis
-from tsis import TactileImage
+from tsis.errors import ImageMismatchError, InputError, UnknownNameError
 from tsis.imaging import features, segment
-from tsis.model.errors import ImageMismatchError, InputError, UnknownNameError
+from tsis.model import TactileImage
 
 if TYPE_CHECKING:
     from tests.imaging.conftest import DrawEllipse

@@ -9,10 +9,10 @@ pytestmark = pytest.mark.system
 
 ORDERS = (
     "import tsis.imaging",
-    "import tsis.imaging.contact_features, tsis.imaging.height_surface",
-    "from tsis.imaging.contact_features import Features",
+    "import tsis.imaging._features, tsis.imaging._height_surface",
+    "from tsis.imaging._features import Features",
     "import tsis; tsis.imaging",
-    "import importlib; importlib.import_module('tsis.imaging.contact_features')",
+    "import importlib; importlib.import_module('tsis.imaging._features')",
     # What a test runner does that collects one file by its path.
     "import importlib, tsis.imaging as r; "
     "[importlib.reload(importlib.import_module(f'tsis.imaging.{n}')) for n in ('contact_features', 'height_surface')]",

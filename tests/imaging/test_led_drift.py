@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tsis.imaging.led_drift import LedDrift
-from tsis.model.errors import InputError
+from tsis.errors import InputError
+from tsis.imaging import LedDrift
 
 TIMES = np.array([0.0, 60.0, 900.0, 3600.0])
 

@@ -10,14 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tsis import Calibration, PressField
-from tsis.imaging.contact_light import CurvatureLoss
-from tsis.imaging.lost_light import find_lost_light
-from tsis.imaging.plain_render import render_reference
-from tsis.imaging.render import render
-from tsis.imaging.sensor import Sensor
-from tsis.model import LightMap
-from tsis.model.errors import InputError
+from tsis.errors import InputError
+from tsis.imaging import Sensor, find_lost_light, render, render_reference
+from tsis.imaging._contact_models import CurvatureLoss
+from tsis.model import Calibration, LightMap, PressField
 
 ANSWER = Calibration(gain_grey_per_kpa=50.0, saturation_kpa=20.0)
 SENSOR = Sensor(columns=200, rows=150, mm_per_pixel=(0.04, 0.05))

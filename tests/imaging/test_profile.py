@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis import TactileImage
+from tsis.errors import ImageMismatchError, InputError
 from tsis.imaging import radial_profile
-from tsis.model.errors import ImageMismatchError, InputError
+from tsis.model import TactileImage
 
 EDGES = np.array([0.0, 0.5, 1.1, 1.5, 2.4])
 

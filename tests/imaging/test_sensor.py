@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tsis.imaging.sensor import Sensor, expose, interlace
-from tsis.model.errors import InputError
+from tsis.errors import InputError
+from tsis.imaging import Sensor, expose
+from tsis.imaging._sensor import interlace
 
 SENSOR = Sensor(columns=400, rows=300)
 

@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tsis import TactileImage
+from tsis.errors import InputError
 from tsis.imaging import height_surface
-from tsis.model.errors import InputError
+from tsis.model import TactileImage
 
 
 def test_a_tilted_plane_stays_that_plane_at_every_thinning() -> None:

@@ -7,14 +7,14 @@ import pytest
 from threadpoolctl import threadpool_limits
 
 import tsis
+from tsis.files import cache_folder
 from tsis.inclusion import InclusionPrior
-from tsis.mechanics import build_full_contact_surrogate, build_surrogate
-from tsis.model.disk_cache import cache_folder
+from tsis.mechanics.surrogate import build_full_contact_surrogate, build_surrogate
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from tsis.mechanics import FullContactSurrogate, PressSurrogate
+    from tsis.mechanics.surrogate import FullContactSurrogate, PressSurrogate
 
 T = TypeVar("T")
 

@@ -8,10 +8,9 @@ import numpy as np
 import pytest
 
 import tsis
-from tsis import Calibration
-from tsis.inclusion.calibration_check import check_calibration
-from tsis.model import LightMap
-from tsis.model.errors import NotCalibratedError
+from tsis.errors import NotCalibratedError
+from tsis.inclusion._estimate import check_calibration
+from tsis.model import Calibration, LightMap
 
 PROBE = tsis.load_probe("tsis-2011")
 ANSWER = Calibration(gain_grey_per_kpa=10.0, saturation_kpa=20.0)

@@ -22,11 +22,9 @@ from benchmarks.simulation_based_calibration import (
 )
 from scipy.stats import kstest
 
-from tsis.inclusion import PARAMETERS, InclusionPrior
-from tsis.inclusion.exploration import explore_inclusion
-from tsis.inclusion.forward import SHARED, THICKNESS
-from tsis.inclusion.frames import ring_edges
-from tsis.inclusion.likelihood import InclusionLikelihood
+from tsis.inclusion import PARAMETERS, InclusionPrior, ring_edges
+from tsis.inclusion.posterior import THICKNESS, InclusionLikelihood, explore_inclusion
+from tsis.inclusion.posterior._forward import SHARED
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

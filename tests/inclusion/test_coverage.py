@@ -14,13 +14,14 @@ from benchmarks.judgement import Judgement, compared
 from benchmarks.press_bank import PressBank
 from benchmarks.simulated_presses import CLEARANCE, LARGEST_POISSON, PROTOCOLS, draw, simulate
 
-import tsis
-from tsis import Estimate, Inclusion
+from tsis.errors import InputError
 from tsis.inclusion import PARAMETERS, InclusionPrior
-from tsis.model.errors import InputError
+from tsis.model import Estimate, Inclusion
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    import tsis
 
 PRIOR = InclusionPrior()
 FLAT = PROTOCOLS["flat"]

@@ -9,19 +9,17 @@ import numpy as np
 import pytest
 
 import tsis
-from tsis.inclusion import InclusionPrior, estimate
-from tsis.inclusion.exploration import explore_inclusion
-from tsis.inclusion.force_range import require_valid_forces
-from tsis.inclusion.posterior import read_frames
-from tsis.inclusion.verdict import UNTRUSTED_FLAGS
-from tsis.mechanics import Degrees, build_full_contact_surrogate
+from tsis.errors import InputError, NotCalibratedError
+from tsis.inclusion import UNTRUSTED_FLAGS, InclusionPrior, estimate, read_frames
+from tsis.inclusion._frames import require_valid_forces
+from tsis.inclusion.posterior import explore_inclusion
+from tsis.mechanics.surrogate import Degrees, build_full_contact_surrogate
 from tsis.model import LightMap
-from tsis.model.errors import InputError, NotCalibratedError
 from tsis.virtual import VirtualProbe
 
 if TYPE_CHECKING:
-    from tsis import Estimate, Phantom, TactileImage
-    from tsis.mechanics import FullContactSurrogate
+    from tsis.mechanics.surrogate import FullContactSurrogate
+    from tsis.model import Estimate, Phantom, TactileImage
 
 pytestmark = pytest.mark.usefixtures("flat", "domed")
 

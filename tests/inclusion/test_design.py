@@ -13,10 +13,11 @@ from matplotlib.figure import Figure
 from scipy.stats import multivariate_normal
 
 import tsis
-from tsis import Calibration
-from tsis.imaging.sensor import Sensor
-from tsis.inclusion import (
-    InclusionPrior,
+from tsis.errors import InputError, NotCalibratedError, UnknownNameError
+from tsis.imaging import Sensor
+from tsis.inclusion import InclusionPrior
+from tsis.inclusion.design import (
+    ASPECTS,
     PlannedPress,
     Protocol,
     ProtocolInformation,
@@ -30,23 +31,23 @@ from tsis.inclusion import (
     protocol_of,
     rank_designs,
 )
-from tsis.inclusion import design_information as made_ready
-from tsis.inclusion.design_alternatives import ASPECTS, calibration_for, with_moduli
-from tsis.inclusion.design_information import PlannedView, information_of, planned_view, view_of
-from tsis.inclusion.design_limits import covering_n, largest_force_of, limits_of
-from tsis.inclusion.design_search import at_forces
-from tsis.inclusion.exploration import explore_inclusion
+from tsis.inclusion.design import _information as made_ready
+from tsis.inclusion.design._alternatives import calibration_for, with_moduli
+from tsis.inclusion.design._information import PlannedView, information_of, planned_view, view_of
+from tsis.inclusion.design._limits import covering_n, largest_force_of, limits_of
+from tsis.inclusion.design._search import at_forces
+from tsis.inclusion.posterior import explore_inclusion
 from tsis.mechanics import press
-from tsis.mechanics.covered_surrogate import FULL_CONTACT_DEGREES
-from tsis.mechanics.strain_limit import STRAIN_LIMIT, nominal_strain
-from tsis.model.errors import InputError, NotCalibratedError, UnknownNameError
+from tsis.mechanics.small_strain import STRAIN_LIMIT, nominal_strain
+from tsis.mechanics.surrogate import FULL_CONTACT_DEGREES
 from tsis.plots import design_errors
-from tsis.virtual.probe import nominal_calibration
+from tsis.virtual import nominal_calibration
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.mechanics import FullContactSurrogate
+    from tsis.mechanics.surrogate import FullContactSurrogate
+    from tsis.model import Calibration
 
 FLAT, DOMED = tsis.load_probe("tsis-2011"), tsis.load_probe("tsis-domed")
 PRIOR, SENSOR = InclusionPrior(), Sensor()

@@ -10,22 +10,21 @@ import numpy as np
 import pytest
 
 import tsis
-from tsis import Layer, Probe, TactileImage
-from tsis.imaging.sensor import Sensor
-from tsis.inclusion import InclusionPrior, estimate, posterior
-from tsis.inclusion.exploration import explore_inclusion
-from tsis.inclusion.frames import ring_edges, ring_profiles
-from tsis.inclusion.posterior import read_frames
-from tsis.mechanics import Degrees, build_full_contact_surrogate
-from tsis.model import LightMap
-from tsis.model.errors import ImageMismatchError, InputError, NotCalibratedError
+from tsis.errors import ImageMismatchError, InputError, NotCalibratedError
+from tsis.imaging import Sensor
+from tsis.inclusion import InclusionPrior, estimate, read_frames, ring_edges
+from tsis.inclusion import _estimate as posterior
+from tsis.inclusion._frames import ring_profiles
+from tsis.inclusion.posterior import explore_inclusion
+from tsis.mechanics.surrogate import Degrees, build_full_contact_surrogate
+from tsis.model import Layer, LightMap, Probe, TactileImage
 from tsis.virtual import VirtualProbe, nominal_calibration
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from tsis import Estimate, Phantom
-    from tsis.mechanics import FullContactSurrogate
+    from tsis.mechanics.surrogate import FullContactSurrogate
+    from tsis.model import Estimate, Phantom
 
 pytestmark = pytest.mark.usefixtures("flat", "domed")
 

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import tsis
-from tsis import TactileImage
-from tsis.inclusion.image_checks import image_findings
-from tsis.model.errors import InputError
+from tsis.errors import InputError
+from tsis.inclusion.checks import image_findings
+from tsis.model import TactileImage
 from tsis.virtual import VirtualProbe
 
 PROBE = tsis.load_probe("tsis-2011")

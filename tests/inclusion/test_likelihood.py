@@ -10,22 +10,30 @@ import pytest
 from scipy.stats import multivariate_normal
 
 import tsis
-from tsis import Calibration
-from tsis.imaging.render import rough_contact
-from tsis.inclusion.forward import POISSON, SHARED, SITE, THICKNESS, TISSUE, ForwardModel
-from tsis.inclusion.forward import PROBE as PROBE_STIFFNESS
-from tsis.inclusion.frames import ring_edges
-from tsis.inclusion.likelihood import InclusionLikelihood, Profiles, noise_covariance
-from tsis.inclusion.prior import InclusionPrior
-from tsis.inclusion.rings import ring_answers, ring_correlation, ring_means
-from tsis.inclusion.shading import RingShading
+from tsis.imaging import rough_contact
+from tsis.inclusion import InclusionPrior, ring_edges
+from tsis.inclusion.posterior import (
+    THICKNESS,
+    TISSUE,
+    ForwardModel,
+    InclusionLikelihood,
+    Profiles,
+    RingShading,
+    ring_answers,
+    ring_correlation,
+    ring_means,
+)
+from tsis.inclusion.posterior._forward import POISSON, SHARED, SITE
+from tsis.inclusion.posterior._forward import PROBE as PROBE_STIFFNESS
+from tsis.inclusion.posterior._likelihood import noise_covariance
 from tsis.mechanics import press
-from tsis.virtual.probe import FINE_RESOLUTION
+from tsis.model import Calibration
+from tsis.virtual import FINE_RESOLUTION
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.mechanics import FullContactSurrogate
+    from tsis.mechanics.surrogate import FullContactSurrogate
 
 PROBE = tsis.load_probe("tsis-2011")
 ANSWER = Calibration(gain_grey_per_kpa=60.0, saturation_kpa=20.0)

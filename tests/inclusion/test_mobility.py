@@ -11,10 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tsis import Calibration, TactileImage
-from tsis.inclusion import mobility
-from tsis.model import LightMap
-from tsis.model.errors import ImageMismatchError, InputError
+from tsis.errors import ImageMismatchError, InputError
+from tsis.inclusion.mobility import mobility
+from tsis.model import Calibration, LightMap, TactileImage
 
 SHAPE = (100, 120)
 SCALE = (0.1, 0.12)

@@ -9,8 +9,9 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.special import expit
 
-from tsis.inclusion.network import Layers, Network, Span, activations, jacobian, mean_square
-from tsis.model.errors import InputError
+from tsis.errors import InputError
+from tsis.inclusion.network import Layers, Network
+from tsis.inclusion.network._network import Span, activations, jacobian, mean_square
 
 shapes = st.builds(
     Layers,

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.optimize import minimize, rosen, rosen_der
 
-from tsis.inclusion.network_descent import scaled_conjugate_gradient
+from tsis.inclusion.network._training import scaled_conjugate_gradient
 
 
 def _bowl(size: int, condition: float, seed: int) -> tuple[np.ndarray, np.ndarray]:

@@ -7,8 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.stats import linregress
 
-from tsis.inclusion import fit_mapping, leave_one_out_mapping
-from tsis.model.errors import InputError
+from tsis.errors import InputError
+from tsis.inclusion.network import fit_mapping, leave_one_out_mapping
 
 
 @pytest.fixture

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
@@ -11,8 +12,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import tsis
-from tsis import Calibration, Inclusion, Phantom, TactileImage
-from tsis.inclusion import (
+from tsis.errors import ImageMismatchError, InputError, UnknownNameError
+from tsis.inclusion.network import (
     change_reading,
     frame_outputs,
     printed_frame_outputs,
@@ -20,9 +21,11 @@ from tsis.inclusion import (
     simulated_outputs,
     train_network,
 )
-from tsis.mechanics import PressSurrogate, press
-from tsis.model import LightMap
-from tsis.model.errors import ImageMismatchError, InputError, UnknownNameError
+from tsis.mechanics import press
+from tsis.model import Calibration, Inclusion, LightMap, Phantom, TactileImage
+
+if TYPE_CHECKING:
+    from tsis.mechanics.surrogate import PressSurrogate
 
 PROBE = tsis.load_probe("tsis-2011")
 FLAT = Calibration(name="flat light", gain_grey_per_kpa=60.0, saturation_kpa=20.0, background_grey=8.0)

@@ -7,9 +7,9 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.optimize import least_squares, minimize
 
-from tsis.inclusion import estimate_by_networks, train_network
-from tsis.inclusion.network import Layers, activations, jacobian, mean_square
-from tsis.model.errors import InputError, UnknownNameError
+from tsis.errors import InputError, UnknownNameError
+from tsis.inclusion.network import Layers, estimate_by_networks, train_network
+from tsis.inclusion.network._network import activations, jacobian, mean_square
 
 
 @pytest.fixture

@@ -12,14 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import tsis
-from tsis import TactileImage
-from tsis.imaging.render import render
-from tsis.imaging.sensor import Sensor, expose
-from tsis.inclusion.off_axis_place import SEEN, SEEN_SD, inclusion_place
-from tsis.inclusion.off_axis_rings import FARTHEST
+from tsis.errors import ImageMismatchError, InputError
+from tsis.imaging import Sensor, expose, render
+from tsis.inclusion.checks import SEEN, inclusion_place
+from tsis.inclusion.checks._place import SEEN_SD
+from tsis.inclusion.posterior import FARTHEST
 from tsis.mechanics import press
-from tsis.model import LightMap, PressMap
-from tsis.model.errors import ImageMismatchError, InputError
+from tsis.model import LightMap, PressMap, TactileImage
 from tsis.virtual import nominal_calibration
 
 if TYPE_CHECKING:

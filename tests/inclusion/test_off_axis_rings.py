@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.special import ive
 
-from tsis.inclusion.off_axis_rings import FARTHEST, MOVES, off_axis_profile
-from tsis.model.errors import InputError
+from tsis.errors import InputError
+from tsis.inclusion.posterior import FARTHEST, MOVES, off_axis_profile
 
 EDGE = 12.0
 RADIUS = np.linspace(0.0, EDGE, 121)

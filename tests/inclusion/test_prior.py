@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tsis.errors import InputError
 from tsis.inclusion import InclusionPrior
-from tsis.inclusion.chart import SignalChart
-from tsis.mechanics import contrast_factor
-from tsis.model.errors import InputError
+from tsis.inclusion.posterior._exploration import SignalChart
+from tsis.mechanics.surrogate import contrast_factor
 
 BEND = np.zeros(2)
 PRIOR = InclusionPrior()

@@ -11,18 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tsis import Calibration, TactileImage
-from tsis.inclusion import (
-    RelativeReading,
-    Repeats,
-    object_shape,
-    ratios,
-    relative_depth,
-    relative_hardness,
-    relative_size,
-)
-from tsis.model import LightMap
-from tsis.model.errors import ImageMismatchError, InputError, NotCalibratedError, UnknownNameError
+from tsis.errors import ImageMismatchError, InputError, NotCalibratedError, UnknownNameError
+from tsis.inclusion.relative import RelativeReading, Repeats, ratios, relative_depth, relative_hardness, relative_size
+from tsis.inclusion.shape import object_shape
+from tsis.model import Calibration, LightMap, TactileImage
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -3,21 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from scipy.stats import kstest
 
 import tsis
-from tsis import Calibration, Inclusion, Phantom, TactileImage
-from tsis.imaging.render import render
-from tsis.imaging.sensor import Sensor, expose
-from tsis.inclusion.harmonics import harmonic, unevenness
-from tsis.inclusion.roundness import harmonic_variance, roundness, roundness_findings
-from tsis.inclusion.sectors import RINGS, SECTORS, Sectors, sector_means
-from tsis.inclusion.tilt import tilt_evidence, tilt_findings
-from tsis.model import LightMap, PressMap
+from tsis.imaging import Sensor, expose, render
+from tsis.inclusion.checks import RINGS, SECTORS, roundness, sector_means, tilt_evidence
+from tsis.inclusion.checks._harmonics import harmonic, unevenness
+from tsis.inclusion.checks._roundness import harmonic_variance, roundness_findings, tilt_findings
+from tsis.model import Calibration, Inclusion, LightMap, Phantom, PressMap, TactileImage
 from tsis.virtual import VirtualProbe, nominal_calibration
+
+if TYPE_CHECKING:
+    from tsis.inclusion.checks._sectors import Sectors
 
 PROBE = tsis.load_probe("tsis-2011")
 PLAIN = tsis.load_phantom("plain")

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import tsis
-from tsis import Calibration, TactileImage
-from tsis.inclusion.sectors import RINGS, SECTORS, ring_visibility, sector_means
-from tsis.model import LightMap
+from tsis.inclusion.checks import RINGS, SECTORS, sector_means
+from tsis.inclusion.checks._sectors import ring_visibility
+from tsis.model import Calibration, LightMap, TactileImage
 
 PROBE = tsis.load_probe("tsis-2011")
 REACH = 0.8 * PROBE.radius_mm

@@ -14,9 +14,10 @@ from scipy.cluster.vq import kmeans2
 from skimage.filters import threshold_otsu
 from skimage.measure import label, regionprops
 
-from tsis import TactileImage
-from tsis.inclusion import binary_image, object_shape, two_means
-from tsis.model.errors import ImageMismatchError, InputError, UnknownNameError
+from tsis.errors import ImageMismatchError, InputError, UnknownNameError
+from tsis.inclusion import binary_image
+from tsis.inclusion.shape import object_shape, two_means
+from tsis.model import TactileImage
 
 SHAPE = (120, 160)
 UNTOUCHED, PLAIN = "untouched probe", "plain tissue"

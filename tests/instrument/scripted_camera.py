@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from tests.waiting import HANGS_S
 
+from tsis.errors import CameraError
 from tsis.instrument import Frame, Mode, Setting
-from tsis.model.check import require_one_of
-from tsis.model.errors import CameraError
+from tsis.model import require_one_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -5,8 +5,9 @@ from dataclasses import FrozenInstanceError
 import numpy as np
 import pytest
 
-from tsis.instrument import Camera, Frame, ImageFiles, Mode, OpenCVDevice, Setting, VideoFile
-from tsis.model.errors import InputError
+from tsis.errors import InputError
+from tsis.instrument import Camera, Frame, Mode, Setting
+from tsis.instrument.drivers import ImageFiles, OpenCVDevice, VideoFile
 
 
 def test_every_source_follows_the_protocol() -> None:

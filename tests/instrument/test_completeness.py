@@ -12,9 +12,9 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from PIL import Image
 
+from tsis.errors import FileInputError
+from tsis.files._image_checks import jpeg_fault
 from tsis.instrument import read_image
-from tsis.instrument.completeness import jpeg_fault
-from tsis.model.errors import FileInputError
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from tsis.instrument import Camera, ImageFiles, OpenCVDevice, VideoFile
-from tsis.instrument.discovery import LIVE_SOURCES, connect, find_cameras
-from tsis.instrument.found import CameraInfo
-from tsis.instrument.sources import opencv_search
-from tsis.model.errors import InputError, UnknownNameError
+from tsis.errors import InputError, UnknownNameError
+from tsis.instrument import LIVE_SOURCES, Camera, CameraInfo, connect, find_cameras
+from tsis.instrument.drivers import ImageFiles, OpenCVDevice, VideoFile
+from tsis.instrument.drivers import _opencv as opencv_search
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -22,7 +21,7 @@ ONE = CameraInfo(source="pylon", identity="7", maker="Basler")
 
 
 def source(found: Callable[[], Any], missing: str | None = None) -> Any:
-    return SimpleNamespace(found=found, missing=lambda: missing)
+    return SimpleNamespace(find_cameras_here=found, missing_requirement=lambda: missing)
 
 
 def test_each_source_answers_or_is_named_with_the_reason() -> None:
@@ -99,7 +98,7 @@ def test_specs_that_name_nothing_are_refused_with_the_nearest() -> None:
 @pytest.mark.system
 def test_no_library_of_a_camera_maker_is_imported_before_its_source_is_asked() -> None:
     code = (
-        "import sys, tsis.instrument, tsis.instrument.discovery as d; d.connect('pylon:'); d.connect('genicam:');"
+        "import sys, tsis.instrument, tsis.instrument._discovery as d; d.connect('pylon:'); d.connect('genicam:');"
         "d.connect('vimba:'); d.connect('files:x');"
         "print([m for m in sys.modules if m.partition('.')[0] in ('pypylon', 'vmbpy', 'harvesters', 'genicam')])"
     )

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.instrument.file_bytes import DEEPEST, MOST_VALUES, one_line, read_bytes, read_head, read_object
-from tsis.instrument.text_lines import LONGEST_LINE, text_lines
-from tsis.model.errors import FileInputError
+from tsis.errors import FileInputError
+from tsis.files import one_line, read_bytes, read_head, read_object, text_lines
+from tsis.files._reading import DEEPEST, LONGEST_LINE, MOST_VALUES
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -15,9 +15,9 @@ import pytest
 import tifffile
 from PIL import Image
 
+from tsis.errors import FileInputError, InputError
+from tsis.files import LARGEST_PIXELS
 from tsis.instrument import read_colour, read_image
-from tsis.instrument.picture_size import LARGEST_PIXELS
-from tsis.model.errors import FileInputError, InputError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -14,14 +14,11 @@ import tifffile
 from PIL import Image, TiffImagePlugin
 from PIL.PngImagePlugin import PngInfo
 
-from tsis.instrument import png_bytes, read_colour, read_image
-from tsis.instrument.completeness import fault, jpeg_fault
-from tsis.instrument.picture_size import FREE_PIXELS, LARGEST_PIXELS, PIXELS_A_BYTE, rows_missing, size_fault
-from tsis.instrument.pixels_alone import jpeg_pixels, pixels_alone, png_pixels
-from tsis.instrument.png import whole_levels
-from tsis.instrument.tiff_directory import tiff_fault
+from tsis.errors import FileInputError, InputError
+from tsis.files import LARGEST_PIXELS, fault, pixels_alone, rows_missing, size_fault
+from tsis.files._image_checks import FREE_PIXELS, PIXELS_A_BYTE, jpeg_fault, jpeg_pixels, png_pixels, tiff_fault
+from tsis.instrument import png_bytes, read_colour, read_image, whole_levels
 from tsis.model import TactileImage
-from tsis.model.errors import FileInputError, InputError
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -2,9 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from tsis.instrument import Setting
-from tsis.instrument.presets import preset
-from tsis.model.errors import UnknownNameError
+from tsis.errors import UnknownNameError
+from tsis.instrument import Setting, preset
 
 SETTINGS = (
     Setting(name="exposure_ms", value=20.0, low=0.1, high=33.0, unit="ms"),

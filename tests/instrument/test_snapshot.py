@@ -9,11 +9,10 @@ import cv2
 import numpy as np
 import pytest
 
-from tsis.instrument import Frame, read_colour, read_image
-from tsis.instrument import snapshot as room
-from tsis.instrument.snapshot import save_snapshot
-from tsis.model.durable import write_durably
-from tsis.model.errors import FileInputError, InputError, UnknownNameError
+from tsis.errors import FileInputError, InputError, UnknownNameError
+from tsis.files import write_durably
+from tsis.instrument import Frame, read_colour, read_image, save_snapshot
+from tsis.instrument import _snapshot as room
 
 if TYPE_CHECKING:
     from pathlib import Path

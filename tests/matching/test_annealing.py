@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from tsis.matching import annealing
-from tsis.matching.annealing import Cooling, anneal, plain_soft_pairs, soft_pairs
-from tsis.matching.spline import spline_basis
+from tsis.matching import _annealing as annealing
+from tsis.matching._annealing import Cooling, anneal, plain_soft_pairs, soft_pairs
+from tsis.matching._spline import spline_basis
 
 if TYPE_CHECKING:
     from tests.matching.conftest import Warped

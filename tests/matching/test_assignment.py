@@ -10,9 +10,9 @@ from scipy.linalg import null_space
 from scipy.optimize import minimize_scalar
 from scipy.stats import multivariate_normal
 
-from tsis.matching.assignment import BENDINGS, assigned, interpolated, likeliest_bending
-from tsis.matching.one_to_one import spacing
-from tsis.matching.spline import SplineBasis, spline_basis
+from tsis.matching._pairing import spacing
+from tsis.matching._spline import SplineBasis, spline_basis
+from tsis.matching._tprl import BENDINGS, assigned, interpolated, likeliest_bending
 
 if TYPE_CHECKING:
     from tests.matching.conftest import Warped

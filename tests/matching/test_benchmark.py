@@ -13,9 +13,8 @@ from benchmarks.matching import (
     time_targets,
 )
 
-from tsis.matching.fit import UNMATCHED
-from tsis.matching.trial_rows import TrialRow
-from tsis.matching.trial_summary import summarise, summarise_pooled
+from tsis.matching import UNMATCHED
+from tsis.matching.trials import TrialRow, summarise, summarise_pooled
 
 
 def rows_of(name: str, method: str, errors: list[float], *, seconds: float = 0.1) -> list[TrialRow]:

@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from tsis.errors import InputError
 from tsis.matching import register
-from tsis.matching.contenders import OWN_METHODS, RIVAL_METHODS, BenchmarkMethod
-from tsis.matching.trials import generated_trials
-from tsis.model.errors import InputError
+from tsis.matching.trials import OWN_METHODS, RIVAL_METHODS, BenchmarkMethod
+from tsis.matching.trials._trials import generated_trials
 
 
 @pytest.mark.parametrize("name", OWN_METHODS)

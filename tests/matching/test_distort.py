@@ -9,10 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.distance import pdist
 
-from tsis.matching.distort import PUBLIC_LEVELS, Distortion, Trial, distort, public_distortion
-from tsis.matching.fit import UNMATCHED
-from tsis.matching.trials import public_trials
-from tsis.model.errors import InputError
+from tsis.errors import InputError
+from tsis.matching import UNMATCHED
+from tsis.matching.trials import Distortion, Trial, distort, public_distortion, public_trials
+from tsis.matching.trials._distort import PUBLIC_LEVELS
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -9,9 +9,9 @@ import pytest
 from scipy.special import logsumexp
 from scipy.stats import multivariate_normal
 
-from tsis.matching.evidence import explained, log_evidence, upright_prior
-from tsis.matching.frame import NormalFrame
-from tsis.matching.spline import spline_basis
+from tsis.matching._evidence import explained, log_evidence, upright_prior
+from tsis.matching._fit import NormalFrame
+from tsis.matching._spline import spline_basis
 
 if TYPE_CHECKING:
     from tests.matching.conftest import Warped

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.matching.frame import NormalFrame
+from tsis.matching._fit import NormalFrame
 
 
 @pytest.mark.parametrize("dimension", [2, 3], ids=["plane", "space"])

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from tsis.matching import log_polar
-from tsis.matching.log_polar import ANGLE_BINS, DISTANCE_BINS, INNER, OUTER, POLAR_BINS
-from tsis.model.errors import InputError
+from tsis.errors import InputError
+from tsis.matching import _log_polar as log_polar
+from tsis.matching._log_polar import ANGLE_BINS, DISTANCE_BINS, INNER, OUTER, POLAR_BINS
 
 COORDINATE = st.floats(-3, 3, allow_nan=False).map(lambda x: round(x, 3))
 

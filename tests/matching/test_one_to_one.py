@@ -10,8 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from tsis.matching.fit import UNMATCHED
-from tsis.matching.one_to_one import assign, nearest_pairs, spacing
+from tsis.matching import UNMATCHED
+from tsis.matching._pairing import assign, nearest_pairs, spacing
 
 COSTS = arrays(float, st.tuples(st.integers(1, 4), st.integers(1, 4)), elements=st.floats(0, 2))
 

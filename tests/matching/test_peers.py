@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tsis.matching.distort import public_distortion
-from tsis.matching.peers import PEERS, Peer, peer
-from tsis.matching.trials import generated_trials, matching_error
-from tsis.model.errors import InputError, MissingExtraError
+from tsis.errors import InputError, MissingExtraError
+from tsis.matching.trials import PEERS, matching_error, public_distortion
+from tsis.matching.trials._methods import Peer, peer
+from tsis.matching.trials._trials import generated_trials
 
 
 @pytest.mark.parametrize("name", PEERS)

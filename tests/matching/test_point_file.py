@@ -10,10 +10,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from tsis.matching import point_file
-from tsis.matching.point_file import csv_text, read_points
-from tsis.matching.sampled import MOST_POINTS
-from tsis.model.errors import FileInputError
+from tsis.errors import FileInputError
+from tsis.matching import _point_files as point_file
+from tsis.matching import csv_text, read_points
+from tsis.matching._pairing import MOST_POINTS
 
 if TYPE_CHECKING:
     from pathlib import Path

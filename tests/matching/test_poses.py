@@ -10,9 +10,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from tsis.matching.frame import NormalFrame
-from tsis.matching.poses import Pose, agreed, poses, rotations, rounded_poses
-from tsis.matching.shapes import even_texture, strokes
+from tsis.matching._fit import NormalFrame
+from tsis.matching._poses import Pose, agreed, poses, rotations, rounded_poses
+from tsis.matching.trials import even_texture, strokes
 
 Search = Callable[..., list[Pose]]
 FOUND = 0.15  # root-mean-square radii from where the points belong, from which soft pairs find the rest

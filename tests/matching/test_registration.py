@@ -10,10 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tsis.matching import METHODS, Registration, fit, match_points, register, registration
-from tsis.matching.fit import UNMATCHED, MatchFit
-from tsis.matching.shapes import even_texture, tactile_surface
-from tsis.model.errors import InputError, UnknownNameError
+from tsis.errors import InputError, UnknownNameError
+from tsis.matching import METHODS, UNMATCHED, Registration, match_points, register
+from tsis.matching import _fit as fit
+from tsis.matching import _registration as registration
+from tsis.matching._fit import MatchFit
+from tsis.matching.trials import even_texture
+from tsis.matching.trials._shapes import tactile_surface
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
-from tsis.matching.log_polar import chi_squared, histograms
-from tsis.matching.relaxation import (
+from tsis.matching._log_polar import chi_squared, histograms
+from tsis.matching._relaxation import (
     CANDIDATES,
     NEIGHBOURS,
     TARGET_NEIGHBOURS,

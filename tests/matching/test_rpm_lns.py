@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
-from tsis.matching import rpm_lns
-from tsis.matching.log_polar import chi_squared, histograms
+from tsis.matching import _rpm_lns as rpm_lns
+from tsis.matching._log_polar import chi_squared, histograms
 
 if TYPE_CHECKING:
     from tests.matching.conftest import Warped

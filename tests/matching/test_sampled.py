@@ -8,13 +8,14 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import cdist
 
-from tsis.matching import register, sampled
-from tsis.matching.fit import UNMATCHED
-from tsis.matching.sampled import drawn, mutual_nearest
-from tsis.matching.shapes import even_texture, fourier_curve, tactile_surface
+from tsis.matching import UNMATCHED, register
+from tsis.matching import _pairing as sampled
+from tsis.matching._pairing import drawn, mutual_nearest
+from tsis.matching.trials import even_texture
+from tsis.matching.trials._shapes import fourier_curve, tactile_surface
 
 if TYPE_CHECKING:
-    from tsis.matching.shapes import Shape
+    from tsis.matching.trials._shapes import Shape
 
 STATED = 0.05  # of the extent of the shape: what the transform of a sample may be wrong by at most
 FEWEST_RIGHT = 0.5  # of the matches, where the sample of the target holds all of it

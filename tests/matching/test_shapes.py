@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from scipy.spatial.distance import pdist
 
-from tsis.matching.shapes import LONGEST_SIDE, SHAPES, even_texture, fourier_curve, scattered_texture
-from tsis.model.errors import InputError
+from tsis.errors import InputError
+from tsis.matching.trials import SHAPES, even_texture
+from tsis.matching.trials._shapes import LONGEST_SIDE, fourier_curve, scattered_texture
 
 
 @pytest.mark.parametrize("name", SHAPES)

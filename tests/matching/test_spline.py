@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from scipy.interpolate import RBFInterpolator
 from scipy.spatial.transform import Rotation
 
-from tsis.matching.spline import CONTROL_POINTS, ThinPlateSpline, far_apart, fit_spline, spline_basis
-from tsis.model.errors import InputError
+from tsis.errors import InputError
+from tsis.matching import ThinPlateSpline, fit_spline
+from tsis.matching._spline import CONTROL_POINTS, far_apart, spline_basis
 
 PEER: dict[int, Literal["thin_plate_spline", "linear"]] = {2: "thin_plate_spline", 3: "linear"}
 DIMENSIONS = pytest.mark.parametrize("dimension", [2, 3], ids=["plane", "space"])

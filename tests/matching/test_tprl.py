@@ -10,15 +10,15 @@ from benchmarks.matching import DATA
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tsis.matching import register, tprl
-from tsis.matching.shapes import even_texture, strokes
-from tsis.matching.trials import matching_error, public_trials
+from tsis.matching import _tprl as tprl
+from tsis.matching import register
+from tsis.matching.trials import even_texture, matching_error, public_trials, strokes
 
 if TYPE_CHECKING:
     from tests.matching.conftest import Warped
 
-    from tsis.matching.distort import Family
-    from tsis.matching.shapes import Shape
+    from tsis.matching.trials import Family
+    from tsis.matching.trials._shapes import Shape
 
 
 def test_finds_a_smooth_deformation(warped: Warped) -> None:

@@ -5,17 +5,17 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from tsis.matching.trial_rows import TRIAL_ROW_HEAD, TrialRow, read_trial_rows
-from tsis.matching.trial_runs import MatchOutcome, run_trials
-from tsis.matching.trials import generated_trials, matching_error
-from tsis.model.errors import FileInputError, InputError
+from tsis.errors import FileInputError, InputError
+from tsis.matching.trials import TRIAL_ROW_HEAD, TrialRow, matching_error, read_trial_rows, run_trials
+from tsis.matching.trials._runs import MatchOutcome
+from tsis.matching.trials._trials import generated_trials
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
 
-    from tsis.matching.distort import Trial
+    from tsis.matching.trials import Trial
 
 
 def still(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator) -> MatchOutcome:

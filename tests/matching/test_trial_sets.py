@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING
 import pytest
 from benchmarks.matching import DATA
 
-from tsis.matching.trial_sets import distorted_set, hotel_set
-from tsis.model.errors import InputError
+from tsis.errors import InputError
+from tsis.matching.trials import distorted_set, hotel_set
 
 if TYPE_CHECKING:
     from pathlib import Path

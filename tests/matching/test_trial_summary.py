@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tsis.matching.trial_rows import TrialRow
-from tsis.matching.trial_summary import ratio_of_means, summarise, summarise_pooled
-from tsis.model.errors import InputError
+from tsis.errors import InputError
+from tsis.matching.trials import TrialRow, summarise, summarise_pooled
+from tsis.matching.trials._summary import ratio_of_means
 
 
 def rows_of(group: str, level: int, method: str, errors: list[float], *, reliable: str = "") -> list[TrialRow]:

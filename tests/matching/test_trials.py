@@ -7,24 +7,25 @@ import pytest
 import scipy.io
 from benchmarks.matching import DATA
 
-from tsis.matching.distort import PUBLIC_LEVELS, Trial
-from tsis.matching.fit import UNMATCHED
+from tsis.errors import FileInputError, InputError
+from tsis.matching import UNMATCHED
 from tsis.matching.trials import (
     FAMILIES,
     LEVEL_LABELS,
     PUBLIC_FILE,
     SEQUENCE_FILE,
-    generated_trials,
+    Trial,
     hotel_trials,
     matching_error,
     public_trials,
 )
-from tsis.model.errors import FileInputError, InputError
+from tsis.matching.trials._distort import PUBLIC_LEVELS
+from tsis.matching.trials._trials import generated_trials
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.matching.distort import Family
+    from tsis.matching.trials import Family
 
 with_data = pytest.mark.skipif(not DATA.is_dir(), reason="the public trials are not on this machine")
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.mechanics import chebyshev
+from tsis.mechanics.surrogate import _chebyshev as chebyshev
 
 INTERVAL = (4.0, 12.0)
 

@@ -10,19 +10,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from tsis import Layer
-from tsis.mechanics.closed_form import (
+from tsis.errors import InputError
+from tsis.mechanics import effective_modulus_kpa, hertz_under_force
+from tsis.mechanics._closed_form import (
     bonded_layer_ratio,
     confined_modulus_kpa,
-    effective_modulus_kpa,
     hertz,
-    hertz_under_force,
     oedometric_modulus_kpa,
     punch_pressure_kpa,
     punch_stiffness,
     sphere_in_uniaxial_stress,
 )
-from tsis.model.errors import InputError
+from tsis.model import Layer
 
 STACK = tuple(Layer(thickness_mm=t, young_kpa=e, poisson=0.49) for t, e in ((2.0, 140.0), (3.0, 80.0), (5.0, 34.0)))
 POISSON = st.floats(0.0, 0.495)

@@ -9,13 +9,14 @@ import pytest
 from scipy import sparse
 from scipy.sparse.linalg import splu
 
-from tsis import Layer, Probe
-from tsis.mechanics import Resolution, bodies, slab
-from tsis.mechanics.bodies import face_of
-from tsis.mechanics.condensed import EMPTY, FIXED, Condensate, condense_layers
-from tsis.mechanics.element import stiffness
-from tsis.mechanics.mesh import LayeredMesh, Spheroid
-from tsis.mechanics.on_axis import sphere_on_axis
+from tsis.mechanics import stiffness
+from tsis.mechanics._mesh import LayeredMesh, Spheroid, sphere_on_axis
+from tsis.mechanics.small_strain import Resolution
+from tsis.mechanics.small_strain import _bodies as bodies
+from tsis.mechanics.small_strain import _bodies as slab
+from tsis.mechanics.small_strain._bodies import face_of
+from tsis.mechanics.small_strain._condensation import EMPTY, FIXED, Condensate, condense_layers
+from tsis.model import Layer, Probe
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from scipy.linalg import cholesky, solve_triangular
 from scipy.optimize import nnls
 
-from tsis.mechanics import contact
-from tsis.mechanics.contact import unilateral_contact
-from tsis.model.errors import InputError, MechanicsError
+from tsis.errors import InputError, MechanicsError
+from tsis.mechanics.small_strain import _contact as contact
+from tsis.mechanics.small_strain._contact import unilateral_contact
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

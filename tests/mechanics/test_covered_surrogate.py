@@ -12,20 +12,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import tsis
-from tsis import Inclusion, Phantom
-from tsis.mechanics import Box, Degrees, Resolution, build_full_contact_surrogate, build_surrogate, press
-from tsis.mechanics.bodies import face_of
-from tsis.mechanics.face import ring_points
-from tsis.mechanics.small_strain import PressKernel
-from tsis.model.errors import InputError
+from tsis.errors import InputError
+from tsis.mechanics import press
+from tsis.mechanics._face import ring_points
+from tsis.mechanics.small_strain import PressKernel, Resolution
+from tsis.mechanics.small_strain._bodies import face_of
+from tsis.mechanics.surrogate import Box, Degrees, build_full_contact_surrogate, build_surrogate
+from tsis.model import Inclusion, Phantom
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
 
-    from tsis import Probe
-    from tsis.mechanics import FullContactParts, FullContactProfiles, FullContactSurrogate, Surrogate
+    from tsis.mechanics.surrogate import FullContactParts, FullContactProfiles, FullContactSurrogate, Surrogate
+    from tsis.model import Probe
 
 FLAT, DOMED = tsis.load_probe("tsis-2011"), tsis.load_probe("tsis-domed")
 BOX = Box(
@@ -231,7 +232,7 @@ def test_it_is_kept_on_disk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> 
     first = build_full_contact_surrogate(DOMED, BOX, degrees=TINY, resolution=COARSE)
     stored = tmp_path / "covered" / first.key
     assert stored.is_file()
-    monkeypatch.setattr("tsis.mechanics.covered_surrogate.solve_all", None)  # nothing is solved again
+    monkeypatch.setattr("tsis.mechanics.surrogate._full_contact.solve_all", None)  # nothing is solved again
     again = build_full_contact_surrogate(DOMED, BOX, degrees=TINY, resolution=COARSE)
     assert again.error == first.error
     assert again.shape is not None

@@ -12,18 +12,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import tsis
-from tsis import Inclusion, Layer, Phantom, Probe
-from tsis.mechanics import Resolution, disc_contact, press
-from tsis.mechanics.bodies import face_of
-from tsis.mechanics.closed_form import bonded_layer_ratio, hertz, punch_stiffness
-from tsis.mechanics.on_axis import block_radius_mm
-from tsis.mechanics.slab import Slab
-from tsis.mechanics.small_strain import PressKernel
+from tsis.mechanics import press
+from tsis.mechanics._closed_form import bonded_layer_ratio, hertz, punch_stiffness
+from tsis.mechanics._mesh import block_radius_mm
+from tsis.mechanics.small_strain import PressKernel, Resolution
+from tsis.mechanics.small_strain import _disc_contact as disc_contact
+from tsis.mechanics.small_strain._bodies import Slab, face_of
+from tsis.model import Inclusion, Layer, Phantom, Probe
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis.mechanics.face_contact import PartialContact
+    from tsis.mechanics.small_strain import PartialContact
 
 DOMED = tsis.load_probe("tsis-domed")
 PLAIN = Phantom(young_kpa=5.0, thickness_mm=30.0)

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from tsis.mechanics.closed_form import oedometric_modulus_kpa
-from tsis.mechanics.element import lagrange, lame_constants, lobatto_points, reference_element, stiffness
-from tsis.mechanics.mesh import Spheroid, graded, mesh_around, mesh_inside, refine, two_sided_lines
+from tsis.mechanics import graded, stiffness, two_sided_lines
+from tsis.mechanics._closed_form import oedometric_modulus_kpa
+from tsis.mechanics._element import lagrange, lame_constants, lobatto_points, reference_element
+from tsis.mechanics._mesh import Spheroid, mesh_around, mesh_inside, refine
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

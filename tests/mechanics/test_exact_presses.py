@@ -8,22 +8,21 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from tsis import Layer, Probe
-from tsis.mechanics import Resolution
-from tsis.mechanics.bodies import face_of, probe_compliance
-from tsis.mechanics.closed_form import (
+from tsis.mechanics import effective_modulus_kpa, mesh_rectangle
+from tsis.mechanics._closed_form import (
     bonded_layer_ratio,
     confined_modulus_kpa,
-    effective_modulus_kpa,
     hertz,
     punch_pressure_kpa,
     punch_stiffness,
     sphere_in_uniaxial_stress,
 )
-from tsis.mechanics.condensed import FIXED, condense_layers
-from tsis.mechanics.contact import unilateral_contact
-from tsis.mechanics.mesh import Spheroid, mesh_around, mesh_inside, mesh_rectangle, refine
-from tsis.mechanics.slab import Slab
+from tsis.mechanics._mesh import Spheroid, mesh_around, mesh_inside, refine
+from tsis.mechanics.small_strain import Resolution
+from tsis.mechanics.small_strain._bodies import Slab, face_of, probe_compliance
+from tsis.mechanics.small_strain._condensation import FIXED, condense_layers
+from tsis.mechanics.small_strain._contact import unilateral_contact
+from tsis.model import Layer, Probe
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import tsis
-from tsis import Layer, Probe
-from tsis.mechanics import Indentation, Resolution, indent
-from tsis.mechanics.closed_form import hertz
-from tsis.model.errors import InputError, MechanicsError
+from tsis.errors import InputError, MechanicsError
+from tsis.mechanics._closed_form import hertz
+from tsis.mechanics.small_strain import Indentation, Resolution, indent
+from tsis.model import Layer, Probe
 
 PROBE = tsis.load_probe("tsis-2011")
 THICK = Probe(radius_mm=100.0, layers=(Layer(thickness_mm=200.0, young_kpa=50.0, poisson=0.49),))

@@ -10,17 +10,18 @@ import numpy as np
 import pytest
 
 import tsis
-from tsis import Inclusion, Layer, Phantom, Probe
-from tsis.mechanics import Resolution, contrast_factor, press
-from tsis.mechanics.closed_form import effective_modulus_kpa
-from tsis.model.errors import InputError, MechanicsError
+from tsis.errors import InputError, MechanicsError
+from tsis.mechanics import effective_modulus_kpa, press
+from tsis.mechanics.small_strain import Resolution
+from tsis.mechanics.surrogate import contrast_factor
+from tsis.model import Inclusion, Layer, Phantom, Probe
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
 
-    from tsis import PressField
+    from tsis.model import PressField
 
 PROBE = tsis.load_probe("tsis-2011")
 PLAIN = Phantom(young_kpa=5.0, thickness_mm=30.0)

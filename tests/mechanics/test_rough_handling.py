@@ -8,18 +8,12 @@ import numpy as np
 import pytest
 
 import tsis
-from tsis import Layer, Phantom, Probe
-from tsis.mechanics import (
-    Degrees,
-    build_surrogate,
-    indent,
-    press,
-    relaxing_press,
-    settling_time_s,
-    squeeze_sphere,
-)
-from tsis.model import Relaxation
-from tsis.model.errors import InputError, MechanicsError
+from tsis.errors import InputError, MechanicsError
+from tsis.mechanics import press
+from tsis.mechanics.finite_strain import squeeze_sphere
+from tsis.mechanics.small_strain import indent, relaxing_press, settling_time_s
+from tsis.mechanics.surrogate import Degrees, build_surrogate
+from tsis.model import Layer, Phantom, Probe, Relaxation
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -10,11 +10,10 @@ import numpy as np
 import pytest
 
 import tsis
-from tsis import Inclusion, Phantom, PressMap
-from tsis.mechanics import press_solid
-from tsis.mechanics.solid import _check_model
-from tsis.model import LightMap
-from tsis.model.errors import InputError, MechanicsError, MissingExtraError
+from tsis.errors import InputError, MechanicsError, MissingExtraError
+from tsis.mechanics.solid import press_solid
+from tsis.mechanics.solid._press import _check_model
+from tsis.model import Inclusion, LightMap, Phantom, PressMap
 
 PROBE = tsis.load_probe("tsis-2011")
 PLAIN = Phantom(young_kpa=5.0, thickness_mm=30.0)

@@ -9,29 +9,23 @@ import numpy as np
 import pytest
 
 import tsis
-from tsis import Inclusion, Phantom
+from tsis.errors import InputError
 from tsis.inclusion import InclusionPrior
-from tsis.mechanics import (
-    Box,
-    Degrees,
-    Resolution,
-    build_surrogate,
-    chebyshev,
-    contrast_factor,
-    press,
-    surrogate_build,
-    surrogate_solves,
-)
-from tsis.mechanics.face import ring_points
-from tsis.mechanics.small_strain import PressKernel
-from tsis.model.errors import InputError
+from tsis.mechanics import press
+from tsis.mechanics._face import ring_points
+from tsis.mechanics.small_strain import PressKernel, Resolution
+from tsis.mechanics.surrogate import Box, Degrees, build_surrogate, contrast_factor
+from tsis.mechanics.surrogate import _build as surrogate_build
+from tsis.mechanics.surrogate import _build as surrogate_solves
+from tsis.mechanics.surrogate import _chebyshev as chebyshev
+from tsis.model import Inclusion, Phantom
 
 if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-    from tsis import Probe
-    from tsis.mechanics import PressSurrogate
+    from tsis.mechanics.surrogate import PressSurrogate
+    from tsis.model import Probe
 
 PROBE = tsis.load_probe("tsis-2011")
 SMALL = Box(

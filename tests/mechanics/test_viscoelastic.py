@@ -11,11 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import tsis
-from tsis import Inclusion, Layer, Phantom, Probe
-from tsis.mechanics import Resolution, press, relaxing_press, settling_time_s
-from tsis.mechanics.small_strain import compliances
-from tsis.model import Relaxation
-from tsis.model.errors import InputError, MechanicsError
+from tsis.errors import InputError, MechanicsError
+from tsis.mechanics import press
+from tsis.mechanics.small_strain import Resolution, relaxing_press, settling_time_s
+from tsis.mechanics.small_strain._press import compliances
+from tsis.model import Inclusion, Layer, Phantom, Probe, Relaxation
 
 PROBE = tsis.load_probe("tsis-2011")
 RIGID = Probe(radius_mm=12.0, layers=(Layer(thickness_mm=2.0, young_kpa=1e6),))

@@ -13,8 +13,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hn
 
-from tsis.model.array_archive import arrays_of, npy_layout
-from tsis.model.errors import FileInputError
+from tsis.errors import FileInputError
+from tsis.files import arrays_of, npy_layout
 
 NUMBERS = hn.arrays(
     st.sampled_from(["<f8", "<f4", ">f8", "<i8", "u1", "<u2", "?", "<U7"]),

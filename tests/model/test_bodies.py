@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tsis.errors import InputError
 from tsis.model import Calibration, Inclusion, Layer, Phantom, PressField, Probe
-from tsis.model.errors import InputError
 
 LUMP = Inclusion(diameter_mm=10.0, depth_mm=5.0, young_kpa=100.0)
 TISSUE = Phantom(young_kpa=5.0, thickness_mm=30.0, inclusion=LUMP)

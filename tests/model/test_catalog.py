@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tsis.model import list_phantoms, list_probes, load_phantom, load_probe
-from tsis.model.errors import UnknownNameError
+from tsis.catalog import list_phantoms, list_probes, load_phantom, load_probe
+from tsis.errors import UnknownNameError
 
 # name: (diameter d in mm, depth h in mm, Young's modulus E in kPa)
 TABLE_6_2 = {

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from tsis.errors import InputError
 from tsis.model import Estimate
-from tsis.model.errors import InputError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from tsis.errors import InputError
 from tsis.model import TactileImage
-from tsis.model.errors import InputError
 
 GREY = np.arange(12.0).reshape(3, 4)
 

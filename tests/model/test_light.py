@@ -6,9 +6,8 @@ from typing import Any
 import pytest
 
 import tsis
-from tsis import Glass, Led
-from tsis.model.errors import InputError
-from tsis.model.light import FOUR_LEDS
+from tsis.errors import InputError
+from tsis.model import FOUR_LEDS, Glass, Led
 
 
 def test_the_intensity_is_one_half_at_the_half_angle() -> None:

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.interpolate import RegularGridInterpolator
 
+from tsis.errors import InputError
 from tsis.model import LightMap
-from tsis.model.errors import InputError
 
 
 def some(seed: int = 1, **changes: Any) -> LightMap:

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tsis import Calibration, PressField, PressMap
-from tsis.imaging.render import render
-from tsis.imaging.sensor import Sensor
-from tsis.model.errors import InputError
+from tsis.errors import InputError
+from tsis.imaging import Sensor, render
+from tsis.model import Calibration, PressField, PressMap
 
 RADIUS = np.linspace(0.0, 6.0, 61)
 FIELD = PressField(

@@ -6,9 +6,8 @@ from dataclasses import replace
 
 import pytest
 
-from tsis.model import list_phantoms, load_phantom, load_probe
-from tsis.model.errors import InputError, UnknownNameError
-from tsis.model.variants import phantom_variant, probe_variant
+from tsis.catalog import list_phantoms, load_phantom, load_probe, phantom_variant, probe_variant
+from tsis.errors import InputError, UnknownNameError
 
 
 def test_what_is_not_changed_is_the_catalogs() -> None:

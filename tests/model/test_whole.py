@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tsis.model.durable import Disk
-from tsis.model.whole import add_files, atomic_file, atomic_folder
+from tsis.files import Disk, add_files, atomic_file, atomic_folder
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

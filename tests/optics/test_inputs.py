@@ -2,8 +2,8 @@ from __future__ import annotations
 
 import pytest
 
-from tsis.model.errors import InputError
-from tsis.optics import inputs
+from tsis.errors import InputError
+from tsis.optics import _inputs as inputs
 
 
 @pytest.mark.parametrize(

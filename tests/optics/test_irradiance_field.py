@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 from scipy.special import erf
 
-from tsis.model.errors import InputError
-from tsis.optics import Irradiance
-from tsis.optics.irradiance_fit import POWERS
-from tsis.optics.rays_face import hertz_dent
+from tsis.errors import InputError
+from tsis.optics.irradiance import Irradiance
+from tsis.optics.irradiance._fit import POWERS
+from tsis.optics.rays import hertz_dent
 
 NODES = np.linspace(-10.0, 10.0, 21)
 SLOPE = st.floats(-0.1, 0.1)

@@ -8,16 +8,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from tsis import Led, load_probe
-from tsis.model import LightMap
-from tsis.model.disk_cache import cache_folder
-from tsis.model.errors import InputError
-from tsis.model.light import FOUR_LEDS
-from tsis.optics import Irradiance, irradiance, trace_rays
-from tsis.optics import irradiance_trace as room
-from tsis.optics.irradiance_fit import powers, slope_terms, smooth, symmetries, watched_slopes
-from tsis.optics.irradiance_leaving import leaving_light
-from tsis.optics.rays_face import evenly_raised_face, hertz_dent
+from tsis.catalog import load_probe
+from tsis.errors import InputError
+from tsis.files import cache_folder
+from tsis.model import FOUR_LEDS, Led, LightMap
+from tsis.optics.irradiance import Irradiance, irradiance, leaving_light
+from tsis.optics.irradiance import _trace as room
+from tsis.optics.irradiance._fit import powers, slope_terms, smooth, symmetries, watched_slopes
+from tsis.optics.rays import evenly_raised_face, hertz_dent, trace_rays
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -9,10 +9,8 @@ import pytest
 from scipy.sparse.linalg import splu
 from scipy.special import hankel1
 
-from tsis.optics.propagation.beam_march import march
-from tsis.optics.propagation.elements import MASS, helmholtz_matrix, links
-from tsis.optics.propagation.frequency_domain import memory_bytes, solve
-from tsis.optics.propagation.grid import Axis, axis
+from tsis.optics.propagation._grid import MASS, Axis, axis, helmholtz_matrix, links
+from tsis.optics.propagation._solvers import march, memory_bytes, solve
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -9,10 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.model.errors import InputError, UnknownNameError
-from tsis.optics import Dent, ThinGuide, thin_guide
-from tsis.optics.propagation import interfaces_um
-from tsis.optics.propagation.grid import axis, permittivity
+from tsis.errors import InputError, UnknownNameError
+from tsis.optics.propagation import Dent, ThinGuide, interfaces_um, thin_guide
+from tsis.optics.propagation._grid import axis, permittivity
 
 GUIDE = thin_guide("dissertation")
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tsis.optics import Dent, guided_modes, propagate, thin_guide
-from tsis.optics.propagation.elements import times
-from tsis.optics.propagation.grid import Axis, axis, permittivity
-from tsis.optics.propagation.section_modes import SectionModes, section_modes
+from tsis.optics import guided_modes
+from tsis.optics.propagation import Dent, propagate, thin_guide
+from tsis.optics.propagation._grid import Axis, axis, permittivity, times
+from tsis.optics.propagation._section_modes import SectionModes, section_modes
 
 K0 = 2 * np.pi / 0.55
 

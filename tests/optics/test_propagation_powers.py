@@ -9,12 +9,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tsis.model.errors import InputError
-from tsis.optics import Dent, ThinGuide, guided_modes, propagate, thin_guide
-from tsis.optics.propagation.frequency_domain import solve_launched
-from tsis.optics.propagation.grid import Axis, axis, permittivity
-from tsis.optics.propagation.power import outward
-from tsis.optics.propagation.section_modes import SectionModes, section_modes
+from tsis.errors import InputError
+from tsis.optics import guided_modes
+from tsis.optics.propagation import Dent, ThinGuide, propagate, thin_guide
+from tsis.optics.propagation._grid import Axis, axis, permittivity
+from tsis.optics.propagation._power import outward
+from tsis.optics.propagation._section_modes import SectionModes, section_modes
+from tsis.optics.propagation._solvers import solve_launched
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

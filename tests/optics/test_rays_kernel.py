@@ -3,19 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tsis import Layer, Probe, load_probe
-from tsis.model import Glass
+from tsis.catalog import load_probe
+from tsis.model import Glass, Layer, Probe
 from tsis.optics import fresnel
-from tsis.optics.rays_face import evenly_raised_face
-from tsis.optics.rays_meeting import mirrored, reflectance, refracted
-from tsis.optics.rays_path import follow_path
-from tsis.optics.rays_scene import Scene, scene
+from tsis.optics.rays import evenly_raised_face, scene
+from tsis.optics.rays._kernel import mirrored, reflectance, refracted
+from tsis.optics.rays._trace import follow_path
+
+if TYPE_CHECKING:
+    from tsis.optics.rays._scene import Scene
 
 ANGLE = st.floats(0.0, 1.57)
 INDEX = st.floats(1.0, 4.0)

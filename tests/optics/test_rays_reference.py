@@ -8,13 +8,11 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from tsis import Glass, Led, PressField, Probe, load_probe
-from tsis.model.light import FOUR_LEDS
-from tsis.optics import trace_rays
-from tsis.optics.rays_face import hertz_dent
-from tsis.optics.rays_path import follow_path
-from tsis.optics.rays_reference import WAYS_OUT, Photon, reference_probe, trace_photons
-from tsis.optics.rays_scene import scene
+from tsis.catalog import load_probe
+from tsis.model import FOUR_LEDS, Glass, Led, PressField, Probe
+from tsis.optics.rays import WAYS_OUT, hertz_dent, scene, trace_photons, trace_rays
+from tsis.optics.rays._reference import Photon, reference_probe
+from tsis.optics.rays._trace import follow_path
 
 if TYPE_CHECKING:
     from tsis.model import PressMap

@@ -10,11 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tsis import Glass, Layer, Led, PressField, Probe, load_probe
-from tsis.model.errors import InputError
-from tsis.model.light import FOUR_LEDS
-from tsis.optics import trace_paths, trace_rays
-from tsis.optics.rays_face import evenly_raised_face, hertz_dent
+from tsis.catalog import load_probe
+from tsis.errors import InputError
+from tsis.model import FOUR_LEDS, Glass, Layer, Led, PressField, Probe
+from tsis.optics.rays import evenly_raised_face, hertz_dent, trace_paths, trace_rays
 
 PROBE = replace(load_probe("tsis-2011"), leds=FOUR_LEDS)  # level lamps at half height
 DENT = hertz_dent(12.0, tip_radius_mm=8.0, depth_mm=1.2, peak_pressure_kpa=25.0)

@@ -12,10 +12,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.optimize import brentq
 
-from tsis.model.errors import InputError
-from tsis.optics import guided_modes, thin_guide
-from tsis.optics.slab_cutoff import thickness_factor
-from tsis.optics.slab_reference import effective_indices
+from tsis.errors import InputError
+from tsis.optics import guided_modes
+from tsis.optics.propagation import thin_guide
+from tsis.optics.slab import thickness_factor
+from tsis.optics.slab._reference import effective_indices
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tsis.model.errors import InputError
+from tsis.errors import InputError
 from tsis.optics import guided_modes
 
 if TYPE_CHECKING:

@@ -5,11 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis import Layer, Probe, load_probe
-from tsis.model.errors import InputError
-from tsis.model.light import Led
-from tsis.optics import acceptance, critical_angle_deg, fresnel, refraction_deg
-from tsis.optics.end_face import layer_facing_lamp
+from tsis.catalog import load_probe
+from tsis.errors import InputError
+from tsis.model import Layer, Led, Probe
+from tsis.optics import acceptance, critical_angle_deg, fresnel, layer_facing_lamp, refraction_deg
 
 INDEX, ANGLE = st.floats(1.0, 2.5), st.floats(0.0, 89.9)
 PRINTED = [1.16, 1.15, 1.14, 1.13]

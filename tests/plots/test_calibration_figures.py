@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from tsis.calibration.force.line import ForceLine
-from tsis.calibration.force.loading import Loading, loading_forces
-from tsis.calibration.measured import MeasuredValue
+from tsis.calibration import MeasuredValue
+from tsis.calibration.force import ForceLine, Loading, loading_forces
+from tsis.errors import InputError
 from tsis.model import TactileImage
-from tsis.model.errors import InputError
-from tsis.plots.calibration_figures import cross_sections, force_residuals, force_sums, hysteresis_loops
+from tsis.plots import force_residuals, force_sums, hysteresis_loops
+from tsis.plots._calibration import cross_sections
 
 SLOPE = 4e5
 

@@ -5,14 +5,7 @@ import pytest
 from matplotlib.figure import Figure
 
 from tsis.detection import Counts, bland_altman, reliability_curve, roc
-from tsis.plots.detection import (
-    agreement_limits,
-    found_by_place,
-    read_over_true,
-    reliability_diagram,
-    roc_curve,
-    scores_by_truth,
-)
+from tsis.plots import agreement_limits, found_by_place, read_over_true, reliability_diagram, roc_curve, scores_by_truth
 
 SCORES, TRUTH = [0.1, 0.4, 0.35, 0.8, 0.7], [False, False, True, True, True]
 

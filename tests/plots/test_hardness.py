@@ -1,16 +1,20 @@
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
 from tests.hardness.stand_ins import by_table
 
 import tsis
-from tsis import Estimate
+from tsis.catalog import load_sphere
 from tsis.hardness import build_contact_table, estimate
-from tsis.model import load_sphere
-from tsis.plots.hardness import contact_growth, modulus
+from tsis.plots import contact_growth, modulus
 from tsis.virtual import DirectContactRig
+
+if TYPE_CHECKING:
+    from tsis.model import Estimate
 
 PROBE = tsis.load_probe("tsis-direct")
 

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from tsis import TactileImage
 from tsis.hardness import PrintedHardness, printed_estimate
-from tsis.plots.hardness_figures import contact_rows, modulus_readings, strain_over_depth
+from tsis.model import TactileImage
+from tsis.plots import contact_rows, modulus_readings
+from tsis.plots._hardness import strain_over_depth
 
 DEPTHS_MM = np.array([0.02, 0.1])
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from tsis.matching.trial_summary import TrialSummary
-from tsis.plots.matching import curves_over_levels, point_sets
+from tsis.matching.trials import TrialSummary
+from tsis.plots import curves_over_levels, point_sets
 
 
 @pytest.mark.parametrize("dimension", [2, 3])

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from tsis import Estimate, TactileImage
 from tsis.imaging import features, height_surface, radial_profile
+from tsis.model import Estimate, TactileImage
 from tsis.plots import grey_sums, marginal, relief, ring_profile, tactile_image, trade_off
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from tsis.optics import Dent, Propagation, propagate, thin_guide
+from tsis.optics.propagation import Dent, Propagation, propagate, thin_guide
 from tsis.plots import guide_index, guide_light, light_out_of_the_top
 
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from tsis import PressField, load_probe
-from tsis.model.light import FOUR_LEDS
-from tsis.optics import trace_paths, trace_rays
+from tsis.catalog import load_probe
+from tsis.model import FOUR_LEDS, PressField
+from tsis.optics.rays import trace_paths, trace_rays
 from tsis.plots import light_on_face, ray_picture
 
 PROBE = replace(load_probe("tsis-2011"), leds=FOUR_LEDS)  # level lamps at half height

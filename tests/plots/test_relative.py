@@ -5,7 +5,7 @@ import pytest
 from matplotlib.container import ErrorbarContainer
 from matplotlib.figure import Figure
 
-from tsis.inclusion import RelativeReading, Repeats
+from tsis.inclusion.relative import RelativeReading, Repeats
 from tsis.plots import repeated_readings
 
 

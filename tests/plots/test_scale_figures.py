@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
-from tsis import TactileImage
 from tsis.calibration import MeasuredValue
 from tsis.calibration.scale import DotDiagnostics, PixelScale
-from tsis.plots.scale_figures import dot_board
+from tsis.model import TactileImage
+from tsis.plots import dot_board
 
 CELLS = np.array([(i, j) for j in range(3) for i in range(4)], dtype=float)
 CENTRES = 30.0 + 60.0 * CELLS

@@ -17,7 +17,7 @@ from benchmarks.hostile.verdict import Verdict, judged
 from benchmarks.hostile.workers import count
 from benchmarks.mutated_files import BAD, every_loader, shared_out
 
-from tsis.model.errors import FileInputError, TsisError
+from tsis.errors import FileInputError, TsisError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Hashable
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 ROOT = Path(__file__).parents[2]
 SOURCES = sorted((ROOT / "src").rglob("*.py"))
 # between a program and the processes that it started, never a file
-OWN_PIPES = {"local_crew.py", "worker_process.py", "apart.py"}
+OWN_PIPES = {"_pools.py", "_worker.py"}
 
 
 @pytest.fixture(scope="module")
@@ -130,7 +130,7 @@ SPECIAL: dict[str, Callable[[Path], None]] = {
 }
 
 
-@pytest.mark.filterwarnings("ignore::tsis.model.errors.RecordsWarning")  # files are laid with the modes of the test
+@pytest.mark.filterwarnings("ignore::tsis.errors.RecordsWarning")  # files are laid with the modes of the test
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="this system has no named pipes")
 def test_no_loader_opens_what_is_no_regular_file(loaders: tuple[Loader, ...], tmp_path: Path) -> None:
     for number, loader in enumerate(loaders):

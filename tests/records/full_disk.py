@@ -12,16 +12,17 @@ from unittest import mock
 
 from tests.records.sample import WHEN, levels, sample_calibration, sample_estimate
 
+from tsis.errors import RecordsError
+from tsis.files import UNFINISHED, Disk
 from tsis.model import TactileImage
-from tsis.model.durable import UNFINISHED, Disk
-from tsis.model.errors import RecordsError
-from tsis.records import engines, open_store, verify_store
+from tsis.records.store import _engines as engines
+from tsis.records.store import open_store, verify_store
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
 
-    from tsis.records import Store
+    from tsis.records.store import Store
 
 REASONS = (errno.ENOSPC, errno.EIO, errno.EROFS, errno.EDQUOT)
 SHORT = 500  # of a sentence

@@ -12,8 +12,8 @@ from tests.records.old_store import make_old
 from tests.records.place import Place
 from tests.records.tampered import fill
 
-from tsis.model.errors import RecordsError
-from tsis.records import open_store, verify_store
+from tsis.errors import RecordsError
+from tsis.records.store import open_store, verify_store
 
 if TYPE_CHECKING:
     import random

@@ -14,17 +14,16 @@ from typing import IO, TYPE_CHECKING, Any
 
 from tests.records.sample import WHEN, levels, sample_calibration, sample_estimate
 
+from tsis.errors import RecordsError, TsisError
+from tsis.files import UNFINISHED, Disk
 from tsis.model import TactileImage
-from tsis.model.durable import UNFINISHED, Disk
-from tsis.model.errors import RecordsError, TsisError
-from tsis.records import open_store, verify_store
-from tsis.records.anchor import read_anchor
-from tsis.records.audit import has_entry
+from tsis.records.store import open_store, verify_store
+from tsis.records.store._audit import has_entry, read_anchor
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.records import Store
+    from tsis.records.store import Store
 
 FRAMES = 60  # different ones, so that many presses share them
 LONGEST_S = 0.15  # of a life, counted from the fork or from the first acknowledgement

@@ -5,12 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from tsis.records import open_store
+from tsis.records.store import open_store
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.records import Store
+    from tsis.records.store import Store
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,8 +20,8 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 from unittest import mock
 
-from tsis.model.durable import Disk
-from tsis.records.database import Database
+from tsis.files import Disk
+from tsis.records.store import Database
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -156,7 +156,7 @@ def _site(kind: str) -> str:
     while frame is not None and len(names) < 3:
         if frame.f_globals.get("__name__", "").startswith("tsis."):
             names.append(frame.f_code.co_qualname)
-            if not frame.f_globals["__name__"].endswith(".durable"):
+            if not frame.f_globals["__name__"].endswith("._atomic"):
                 break
         frame = frame.f_back  # type: ignore[assignment]
     return " > ".join([*(name for name in reversed(names) if not name.startswith("Disk.")), kind])

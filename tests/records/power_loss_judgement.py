@@ -14,11 +14,10 @@ from tests.records.power_loss_playback import Playback, sha256
 from tests.records.power_loss_scenarios import PLACE, image
 from tests.records.sample import WHEN
 
-from tsis.model.errors import RecordsError
-from tsis.records import StoredEstimate, StoredPress, Target, open_store, verify_store
-from tsis.records.anchor import ANCHOR_FILE as ANCHOR
-from tsis.records.database import DATABASE_FILE
-from tsis.records.plain import estimate_to_plain
+from tsis.errors import RecordsError
+from tsis.records import StoredEstimate, StoredPress, Target, estimate_to_plain
+from tsis.records.store import DATABASE_FILE, open_store, verify_store
+from tsis.records.store._audit import ANCHOR_FILE as ANCHOR
 
 if TYPE_CHECKING:
     import random
@@ -28,7 +27,7 @@ if TYPE_CHECKING:
     from tests.records.power_loss_playback import State
     from tests.records.power_loss_scenarios import Kept, Run
 
-    from tsis.records import Store
+    from tsis.records.store import Store
 
 
 class Judge:

@@ -21,9 +21,11 @@ from tests.records.sample import WHEN, levels, sample_calibration, sample_estima
 
 from tsis.calibration.file import calibration_bytes
 from tsis.model import TactileImage
-from tsis.records import Store, database, engines, open_store, upgrade
-from tsis.records.anchor import read_anchor
-from tsis.records.frame_file import frame_bytes
+from tsis.records.store import Store, frame_bytes, open_store
+from tsis.records.store import _database as database
+from tsis.records.store import _engines as engines
+from tsis.records.store import _upgrade as upgrade
+from tsis.records.store._audit import read_anchor
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -10,9 +10,9 @@ import numpy as np
 from tests.hardness.stand_ins import by_table
 from tests.records.sample import WHEN
 
-from tsis.calibration import ProbeCalibration
+from tsis.calibration.file import ProbeCalibration
+from tsis.catalog import load_probe, load_sphere
 from tsis.hardness import estimate
-from tsis.model import load_probe, load_sphere
 from tsis.records import environment
 from tsis.virtual import DirectContactRig
 
@@ -20,7 +20,8 @@ if TYPE_CHECKING:
     from datetime import datetime
 
     from tsis.model import Estimate, TactileImage
-    from tsis.records import Store, Target
+    from tsis.records import Target
+    from tsis.records.store import Store
 
 PROBE, SPHERE = "tsis-direct", "cl2000x"
 OPTIONS = {"radius_mm": 3.0, "radius_sd_mm": 0.02}

@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.calibration import ProbeCalibration
-from tsis.calibration.file import calibration_sha256
+from tsis.calibration.file import ProbeCalibration, calibration_sha256
 from tsis.model import Calibration, Estimate
 from tsis.records import StoredEstimate, StoredPress, Target, TargetRecord
 

@@ -20,9 +20,9 @@ from typing import TYPE_CHECKING, Any
 from tests.records.power_loss_scenarios import image
 from tests.records.sample import WHEN
 
-from tsis.model.errors import RecordsError
-from tsis.records import open_store, verify_store
-from tsis.records.anchor import ANCHOR_FILE as ANCHOR
+from tsis.errors import RecordsError
+from tsis.records.store import open_store, verify_store
+from tsis.records.store._audit import ANCHOR_FILE as ANCHOR
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator

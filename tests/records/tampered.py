@@ -1,4 +1,4 @@
-"""Stores to tamper with, and what `tsis.records.verify_store` makes of them."""
+"""Stores to tamper with, and what `tsis.records.store.verify_store` makes of them."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ import numpy as np
 from tests.records.forger import Stores, UnchangedError
 from tests.records.sample import WHEN, levels, sample_calibration, sample_estimate
 
+from tsis.errors import RecordsError
 from tsis.model import TactileImage
-from tsis.model.errors import RecordsError
-from tsis.records import open_store, verify_store
+from tsis.records.store import open_store, verify_store
 
 if TYPE_CHECKING:
     import random
     from collections.abc import Callable
     from pathlib import Path
 
-    from tsis.records import Store
+    from tsis.records.store import Store
 
 MOST_TRIES = 100
 

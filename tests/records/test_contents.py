@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from tests.records.sample import WHEN, levels, sample_calibration, sample_dossier, sample_estimate
 
+from tsis.errors import InputError
 from tsis.model import TactileImage
-from tsis.model.errors import InputError
-from tsis.records import StoredEstimate
-from tsis.records import store as store_module
-from tsis.records.database import Database
+from tsis.records.store import Database
+from tsis.records.store import _store as store_module
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from tests.records.place import Place
 
-    from tsis.records import Store, Target
+    from tsis.records import StoredEstimate, Target
+    from tsis.records.store import Store
 
 
 def estimated(store: Store, target: Target, seed: int, supersedes: StoredEstimate | None = None) -> StoredEstimate:

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.records.sample import WHEN, levels, sample_dossier
 
+from tsis.errors import InputError, StaleRecordError
 from tsis.model import TactileImage
-from tsis.model.errors import InputError, StaleRecordError
-from tsis.records import verify_store
+from tsis.records.store import verify_store
 
 if TYPE_CHECKING:
-    from tsis.records import Store
+    from tsis.records.store import Store
 
 HOUR = timedelta(hours=1)
 

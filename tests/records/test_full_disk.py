@@ -24,13 +24,13 @@ from tests.records.full_disk import (
 )
 from tests.records.sample import WHEN
 
-from tsis.model.errors import RecordsError
-from tsis.records import open_store, verify_store
+from tsis.errors import RecordsError
+from tsis.records.store import open_store, verify_store
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from tsis.records import Store
+    from tsis.records.store import Store
 
 ROOT = Path(__file__).parents[2]
 every_call = pytest.mark.parametrize("call", CALLS, ids=lambda call: call.__name__)

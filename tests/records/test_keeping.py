@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from tests.records.sample import levels, sample_calibration, sample_estimate
 
+from tsis.errors import InputError, RecordsError
 from tsis.model import TactileImage
-from tsis.model.errors import InputError, RecordsError
-from tsis.records import open_store, verify_store
-from tsis.records.keeping import SavableResult, require_savable, save_results, saved_notes
+from tsis.records import SavableResult, require_savable, save_results, saved_notes
+from tsis.records.store import open_store, verify_store
 
 if TYPE_CHECKING:
     from pathlib import Path

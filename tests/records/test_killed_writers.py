@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.records.killed_writers import Careless, killed_cycles
 
-from tsis.model.durable import DISK
+from tsis.files import DISK
 
 if TYPE_CHECKING:
     from pathlib import Path

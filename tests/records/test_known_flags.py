@@ -9,12 +9,16 @@ from pathlib import Path
 import pytest
 
 import tsis
-from tsis.hardness.flag_meanings import FLAGS as HARDNESS
-from tsis.inclusion.flag_meanings import FLAGS as INCLUSION
-from tsis.inclusion.verdict import NAMES, UNTRUSTED_FLAGS
+from tsis.hardness import FLAGS as HARDNESS
+from tsis.inclusion import FLAGS as INCLUSION
+from tsis.inclusion import UNTRUSTED_FLAGS
+from tsis.inclusion._verdict import NAMES
 
 SOURCE, DOCS = Path(tsis.__file__).parent, Path(__file__).parents[2] / "docs"
-RAISING = {"inclusion": ("verdict", "posterior", "image_checks", "tilt", "roundness"), "hardness": ("verdict",)}
+RAISING = {
+    "inclusion": ("_verdict", "_estimate", "checks/_images", "checks/_roundness"),
+    "hardness": ("_verdict",),
+}
 LISTED = {"inclusion": INCLUSION, "hardness": HARDNESS}
 PAGES = {"inclusion": "explanation/what-a-press-can-tell.md", "hardness": "how-to/measure-hardness.md"}
 

@@ -24,11 +24,12 @@ from tests.records.place import Place
 from tests.records.sample import WHEN, levels, sample_calibration
 
 from tsis.calibration.file import calibration_sha256
-from tsis.model import TactileImage, durable
-from tsis.model.errors import RecordsError
-from tsis.records import tables, verify_store
-from tsis.records.audit import AuditHead
-from tsis.records.database import Database
+from tsis.errors import RecordsError
+from tsis.files import _atomic as durable
+from tsis.model import TactileImage
+from tsis.records.store import Database, verify_store
+from tsis.records.store import _tables as tables
+from tsis.records.store._audit import AuditHead
 
 if TYPE_CHECKING:
     from pathlib import Path

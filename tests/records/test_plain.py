@@ -13,19 +13,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from tests.records.sample import sample_dossier
 
+from tsis.errors import FileInputError, InputError
 from tsis.model import Estimate
-from tsis.model.errors import FileInputError, InputError
-from tsis.records import StoredEstimate, StoredPress, Target
-from tsis.records.plain import (
-    estimate_of_plain,
+from tsis.records import (
+    StoredEstimate,
+    StoredPress,
+    Target,
     estimate_to_plain,
-    press_of_plain,
+    free_to_plain,
     press_to_plain,
-    target_of_plain,
     target_to_plain,
 )
-from tsis.records.plain_free import free_to_plain
-from tsis.records.samples import samples_bytes, samples_of
+from tsis.records._plain import estimate_of_plain, press_of_plain, target_of_plain
+from tsis.records.store import samples_bytes, samples_of
 
 SETTINGS = settings(max_examples=150)
 WORDS = st.text(st.characters(exclude_categories=("C", "Z")), max_size=12)

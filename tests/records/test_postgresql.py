@@ -15,9 +15,10 @@ from tests.records import postgres_server
 from tests.records.place import Place
 from tests.records.sample import WHEN, levels
 
+from tsis.errors import MissingExtraError, RecordsError
 from tsis.model import TactileImage
-from tsis.model.errors import MissingExtraError, RecordsError
-from tsis.records import engines, open_store, verify_store
+from tsis.records.store import _engines as engines
+from tsis.records.store import open_store, verify_store
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -25,7 +26,7 @@ if TYPE_CHECKING:
 
     from tests.records.postgres_server import Server
 
-    from tsis.records import Store
+    from tsis.records.store import Store
 
 pytestmark = pytest.mark.system
 PRESSES = 12

@@ -15,9 +15,9 @@ import pytest
 from tests.records.old_store import make_old
 from tests.records.place import Place
 
+from tsis.errors import RecordsWarning
 from tsis.model import TactileImage
-from tsis.model.errors import RecordsWarning
-from tsis.records import open_store
+from tsis.records.store import open_store
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

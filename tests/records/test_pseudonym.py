@@ -10,20 +10,24 @@ from sqlalchemy import delete, update
 from tests.records.old_store import make_old
 from tests.records.sample import WHEN, levels, sample_dossier
 
+from tsis.errors import RecordsError
 from tsis.model import TactileImage
-from tsis.model.errors import RecordsError
-from tsis.records import open_store, tables, verify_store
+from tsis.records._deidentify import hidden, pseudonym, shown_identity
 from tsis.records.dicom import dicom_files
-from tsis.records.export import csv_files, fhir_observations, read_bundle, write_bundle, write_hdf5, write_zarr
-from tsis.records.pseudonym import hidden, pseudonym, shown_identity
-from tsis.records.secret import TERM, read_secret
+from tsis.records.export import csv_files, fhir_observations
+from tsis.records.export.arrays import write_hdf5, write_zarr
+from tsis.records.export.bundle import read_bundle, write_bundle
+from tsis.records.store import _tables as tables
+from tsis.records.store import open_store, verify_store
+from tsis.records.store._secret import TERM, read_secret
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from tests.records.place import Place
 
-    from tsis.records import Store, TargetRecord
+    from tsis.records import TargetRecord
+    from tsis.records.store import Store
 
 
 def filled(store: Store) -> TargetRecord:

@@ -17,9 +17,9 @@ from tests.records.place import Place
 from tests.records.sample import WHEN, levels
 from tests.records.tampered import fill
 
+from tsis.errors import RecordsError
 from tsis.model import TactileImage
-from tsis.model.errors import RecordsError
-from tsis.records import open_store, verify_store
+from tsis.records.store import open_store, verify_store
 
 ROOT = Path(__file__).parents[2]
 READ = """
@@ -55,7 +55,7 @@ def sealed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A store of which the program is told that nothing can be written there."""
     with open_store(tmp_path / "store") as store:
         fill(store, 1)
-    monkeypatch.setattr("tsis.records.opening.only_readable", lambda _: True)
+    monkeypatch.setattr("tsis.records.store._opening.only_readable", lambda _: True)
     return tmp_path / "store"
 
 
@@ -86,7 +86,7 @@ def test_tampering_shows_there_as_well(sealed: Path) -> None:
 def test_what_is_in_the_log_is_seen(sealed: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Somebody else writes there meanwhile."""
     with monkeypatch.context() as allowed:
-        allowed.setattr("tsis.records.opening.only_readable", lambda _: False)
+        allowed.setattr("tsis.records.store._opening.only_readable", lambda _: False)
         writing = open_store(sealed)
     with writing:
         target = writing.add_target(name="logged")
@@ -101,7 +101,7 @@ def test_what_is_in_the_log_is_seen(sealed: Path, monkeypatch: pytest.MonkeyPatc
 def test_a_store_of_an_old_schema_is_not_migrated_there(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     make_old(Place(tmp_path / "old"))
     before = content(tmp_path / "old")
-    monkeypatch.setattr("tsis.records.opening.only_readable", lambda _: True)
+    monkeypatch.setattr("tsis.records.store._opening.only_readable", lambda _: True)
     with pytest.raises(RecordsError, match=r"must have schema 2 where nothing can be written; it has 1: copy") as told:
         open_store(tmp_path / "old")
     assert "\n" not in str(told.value)

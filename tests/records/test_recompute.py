@@ -12,20 +12,18 @@ from tests.records.pressed_object import stored_object
 from tests.records.sample import WHEN, levels, sample_calibration, sample_estimate
 
 import tsis.hardness
-from tsis.hardness import HardnessPrior
-from tsis.hardness.likelihood import DRIFT_SD
-from tsis.hardness.reading import BLUR_MM
+from tsis.errors import InputError, RecordsError
+from tsis.hardness import BLUR_MM, DRIFT_SD, HardnessPrior
 from tsis.model import Estimate, TactileImage
-from tsis.model.errors import InputError, RecordsError
-from tsis.records import environment, open_store, verify_store
-from tsis.records.estimation import migrate_options
-from tsis.records.recompute import recompute
+from tsis.records import environment, recompute
+from tsis.records._estimation import migrate_options
+from tsis.records.store import open_store, verify_store
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from tsis.records import Store
+    from tsis.records.store import Store
 
 NOW = datetime.now(UTC)
 
@@ -50,7 +48,7 @@ def changed_estimator(monkeypatch: pytest.MonkeyPatch, *, by_kpa: float, flag: s
 
 
 def of_another_time(monkeypatch: pytest.MonkeyPatch, **different: Any) -> None:
-    monkeypatch.setattr("tsis.records.recompute.environment", lambda: environment() | different)
+    monkeypatch.setattr("tsis.records._recompute.environment", lambda: environment() | different)
 
 
 def test_right_away_it_is_the_same_bit_for_bit_and_nothing_is_stored(store: Store) -> None:
@@ -118,7 +116,7 @@ def test_another_default_prior_is_the_cause(store: Store, monkeypatch: pytest.Mo
     class Narrow(HardnessPrior):
         young_kpa: tuple[float, float] = (10.0, 200.0)
 
-    monkeypatch.setattr("tsis.hardness.posterior.HardnessPrior", Narrow)
+    monkeypatch.setattr("tsis.hardness._estimate.HardnessPrior", Narrow)
     (again,) = recompute(store, target)
     assert not again.same
     assert again.causes == ("the default prior changed: young_kpa",)
@@ -185,7 +183,7 @@ def test_a_calibration_that_expired_since_is_used_and_said(store: Store) -> None
             return later
 
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("tsis.records.recompute.datetime", Clock)
+        patch.setattr("tsis.records._recompute.datetime", Clock)
         (again,) = recompute(store, target)
     assert again.same
     assert before.made < later

@@ -18,10 +18,13 @@ from sqlalchemy import insert, select
 from tests.records.sample import WHEN, levels, sample_calibration, sample_dossier, sample_estimate
 
 from tsis.calibration.file import calibration_sha256
+from tsis.errors import InputError, RecordsError
 from tsis.model import TactileImage
-from tsis.model.errors import InputError, RecordsError
-from tsis.records import engines, environment, open_store, tables, verify_store
-from tsis.report.page import html
+from tsis.records import environment
+from tsis.records.store import _engines as engines
+from tsis.records.store import _tables as tables
+from tsis.records.store import open_store, verify_store
+from tsis.report import html
 from tsis.report.target import target_page
 
 if TYPE_CHECKING:
@@ -30,7 +33,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from tests.records.place import Place
 
-    from tsis.records import Store
+    from tsis.records.store import Store
 
 
 HOUR = timedelta(hours=1)
@@ -278,7 +281,7 @@ def test_a_folder_that_cannot_be_is_one_sentence(tmp_path: Path) -> None:
 def test_two_who_begin_a_file_at_the_same_moment_wait_for_each_other(monkeypatch: pytest.MonkeyPatch) -> None:
     """SQLite refuses one of them at once; seen in about 1 of 150 openings by four programs at the same moment."""
     waited: list[float] = []
-    monkeypatch.setattr("tsis.records.engines.time.sleep", waited.append)
+    monkeypatch.setattr("tsis.records.store._engines.time.sleep", waited.append)
 
     class Locked:
         def execute(self, statement: str) -> None:

@@ -7,7 +7,7 @@ import tempfile
 from dataclasses import dataclass, field, replace
 from datetime import timedelta
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
@@ -16,9 +16,12 @@ from hypothesis import strategies as st
 from hypothesis.stateful import Bundle, RuleBasedStateMachine, consumes, initialize, invariant, multiple, rule
 from tests.records.sample import WHEN, sample_calibration, sample_estimate
 
+from tsis.errors import InputError, StaleRecordError
 from tsis.model import TactileImage
-from tsis.model.errors import InputError, StaleRecordError
-from tsis.records import StoredEstimate, StoredPress, Target, open_store, verify_store
+from tsis.records.store import open_store, verify_store
+
+if TYPE_CHECKING:
+    from tsis.records import StoredEstimate, StoredPress, Target
 
 WORDS = st.text(st.characters(categories=("L", "N", "P", "S")), max_size=8)
 CALIBRATIONS = tuple(replace(sample_calibration(), name=name) for name in ("one", "two"))

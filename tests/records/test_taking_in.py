@@ -12,15 +12,17 @@ import pytest
 from sqlalchemy import select
 from tests.records.sample import sample_dossier
 
-from tsis.model.errors import RecordsError
-from tsis.records import open_store, tables, verify_store
-from tsis.records.export import read_bundle, write_bundle
-from tsis.records.plain import estimate_to_plain, press_to_plain, target_to_plain
+from tsis.errors import RecordsError
+from tsis.records import estimate_to_plain, press_to_plain, target_to_plain
+from tsis.records.export.bundle import read_bundle, write_bundle
+from tsis.records.store import _tables as tables
+from tsis.records.store import open_store, verify_store
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.records import Store, TargetRecord
+    from tsis.records import TargetRecord
+    from tsis.records.store import Store
 
 
 def require_equal(one: TargetRecord, other: TargetRecord, *, but_frames: bool = False) -> None:
@@ -83,13 +85,13 @@ def test_frames_that_another_library_packed_otherwise_are_the_same(
     store.edit_press(store.presses(target)[0], note="edited")  # two presses of one frame, one of them only in the store
     write_bundle(store.dossier(target), tmp_path / "bundle")
     given = read_bundle(tmp_path / "bundle")
-    monkeypatch.setattr("tsis.records.frame_file.QUICK", [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    monkeypatch.setattr("tsis.records.store._files.QUICK", [cv2.IMWRITE_PNG_COMPRESSION, 9])
     taken = store.take_in(given)
     assert (taken.new, taken.presses, taken.present, taken.differing) == (False, 0, 5, 0)
     assert verify_store(store).unnamed == 0
     with open_store(tmp_path / "other") as other:
         first = other.take_in(given)
-        monkeypatch.setattr("tsis.records.frame_file.QUICK", [cv2.IMWRITE_PNG_COMPRESSION, 1])
+        monkeypatch.setattr("tsis.records.store._files.QUICK", [cv2.IMWRITE_PNG_COMPRESSION, 1])
         assert {press.frame for press in other.presses(first.target)}.isdisjoint(
             press.frame for press in store.presses(target)
         )
@@ -162,7 +164,7 @@ def test_an_identity_that_is_another_targets_here_is_refused(store: Store) -> No
 def test_presses_are_found_by_their_frames_however_many_are_asked_for(
     store: Store, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tsis.records.contents.MOST_AT_ONCE", 3)
+    monkeypatch.setattr("tsis.records.store._reader.MOST_AT_ONCE", 3)
     store.take_in(sample_dossier())
     presses = store.presses(store.target(3))
     unknown = [f"{number:064x}" for number in range(5)]

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tsis.records import verify_store
+from tsis.records.store import verify_store
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

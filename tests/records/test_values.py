@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from tests.records.sample import sample_dossier
 
-from tsis.model.errors import InputError
-from tsis.records.plain import press_to_plain
+from tsis.errors import InputError
+from tsis.records import press_to_plain
 
 
 @pytest.mark.parametrize(

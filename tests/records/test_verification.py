@@ -18,9 +18,9 @@ from tests.records.place import Place
 from tests.records.tampered import Judgement, fill, judged, make_stores, tampered
 from tests.records.tamperings import KINDS
 
-from tsis.model.errors import RecordsError, TsisError
-from tsis.records import open_store, verify_store
-from tsis.records.audit import has_entry
+from tsis.errors import RecordsError, TsisError
+from tsis.records.store import open_store, verify_store
+from tsis.records.store._audit import has_entry
 
 if TYPE_CHECKING:
     from pathlib import Path

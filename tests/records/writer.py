@@ -12,9 +12,9 @@ from datetime import UTC, datetime
 
 import numpy as np
 
+from tsis.errors import RecordsError
 from tsis.model import TactileImage
-from tsis.model.errors import RecordsError
-from tsis.records import open_store
+from tsis.records.store import open_store
 
 
 def say(what: str, of: object) -> None:

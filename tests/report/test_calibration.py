@@ -11,9 +11,9 @@ from tests.report.test_pages import Reader
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.calibration.file import calibration_sha256
-from tsis.calibration.response.value import Saturation
+from tsis.calibration.response import Saturation
 from tsis.calibration.session import SessionFolder, SessionSetup, calibrate
-from tsis.report.calibration import (
+from tsis.report import (
     calibration_document,
     calibration_notes,
     calibration_report,
@@ -21,7 +21,7 @@ from tsis.report.calibration import (
     held_rows,
     specification_rows,
 )
-from tsis.virtual.calibration_bench import VirtualBench
+from tsis.virtual import VirtualBench
 
 if TYPE_CHECKING:
     from tsis.calibration.file import ProbeCalibration

@@ -12,10 +12,10 @@ from tests.records.sample import levels
 
 from tsis.imaging import features
 from tsis.model import TactileImage
-from tsis.report.comparison import comparison
+from tsis.report import comparison
 
 if TYPE_CHECKING:
-    from tsis.report.page import Picture
+    from tsis.report import Picture
 
 SCALE = (0.12, 0.14)
 

@@ -5,12 +5,22 @@ from __future__ import annotations
 import pytest
 from matplotlib.figure import Figure
 
-from tsis import load_probe
-from tsis.inclusion import InclusionPrior, compare_designs, protocol_of
-from tsis.model.errors import InputError
-from tsis.report.design import HEADINGS, design_document, design_page, design_rows
-from tsis.report.design_question import DesignAnswer, DesignQuestion, answered, compared_designs, design_calibration
-from tsis.report.document import json_bytes
+from tsis.catalog import load_probe
+from tsis.errors import InputError
+from tsis.inclusion import InclusionPrior
+from tsis.inclusion.design import compare_designs, protocol_of
+from tsis.report import (
+    HEADINGS,
+    DesignAnswer,
+    DesignQuestion,
+    answered,
+    compared_designs,
+    design_document,
+    design_page,
+    design_rows,
+    json_bytes,
+)
+from tsis.report._design import design_calibration
 
 QUESTION = DesignQuestion(
     probe=load_probe("tsis-2011"), forces_n=(0.8,), compared=("reference", "frames"), criterion="depth_mm"

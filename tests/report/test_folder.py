@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tsis.model.errors import FileInputError
+from tsis.errors import FileInputError
 from tsis.report import free_folder, write_folder
 
 if TYPE_CHECKING:

@@ -9,11 +9,10 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.records.sample import sample_dossier
 
-from tsis.model.errors import FileInputError
+from tsis.errors import FileInputError
 from tsis.records.export import fhir_observations
-from tsis.report import target_page
-from tsis.report.forms import ENDINGS, MASKED, PAGES, require_absent, write_form
-from tsis.report.page import html
+from tsis.report import ENDINGS, MASKED, PAGES, html, require_absent, write_form
+from tsis.report.target import target_page
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -10,14 +10,21 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from tsis import Estimate, TactileImage
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.cli.estimate_output import estimate_table
+from tsis.cli._output import estimate_table
 from tsis.inclusion import InclusionPrior
+from tsis.model import Estimate, TactileImage
 from tsis.plots import ring_profile
-from tsis.report import contact_report, inclusion_report
-from tsis.report.contact import analyse_image, finding_notes
-from tsis.report.document import estimate_document, json_bytes, probability_text, sd_text
+from tsis.report import (
+    analyse_image,
+    contact_report,
+    estimate_document,
+    finding_notes,
+    inclusion_report,
+    json_bytes,
+    sd_text,
+)
+from tsis.report._document import probability_text
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -136,7 +143,7 @@ def test_the_strongest_press_is_shown_and_every_profile(an_estimate: Estimate, m
         drawn.append(label)
         return real(profile, ax, label=label, marker=marker)
 
-    monkeypatch.setattr("tsis.report.frames.ring_profile", note)
+    monkeypatch.setattr("tsis.report._frames.ring_profile", note)
     read = Reader(the_page(an_estimate, a_press("plain", 0.0, force_n=0.75)))
     assert drawn == ["target, 1 N", "target, 0.5 N", "plain tissue, 0.75 N"]
     assert sum(HOSTILE in text for text in read.alternatives) == 1

@@ -5,9 +5,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from reportlab.platypus import LongTable
 
-from tsis.report.paper_parts import leaves
-from tsis.report.paper_style import WIDTH
-from tsis.report.paper_table import MOST_COLUMNS, column_widths, table
+from tsis.report.paper._parts import leaves
+from tsis.report.paper._table import MOST_COLUMNS, column_widths, table
+from tsis.report.paper._text import WIDTH
 
 COLUMNS = st.lists(st.tuples(st.floats(0, 600), st.floats(0, 600)), min_size=1, max_size=12)
 

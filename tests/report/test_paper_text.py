@@ -10,8 +10,7 @@ from matplotlib.font_manager import findfont
 from matplotlib.ft2font import FT2Font
 from reportlab.platypus import Paragraph
 
-from tsis.report.paper_style import CODE, NOTE
-from tsis.report.paper_text import BOLD, MONO, SANS, drawable_text, in_drawn_order, markup, pieces, width
+from tsis.report.paper._text import BOLD, CODE, MONO, NOTE, SANS, drawable_text, in_drawn_order, markup, pieces, width
 
 TEXTS = st.text(alphabet=st.characters(), max_size=80)  # control characters and lone surrogates too
 GLYPHS = {

@@ -13,9 +13,9 @@ from PIL import Image
 from tests.report.pdf_readers import poppler, sheet_count, sheets
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.report.drawing import pixels
-from tsis.report.page import Card, Page, Picture, Table, html
-from tsis.report.pdf import pdf
+from tsis.report import Card, Page, Picture, Table, html
+from tsis.report._page import pixels
+from tsis.report.paper import pdf
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -11,18 +11,18 @@ import pytest
 from tests.study.made import HEADINGS, made_study, read_study, table
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.model.errors import FileInputError
-from tsis.report.page import html
-from tsis.report.study import study_files, study_page
-from tsis.report.study_publishing import publish_study
-from tsis.study import analyse, open_study, unblind, verify_study
-from tsis.study.table import import_table
+from tsis.errors import FileInputError
+from tsis.report import html
+from tsis.report.study import publish_study, study_page
+from tsis.report.study._page import study_files
+from tsis.study import import_table, open_study, unblind, verify_study
+from tsis.study.analysis import analyse
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.report.page import Page
-    from tsis.study import StudyAnalysis
+    from tsis.report import Page
+    from tsis.study.analysis import StudyAnalysis
 
 FORBIDDEN = re.compile(r"benign|malignan|diagnos|patient|cancer|tumou?r|clinic", re.IGNORECASE)
 

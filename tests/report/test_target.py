@@ -13,14 +13,14 @@ from tests.records.sample import WHEN, sample_dossier, sample_estimate
 from tests.report.pdf_readers import sheets
 from tests.report.test_pages import HOSTILE, Reader
 
-from tsis import Estimate
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.calibration.guard import FLAGS
-from tsis.model.errors import RecordsError
+from tsis.errors import RecordsError
+from tsis.model import Estimate
 from tsis.records import StoredEstimate, TargetRecord
-from tsis.report import target_page
-from tsis.report.page import Page, Table, html
-from tsis.report.pdf import pdf
+from tsis.report import Page, Table, html
+from tsis.report.paper import pdf
+from tsis.report.target import target_page
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -21,7 +21,8 @@ from studies.force_line import (
 from studies.section_5_1 import FORCES_N, PRINTED_DIFFERENCE, TIPS_MM
 from studies.section_5_1_bench import SENSOR
 
-from tsis.mechanics import SphereResolution, indent
+from tsis.mechanics.finite_strain import SphereResolution
+from tsis.mechanics.small_strain import indent
 
 pytestmark = pytest.mark.slow  # the gallery's tests see the same numbers in every run
 

@@ -21,8 +21,9 @@ from studies.section_5_1 import (
 )
 from studies.section_5_1_bench import PRINTED_SLOPE, PROBE, bench, full_contact, pressed, saturation_kpa
 
-from tsis.mechanics.closed_form import effective_modulus_kpa, hertz
-from tsis.optics import irradiance
+from tsis.mechanics import effective_modulus_kpa
+from tsis.mechanics._closed_form import hertz
+from tsis.optics.irradiance import irradiance
 
 if TYPE_CHECKING:
     from pathlib import Path

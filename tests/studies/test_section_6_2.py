@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from studies.section_6_2 import FIGURES, Result, lines, run
 
-from tsis.inclusion import ratios
+from tsis.inclusion.relative import ratios
 
 UNTOUCHED, PLAIN = "untouched probe", "plain tissue"
 

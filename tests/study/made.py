@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from tsis.study import import_readings, new_study, printed_targets
-from tsis.study.folder import read_seal
+from tsis.study import import_readings, new_study, printed_targets, read_seal
 
 if TYPE_CHECKING:
     from pathlib import Path

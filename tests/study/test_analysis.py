@@ -12,18 +12,17 @@ from sklearn.metrics import brier_score_loss, confusion_matrix, roc_auc_score
 from tests.study.made import HEADINGS, made_study, read_study, table
 
 from tsis import detection
-from tsis.model.errors import RecordsError
-from tsis.study import analyse, enter_readings, export_readings, open_study, unblind
-from tsis.study.folder import read_seal
-from tsis.study.reading import DeviceReading
-from tsis.study.table import import_table
+from tsis.errors import RecordsError
+from tsis.study import DeviceReading, enter_readings, export_readings, import_table, open_study, read_seal, unblind
+from tsis.study.analysis import analyse
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
 
-    from tsis.study import Study, StudyAnalysis
+    from tsis.study import Study
+    from tsis.study.analysis import StudyAnalysis
 
 
 def by_hand(study: Study, device: str) -> tuple[list[dict[str, str]], NDArray[np.bool_]]:

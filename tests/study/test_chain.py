@@ -6,8 +6,9 @@ from datetime import UTC, datetime
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from tsis.records.canonical import canonical, digest
-from tsis.study.chain import FIRST, Chain, Draft, link_entries, read_chain
+from tsis.files import canonical, digest
+from tsis.study import read_chain
+from tsis.study._log import FIRST, Chain, Draft, link_entries
 
 WHEN = datetime(2026, 1, 1, tzinfo=UTC)
 EMPTY = Chain(entries=(), lines=0, breaks={})

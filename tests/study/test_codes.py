@@ -3,9 +3,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tsis.model.errors import InputError
-from tsis.study.codes import coded
-from tsis.study.targets import printed_targets, random_targets
+from tsis.errors import InputError
+from tsis.study import printed_targets, random_targets
+from tsis.study._plan import coded
 
 TARGETS = [True] * 8 + [False] * 8
 

@@ -9,9 +9,17 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.study.made import made_study, read_study
 
-from tsis.model.errors import InputError, RecordsError
-from tsis.study import DeviceReading, enter_readings, new_study, open_study, printed_targets, random_targets, unblind
-from tsis.study.folder import read_seal
+from tsis.errors import InputError, RecordsError
+from tsis.study import (
+    DeviceReading,
+    enter_readings,
+    new_study,
+    open_study,
+    printed_targets,
+    random_targets,
+    read_seal,
+    unblind,
+)
 
 if TYPE_CHECKING:
     from pathlib import Path

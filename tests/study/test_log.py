@@ -6,15 +6,15 @@ from typing import IO, TYPE_CHECKING
 import pytest
 from tests.study.made import made_study
 
-from tsis.model.durable import Disk
-from tsis.model.errors import RecordsError
-from tsis.study.chain import Draft
-from tsis.study.log import LOG_FILE, append_log, read_log
+from tsis.errors import RecordsError
+from tsis.files import Disk
+from tsis.study import LOG_FILE
+from tsis.study._log import Draft, append_log, read_log
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.study.chain import Chain
+    from tsis.study._log import Chain
 
 
 class FailingDisk(Disk):

@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.study.made import made_study
 
-from tsis.model.errors import InputError, RecordsError
-from tsis.records import open_store
-from tsis.study import enter_readings, open_study, press_study, pressing, unblind, verify_study
+from tsis.errors import InputError, RecordsError
+from tsis.records.store import open_store
+from tsis.study import _pressing as pressing
+from tsis.study import enter_readings, open_study, press_study, unblind, verify_study
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -33,7 +34,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Study:
 
 
 def test_inclusions_score_above_blanks(whole: Study) -> None:
-    from tsis.study.folder import read_seal
+    from tsis.study import read_seal
 
     truths = read_seal(whole)[0].truths
     assert [each.code for each in whole.readings] == list(whole.plan.codes)

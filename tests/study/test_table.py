@@ -9,9 +9,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from tests.study.made import HEADINGS, made_study, read_study, table
 
-from tsis.model.errors import InputError, RecordsError
-from tsis.study import export_readings, import_readings, open_study, read_truth_table
-from tsis.study.table import import_table
+from tsis.errors import InputError, RecordsError
+from tsis.study import export_readings, import_readings, import_table, open_study, read_truth_table
 
 if TYPE_CHECKING:
     from pathlib import Path

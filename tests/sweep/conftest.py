@@ -5,7 +5,7 @@ from typing import Any, Protocol
 
 import pytest
 
-from tsis.model import load_probe
+from tsis.catalog import load_probe
 from tsis.sweep import Plan, Range
 
 QUANTITIES = {

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from tsis.errors import MechanicsError
 from tsis.model import PressField
-from tsis.model.errors import MechanicsError
 
 if TYPE_CHECKING:
     from tsis.model import Phantom, Probe

@@ -15,7 +15,7 @@ from benchmarks.loopback_cluster import LoopbackCluster
 from tests.sweep.conftest import content, small_plan
 from tests.sweep.stand_ins import MARKER, quick
 
-from tsis.model.errors import SweepError
+from tsis.errors import SweepError
 from tsis.sweep import run_sweep
 
 if TYPE_CHECKING:
@@ -78,13 +78,13 @@ def test_a_cluster_gives_the_same_bytes_and_loses_no_batch_of_a_killed_worker(
 
 
 def test_a_scheduler_that_does_not_answer_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tsis.sweep.dask_crew.CONNECT_S", 0.5)
+    monkeypatch.setattr("tsis.sweep._dask_pool.CONNECT_S", 0.5)
     with pytest.raises(SweepError, match=r"a Dask scheduler must answer at tcp://127\.0\.0\.1:9; got OSError"):
         run_sweep(small_plan(), tmp_path / "data", scheduler="tcp://127.0.0.1:9", press=quick)
 
 
 def test_another_program_at_the_address_is_one_sentence(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tsis.sweep.dask_crew.CONNECT_S", 0.5)
+    monkeypatch.setattr("tsis.sweep._dask_pool.CONNECT_S", 0.5)
     with socket.create_server(("127.0.0.1", 0)) as other:
 
         def answer() -> None:

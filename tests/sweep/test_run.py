@@ -15,10 +15,9 @@ import pytest
 from tests.sweep.conftest import content, small_plan
 from tests.sweep.stand_ins import MARKER, deadly, deadly_once, faulty, quick, refusing
 
-from tsis.model.errors import FileInputError, InputError, MissingExtraError, SweepError, UnknownNameError
-from tsis.sweep import read_data_set, run_sweep, verify_data_set
-from tsis.sweep.folder import begun
-from tsis.sweep.manifest import head
+from tsis.errors import FileInputError, InputError, MissingExtraError, SweepError, UnknownNameError
+from tsis.sweep import head, read_data_set, run_sweep, verify_data_set
+from tsis.sweep._data_set import begun
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -145,7 +144,7 @@ def test_two_sweeps_do_not_share_a_folder(tmp_path: Path) -> None:
 
 @pytest.mark.system
 def test_a_batch_that_kills_every_worker_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tsis.sweep.run.MOST_LOST", 1)
+    monkeypatch.setattr("tsis.sweep._run.MOST_LOST", 1)
     with pytest.raises(
         SweepError, match=r"3 batches in a row lost their worker, the last one that of part-00000\d\.par"
     ):

@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from scipy.stats import qmc
 from tests.sweep.conftest import QUANTITIES, small_plan
 
-from tsis.sweep import Range
-from tsis.sweep.samples import sweep_batches
+from tsis.sweep import Range, sweep_batches
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

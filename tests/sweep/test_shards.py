@@ -9,9 +9,8 @@ from hypothesis import strategies as st
 from tests.sweep.conftest import small_plan
 from tests.sweep.stand_ins import quick, refusing
 
-from tsis.sweep.presses import press_all
-from tsis.sweep.samples import sweep_batches
-from tsis.sweep.shards import decode_shard, encode_shard, is_whole, receipt_of, sha256
+from tsis.sweep import encode_shard, press_all, receipt_of, sha256, sweep_batches
+from tsis.sweep._shards import decode_shard, is_whole
 
 PLAN = small_plan(forces_n=(0.5, 1.0))
 ROWS = press_all(PLAN, next(sweep_batches(PLAN)), quick)

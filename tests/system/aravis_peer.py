@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.waiting import HANGS_S
 
-from tsis.instrument.sources.aravis import missing_requirement
+from tsis.instrument.drivers.aravis import missing_requirement
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

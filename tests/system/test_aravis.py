@@ -18,14 +18,14 @@ import pytest
 from tests.system.aravis_peer import LOOPBACK, fake_camera, loopback_camera_port
 from tests.waiting import HANGS_S
 
-from tsis.instrument.camera import Mode
-from tsis.instrument.sources.aravis import AravisCamera, find_cameras_here
-from tsis.model.errors import CameraError, InputError, UnknownNameError
+from tsis.errors import CameraError, InputError, UnknownNameError
+from tsis.instrument import Mode
+from tsis.instrument.drivers.aravis import AravisCamera, find_cameras_here
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from tsis.instrument.camera import Frame
+    from tsis.instrument import Frame
 
 pytestmark = pytest.mark.system
 

@@ -11,8 +11,8 @@ from tests.console.bench.places import ANN
 from tests.system.aravis_peer import LOOPBACK, fake_camera, loopback_camera_port, served_probe
 from tests.waiting import until
 
-from tsis.console.bench import Bench, BenchTerms
-from tsis.model.errors import CameraError, InputError
+from tsis.console.services import Bench, BenchTerms
+from tsis.errors import CameraError, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -11,20 +11,17 @@ import numpy as np
 import pytest
 from tests.system.aravis_peer import FOREIGN_CLIENT, LOOPBACK, loopback_camera_port, served_probe
 
-from tsis.instrument.sources.aravis import AravisCamera, find_cameras_here
-from tsis.model import load_probe
-from tsis.model.errors import CameraError
-from tsis.model.variants import phantom_variant
-from tsis.virtual import VirtualProbe
-from tsis.virtual.camera import VirtualCamera
-from tsis.virtual.gige import GigEServer
+from tsis.catalog import load_probe, phantom_variant
+from tsis.errors import CameraError
+from tsis.instrument.drivers.aravis import AravisCamera, find_cameras_here
+from tsis.virtual import GigEServer, VirtualCamera, VirtualProbe
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from numpy.typing import NDArray
 
-    from tsis.instrument.camera import Frame
+    from tsis.instrument import Frame
 
 pytestmark = pytest.mark.system
 SERIAL, SEED, FORCE_N, FRAMES = "TSIS01", 4, 1.0, 20

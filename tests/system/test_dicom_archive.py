@@ -14,7 +14,7 @@ from tests.records.dicom.variants import framed, noise
 from tests.records.sample import sample_dossier
 from tests.system.orthanc_peer import AE, LOOPBACK, Archive, free_port, installed, listening, missing, orthanc
 
-from tsis.model.errors import RecordsError
+from tsis.errors import RecordsError
 from tsis.records.dicom import c_store, dicom_files, stow_rs
 
 if TYPE_CHECKING:

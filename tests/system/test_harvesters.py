@@ -19,18 +19,17 @@ import pytest
 from tests.system.growth import growth_over
 from tests.waiting import HANGS_S
 
-from tsis.instrument import Mode
-from tsis.instrument.discovery import connect, find_cameras
-from tsis.instrument.sources import vimba
-from tsis.instrument.sources.genicam import HarvestersCamera, find_cameras_here
-from tsis.instrument.sources.maker_library import maker_library
-from tsis.instrument.sources.vimba import VimbaCamera
-from tsis.model.errors import CameraError, InputError, MissingExtraError, UnknownNameError
+from tsis.errors import CameraError, InputError, MissingExtraError, UnknownNameError
+from tsis.instrument import Mode, connect, find_cameras
+from tsis.instrument.drivers import _vimba as vimba
+from tsis.instrument.drivers._vimba import VimbaCamera
+from tsis.instrument.drivers.genicam import maker_library
+from tsis.instrument.drivers.genicam._harvesters import HarvestersCamera, find_cameras_here
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from tsis.instrument.sources.genicam_camera import GenICamCamera
+    from tsis.instrument.drivers.genicam import GenICamCamera
 
 pytestmark = [
     pytest.mark.system,

@@ -12,11 +12,10 @@ import pytest
 from tests.system.growth import growth_over
 from tests.waiting import HANGS_S
 
-from tsis.instrument import Mode
-from tsis.instrument.discovery import connect, find_cameras
-from tsis.instrument.sources.maker_library import maker_library
-from tsis.instrument.sources.pylon import PylonCamera, find_cameras_here, missing_requirement
-from tsis.model.errors import CameraError, InputError
+from tsis.errors import CameraError, InputError
+from tsis.instrument import Mode, connect, find_cameras
+from tsis.instrument.drivers._pylon import PylonCamera, find_cameras_here, missing_requirement
+from tsis.instrument.drivers.genicam import maker_library
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

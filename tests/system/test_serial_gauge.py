@@ -12,8 +12,8 @@ import pytest
 from tests.system.gauge_peer import GaugeInTerminal
 from tests.waiting import HANGS_S
 
+from tsis.errors import GaugeError
 from tsis.instrument.gauge import ForceLog, SerialGauge
-from tsis.model.errors import GaugeError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

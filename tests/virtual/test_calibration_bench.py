@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from benchmarks.calibration_force import PROBE, SENSOR
 
-from tsis.calibration.force.loading import loading_forces
-from tsis.calibration.session import CalibrationStep, plan_steps
-from tsis.calibration.session.steps import BOARD, BOARD_UNTOUCHED, DARK, EDGE, UNTOUCHED
-from tsis.model.errors import InputError
-from tsis.virtual.calibration_bench import FRAMES_PER_S, VirtualBench
+from tsis.calibration.force import loading_forces
+from tsis.calibration.session import BOARD, BOARD_UNTOUCHED, DARK, EDGE, UNTOUCHED, CalibrationStep, plan_steps
+from tsis.errors import InputError
+from tsis.virtual import VirtualBench
+from tsis.virtual._calibration_bench import FRAMES_PER_S
 
 STEPS = {step.name: step for step in plan_steps((10.0,))}
 

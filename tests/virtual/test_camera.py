@@ -11,11 +11,11 @@ import pytest
 from tests.waiting import HANGS_S
 
 import tsis
-from tsis.imaging.sensor import Sensor
+from tsis.errors import CameraError, InputError, MechanicsError, UnknownNameError
+from tsis.imaging import Sensor
 from tsis.instrument import Camera
 from tsis.instrument.acquisition import Acquisition
 from tsis.model import LightMap, Phantom, SoftSphere
-from tsis.model.errors import CameraError, InputError, MechanicsError, UnknownNameError
 from tsis.virtual import VirtualCamera, VirtualProbe
 
 if TYPE_CHECKING:

@@ -10,11 +10,12 @@ import pytest
 from tests.hardness.stand_ins import by_table
 
 import tsis
+from tsis.catalog import load_sphere
+from tsis.errors import InputError, MechanicsError
 from tsis.hardness import read_contact
-from tsis.imaging.sensor import Sensor
-from tsis.mechanics import SphereResolution
-from tsis.model import LightMap, SoftSphere, load_sphere
-from tsis.model.errors import InputError, MechanicsError
+from tsis.imaging import Sensor
+from tsis.mechanics.finite_strain import SphereResolution
+from tsis.model import LightMap, SoftSphere
 from tsis.virtual import DirectContactRig, direct_contact_calibration
 
 PROBE, SPHERE = tsis.load_probe("tsis-direct"), load_sphere("cl2003x")

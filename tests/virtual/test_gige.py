@@ -9,11 +9,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.model import LightMap, load_phantom, load_probe
-from tsis.model.errors import CameraError, InputError, MissingExtraError
-from tsis.virtual import VirtualProbe
-from tsis.virtual.camera import VirtualCamera
-from tsis.virtual.gige import GigEServer, region_bytes, require_free_address
+from tsis.catalog import load_phantom, load_probe
+from tsis.errors import CameraError, InputError, MissingExtraError
+from tsis.model import LightMap
+from tsis.virtual import GigEServer, VirtualCamera, VirtualProbe
+from tsis.virtual._gige import region_bytes, require_free_address
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -6,11 +6,10 @@ from scipy.integrate import quad
 from scipy.special import erf
 
 import tsis
-from tsis.imaging.led_drift import LedDrift
-from tsis.imaging.sensor import Sensor
-from tsis.model.errors import InputError
-from tsis.virtual.loading_machine import VirtualLoadingMachine
-from tsis.virtual.machine_errors import MachineErrors
+from tsis.errors import InputError
+from tsis.imaging import LedDrift, Sensor
+from tsis.virtual import VirtualLoadingMachine
+from tsis.virtual._loading_camera import MachineErrors
 
 SENSOR = Sensor(columns=256, rows=216)
 NO_ERRORS = MachineErrors(

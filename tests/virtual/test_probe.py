@@ -9,19 +9,19 @@ import numpy as np
 import pytest
 
 import tsis
-from tsis import Calibration
-from tsis.imaging.render import render
-from tsis.imaging.sensor import Sensor
-from tsis.mechanics import FiniteResolution, Resolution, press
-from tsis.model import LightMap
-from tsis.model.errors import InputError
-from tsis.optics import irradiance
+from tsis.errors import InputError
+from tsis.imaging import Sensor, render
+from tsis.mechanics import press
+from tsis.mechanics.finite_strain import FiniteResolution
+from tsis.mechanics.small_strain import Resolution
+from tsis.model import Calibration, LightMap
+from tsis.optics.irradiance import irradiance
 from tsis.virtual import VirtualProbe, nominal_calibration
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from tsis import Phantom
+    from tsis.model import Phantom
 
 PROBE = tsis.load_probe("tsis-2011")
 LUMP = tsis.load_phantom("hardness-100")

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scipy import ndimage
 
-from tsis.imaging.sensor import Sensor
-from tsis.model.errors import InputError
-from tsis.virtual.scale_targets import ball_frame, dot_board_frame, untouched_frame
+from tsis.errors import InputError
+from tsis.imaging import Sensor
+from tsis.virtual import ball_frame, dot_board_frame, untouched_frame
 
 QUIET = Sensor(columns=240, rows=200, mm_per_pixel=(0.05, 0.06), read_noise_grey=0.0, shot_noise_grey=0.0)
 

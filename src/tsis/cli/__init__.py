@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import sys
 
-from tsis.cli.exit_codes import INTERRUPTED
+from tsis.cli._exit_codes import INTERRUPTED
+from tsis.cli._progress import progress_bar
 
 
 def main() -> None:
-    """Run the program; whoever interrupts it while it still loads sees no traceback either."""
+    """Run the program; an interruption while it loads shows no traceback either."""
     try:
-        from tsis.cli.app import run  # seconds, in which somebody may change their mind
+        from tsis.cli._app import run  # takes seconds, in which somebody may change their mind
 
         run()
     except KeyboardInterrupt:
@@ -18,4 +19,4 @@ def main() -> None:
         sys.exit(INTERRUPTED)
 
 
-__all__ = ["main"]
+__all__ = ["main", "progress_bar"]

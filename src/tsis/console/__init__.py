@@ -1,7 +1,4 @@
-"""The instrument in a browser: pages, a live view and calls for scripts, behind a gate.
-
-What stands here loads when it is first named: the library of the pages takes seconds, and ``tsis login`` needs none.
-"""
+"""The instrument in a browser, on this machine or on a network."""
 
 from __future__ import annotations
 
@@ -9,20 +6,21 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from tsis.console.bench import Bench, BenchTerms
-    from tsis.console.security.logins import Logins
-    from tsis.console.serving import ConsoleTerms, serve_console
-    from tsis.console.tls import Certificate
+    from tsis.console._app import opened_in_browser
+    from tsis.console._serving import Certificate, ConsoleTerms, serve_console
+    from tsis.console.auth import Logins
+    from tsis.console.services import Bench, BenchTerms
 
-__all__ = ["Bench", "BenchTerms", "Certificate", "ConsoleTerms", "Logins", "serve_console"]
+__all__ = ["Bench", "BenchTerms", "Certificate", "ConsoleTerms", "Logins", "opened_in_browser", "serve_console"]
 
-_FROM = {
-    "Bench": "bench",
-    "BenchTerms": "bench",
-    "Certificate": "tls",
-    "ConsoleTerms": "serving",
-    "Logins": "security.logins",
-    "serve_console": "serving",
+_HOMES = {
+    "Bench": "services",
+    "BenchTerms": "services",
+    "Certificate": "_serving",
+    "ConsoleTerms": "_serving",
+    "Logins": "auth",
+    "opened_in_browser": "_app",
+    "serve_console": "_serving",
 }
 
 
@@ -31,6 +29,6 @@ def __dir__() -> list[str]:
 
 
 def __getattr__(name: str) -> Any:
-    if name in _FROM:
-        return getattr(import_module(f"{__name__}.{_FROM[name]}"), name)
+    if name in _HOMES:  # NiceGUI loads when a console is wanted
+        return getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

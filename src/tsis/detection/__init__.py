@@ -11,21 +11,22 @@ between operators (`reproducibility`). A scan plan says where to press to search
 (`scan_plan`, `widest_plan`, `smallest_found_mm`).
 """
 
-from tsis.detection.auc import newcombe_interval
-from tsis.detection.bland_altman import BlandAltman, ProportionalBias, bland_altman
-from tsis.detection.bootstrap import bootstrap_auc
-from tsis.detection.brier import BrierScore, brier_interval, brier_score
-from tsis.detection.classify import Classified, Classifier, ClassifierSettings, train_classifier
-from tsis.detection.classify_classes import ClassSplit
-from tsis.detection.classify_file import read_classifier, write_classifier
-from tsis.detection.classify_readings import TargetEvidence, TrainingSet, target_evidence
-from tsis.detection.classify_validation import Validation, cross_validate
-from tsis.detection.comparison import Comparison, bootstrap_compare_detectors, compare_detectors
-from tsis.detection.counts import Counts
-from tsis.detection.delong import AucCovariance, auc_covariance
-from tsis.detection.icc import IntraclassCorrelation, intraclass_correlation
-from tsis.detection.interval import Interval
-from tsis.detection.operating import (
+from tsis.detection._auc import AucCovariance, auc_covariance, newcombe_interval
+from tsis.detection._bland_altman import BlandAltman, ProportionalBias, bland_altman
+from tsis.detection._bootstrap import bootstrap_auc
+from tsis.detection._brier import (
+    BrierScore,
+    ReliabilityBin,
+    ReliabilityCurve,
+    brier_interval,
+    brier_score,
+    reliability_curve,
+)
+from tsis.detection._comparison import Comparison, bootstrap_compare_detectors, compare_detectors
+from tsis.detection._counts import Counts
+from tsis.detection._icc import IntraclassCorrelation, intraclass_correlation
+from tsis.detection._inputs import Interval
+from tsis.detection._operating import (
     OperatingPoint,
     at_costs,
     at_sensitivity,
@@ -33,26 +34,23 @@ from tsis.detection.operating import (
     held_out_counts,
     youden_point,
 )
-from tsis.detection.presence import PresenceProbability, presence
-from tsis.detection.proportion import Proportion, exact_interval, wilson_interval
-from tsis.detection.recalibration import FittedValue, Recalibration, recalibration
-from tsis.detection.reliability import ReliabilityBin, ReliabilityCurve, reliability_curve
-from tsis.detection.repeatability import Repeatability, repeatability
-from tsis.detection.reproducibility import Reproducibility, reproducibility
-from tsis.detection.roc import Roc, roc
-from tsis.detection.search import ScanPlan, scan_plan, widest_plan
-from tsis.detection.search_limits import smallest_found_mm, widest_spacing_mm
-from tsis.detection.search_reach import ReachTable, measured_reach, reach_of_trials, read_reach
-from tsis.detection.two_proportions import ProportionDifference, ProportionRatio
+from tsis.detection._presence import ABSENCE_FLAG, PresenceProbability, presence
+from tsis.detection._proportions import (
+    Proportion,
+    ProportionDifference,
+    ProportionRatio,
+    exact_interval,
+    wilson_interval,
+)
+from tsis.detection._recalibration import FittedValue, Recalibration, recalibration
+from tsis.detection._repeatability import Repeatability, Reproducibility, repeatability, reproducibility
+from tsis.detection._roc import Roc, roc
 
 __all__ = [
+    "ABSENCE_FLAG",
     "AucCovariance",
     "BlandAltman",
     "BrierScore",
-    "ClassSplit",
-    "Classified",
-    "Classifier",
-    "ClassifierSettings",
     "Comparison",
     "Counts",
     "FittedValue",
@@ -64,17 +62,12 @@ __all__ = [
     "ProportionDifference",
     "ProportionRatio",
     "ProportionalBias",
-    "ReachTable",
     "Recalibration",
     "ReliabilityBin",
     "ReliabilityCurve",
     "Repeatability",
     "Reproducibility",
     "Roc",
-    "ScanPlan",
-    "TargetEvidence",
-    "TrainingSet",
-    "Validation",
     "at_costs",
     "at_sensitivity",
     "at_specificity",
@@ -85,28 +78,16 @@ __all__ = [
     "brier_interval",
     "brier_score",
     "compare_detectors",
-    "cross_validate",
     "exact_interval",
     "held_out_counts",
     "intraclass_correlation",
-    "measured_reach",
     "newcombe_interval",
     "presence",
-    "reach_of_trials",
-    "read_classifier",
-    "read_reach",
     "recalibration",
     "reliability_curve",
     "repeatability",
     "reproducibility",
     "roc",
-    "scan_plan",
-    "smallest_found_mm",
-    "target_evidence",
-    "train_classifier",
-    "widest_plan",
-    "widest_spacing_mm",
     "wilson_interval",
-    "write_classifier",
     "youden_point",
 ]

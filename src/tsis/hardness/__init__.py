@@ -1,16 +1,28 @@
 """How stiff a touched object is: contact mechanics without the probe's own compliance."""
 
-from tsis.hardness.contact_table import ContactTable
-from tsis.hardness.frames import require_radius
-from tsis.hardness.posterior import estimate
-from tsis.hardness.printed import PrintedHardness, printed_estimate
-from tsis.hardness.prior import HardnessPrior
-from tsis.hardness.reading import ContactReading, read_contact
-from tsis.hardness.shore import ShoreHardness, shore
-from tsis.hardness.strain import axial_strain, lagrangian_strain, printed_axial_strain
-from tsis.hardness.table_build import build_contact_table
+from tsis.hardness._estimate import RADIUS_SD_MM, estimate, require_radius
+from tsis.hardness._exploration import HardnessPrior
+from tsis.hardness._likelihood import DRIFT_SD
+from tsis.hardness._printed import (
+    STRESSES,
+    PrintedHardness,
+    axial_strain,
+    lagrangian_strain,
+    printed_axial_strain,
+    printed_estimate,
+)
+from tsis.hardness._reading import BLUR_MM, ContactReading, read_contact
+from tsis.hardness._shore import ShoreHardness, shore
+from tsis.hardness._sphere import hertzian_radius_mm, press_fields, require_small_sphere
+from tsis.hardness._table import ContactTable, build_contact_table
+from tsis.hardness._verdict import FLAGS
 
 __all__ = [
+    "BLUR_MM",
+    "DRIFT_SD",
+    "FLAGS",
+    "RADIUS_SD_MM",
+    "STRESSES",
     "ContactReading",
     "ContactTable",
     "HardnessPrior",
@@ -19,10 +31,13 @@ __all__ = [
     "axial_strain",
     "build_contact_table",
     "estimate",
+    "hertzian_radius_mm",
     "lagrangian_strain",
+    "press_fields",
     "printed_axial_strain",
     "printed_estimate",
     "read_contact",
     "require_radius",
+    "require_small_sphere",
     "shore",
 ]

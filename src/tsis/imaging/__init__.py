@@ -4,31 +4,81 @@
 take the call's place when something imports it by its path.
 """
 
-from tsis.imaging.colour import change_magnitude, colour_map
-from tsis.imaging.contact import Contact, find_colour_contact, find_contact
-from tsis.imaging.contact_features import Features, features
-from tsis.imaging.correct import flatten, match_light, signal, subtract_background, subtract_dark
-from tsis.imaging.height_surface import HeightSurface, height_surface
-from tsis.imaging.patch import Patch, segment
-from tsis.imaging.profile import RadialProfile, radial_profile
+from tsis.imaging._colour import COLOUR_MAPS, change_magnitude, colour_map
+from tsis.imaging._contact import Contact, find_colour_contact, find_contact
+from tsis.imaging._contact_models import (
+    CONTACT_MODELS,
+    ContactModel,
+    as_contact_model,
+    rough_contact,
+    rough_contact_slope,
+)
+from tsis.imaging._corrections import (
+    SCALE_TOLERANCE,
+    flatten,
+    match_light,
+    require_image,
+    require_same_frame,
+    signal,
+    subtract_background,
+    subtract_dark,
+)
+from tsis.imaging._features import Features, features
+from tsis.imaging._height_surface import HeightSurface, height_surface
+from tsis.imaging._lost_light import LostLight, find_lost_light
+from tsis.imaging._patch import (
+    GAUSSIAN_MAD,
+    NOISE_FACTOR,
+    QUANTISATION,
+    SMOOTH_PX,
+    Patch,
+    pixel_noise,
+    segment,
+    smoothed,
+)
+from tsis.imaging._profile import RadialProfile, radial_profile
+from tsis.imaging._render import render, render_reference
+from tsis.imaging._sensor import LedDrift, Sensor, expose
 
 __all__ = [
+    "COLOUR_MAPS",
+    "CONTACT_MODELS",
+    "GAUSSIAN_MAD",
+    "NOISE_FACTOR",
+    "QUANTISATION",
+    "SCALE_TOLERANCE",
+    "SMOOTH_PX",
     "Contact",
+    "ContactModel",
     "Features",
     "HeightSurface",
+    "LedDrift",
+    "LostLight",
     "Patch",
     "RadialProfile",
+    "Sensor",
+    "as_contact_model",
     "change_magnitude",
     "colour_map",
+    "expose",
     "features",
     "find_colour_contact",
     "find_contact",
+    "find_lost_light",
     "flatten",
     "height_surface",
     "match_light",
+    "pixel_noise",
     "radial_profile",
+    "render",
+    "render_reference",
+    "require_image",
+    "require_same_frame",
+    "rough_contact",
+    "rough_contact_slope",
     "segment",
     "signal",
+    "smoothed",
     "subtract_background",
     "subtract_dark",
 ]

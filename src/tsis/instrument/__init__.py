@@ -1,29 +1,44 @@
 """Cameras, force gauges and image files: where frames and forces come from. Knows values, no science."""
 
-from tsis.instrument.camera import Camera, Frame, Mode, Setting, named_mode
-from tsis.instrument.discovery import CameraListing, connect, find_cameras
-from tsis.instrument.file_bytes import printable_path, read_bytes
-from tsis.instrument.found import CameraInfo
-from tsis.instrument.image_file import read_colour, read_image
-from tsis.instrument.png import png_bytes
-from tsis.instrument.sources import ImageFiles, OpenCVDevice, VideoFile
+from tsis.instrument._camera import LATE_FRAMES, PRESETS, Camera, Frame, Mode, Setting, named_mode, preset
+from tsis.instrument._discovery import (
+    LIVE_SOURCES,
+    SOURCES,
+    STORED_SOURCES,
+    CameraInfo,
+    CameraListing,
+    connect,
+    find_cameras,
+)
+from tsis.instrument._image_files import QUICK, png_bytes, read_colour, read_image, whole_levels
+from tsis.instrument._quiet import quiet_decoders
+from tsis.instrument._snapshot import FORMATS, SIDECAR_FORMAT, SIDECAR_VERSION, Snapshot, save_snapshot
 
 __all__ = [
+    "FORMATS",
+    "LATE_FRAMES",
+    "LIVE_SOURCES",
+    "PRESETS",
+    "QUICK",
+    "SIDECAR_FORMAT",
+    "SIDECAR_VERSION",
+    "SOURCES",
+    "STORED_SOURCES",
     "Camera",
     "CameraInfo",
     "CameraListing",
     "Frame",
-    "ImageFiles",
     "Mode",
-    "OpenCVDevice",
     "Setting",
-    "VideoFile",
+    "Snapshot",
     "connect",
     "find_cameras",
     "named_mode",
     "png_bytes",
-    "printable_path",
-    "read_bytes",
+    "preset",
+    "quiet_decoders",
     "read_colour",
     "read_image",
+    "save_snapshot",
+    "whole_levels",
 ]

@@ -1,6 +1,19 @@
 """Non-rigid matching of points: which point of one set belongs to which of another, and the map between them."""
 
-from tsis.matching.registration import METHODS, Registration, match_points, register
-from tsis.matching.spline import ThinPlateSpline, fit_spline
+from tsis.matching._fit import UNMATCHED
+from tsis.matching._point_files import csv_text, read_points
+from tsis.matching._registration import METHODS, Registration, match_points, register
+from tsis.matching._spline import ThinPlateSpline, fit_spline, spread_out
 
-__all__ = ["METHODS", "Registration", "ThinPlateSpline", "fit_spline", "match_points", "register"]
+__all__ = [
+    "METHODS",
+    "UNMATCHED",
+    "Registration",
+    "ThinPlateSpline",
+    "csv_text",
+    "fit_spline",
+    "match_points",
+    "read_points",
+    "register",
+    "spread_out",
+]

@@ -1,25 +1,52 @@
 """Values and errors that every room shares, and what touches files and optional libraries for them; no computation."""
 
-from tsis.model.calibration import Calibration
-from tsis.model.catalog import (
-    list_phantoms,
-    list_probes,
-    list_spheres,
-    load_phantom,
-    load_probe,
-    load_sphere,
+from tsis.model._calibration import Calibration, LightMap
+from tsis.model._estimate import (
+    IMPROBABLE,
+    INTERVAL_LEVEL,
+    LARGEST_EVIDENCE,
+    NO_UNIT,
+    NOT_IDENTIFIED,
+    UNITS,
+    Estimate,
+    label_of,
+    probability_bound,
+    unit_of,
 )
-from tsis.model.estimate import Estimate
-from tsis.model.image import TactileImage
-from tsis.model.light import Glass, Led
-from tsis.model.light_map import LightMap
-from tsis.model.phantom import Inclusion, Phantom
-from tsis.model.press import PressField, PressMap
-from tsis.model.probe import Layer, Probe
-from tsis.model.relaxation import Relaxation
-from tsis.model.sphere import SoftSphere
+from tsis.model._image import (
+    LARGEST_PIXEL_MM,
+    SMALLEST_PIXEL_MM,
+    TactileImage,
+    require_image_numbers,
+    require_pixel_scale,
+)
+from tsis.model._image_series import as_images, grey_sha256, require_image_series, require_same_probe
+from tsis.model._phantom import INCLUSION_RANGES, Inclusion, Phantom, Relaxation, SoftSphere
+from tsis.model._press import MN_PER_N, PressField, PressMap, interpolation_matrix, require_ascending
+from tsis.model._probe import FOUR_LEDS, Glass, Layer, Led, Probe
+from tsis.model._require import (
+    LARGEST_SEED,
+    require_array,
+    require_integer,
+    require_number,
+    require_one_of,
+    require_pair,
+    require_type,
+)
 
 __all__ = [
+    "FOUR_LEDS",
+    "IMPROBABLE",
+    "INCLUSION_RANGES",
+    "INTERVAL_LEVEL",
+    "LARGEST_EVIDENCE",
+    "LARGEST_PIXEL_MM",
+    "LARGEST_SEED",
+    "MN_PER_N",
+    "NOT_IDENTIFIED",
+    "NO_UNIT",
+    "SMALLEST_PIXEL_MM",
+    "UNITS",
     "Calibration",
     "Estimate",
     "Glass",
@@ -34,10 +61,21 @@ __all__ = [
     "Relaxation",
     "SoftSphere",
     "TactileImage",
-    "list_phantoms",
-    "list_probes",
-    "list_spheres",
-    "load_phantom",
-    "load_probe",
-    "load_sphere",
+    "as_images",
+    "grey_sha256",
+    "interpolation_matrix",
+    "label_of",
+    "probability_bound",
+    "require_array",
+    "require_ascending",
+    "require_image_numbers",
+    "require_image_series",
+    "require_integer",
+    "require_number",
+    "require_one_of",
+    "require_pair",
+    "require_pixel_scale",
+    "require_same_probe",
+    "require_type",
+    "unit_of",
 ]

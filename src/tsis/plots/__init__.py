@@ -1,32 +1,56 @@
 """Figures: every function takes a value and an ``ax`` and returns the ``ax``."""
 
-from tsis.plots.design import design_errors
-from tsis.plots.force_curve import grey_sums
-from tsis.plots.modes import mode_profiles
-from tsis.plots.posterior import marginal, trade_off
-from tsis.plots.probe_section import probe_section
-from tsis.plots.profile import ring_profile
-from tsis.plots.propagation import guide_index, guide_light, light_out_of_the_top
-from tsis.plots.rays import light_on_face, ray_picture
-from tsis.plots.relative import repeated_readings
-from tsis.plots.surface import relief
-from tsis.plots.tactile import tactile_image
-from tsis.plots.trials import trial_errors
+from tsis.plots._calibration import dot_board, force_residuals, force_sums, grey_sums, hysteresis_loops
+from tsis.plots._detection import (
+    agreement_limits,
+    draw_scan_plan,
+    found_by_place,
+    read_over_true,
+    reliability_diagram,
+    roc_curve,
+    scores_by_truth,
+)
+from tsis.plots._estimate import LABELS, design_errors, marginal, trade_off
+from tsis.plots._hardness import contact_growth, contact_rows, modulus, modulus_readings
+from tsis.plots._image import relief, ring_profile, tactile_image
+from tsis.plots._matching import TRIAL_COLOURS, curves_over_levels, point_sets, trial_errors
+from tsis.plots._optics import guide_index, guide_light, light_on_face, light_out_of_the_top, mode_profiles, ray_picture
+from tsis.plots._probe import probe_section
+from tsis.plots._relative import repeated_readings
 
 __all__ = [
+    "LABELS",
+    "TRIAL_COLOURS",
+    "agreement_limits",
+    "contact_growth",
+    "contact_rows",
+    "curves_over_levels",
     "design_errors",
+    "dot_board",
+    "draw_scan_plan",
+    "force_residuals",
+    "force_sums",
+    "found_by_place",
     "grey_sums",
     "guide_index",
     "guide_light",
+    "hysteresis_loops",
     "light_on_face",
     "light_out_of_the_top",
     "marginal",
     "mode_profiles",
+    "modulus",
+    "modulus_readings",
+    "point_sets",
     "probe_section",
     "ray_picture",
+    "read_over_true",
+    "reliability_diagram",
     "relief",
     "repeated_readings",
     "ring_profile",
+    "roc_curve",
+    "scores_by_truth",
     "tactile_image",
     "trade_off",
     "trial_errors",

@@ -1,23 +1,58 @@
 """What was measured, kept so that it is never lost, can be believed, computed again, and read by others."""
 
-from tsis.records.dossier import TargetRecord
-from tsis.records.environment import environment
-from tsis.records.opening import default_folder, open_store
-from tsis.records.store import Store
-from tsis.records.summary import TargetSummary
-from tsis.records.values import StoredEstimate, StoredPress, Target
-from tsis.records.verification import StoreVerification, verify_store
+from tsis.records._deidentify import DAMAGED, deidentified
+from tsis.records._estimation import PRIORS, REFERENCES, EstimationRequest, estimate_stored, require_options
+from tsis.records._plain import estimate_to_plain, press_to_plain, target_to_plain
+from tsis.records._plain_fields import free_to_plain
+from tsis.records._provenance import environment
+from tsis.records._recompute import Recomputation, recompute
+from tsis.records._saving import SavableResult, require_savable, save_results, saved_notes
+from tsis.records._target_record import TargetRecord
+from tsis.records._values import (
+    ESTIMATES,
+    KINDS,
+    LONGEST_NAME,
+    LONGEST_NOTE,
+    ROLE_WORDS,
+    ROLES,
+    StoredEstimate,
+    StoredPress,
+    Target,
+    parse_force,
+    parse_truth,
+    require_label,
+)
 
 __all__ = [
-    "Store",
-    "StoreVerification",
+    "DAMAGED",
+    "ESTIMATES",
+    "KINDS",
+    "LONGEST_NAME",
+    "LONGEST_NOTE",
+    "PRIORS",
+    "REFERENCES",
+    "ROLES",
+    "ROLE_WORDS",
+    "EstimationRequest",
+    "Recomputation",
+    "SavableResult",
     "StoredEstimate",
     "StoredPress",
     "Target",
     "TargetRecord",
-    "TargetSummary",
-    "default_folder",
+    "deidentified",
     "environment",
-    "open_store",
-    "verify_store",
+    "estimate_stored",
+    "estimate_to_plain",
+    "free_to_plain",
+    "parse_force",
+    "parse_truth",
+    "press_to_plain",
+    "recompute",
+    "require_label",
+    "require_options",
+    "require_savable",
+    "save_results",
+    "saved_notes",
+    "target_to_plain",
 ]

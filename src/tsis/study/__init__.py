@@ -5,36 +5,44 @@
 `analyse` sets the readings beside the truth, and `verify_study` says whether all of it is as it was written.
 """
 
-from tsis.study.analysis import StudyAnalysis, analyse
-from tsis.study.folder import Study, enter_readings, open_study
-from tsis.study.making import new_study
-from tsis.study.pressing import RunResult, press_study
-from tsis.study.reading import DeviceReading
-from tsis.study.table import export_readings, import_readings
-from tsis.study.targets import printed_targets, random_targets
-from tsis.study.truth import TargetTruth
-from tsis.study.truth_table import read_truth_table
-from tsis.study.unblinding import enter_analysis, unblind
-from tsis.study.verification import StudyVerification, verify_study
+from tsis.study._folder import ANALYSED, PLAN, Study, enter_readings, open_study, read_seal
+from tsis.study._log import LOG_FILE, read_chain
+from tsis.study._making import new_study, printed_targets, random_targets
+from tsis.study._plan import JUDGED_BY, TARGETS
+from tsis.study._pressing import RunResult, press_study
+from tsis.study._tables import READING_COLUMNS, export_readings, import_readings, import_table, read_truth_table
+from tsis.study._unblinding import enter_analysis, unblind
+from tsis.study._values import QUANTITIES, DeviceReading, TargetTruth, require_short_name
+from tsis.study._verification import StudyVerification, is_one_name, verify_study
 
 __all__ = [
+    "ANALYSED",
+    "JUDGED_BY",
+    "LOG_FILE",
+    "PLAN",
+    "QUANTITIES",
+    "READING_COLUMNS",
+    "TARGETS",
     "DeviceReading",
     "RunResult",
     "Study",
-    "StudyAnalysis",
     "StudyVerification",
     "TargetTruth",
-    "analyse",
     "enter_analysis",
     "enter_readings",
     "export_readings",
     "import_readings",
+    "import_table",
+    "is_one_name",
     "new_study",
     "open_study",
     "press_study",
     "printed_targets",
     "random_targets",
+    "read_chain",
+    "read_seal",
     "read_truth_table",
+    "require_short_name",
     "unblind",
     "verify_study",
 ]

@@ -1,13 +1,32 @@
 """The virtual probe: mechanics, light and camera without hardware."""
 
-from tsis.virtual.camera import VirtualCamera
-from tsis.virtual.direct_contact import DirectContactRig, direct_contact_calibration
-from tsis.virtual.probe import VirtualProbe, nominal_calibration
+from tsis.virtual._calibration_bench import VirtualBench, bench_name, bench_seed
+from tsis.virtual._camera import FORCE, LARGEST_FORCE_N, USUAL_MS, VirtualCamera, virtual_mode
+from tsis.virtual._direct_contact import DIRECT_CONTACT_RESOLUTION, DirectContactRig, direct_contact_calibration
+from tsis.virtual._gige import GigEServer
+from tsis.virtual._loading_machine import FLAT_LEVELS, VirtualLoadingMachine
+from tsis.virtual._probe import FINE_RESOLUTION, VirtualProbe, nominal_calibration
+from tsis.virtual._scale_targets import ball_frame, dot_board_frame, untouched_frame
 
 __all__ = [
+    "DIRECT_CONTACT_RESOLUTION",
+    "FINE_RESOLUTION",
+    "FLAT_LEVELS",
+    "FORCE",
+    "LARGEST_FORCE_N",
+    "USUAL_MS",
     "DirectContactRig",
+    "GigEServer",
+    "VirtualBench",
     "VirtualCamera",
+    "VirtualLoadingMachine",
     "VirtualProbe",
+    "ball_frame",
+    "bench_name",
+    "bench_seed",
     "direct_contact_calibration",
+    "dot_board_frame",
     "nominal_calibration",
+    "untouched_frame",
+    "virtual_mode",
 ]

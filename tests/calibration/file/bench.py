@@ -7,13 +7,12 @@ from typing import Any
 
 import numpy as np
 
-from tsis.calibration import ForceLine, MeasuredValue
-from tsis.calibration.file import (
-    ProbeCalibration,
-)
-from tsis.calibration.reference.making import CameraReference
+from tsis.calibration import MeasuredValue
+from tsis.calibration.file import ProbeCalibration
+from tsis.calibration.force import ForceLine
+from tsis.calibration.reference import CameraReference
 from tsis.calibration.scale import PixelScale
-from tsis.calibration.specification.sheet import Specification, SpecificationRow
+from tsis.calibration.specification import Specification, SpecificationRow
 from tsis.model import Calibration, LightMap
 
 MADE = datetime(2026, 11, 22, 10, 0, tzinfo=UTC)

@@ -20,10 +20,10 @@ from tests.calibration.file.bench import (
     sheet,
 )
 
-from tsis.calibration import ForceLine
+from tsis.calibration.force import ForceLine
 from tsis.calibration.scale import PixelScale
+from tsis.errors import CalibrationError, InputError
 from tsis.model import Calibration
-from tsis.model.errors import CalibrationError, InputError
 
 
 @pytest.mark.parametrize(

@@ -9,13 +9,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import linregress
 
-from tsis.calibration.force.curves import run_of
-from tsis.calibration.force.fit import fit_force_line
-from tsis.calibration.force.line import ForceLine
-from tsis.calibration.force.loading import Loading, loading_forces
-from tsis.calibration.measured import MeasuredValue
-from tsis.calibration.reference.value import CameraReference
-from tsis.model.errors import CalibrationError, InputError
+from tsis.calibration import MeasuredValue
+from tsis.calibration.force import ForceLine, Loading, fit_force_line, loading_forces, run_of
+from tsis.calibration.reference import CameraReference
+from tsis.errors import CalibrationError, InputError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -10,19 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import tsis
-from tsis.calibration.guard.blocks import FrameShape
-from tsis.calibration.guard.flags import FLAGS
-from tsis.calibration.guard.flicker import flicker_amplitude
-from tsis.calibration.guard.limits import RANGES, GuardLimits
-from tsis.calibration.guard.press_check import check_press
-from tsis.calibration.guard.reading import prepared, read_guard_frame
-from tsis.calibration.guard.reference import GuardReference
-from tsis.calibration.guard.watch import PressWatch, WatchState
-from tsis.calibration.lamps.patch import ReferencePatch
-from tsis.calibration.settling.verdict import judge_settling
+from tsis.calibration.guard import FLAGS, FrameShape, GuardLimits, GuardReference, PressWatch, WatchState, check_press
+from tsis.calibration.guard._flags import RANGES
+from tsis.calibration.guard._flicker import flicker_amplitude
+from tsis.calibration.guard._reading import prepared, read_guard_frame
+from tsis.calibration.lamps import ReferencePatch
+from tsis.calibration.settling import judge_settling
+from tsis.errors import ImageMismatchError, InputError
 from tsis.instrument import Frame
 from tsis.model import TactileImage
-from tsis.model.errors import ImageMismatchError, InputError
 from tsis.virtual import VirtualProbe
 
 ROWS, COLUMNS, RADIUS_PX, DARK = 246, 384, 60.0, 8.0

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from tests.calibration.file.bench import bench, bench_reference
 
-from tsis.calibration.cited import UsableCalibration
-from tsis.calibration.guard import WatchState
-from tsis.calibration.guard.of_stream import guard_reference, press_watch, with_calibrated_scale
+from tsis.calibration import UsableCalibration
+from tsis.calibration.guard import WatchState, guard_reference, press_watch, with_calibrated_scale
+from tsis.catalog import load_probe
+from tsis.errors import ImageMismatchError
 from tsis.instrument import Frame
-from tsis.model import TactileImage, load_probe
-from tsis.model.errors import ImageMismatchError
+from tsis.model import TactileImage
 
 PROBE = load_probe("tsis-2011")
 

@@ -5,11 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tsis.calibration.lamps.patch import ReferencePatch, drift_corrected, patch_ratio
-from tsis.calibration.lamps.warming import fit_warm_up
-from tsis.imaging.led_drift import LedDrift
+from tsis.calibration.lamps import ReferencePatch, drift_corrected, fit_warm_up, patch_ratio
+from tsis.errors import CalibrationError, ImageMismatchError, InputError
+from tsis.imaging import LedDrift
 from tsis.model import TactileImage
-from tsis.model.errors import CalibrationError, ImageMismatchError, InputError
 
 CORNER = ReferencePatch(first_row=0, last_row=20, first_column=60, last_column=80)
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy.stats import norm
 
-from tsis.calibration.reference.noise import PhotonTransfer, photon_transfer
-from tsis.model.errors import CalibrationError
+from tsis.calibration.reference import PhotonTransfer, photon_transfer
+from tsis.errors import CalibrationError
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

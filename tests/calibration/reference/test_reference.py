@@ -8,15 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import tsis
-from tsis.calibration.force.reading import patch_mask, read_loading_frame, total_grey
-from tsis.calibration.guard.blocks import FrameShape
-from tsis.calibration.guard.reading import prepared
-from tsis.calibration.guard.reference import GuardReference
-from tsis.calibration.reference.making import CameraReference, make_reference
-from tsis.imaging.sensor import Sensor
+from tsis.calibration.force import read_loading_frame, total_grey
+from tsis.calibration.force._frame import patch_mask
+from tsis.calibration.guard import FrameShape, GuardReference
+from tsis.calibration.guard._reading import prepared
+from tsis.calibration.reference import CameraReference, make_reference
+from tsis.errors import CalibrationError, ImageMismatchError, InputError
+from tsis.imaging import Sensor
 from tsis.model import TactileImage
-from tsis.model.errors import CalibrationError, ImageMismatchError, InputError
-from tsis.virtual.loading_machine import FLAT_LEVELS, VirtualLoadingMachine
+from tsis.virtual import FLAT_LEVELS, VirtualLoadingMachine
 
 SENSOR = Sensor(columns=256, rows=216)
 

@@ -7,18 +7,15 @@ import pytest
 from scipy.integrate import quad
 from scipy.special import erf
 
-from tsis.calibration.force.loading import Loading
-from tsis.calibration.force.reading import MIDDLE, read_loading_frame
-from tsis.calibration.measured import MeasuredValue
-from tsis.calibration.reference.value import CameraReference
-from tsis.calibration.response.fit import fit_response
-from tsis.calibration.response.shape import light_share, peakedness, spread_factor
-from tsis.calibration.response.value import PressureResponse, Saturation
-from tsis.imaging.render import render
-from tsis.imaging.sensor import Sensor
-from tsis.mechanics.closed_form import HertzContact
+from tsis.calibration import MeasuredValue
+from tsis.calibration.force import MIDDLE, Loading, read_loading_frame
+from tsis.calibration.reference import CameraReference
+from tsis.calibration.response import PressureResponse, Saturation, fit_response
+from tsis.calibration.response._fit import light_share, peakedness, spread_factor
+from tsis.errors import CalibrationError, InputError
+from tsis.imaging import Sensor, render
+from tsis.mechanics import HertzContact
 from tsis.model import Calibration, PressField, TactileImage
-from tsis.model.errors import CalibrationError, InputError
 
 SENSOR = Sensor(columns=256, rows=216)
 GAIN, FORCES, MODULUS = 0.5, (0.2, 0.4, 0.8, 1.2, 1.6, 2.0), 660.0

@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from tsis import TactileImage
 from tsis.calibration.scale import axis_ratio_from_ball, scale_from_ball
-from tsis.imaging.sensor import Sensor
+from tsis.errors import CalibrationError, ImageMismatchError, InputError
+from tsis.imaging import Sensor
 from tsis.instrument import read_image
-from tsis.model.errors import CalibrationError, ImageMismatchError, InputError
-from tsis.virtual.scale_targets import ball_frame, untouched_frame
+from tsis.model import TactileImage
+from tsis.virtual import ball_frame, untouched_frame
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -7,12 +7,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tsis import TactileImage
 from tsis.calibration.scale import DotDiagnostics, PixelScale, scale_from_dots
-from tsis.imaging.sensor import Sensor
+from tsis.errors import CalibrationError, ImageMismatchError, InputError
+from tsis.imaging import Sensor
 from tsis.instrument import read_image
-from tsis.model.errors import CalibrationError, ImageMismatchError, InputError
-from tsis.virtual.scale_targets import dot_board_frame, untouched_frame
+from tsis.model import TactileImage
+from tsis.virtual import dot_board_frame, untouched_frame
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -3,10 +3,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from tsis import TactileImage
 from tsis.calibration import MeasuredValue
 from tsis.calibration.scale import PixelScale
-from tsis.model.errors import ImageMismatchError, InputError
+from tsis.errors import ImageMismatchError, InputError
+from tsis.model import TactileImage
 
 FIELDS = {
     "mm_per_pixel_x": MeasuredValue(value=0.0336, sd=1e-4, degrees_of_freedom=9, unit="mm/px"),

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from tsis.calibration.file import ProbeCalibration
-from tsis.calibration.file.content import calibration_sha256
+from tsis.calibration.file import ProbeCalibration, calibration_sha256
 from tsis.calibration.session import SessionFolder, archive_calibration, save_calibration, saved_calibration
 
 if TYPE_CHECKING:

@@ -10,9 +10,9 @@ from tests.instrument.scripted_camera import BREAK, END, ScriptedCamera, frame
 from tests.waiting import HANGS_S, until
 
 from tsis.calibration.session import LiveBench
+from tsis.errors import CameraError, GaugeError
 from tsis.instrument.acquisition import Acquisition
 from tsis.instrument.gauge import ForceAtTime
-from tsis.model.errors import CameraError, GaugeError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

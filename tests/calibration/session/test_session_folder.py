@@ -12,8 +12,8 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from tsis.calibration.session import CalibrationFrame, SessionFolder, SessionSetup
+from tsis.errors import CalibrationError, CameraError, FileInputError, InputError, TsisError
 from tsis.model import TactileImage
-from tsis.model.errors import CalibrationError, CameraError, FileInputError, InputError, TsisError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -6,12 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import tsis
-from tsis.calibration.guard.history import PressHistory
-from tsis.calibration.settling.decay import DecayFit
-from tsis.calibration.settling.verdict import BINS, judge_settling
-from tsis.mechanics import relaxing_press, settling_time_s
+from tsis.calibration.guard import PressHistory
+from tsis.calibration.settling import BINS, judge_settling
+from tsis.calibration.settling._decay import DecayFit
+from tsis.errors import InputError
+from tsis.mechanics.small_strain import relaxing_press, settling_time_s
 from tsis.model import Relaxation
-from tsis.model.errors import InputError
 
 RATE_HZ = 30.0
 

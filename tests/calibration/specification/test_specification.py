@@ -5,16 +5,14 @@ import pytest
 from scipy.special import erf
 
 import tsis
-from tsis.calibration.force.line import ForceLine, ForceLineDiagnostics
-from tsis.calibration.measured import MeasuredValue
-from tsis.calibration.reference.making import make_reference
-from tsis.calibration.specification.edge import edge_width
-from tsis.calibration.specification.rate import frame_rate
-from tsis.calibration.specification.sheet import Specification, specification_sheet
-from tsis.imaging.sensor import Sensor
+from tsis.calibration import MeasuredValue
+from tsis.calibration.force import ForceLine, ForceLineDiagnostics
+from tsis.calibration.reference import make_reference
+from tsis.calibration.specification import Specification, edge_width, frame_rate, specification_sheet
+from tsis.errors import CalibrationError, InputError, UnknownNameError
+from tsis.imaging import Sensor
 from tsis.model import TactileImage
-from tsis.model.errors import CalibrationError, InputError, UnknownNameError
-from tsis.virtual.loading_machine import VirtualLoadingMachine
+from tsis.virtual import VirtualLoadingMachine
 
 SCALE = (0.03, 0.04)
 TEN_TO_NINETY = 2 * 1.2815515655446004  # standard deviations between 10 and 90 % of a normal distribution

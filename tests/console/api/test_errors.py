@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.console.api.errors import AbsentError, NoControlError, kind_of, problem, sentence_of, status_of
-from tsis.model import errors
+from tsis import errors
+from tsis.console._statuses import AbsentError, NoControlError, status_of
+from tsis.console.api._errors import kind_of, problem, sentence_of
 
 if TYPE_CHECKING:
     from tests.console.api.script import Script

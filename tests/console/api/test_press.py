@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from tsis.records import open_store
+from tsis.records.store import open_store
 
 if TYPE_CHECKING:
     from tests.console.api.script import Script

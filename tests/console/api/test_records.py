@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.records import open_store
+from tsis.records.store import open_store
 
 if TYPE_CHECKING:
     from tests.console.api.script import Script

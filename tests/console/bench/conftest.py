@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from tsis.console.bench import Bench
+    from tsis.console.services import Bench
 
 
 @pytest.fixture

@@ -9,13 +9,13 @@ import numpy as np
 from tests.console.bench.lit_camera import World
 from tests.waiting import HANGS_S
 
-from tsis.console.bench import Bench, BenchTerms
+from tsis.console.services import Bench, BenchTerms
 from tsis.instrument.gauge import ForceLog, SimulatedGauge
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.console.bench import Job
+    from tsis.console.services import Job
 
 ANN, BOB = "tab ann", "tab bob"
 LIT = "aravis:lit"

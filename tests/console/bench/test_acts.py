@@ -7,9 +7,9 @@ import threading
 import pytest
 from tests.waiting import HANGS_S
 
-from tsis.console.bench import Control
-from tsis.console.bench.acts import Acts
-from tsis.model.errors import ControlError, InputError
+from tsis.console.services import Control
+from tsis.console.services._control import Acts
+from tsis.errors import ControlError, InputError
 
 
 @pytest.fixture

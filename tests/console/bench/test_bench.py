@@ -11,17 +11,9 @@ from tests.console.bench.lit_camera import World
 from tests.console.bench.places import ANN, BOB, LIT, Held, gauge, lit_bench
 from tests.waiting import HANGS_S, until
 
-from tsis.console.bench import Bench, BenchState, BenchTerms, CameraChoice
-from tsis.model.errors import (
-    CameraError,
-    ControlError,
-    FileInputError,
-    GaugeError,
-    InputError,
-    RecordsError,
-    TsisError,
-)
-from tsis.records import open_store
+from tsis.console.services import Bench, BenchState, BenchTerms, CameraChoice
+from tsis.errors import CameraError, ControlError, FileInputError, GaugeError, InputError, RecordsError, TsisError
+from tsis.records.store import open_store
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -7,9 +7,8 @@ from typing import Any
 
 import pytest
 
-from tsis.console.bench import BenchTerms, CameraChoice
-from tsis.console.bench.stage import VirtualStage
-from tsis.model.errors import InputError, UnknownNameError
+from tsis.console.services import BenchTerms, CameraChoice, VirtualStage
+from tsis.errors import InputError, UnknownNameError
 
 
 @pytest.mark.parametrize("spec", ["files:frames", "files:", "video:press.mkv"])

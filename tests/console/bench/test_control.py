@@ -8,8 +8,8 @@ from typing import Any
 import pytest
 from tests.waiting import HANGS_S
 
-from tsis.console.bench import Control, Holder
-from tsis.model.errors import ControlError, InputError
+from tsis.console.services import Control, Holder
+from tsis.errors import ControlError, InputError
 
 
 class Clock:

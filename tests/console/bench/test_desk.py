@@ -10,9 +10,9 @@ from tests.console.bench.lit_camera import COLUMNS, ROWS, World, seen
 from tests.console.bench.places import LIT
 from tests.waiting import HANGS_S, until
 
-from tsis.console.bench import CameraChoice
-from tsis.console.bench.desk import CameraDesk
-from tsis.model.errors import CameraError, ControlError, InputError, UnknownNameError
+from tsis.console.services import CameraChoice
+from tsis.console.services._camera import CameraDesk
+from tsis.errors import CameraError, ControlError, InputError, UnknownNameError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

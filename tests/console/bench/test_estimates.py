@@ -18,20 +18,17 @@ from tests.waiting import HANGS_S
 
 import tsis
 import tsis.hardness
-from tsis.console.bench import CameraChoice
-from tsis.console.bench import stage as stage_of_a_bench
-from tsis.console.bench.estimates import newest_presses
-from tsis.console.bench.stage import BALL_MM
-from tsis.imaging.sensor import Sensor
-from tsis.model.errors import InputError
+from tsis.console.services import BALL_MM, CameraChoice, newest_presses
+from tsis.console.services import _subject as stage_of_a_bench
+from tsis.errors import InputError
+from tsis.imaging import Sensor
 from tsis.virtual import DirectContactRig
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from tsis.console.bench import Bench, Job
-    from tsis.console.bench.snapshots import Kept
+    from tsis.console.services import Bench, Job, Kept
     from tsis.records import StoredPress, TargetRecord
 
 SAMPLE = sample_dossier()

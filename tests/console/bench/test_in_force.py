@@ -14,17 +14,17 @@ from tests.console.bench.places import ANN, LIT, lit_bench
 from tests.records.sample import sample_calibration
 from tests.waiting import until
 
-from tsis.calibration import MeasuredValue, PixelScale
-from tsis.calibration.cited import UsableCalibration
+from tsis.calibration import MeasuredValue, UsableCalibration
 from tsis.calibration.file import calibration_sha256, write_calibration
-from tsis.model.errors import CalibrationError, FileInputError
+from tsis.calibration.scale import PixelScale
+from tsis.errors import CalibrationError, FileInputError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from tests.console.bench.lit_camera import World
 
-    from tsis.console.bench import Bench
+    from tsis.console.services import Bench
 
 NOW = datetime.now(UTC)
 

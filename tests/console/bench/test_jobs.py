@@ -11,9 +11,9 @@ import pytest
 from tests.console.bench.places import Held
 from tests.waiting import HANGS_S, until
 
-from tsis.console.bench import Job, Jobs
-from tsis.console.bench.jobs import AT_ONCE, REMEMBERED, RESULTS
-from tsis.model.errors import ControlError, InputError
+from tsis.console.services import RESULTS, Job, Jobs
+from tsis.console.services._jobs import AT_ONCE, REMEMBERED
+from tsis.errors import ControlError, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

@@ -16,9 +16,9 @@ from tests.console.bench.places import ANN, Held, gauge
 from tests.console.bench.test_in_force import known
 from tests.waiting import HANGS_S, until
 
-from tsis.instrument.gauge.alignment import LONGEST_GAP_S
+from tsis.errors import CameraError, ControlError, InputError
+from tsis.instrument.gauge._alignment import LONGEST_GAP_S
 from tsis.instrument.recording import FrameFolder
-from tsis.model.errors import CameraError, ControlError, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from tests.console.bench.lit_camera import World
 
-    from tsis.console.bench import Bench, Job
+    from tsis.console.services import Bench, Job
     from tsis.instrument.acquisition import Acquisition
 
 

@@ -11,11 +11,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tsis.calibration.guard.blocks import FrameShape
-from tsis.calibration.guard.reference import GuardReference
-from tsis.calibration.guard.watch import PressWatch, WatchState
-from tsis.calibration.settling.verdict import UNKNOWN
-from tsis.console.bench.sight import (
+from tsis.calibration.guard import FrameShape, GuardReference, PressWatch, WatchState
+from tsis.calibration.settling._settling import UNKNOWN
+from tsis.console.services._frame_analysis import (
     BINS,
     LARGEST_SIDE_PX,
     ForceSeen,

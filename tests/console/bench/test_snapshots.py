@@ -21,12 +21,12 @@ from tests.records.full_disk import FailingDisk
 from tests.waiting import HANGS_S, until
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.instrument.gauge.alignment import LONGEST_GAP_S
-from tsis.model.durable import DISK
-from tsis.model.errors import CameraError, ControlError, FileInputError, GaugeError, InputError, RecordsError
-from tsis.records import engines, open_store, verify_store
-from tsis.records.database import DATABASE_FILE
+from tsis.errors import CameraError, ControlError, FileInputError, GaugeError, InputError, RecordsError
+from tsis.files import DISK
+from tsis.instrument.gauge._alignment import LONGEST_GAP_S
 from tsis.records.importing import ImportOptions, enter, find_import_batches
+from tsis.records.store import DATABASE_FILE, open_store, verify_store
+from tsis.records.store import _engines as engines
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from tests.console.bench.lit_camera import World
 
-    from tsis.console.bench import Bench
+    from tsis.console.services import Bench
 
 
 def sha256(pixels: NDArray[Any]) -> str:

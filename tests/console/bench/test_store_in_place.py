@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.console.bench.places import ANN
 
-from tsis.console.bench import reading
-from tsis.console.bench.reading import STORE_LOOKED_AT_S, StoreInPlace
-from tsis.model.errors import RecordsError
+from tsis.console.services import _reading as reading
+from tsis.console.services._reading import STORE_LOOKED_AT_S, StoreInPlace
+from tsis.errors import RecordsError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.console.bench import Bench
+    from tsis.console.services import Bench
 
 
 def test_a_store_that_was_moved_is_trouble_until_it_is_back(

@@ -9,15 +9,14 @@ import pytest
 from tests.console.bench.places import ANN, virtual_bench
 from tests.waiting import until
 
-from tsis.console.bench import CameraChoice
-from tsis.console.bench.stage import VirtualStage
-from tsis.model.errors import ControlError, InputError, MechanicsError
-from tsis.records.estimation import REFERENCES
+from tsis.console.services import CameraChoice, VirtualStage
+from tsis.errors import ControlError, InputError, MechanicsError
+from tsis.records import REFERENCES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from tsis.console.bench import Bench
+    from tsis.console.services import Bench
 
 
 @pytest.fixture(scope="module")

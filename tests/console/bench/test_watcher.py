@@ -10,9 +10,9 @@ import pytest
 from tests.console.live.feed import Feed
 from tests.waiting import until
 
-from tsis.calibration.guard.reference import GuardReference
-from tsis.console.bench.sight import ForceSeen
-from tsis.console.bench.watcher import Watcher
+from tsis.calibration.guard import GuardReference
+from tsis.console.services._frame_analysis import ForceSeen
+from tsis.console.services._watcher import Watcher
 from tsis.model import TactileImage
 
 if TYPE_CHECKING:

@@ -10,12 +10,12 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.records.sample import sample_dossier
 
-from tsis.console.files.exporting import written
-from tsis.console.files.reports import Reports
-from tsis.model.errors import InputError, RecordsError
-from tsis.records import open_store
-from tsis.report.forms import PAGES, page_bytes
-from tsis.report.of_store import StoreAddress, report_of_stored_target
+from tsis.console.files import Reports
+from tsis.console.files._exporting import written
+from tsis.errors import InputError, RecordsError
+from tsis.records.store import open_store
+from tsis.report import PAGES, StoreAddress, report_of_stored_target
+from tsis.report._forms import page_bytes
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -29,7 +29,7 @@ def test_a_report_is_made_elsewhere_and_is_the_same(tmp_path: Path, monkeypatch:
         store.take_in(sample_dossier())
         target = store.target(NUMBER)
         here = {form: page_bytes(form, store.dossier(target)) for form in PAGES}
-        monkeypatch.setattr("tsis.report.target.target_page", lambda *_: pytest.fail("it is made in this process"))
+        monkeypatch.setattr("tsis.report.target._page.target_page", lambda *_: pytest.fail("it is made in this process"))
         for form, content in here.items():
             file = written(store, target, form, reports=reports)
             assert file.path.read_bytes() == content

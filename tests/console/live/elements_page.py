@@ -9,14 +9,16 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.console import BenchTerms, ConsoleTerms, serve_console
-from tsis.console.live.colours import MAPS
-from tsis.console.live.element import ColouredFrames, Histogram, LiveView, SurfaceView
-from tsis.console.pages import directory
+from tsis.console import ConsoleTerms, serve_console
+from tsis.console.live import Histogram, LiveView, SurfaceView
+from tsis.console.live._hub import MAPS
+from tsis.console.pages import _directory as directory
+from tsis.console.services import BenchTerms
 
 if TYPE_CHECKING:
-    from tsis.console.bench import Bench, BenchState
-    from tsis.console.pages.viewer import Viewer
+    from tsis.console.live._element import ColouredFrames
+    from tsis.console.pages.components import Viewer
+    from tsis.console.services import Bench, BenchState
 
 ENDS: dict[str, str | tuple[float, float]] = {
     "whole": (0.0, 255.0),

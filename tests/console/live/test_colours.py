@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from matplotlib import colormaps
 
-from tsis.console.live.colours import GREY, MAPS, checked_ends, packed_colours
+from tsis.console.live._hub import GREY, MAPS, checked_ends, packed_colours
+from tsis.errors import InputError, UnknownNameError
 from tsis.imaging import colour_map
 from tsis.model import TactileImage
-from tsis.model.errors import InputError, UnknownNameError
 
 
 def unpacked(name: str) -> np.ndarray:

@@ -12,7 +12,7 @@ import pytest
 from tests.console.browser import needs_browser, picture
 from tests.console.live.elements_page import ENDS
 
-from tsis.console.live.colours import GREY, MAPS, packed_colours
+from tsis.console.live._hub import GREY, MAPS, packed_colours
 from tsis.imaging import colour_map
 from tsis.model import TactileImage
 

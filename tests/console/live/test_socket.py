@@ -22,10 +22,11 @@ from tests.waiting import HANGS_S, until
 from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
-from tsis.console.bench.sight import Seen, Sight
-from tsis.console.live.hub import LiveHub
-from tsis.console.live.packet import packet, sight_text
-from tsis.console.live.socket import is_here, live_view
+from tsis.console.live import LiveHub, live_view
+from tsis.console.live._hub import packet, sight_text
+from tsis.console.live._socket import is_here
+from tsis.console.services import Sight
+from tsis.console.services._frame_analysis import Seen
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -280,7 +281,7 @@ def test_a_frame_is_made_once_for_all_and_not_where_all_wait_for_it(
             second.wait(0.2 if len(made) == 1 else 0.0)  # in which another one could begin
         return packet(*given, **named)
 
-    monkeypatch.setattr("tsis.console.live.hub.packet", packed)
+    monkeypatch.setattr("tsis.console.live._hub.packet", packed)
     with served.viewer(asks) as one, served.viewer(asks) as other:
         served.bring(full_scale=full_scale)
         assert next_frame(one)[0] == next_frame(other)[0] == 1
@@ -296,7 +297,7 @@ def test_words_of_a_frame_are_made_once_for_all(served: Served, monkeypatch: pyt
         made.append(sight)
         return sight_text(sight)
 
-    monkeypatch.setattr("tsis.console.live.hub.sight_text", text)
+    monkeypatch.setattr("tsis.console.live._hub.sight_text", text)
     with served.viewer() as one, served.viewer() as other:
         for sight in (SIGHT, replace(SIGHT, number=2)):
             served.bench.sight = sight

@@ -9,8 +9,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tsis.console.bench.sight import Seen, Sight
-from tsis.console.live.element import levels_in_words, notice, seen_in_words
+from tsis.console.live._element import levels_in_words, notice, seen_in_words
+from tsis.console.services import Sight
+from tsis.console.services._frame_analysis import Seen
 
 SIGHT = Sight(number=1, flags=(), force=None, still="", contact=None, histogram=(4, 0), clipped_share=0.0, warnings=())
 

@@ -8,9 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 from nicegui import Client
 from nicegui.page import page
 
-from tsis.console.pages.glance import Glance
-from tsis.console.pages.tabs import Tabs
-from tsis.console.pages.viewer import Viewer
+from tsis.console.pages.components import Glance, Tabs, Viewer
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
@@ -18,7 +16,7 @@ if TYPE_CHECKING:
     from nicegui.element import Element
     from nicegui.elements.mixins.text_element import TextElement
 
-    from tsis.console.bench import Bench
+    from tsis.console.services import Bench
 
 
 class Told(Viewer):

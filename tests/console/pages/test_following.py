@@ -9,10 +9,9 @@ from nicegui import run, ui
 from tests.console.bench.places import lit_bench
 from tests.console.pages.open_page import Told, on_a_page, texts
 
-from tsis.console.pages.calibration_seen import CalibrationSeen
-from tsis.console.pages.examine.estimate_panel import EstimatePanel
-from tsis.console.pages.records.target import TargetPage
-from tsis.console.pages.store_changes import follow_store
+from tsis.console.pages.components import CalibrationSeen, follow_store
+from tsis.console.pages.examine._estimate import EstimatePanel
+from tsis.console.pages.records._target import TargetPage
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
@@ -51,7 +50,7 @@ def test_a_page_that_nobody_sees_looks_once(monkeypatch: pytest.MonkeyPatch) -> 
 
 def test_every_change_is_told_once_whoever_made_it(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     looks, told = timers(monkeypatch), []
-    monkeypatch.setattr("tsis.console.pages.glance.ENTRIES_FRESH_S", 0.0)
+    monkeypatch.setattr("tsis.console.pages.components._summary.ENTRIES_FRESH_S", 0.0)
 
     async def changed() -> None:
         told.append(1)
@@ -74,7 +73,7 @@ def test_every_change_is_told_once_whoever_made_it(tmp_path: Path, monkeypatch: 
 
 def test_a_name_that_was_changed_is_shown_on_examine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     looks = timers(monkeypatch)
-    monkeypatch.setattr("tsis.console.pages.glance.ENTRIES_FRESH_S", 0.0)
+    monkeypatch.setattr("tsis.console.pages.components._summary.ENTRIES_FRESH_S", 0.0)
     with lit_bench(tmp_path) as bench:
         target = bench.store.add_target(number=1, name="one")
 
@@ -105,7 +104,7 @@ def test_of_two_readings_the_one_asked_for_last_is_shown(tmp_path: Path, monkeyp
                 await pages[0].load()
             return found
 
-        monkeypatch.setattr("tsis.console.pages.records.target.run", SimpleNamespace(io_bound=slow_at_first))
+        monkeypatch.setattr("tsis.console.pages.records._target.run", SimpleNamespace(io_bound=slow_at_first))
 
         async def overtaken(viewer: Told) -> None:
             pages.append(TargetPage(bench, viewer, "1"))

@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 
 from tsis.calibration.file import ProbeCalibration
-from tsis.console.bench import CameraChoice
-from tsis.console.pages.hardness.flow import Kept, kept, lacking, next_free, next_words
+from tsis.console.pages.hardness._flow import Kept, kept, lacking, next_free, next_words
+from tsis.console.services import CameraChoice
 from tsis.model import TactileImage
-from tsis.records import open_store
+from tsis.records.store import open_store
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from tsis.records import Store
+    from tsis.records.store import Store
 
 NOON = datetime(2026, 11, 22, 12, tzinfo=UTC)
 KNOWN = ProbeCalibration(name="of the test", probe="tsis-direct")

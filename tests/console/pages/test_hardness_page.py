@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 from tests.console.bench.places import ANN, lit_bench
 from tests.console.pages.open_page import Told, on_a_page, texts
 
-from tsis.console.pages.hardness.layout import _Measurement
-from tsis.model.errors import RecordsError
+from tsis.console.pages.hardness._page import _Measurement
+from tsis.errors import RecordsError
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 
 from tests.console.pages.open_page import Told, on_a_page
 
-from tsis.console.bench.control import Control, Holder
-from tsis.console.pages.shell.holding import Holding
+from tsis.console.pages.shell._control import Holding
+from tsis.console.services import Control, Holder
 
 if TYPE_CHECKING:
     from collections.abc import Callable

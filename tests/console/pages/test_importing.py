@@ -11,9 +11,9 @@ from tests.console.bench.places import Held, lit_bench
 from tests.console.pages.open_page import Told, on_a_page
 from tests.waiting import HANGS_S
 
-from tsis.console.bench.jobs import AT_ONCE
-from tsis.console.pages.records.importing import import_button
-from tsis.console.pages.upload import FileField
+from tsis.console.pages.components._upload import FileField
+from tsis.console.pages.records._transfer import import_button
+from tsis.console.services._jobs import AT_ONCE
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -31,7 +31,7 @@ def test_the_copy_goes_also_when_the_import_is_ended_before_it_begins(
     (copies := tmp_path / "copies").mkdir()
     monkeypatch.setattr(tempfile, "tempdir", str(copies))
     monkeypatch.setattr(FileField, "reset", lambda _: None)  # which asks a browser, as the next does
-    monkeypatch.setattr("tsis.console.pages.upload.name_parts", lambda *_: None)
+    monkeypatch.setattr("tsis.console.pages.components._upload.name_parts", lambda *_: None)
     with lit_bench(tmp_path) as bench:
         held = [Held() for _ in range(AT_ONCE)]
 

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.console.pages.number_field import shown_number, typed_number
-from tsis.model.errors import InputError
+from tsis.console.pages.components import shown_number, typed_number
+from tsis.errors import InputError
 
 
 @given(st.floats(allow_nan=False, allow_infinity=False))

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from tsis.console.pages.design.desk import DrawingDesk
-from tsis.console.pages.tabs import KEPT, NAMED, Tabs
+from tsis.console.pages.components import Tabs
+from tsis.console.pages.components._summary import KEPT, NAMED
+from tsis.console.pages.design._draft import DrawingDesk
 
 
 def test_names_of_tabs_are_not_given_twice_and_not_kept_for_ever() -> None:

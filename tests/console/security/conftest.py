@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.console.running import RunningConsole, running_console
 
-from tsis.console.security.logins import Logins
+from tsis.console.auth import Logins
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

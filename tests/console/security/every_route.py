@@ -9,10 +9,10 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from tsis.console.app import console_app
-from tsis.console.bench import Bench, BenchTerms
-from tsis.console.pages.directory import PAGES
-from tsis.console.security.access import Access
+from tsis.console._app import console_app
+from tsis.console.auth import Access
+from tsis.console.pages import PAGES
+from tsis.console.services import Bench, BenchTerms
 
 BELOW_A_MOUNT = ("", "/", "/x", "/console.css", "/socket.io/?EIO=4&transport=polling")
 # Added while the console runs, or when it starts: uploads of a page, and the picture of the tab.

@@ -10,16 +10,14 @@ from starlette.applications import Starlette
 from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse
 from starlette.routing import Route
 
-from tsis.console.security.access import Access
-from tsis.console.security.attempts import Attempts
-from tsis.console.security.gate import Gate
-from tsis.console.security.visitor import visitor_of
+from tsis.console.auth import Access, Gate, visitor_of
+from tsis.console.auth._rate_limit import Attempts
 
 if TYPE_CHECKING:
     from starlette.requests import Request
     from starlette.responses import Response
 
-    from tsis.console.security.logins import Logins
+    from tsis.console.auth import Logins
 
 TOKEN = "t" * 43
 KEY = {"authorization": f"Bearer {TOKEN}"}

@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.console.security.attempts import (
+from tsis.console.auth._rate_limit import (
     A_MINUTE,
     A_MINUTE_OVER_ALL,
     ADDRESSES,

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.console.security.gated import TOKEN, Clock, answered, client, gate
 
-from tsis.console.security.attempts import A_MINUTE
-from tsis.console.security.logins import Logins
+from tsis.console.auth import Logins
+from tsis.console.auth._rate_limit import A_MINUTE
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -17,7 +17,7 @@ from tests.console.running import running_console
 from tests.console.security.plain_requests import upgraded
 from tests.waiting import HANGS_S
 
-from tsis.console.listening import listening
+from tsis.console._serving import listening
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser

@@ -14,10 +14,10 @@ import pytest
 from tests.console.security.plain_requests import answer_to, status_of, upgraded
 from tests.waiting import HANGS_S
 
-from tsis.console.security.access import Access
-from tsis.console.security.asked import SAFE_METHODS
-from tsis.console.security.door import KEY_NEEDED
-from tsis.console.security.sessions import KEY_S, Sessions
+from tsis.console.auth import Access, Sessions
+from tsis.console.auth._access import SAFE_METHODS
+from tsis.console.auth._login_routes import KEY_NEEDED
+from tsis.console.auth._sessions import KEY_S
 
 if TYPE_CHECKING:
     from tests.console.running import RunningConsole

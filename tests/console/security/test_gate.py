@@ -9,10 +9,9 @@ import httpx
 import pytest
 from tests.console.security.gated import KEY, METHODS, TOKEN, answered, gate
 
-from tsis.console.security.access import Access
-from tsis.console.security.body import LARGEST_BYTES
-from tsis.console.security.door import FAILED
-from tsis.console.security.gate import TOO_LARGE, Gate
+from tsis.console.auth import Access, Gate
+from tsis.console.auth._login_routes import FAILED
+from tsis.console.auth._middleware import LARGEST_BYTES, TOO_LARGE
 
 if TYPE_CHECKING:
     from collections.abc import AsyncIterator

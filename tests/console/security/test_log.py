@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 import pytest
 import uvicorn
 
-from tsis.console import serving
-from tsis.console.listening import listening
-from tsis.console.log import FILE, logged
+from tsis.console import _serving as serving
+from tsis.console._log import FILE, logged
+from tsis.console._serving import listening
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def test_who_came_in_is_in_the_file_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    desk, other = logging.getLogger("tsis.console.security.desk"), logging.getLogger("uvicorn.error")
+    desk, other = logging.getLogger("tsis.console.auth._login_routes"), logging.getLogger("uvicorn.error")
     with logged(tmp_path):
         desk.info("anna logged in from 192.0.2.7")
         other.log(logging.INFO, "a connection was opened")
@@ -41,7 +41,7 @@ def test_an_error_is_a_sentence_on_the_terminal_and_a_story_in_the_file(
         try:
             int("a reason\nin lines")
         except ValueError:
-            logging.getLogger("tsis.console.app").exception("it failed")
+            logging.getLogger("tsis.console._app").exception("it failed")
     told = capsys.readouterr().err
     assert told.startswith("Error: it failed: ValueError: invalid literal")
     assert told.count("\n") == 1

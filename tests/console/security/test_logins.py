@@ -12,9 +12,9 @@ from argon2 import extract_parameters
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from tsis.console.security.logins import ARGON2ID, FILE, MOST, NOBODY, Logins
-from tsis.console.security.private_files import write_private
-from tsis.model.errors import FileInputError, InputError, UnknownNameError
+from tsis.console.auth import Logins, write_private
+from tsis.console.auth._logins import ARGON2ID, FILE, MOST, NOBODY
+from tsis.errors import FileInputError, InputError, UnknownNameError
 
 if TYPE_CHECKING:
     from pathlib import Path

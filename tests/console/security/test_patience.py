@@ -11,11 +11,9 @@ import httpx
 import pytest
 import uvicorn
 
-from tsis.console.listening import listening
-from tsis.console.patience import PatientProtocol
-from tsis.console.security.access import Access
-from tsis.console.security.gate import Gate
-from tsis.console.security.logins import Logins
+from tsis.console._serving import listening
+from tsis.console._timeouts import PatientProtocol
+from tsis.console.auth import Access, Gate, Logins
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -77,7 +75,7 @@ def test_an_answer_that_takes_long_is_waited_for(port: int) -> None:
 
 
 def test_a_login_that_is_never_sent_whole_is_given_up(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tsis.console.security.desk.FORM_S", 0.05)
+    monkeypatch.setattr("tsis.console.auth._login_routes.FORM_S", 0.05)
     logins = Logins(tmp_path)
     logins.add("anna", "correct horse battery")
     gate, sent = Gate(slow, access=Access("t" * 43, logins=logins), hosts=("127.0.0.1",)), []

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.console.browser import needs_browser
 
-from tsis.console.pages.directory import PAGES
+from tsis.console.pages import PAGES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tsis.console.security.key import FILE, kept_token
-from tsis.console.security.private_files import FOLDER, console_folder, read_private, write_private
-from tsis.model.errors import FileInputError
+from tsis.console.auth import console_folder, kept_token, write_private
+from tsis.console.auth._key import FILE, FOLDER, read_private
+from tsis.errors import FileInputError
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -12,13 +12,11 @@ import pytest
 from tests.console.security.conftest import OPENSSL
 
 import tsis.console
-from tsis.console.listening import is_loopback, listening, resolved, shown_name
-from tsis.console.security.key import kept_token
-from tsis.console.security.logins import Logins
-from tsis.console.security.private_files import FOLDER
-from tsis.console.serving import ConsoleTerms, serve_console
-from tsis.console.tls import Certificate
-from tsis.model.errors import FileInputError, InputError
+from tsis.console import Certificate, ConsoleTerms, serve_console
+from tsis.console._serving import is_loopback, listening, resolved, shown_name
+from tsis.console.auth import Logins, kept_token
+from tsis.console.auth._key import FOLDER
+from tsis.errors import FileInputError, InputError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -95,7 +93,7 @@ def test_what_begins_late_loads_late() -> None:
     asked = "import sys; from tsis.console import Logins; print(Logins.__name__, *sys.modules)"
     said = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True).stdout.split()
     assert said[0] == "Logins"
-    assert not {"nicegui", "fastapi", "uvicorn", "tsis.console.bench", "tsis.records"} & set(said)
+    assert not {"nicegui", "fastapi", "uvicorn", "tsis.console.services", "tsis.records"} & set(said)
     assert {getattr(tsis.console, name).__name__ for name in tsis.console.__all__} == set(tsis.console.__all__)
     assert set(tsis.console.__all__) <= set(dir(tsis.console))
     with pytest.raises(AttributeError, match="no attribute 'Bensh'"):

@@ -11,11 +11,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.console.security.access import Access, cookie_of
-from tsis.console.security.logins import Logins
-from tsis.console.security.private_files import write_private
-from tsis.console.security.sessions import DAY_S, ENDED, KEY_S, LOGIN_S, Sessions
-from tsis.model.errors import FileInputError
+from tsis.console.auth import Access, Logins, Sessions, write_private
+from tsis.console.auth._access import cookie_of
+from tsis.console.auth._sessions import DAY_S, ENDED, KEY_S, LOGIN_S
+from tsis.errors import FileInputError
 
 if TYPE_CHECKING:
     from pathlib import Path

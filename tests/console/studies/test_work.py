@@ -8,14 +8,12 @@ import pytest
 from tests.console.bench.places import Held
 from tests.waiting import HANGS_S
 
-from tsis.console.bench.jobs import Jobs
-from tsis.console.statuses import AbsentError
-from tsis.console.studies import StudyShelf, begin_publishing, begin_reading, job_of
-from tsis.console.studies.reports import report_bytes
-from tsis.console.studies.work import reading_title
-from tsis.model.errors import ControlError, InputError, RecordsError
-from tsis.study import Study, printed_targets
-from tsis.study.table import import_table
+from tsis.console._statuses import AbsentError
+from tsis.console.services import Jobs
+from tsis.console.studies import StudyShelf, begin_publishing, begin_reading, job_of, report_bytes
+from tsis.console.studies._work import reading_title
+from tsis.errors import ControlError, InputError, RecordsError
+from tsis.study import Study, import_table, printed_targets
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.instrument.scripted_camera import frame
 
+from tsis.errors import CameraError, ImageMismatchError
 from tsis.instrument.acquisition import FrameRing, Intake
-from tsis.model.errors import CameraError, ImageMismatchError
 
 
 class _Clock:

@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.instrument.scripted_camera import frame
 
+from tsis.errors import InputError
 from tsis.instrument.acquisition import FrameRing, ReceivedFrame
-from tsis.model.errors import InputError
 
 
 def _arrival(number: int) -> ReceivedFrame:

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.instrument.gauge.ascii_reply import NEWTONS, ReplyKind, force_unit, newtons, read_reply
-from tsis.model.errors import GaugeError, InputError
+from tsis.errors import GaugeError, InputError
+from tsis.instrument.gauge._replies import NEWTONS, ReplyKind, force_unit, newtons, read_reply
 
 # From NIST SP 811, appendix B.8, and multiples by SI prefixes.
 IN_NEWTONS = {

@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.waiting import HANGS_S
 
+from tsis.errors import GaugeError
 from tsis.instrument.gauge import ForceLog, ForceReading
-from tsis.model.errors import GaugeError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

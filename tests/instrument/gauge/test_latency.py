@@ -5,8 +5,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from tsis.errors import GaugeError, InputError
 from tsis.instrument.gauge import ForceReading, find_latency
-from tsis.model.errors import GaugeError, InputError
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -3,8 +3,8 @@ from __future__ import annotations
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.instrument.gauge.ascii_reply import LONGEST_REPLY_BYTES
-from tsis.instrument.gauge.line_buffer import Line, LineBuffer
+from tsis.instrument.gauge._replies import LONGEST_REPLY_BYTES
+from tsis.instrument.gauge._serial_line import Line, LineBuffer
 
 
 def _fed(buffer: LineBuffer, *chunks: bytes) -> list[Line]:

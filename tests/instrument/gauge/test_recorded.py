@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from tsis.errors import FileInputError, GaugeError, InputError
 from tsis.instrument.gauge import ForceReading, Gauge, RecordedGauge, write_readings
-from tsis.model.errors import FileInputError, GaugeError, InputError
 
 if TYPE_CHECKING:
     from pathlib import Path

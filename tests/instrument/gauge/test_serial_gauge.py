@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tests.instrument.gauge.fake_port import FakePort
 
+from tsis.errors import GaugeError, InputError
 from tsis.instrument.gauge import Gauge, SerialGauge, find_ports
-from tsis.instrument.gauge.serial_gauge import MOST_SKIPPED_IN_A_ROW
-from tsis.model.errors import GaugeError, InputError
+from tsis.instrument.gauge._serial_gauge import MOST_SKIPPED_IN_A_ROW
 
 if TYPE_CHECKING:
     from collections.abc import Callable

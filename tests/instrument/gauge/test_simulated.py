@@ -5,8 +5,8 @@ from itertools import islice
 import numpy as np
 import pytest
 
+from tsis.errors import GaugeError, InputError
 from tsis.instrument.gauge import ForceReading, Gauge, SimulatedGauge
-from tsis.model.errors import GaugeError, InputError
 
 
 class Clock:

@@ -6,8 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from tsis.instrument.sources.genicam_link import Grab
-from tsis.instrument.sources.genicam_nodes import ChoiceNode, NumberNode
+from tsis.instrument.drivers.genicam import ChoiceNode, Grab, NumberNode
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable

@@ -8,10 +8,9 @@ from typing import NoReturn
 
 import pytest
 
-from tsis.instrument.sources.aravis import AravisCamera, find_cameras_here, missing_requirement
-from tsis.instrument.sources.aravis.library import Aravis, load
-from tsis.instrument.sources.aravis.watch import Watch
-from tsis.model.errors import CameraError, InputError, MissingExtraError
+from tsis.errors import CameraError, InputError, MissingExtraError
+from tsis.instrument.drivers.aravis import Aravis, AravisCamera, find_cameras_here, load, missing_requirement
+from tsis.instrument.drivers.aravis._camera import Watch
 
 
 def _absent() -> NoReturn:

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Any, cast
 
 import pytest
 
-from tsis.instrument.camera import Mode, Setting
-from tsis.instrument.sources.aravis import features
-from tsis.model.errors import CameraError
+from tsis.errors import CameraError
+from tsis.instrument import Mode, Setting
+from tsis.instrument.drivers.aravis import _features as features
 
 if TYPE_CHECKING:
-    from tsis.instrument.sources.aravis.library import Aravis
+    from tsis.instrument.drivers.aravis import Aravis
 
 
 @dataclass

@@ -7,9 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.instrument import ImageFiles, Mode
-from tsis.instrument.sources.files import natural_key
-from tsis.model.errors import CameraError, FileInputError, ImageMismatchError
+from tsis.errors import CameraError, FileInputError, ImageMismatchError
+from tsis.instrument import Mode
+from tsis.instrument.drivers import ImageFiles
+from tsis.instrument.drivers._files import natural_key
 
 if TYPE_CHECKING:
     from pathlib import Path

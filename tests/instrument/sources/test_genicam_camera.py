@@ -8,9 +8,9 @@ import pytest
 from tests.instrument.sources.genicam_stand_ins import Clock, DriverError, FakeLink, links, torn, whole
 from tests.waiting import HANGS_S
 
+from tsis.errors import CameraError
 from tsis.instrument import Camera, Frame
-from tsis.instrument.sources.genicam_camera import GenICamCamera
-from tsis.model.errors import CameraError
+from tsis.instrument.drivers.genicam import GenICamCamera
 
 Run = Callable[[FakeLink], GenICamCamera]
 

@@ -10,30 +10,31 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from tsis.instrument.sources import genicam, genicam_producers, pylon, vimba
-from tsis.instrument.sources.genicam_link import cannot_open, none_found, reason
-from tsis.instrument.sources.genicam_producers import Producers, interrupts_kept, producer_files
-from tsis.instrument.sources.maker_library import maker_library
-from tsis.model.errors import CameraError, MissingExtraError
+from tsis.errors import CameraError, MissingExtraError
+from tsis.instrument.drivers import _pylon as pylon
+from tsis.instrument.drivers import _vimba as vimba
+from tsis.instrument.drivers.genicam import _harvesters as genicam
+from tsis.instrument.drivers.genicam import _producers as genicam_producers
+from tsis.instrument.drivers.genicam import cannot_open, maker_library, none_found, reason
+from tsis.instrument.drivers.genicam._producers import Producers, interrupts_kept, producer_files
 
 if TYPE_CHECKING:
     from pathlib import Path
 
 SOURCES = [
-    (pylon, "pypylon.pylon", "pypylon", pylon.PylonCamera),
-    (genicam, "harvesters.core", "harvesters", genicam.HarvestersCamera),
-    (vimba, "vmbpy", "vmbpy", vimba.VimbaCamera),
+    (pylon, "pylon", "pypylon.pylon", "pypylon", pylon.PylonCamera),
+    (genicam, "genicam", "harvesters.core", "harvesters", genicam.HarvestersCamera),
+    (vimba, "vimba", "vmbpy", "vmbpy", vimba.VimbaCamera),
 ]
 
 
-@pytest.mark.parametrize(("source", "module", "package", "camera"), SOURCES)
+@pytest.mark.parametrize(("source", "name", "module", "package", "camera"), SOURCES)
 def test_a_library_that_is_not_installed_is_named_with_its_cure(
-    source: Any, module: str, package: str, camera: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    source: Any, name: str, module: str, package: str, camera: Any, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setitem(sys.modules, module, None)  # as if it were not installed
     (tmp_path / "any.cti").write_bytes(b"")
     monkeypatch.setenv("GENICAM_GENTL64_PATH", str(tmp_path))
-    name = source.__name__.rpartition(".")[2]
     sentence = (
         f"the camera source {name} needs {package}, which is not installed; "
         f'install it with: python -m pip install "tsis[camera-{name}]"'

@@ -5,9 +5,9 @@ from dataclasses import replace
 import pytest
 from tests.instrument.sources.genicam_stand_ins import FakeNodes
 
+from tsis.errors import CameraError, InputError
 from tsis.instrument import Mode
-from tsis.instrument.sources.genicam_modes import apply_mode, modes
-from tsis.model.errors import CameraError, InputError
+from tsis.instrument.drivers.genicam._camera import apply_mode, modes
 
 NOW = Mode(width_px=512, height_px=384, frames_per_s=30.0, pixel_format="Mono8")
 

@@ -3,9 +3,9 @@ from __future__ import annotations
 import pytest
 from tests.instrument.sources.genicam_stand_ins import FakeNodes
 
+from tsis.errors import CameraError, InputError, UnknownNameError
 from tsis.instrument import Setting
-from tsis.instrument.sources.genicam_settings import adjust, patience_s, run_free, settings
-from tsis.model.errors import CameraError, InputError, UnknownNameError
+from tsis.instrument.drivers.genicam._settings import adjust, patience_s, run_free, settings
 
 
 def test_settings_have_our_names_and_units_and_the_cameras_ranges() -> None:

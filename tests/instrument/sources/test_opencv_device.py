@@ -7,8 +7,9 @@ import cv2
 import numpy as np
 import pytest
 
-from tsis.instrument import Mode, OpenCVDevice
-from tsis.model.errors import CameraError, InputError, UnknownNameError
+from tsis.errors import CameraError, InputError, UnknownNameError
+from tsis.instrument import Mode
+from tsis.instrument.drivers import OpenCVDevice
 
 
 class FakeCapture:

@@ -8,8 +8,9 @@ import cv2
 import numpy as np
 import pytest
 
-from tsis.instrument import Mode, VideoFile
-from tsis.model.errors import CameraError, FileInputError
+from tsis.errors import CameraError, FileInputError
+from tsis.instrument import Mode
+from tsis.instrument.drivers import VideoFile
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -6,15 +6,16 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from tsis.mechanics.element import lame_constants
-from tsis.mechanics.finite_strain import load_path, neo_hookean
-from tsis.mechanics.finite_strain.elastic_body import FIXED, OWN, ElasticBody, number_unknowns
-from tsis.mechanics.finite_strain.meshed_solid import MeshPatch, Solid, join_meshes, weld
-from tsis.mechanics.finite_strain.obstacle import Plate, SoftFace
-from tsis.mechanics.finite_strain.potential import Load, Potential
-from tsis.mechanics.finite_strain.sliding_contact import SlidingContact
-from tsis.mechanics.finite_strain.smooth_face import SmoothFace
-from tsis.mechanics.mesh import LayeredMesh, mesh_rectangle
+from tsis.mechanics import mesh_rectangle
+from tsis.mechanics._element import lame_constants
+from tsis.mechanics._mesh import LayeredMesh
+from tsis.mechanics.finite_strain import _load_path as load_path
+from tsis.mechanics.finite_strain import _neo_hookean as neo_hookean
+from tsis.mechanics.finite_strain._contact import SlidingContact
+from tsis.mechanics.finite_strain._elastic_body import FIXED, OWN, ElasticBody, number_unknowns
+from tsis.mechanics.finite_strain._patches import MeshPatch, Solid, join_meshes, weld
+from tsis.mechanics.finite_strain._potential import Load, Potential
+from tsis.mechanics.finite_strain._surfaces import Plate, SmoothFace, SoftFace
 
 YOUNG, POISSON, RADIUS = 5.0, 0.49, 3.0
 

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from tsis.mechanics.element import lame_constants
-from tsis.mechanics.finite_strain import neo_hookean
+from tsis.mechanics._element import lame_constants
+from tsis.mechanics.finite_strain import _neo_hookean as neo_hookean
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 
 import tsis
-from tsis import Inclusion, Layer, Phantom, Probe
+from tsis.errors import InputError, MechanicsError
 from tsis.mechanics import press
-from tsis.mechanics.finite_strain.bodies import FiniteResolution
-from tsis.mechanics.finite_strain.pressing import press_finite, press_pairs, press_path, press_steps
-from tsis.model.errors import InputError, MechanicsError
+from tsis.mechanics.finite_strain import FiniteResolution, press_finite, press_pairs, press_path
+from tsis.mechanics.finite_strain._press import press_steps
+from tsis.model import Inclusion, Layer, Phantom, Probe
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from numpy.typing import NDArray
 
-    from tsis import PressField
+    from tsis.model import PressField
 
 PROBE = tsis.load_probe("tsis-2011")
 DOMED = tsis.load_probe("tsis-domed")

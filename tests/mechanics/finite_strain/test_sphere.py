@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 
 import tsis
-from tsis import Layer, Probe
-from tsis.mechanics.finite_strain.squeezed_sphere import SphereResolution, squeeze_path, squeeze_sphere
-from tsis.model.errors import InputError, MechanicsError
+from tsis.errors import InputError, MechanicsError
+from tsis.mechanics.finite_strain import SphereResolution, squeeze_path, squeeze_sphere
+from tsis.model import Layer, Probe
 
 if TYPE_CHECKING:
     from pathlib import Path

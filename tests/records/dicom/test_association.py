@@ -18,7 +18,7 @@ from pynetdicom.sop_class import (  # type: ignore[attr-defined]
 from tests.records.dicom.variants import framed, noise
 from tests.records.sample import sample_dossier
 
-from tsis.model.errors import InputError, RecordsError
+from tsis.errors import InputError, RecordsError
 from tsis.records.dicom import c_store, dicom_files
 
 if TYPE_CHECKING:

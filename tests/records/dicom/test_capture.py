@@ -14,7 +14,7 @@ from tests.records.dicom.variants import framed, noise, with_presses
 from tests.records.sample import WHEN, sample_dossier
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.model.errors import RecordsError
+from tsis.errors import RecordsError
 from tsis.records.dicom import dicom_files
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ def test_frames_of_other_size_depth_or_scale_are_instances_of_their_own() -> Non
 
 
 def test_long_series_are_cut_into_instances(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tsis.records.dicom.series.MOST_BYTES", 30)
+    monkeypatch.setattr("tsis.records.dicom._capture.MOST_BYTES", 30)
     frames = [noise(3, 4, seed=seed) for seed in range(5)]
     found = images(framed(frames))
     assert [int(each.get("NumberOfFrames", 1)) for each in found] == [2, 2, 1]

@@ -8,8 +8,8 @@ import pydicom
 import pytest
 from tests.records.sample import sample_dossier
 
-from tsis.model import durable
-from tsis.model.errors import MissingExtraError, RecordsError
+from tsis.errors import MissingExtraError, RecordsError
+from tsis.files import _atomic as durable
 from tsis.records.dicom import dicom_files, write_dicom
 
 if TYPE_CHECKING:

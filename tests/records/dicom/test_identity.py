@@ -9,10 +9,10 @@ import pytest
 from tests.records.dicom.variants import FRAME, NAME, NOTE, SECRETS, SETTING, TARGET_ID, framed, named, noise
 from tests.records.sample import WHEN, sample_dossier
 
-from tsis.model.errors import RecordsError
+from tsis.errors import RecordsError
+from tsis.records._deidentify import shown_identity
 from tsis.records.dicom import dicom_files
 from tsis.records.export import fhir_observations
-from tsis.records.pseudonym import shown_identity
 
 DATES = ("20261122", "2026-11-22", "0930", "20261122093", "00003")
 

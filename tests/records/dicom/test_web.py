@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from tests.records.sample import sample_dossier
 
-from tsis.model.errors import InputError, RecordsError
+from tsis.errors import InputError, RecordsError
 from tsis.records.dicom import dicom_files, stow_rs
 
 if TYPE_CHECKING:

@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from tests.records.sample import SECRET, WHEN, sample_dossier, sample_estimate
 
-from tsis.calibration import ProbeCalibration
-from tsis.calibration.file import calibration_sha256
+from tsis.calibration.file import ProbeCalibration, calibration_sha256
 from tsis.model import Calibration, Estimate
 from tsis.records import StoredEstimate, StoredPress, Target, TargetRecord
 

@@ -6,9 +6,9 @@ import hashlib
 import json
 from typing import TYPE_CHECKING, Any
 
-from tsis.records.export.bundle.document import sealed_bytes
-from tsis.records.export.bundle.writing import _write
-from tsis.records.plain import estimate_to_plain, press_to_plain, target_to_plain
+from tsis.records import estimate_to_plain, press_to_plain, target_to_plain
+from tsis.records.export.bundle._layout import sealed_bytes
+from tsis.records.export.bundle._writing import _write
 
 if TYPE_CHECKING:
     from tsis.records import TargetRecord

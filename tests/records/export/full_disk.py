@@ -15,9 +15,11 @@ from typing import TYPE_CHECKING, Any
 
 from tests.records.dicom.variants import framed, noise
 
-from tsis.model.errors import TsisError
+from tsis.errors import TsisError
 from tsis.records.dicom import write_dicom
-from tsis.records.export import write_bundle, write_csv, write_hdf5, write_zarr
+from tsis.records.export import write_csv
+from tsis.records.export.arrays import write_hdf5, write_zarr
+from tsis.records.export.bundle import write_bundle
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator

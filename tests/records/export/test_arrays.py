@@ -13,10 +13,10 @@ from tests.records.sample import sample_dossier, sample_estimate
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.calibration.file import calibration_sha256, read_calibration
-from tsis.model.errors import FileInputError, RecordsError
-from tsis.records import TargetRecord
-from tsis.records.export import write_hdf5, write_zarr
-from tsis.records.plain import estimate_of_plain, press_of_plain, press_to_plain
+from tsis.errors import FileInputError, RecordsError
+from tsis.records import TargetRecord, press_to_plain
+from tsis.records._plain import estimate_of_plain, press_of_plain
+from tsis.records.export.arrays import write_hdf5, write_zarr
 
 
 def open_hdf5(path: Path) -> Any:

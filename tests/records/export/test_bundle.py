@@ -12,9 +12,9 @@ from tests.records.sample import sample_dossier
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.calibration.file import calibration_bytes
-from tsis.model.errors import FileInputError, InputError, RecordsError
+from tsis.errors import FileInputError, InputError, RecordsError
 from tsis.records import TargetRecord
-from tsis.records.export import read_bundle, write_bundle
+from tsis.records.export.bundle import read_bundle, write_bundle
 
 
 @pytest.mark.parametrize("name", ["out", "out.zip"])

@@ -15,12 +15,12 @@ import pytest
 from tests.records.export.bundles import Memory, files_of, plain, sealed
 from tests.records.sample import sample_dossier
 
-from tsis.instrument.picture_size import LARGEST_PIXELS
-from tsis.model.errors import FileInputError
-from tsis.records.export import read_bundle, write_bundle
-from tsis.records.export.bundle.contents import largest
-from tsis.records.export.bundle.picture import read_picture
-from tsis.records.export.bundle.reading import read_place
+from tsis.errors import FileInputError
+from tsis.files import LARGEST_PIXELS
+from tsis.records.export.bundle import read_bundle, write_bundle
+from tsis.records.export.bundle._layout import largest
+from tsis.records.export.bundle._picture import read_picture
+from tsis.records.export.bundle._reading import read_place
 
 WHOLE = files_of(sample_dossier())
 FRAMES = sorted(name for name in WHOLE if name.startswith("frames/"))

@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from tests.records.sample import sample_dossier, sample_estimate
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.model.errors import FileInputError, RecordsError
-from tsis.records.export import csv_files, write_csv
-from tsis.records.export.csv_files import cell, table_bytes
+from tsis.errors import FileInputError, RecordsError
+from tsis.records.export import csv_files, table_bytes, write_csv
+from tsis.records.export._csv import cell
 
 
 def rows(content: bytes) -> list[dict[str, str]]:

@@ -10,7 +10,7 @@ from tests.records.sample import sample_dossier, sample_estimate
 
 from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.records import TargetRecord
-from tsis.records.export.fhir import fhir_observations
+from tsis.records.export import fhir_observations
 
 
 def observed(dossier: TargetRecord, **options: bool) -> dict[str, list[dict[str, Any]]]:

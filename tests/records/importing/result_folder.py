@@ -10,8 +10,7 @@ from typing import TYPE_CHECKING, Any
 import cv2
 import numpy as np
 
-from tsis.calibration import ProbeCalibration
-from tsis.calibration.file import calibration_bytes
+from tsis.calibration.file import ProbeCalibration, calibration_bytes
 from tsis.inclusion import InclusionPrior
 from tsis.model import Calibration
 

@@ -15,17 +15,17 @@ from tests.records.importing.snapshot_folder import save
 from tests.records.sample import sample_calibration, sample_estimate
 
 from tsis.calibration.file import calibration_sha256
-from tsis.model.durable import Disk
-from tsis.model.errors import RecordsError
-from tsis.records import open_store, verify_store
-from tsis.records.estimation import EstimationResult
+from tsis.errors import RecordsError
+from tsis.files import Disk
+from tsis.records._estimation import EstimationResult
 from tsis.records.importing import Entering, ImportOptions, enter, find_import_batches, stored_calibration
+from tsis.records.store import open_store, verify_store
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from tsis.records import Store
+    from tsis.records.store import Store
 
 HARD = {"diameter_mm": 10.0, "depth_mm": 5.0, "young_kpa": 100.0}
 
@@ -37,7 +37,7 @@ def store(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[Store]:
     def estimated(_: Any, wanted: Any) -> EstimationResult:
         return EstimationResult(estimate=sample_estimate(), options=wanted.options)
 
-    monkeypatch.setattr("tsis.records.estimation.estimate_stored", estimated)
+    monkeypatch.setattr("tsis.records._estimation.estimate_stored", estimated)
     with open_store(tmp_path / "phantoms") as opened:
         yield opened
 
@@ -169,7 +169,7 @@ def test_another_packing_of_the_same_file_is_the_same_press(
     paths = [*two, tmp_path / "snapshots"]
     before = enter(store, find_import_batches(paths, ImportOptions()))
     frames = {press.frame for each in before for press in each.presses}
-    monkeypatch.setattr("tsis.records.frame_file.QUICK", [cv2.IMWRITE_PNG_COMPRESSION, 9])
+    monkeypatch.setattr("tsis.records.store._files.QUICK", [cv2.IMWRITE_PNG_COMPRESSION, 9])
     looked = find_import_batches(paths, ImportOptions())
     assert not frames & {each.frame for batch in looked for each in batch.presses}
     after = enter(store, looked)

@@ -12,9 +12,9 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from tsis.model.errors import FileInputError, InputError
-from tsis.records import open_store
+from tsis.errors import FileInputError, InputError
 from tsis.records.importing import ImportOptions, enter, find_import_batches
+from tsis.records.store import open_store
 
 if TYPE_CHECKING:
     from pathlib import Path

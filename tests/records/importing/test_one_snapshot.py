@@ -8,12 +8,11 @@ import pytest
 from tests.records.importing.snapshot_folder import save
 from tests.records.sample import sample_calibration
 
-from tsis.calibration.cited import read_usable_calibration
+from tsis.calibration import read_usable_calibration
 from tsis.calibration.file import calibration_sha256, write_calibration
-from tsis.model.errors import FileInputError
-from tsis.records import open_store
-from tsis.records.importing import ImportOptions, enter, find_import_batches
-from tsis.records.importing.one_snapshot import keep_snapshot
+from tsis.errors import FileInputError
+from tsis.records.importing import ImportOptions, enter, find_import_batches, keep_snapshot
+from tsis.records.store import open_store
 
 if TYPE_CHECKING:
     from pathlib import Path

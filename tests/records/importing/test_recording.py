@@ -14,11 +14,11 @@ import pytest
 from tests.instrument.scripted_camera import END, ScriptedCamera
 from tests.records.importing.snapshot_folder import frame
 
+from tsis.errors import FileInputError
 from tsis.instrument.acquisition import Acquisition
 from tsis.instrument.recording import FrameFolder, FurtherColumns, LosslessVideo, record
-from tsis.model.errors import FileInputError
-from tsis.records import open_store
 from tsis.records.importing import ImportOptions, enter, find_import_batches
+from tsis.records.store import open_store
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -9,9 +9,9 @@ import cv2
 import pytest
 from tests.records.importing.result_folder import levels, make_demo, write
 
-from tsis.model.errors import FileInputError, InputError
-from tsis.records import open_store
+from tsis.errors import FileInputError, InputError
 from tsis.records.importing import ImportOptions, enter, find_import_batches
+from tsis.records.store import open_store
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -13,15 +13,15 @@ from tests.records.importing.snapshot_folder import WHEN, frame, save
 from tests.records.sample import sample_calibration
 
 from tsis.calibration.file import calibration_sha256
-from tsis.model.errors import FileInputError, InputError, RecordsError, TsisError
-from tsis.records import open_store, verify_store
+from tsis.errors import FileInputError, InputError, RecordsError, TsisError
 from tsis.records.importing import Entering, ImportOptions, enter, find_import_batches
+from tsis.records.store import open_store, verify_store
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from tsis.records import Store
+    from tsis.records.store import Store
 
 
 @pytest.fixture

@@ -1,25 +1,37 @@
 """A probe's calibration as one value and one file: versioned, hashed, readable, refused when it may not serve."""
 
-from tsis.calibration.file.content import (
+from tsis.calibration.file._codec import from_plain, to_plain
+from tsis.calibration.file._content import (
     CALIBRATION_FILE,
     CALIBRATION_FORMAT,
     CALIBRATION_VERSION,
+    LARGEST_BYTES,
     calibration_bytes,
     calibration_sha256,
+    document_sha256,
     parse_calibration,
     read_calibration,
     write_calibration,
 )
-from tsis.calibration.file.probe_calibration import ProbeCalibration
+from tsis.calibration.file._handwritten import read_handwritten_calibration
+from tsis.calibration.file._value import SETTING_TOLERANCE, ProbeCalibration, require_name, require_time
 
 __all__ = [
     "CALIBRATION_FILE",
     "CALIBRATION_FORMAT",
     "CALIBRATION_VERSION",
+    "LARGEST_BYTES",
+    "SETTING_TOLERANCE",
     "ProbeCalibration",
     "calibration_bytes",
     "calibration_sha256",
+    "document_sha256",
+    "from_plain",
     "parse_calibration",
     "read_calibration",
+    "read_handwritten_calibration",
+    "require_name",
+    "require_time",
+    "to_plain",
     "write_calibration",
 ]

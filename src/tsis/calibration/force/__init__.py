@@ -1,18 +1,32 @@
 """The force line: which force makes which sum of grey levels, and how that is measured."""
 
-from tsis.calibration.force.fit import fit_force_line
-from tsis.calibration.force.line import ForceLine, ForceLineDiagnostics
-from tsis.calibration.force.loading import TIPS_MM, Loading, loading_forces
-from tsis.calibration.force.reading import LoadingFrame, read_loading_frame, total_grey
+from tsis.calibration.force._curves import WIDEST, common_forces, mean_of, run_of, usable
+from tsis.calibration.force._fit import GAUGE_SHARE, fit_force_line
+from tsis.calibration.force._frame import HERTZ_SPREAD, MIDDLE, LoadingFrame, read_loading_frame, total_grey
+from tsis.calibration.force._line import LARGEST_GAUGE_N, ForceLine, ForceLineDiagnostics, joined
+from tsis.calibration.force._loading import LARGEST_N, STEP_N, TIPS_MM, UNTOUCHED_N, Loading, loading_forces
 
 __all__ = [
+    "GAUGE_SHARE",
+    "HERTZ_SPREAD",
+    "LARGEST_GAUGE_N",
+    "LARGEST_N",
+    "MIDDLE",
+    "STEP_N",
     "TIPS_MM",
+    "UNTOUCHED_N",
+    "WIDEST",
     "ForceLine",
     "ForceLineDiagnostics",
     "Loading",
     "LoadingFrame",
+    "common_forces",
     "fit_force_line",
+    "joined",
     "loading_forces",
+    "mean_of",
     "read_loading_frame",
+    "run_of",
     "total_grey",
+    "usable",
 ]

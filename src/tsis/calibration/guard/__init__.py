@@ -1,11 +1,9 @@
 """Is a press usable? Named flags on one frame or live, all thresholds in one place."""
 
-from tsis.calibration.guard.blocks import FrameShape
-from tsis.calibration.guard.flags import FLAGS, GuardFlag
-from tsis.calibration.guard.limits import GuardLimits
-from tsis.calibration.guard.press_check import check_press
-from tsis.calibration.guard.reference import GuardReference
-from tsis.calibration.guard.watch import PressWatch, WatchState
+from tsis.calibration.guard._check import check_press, guard_reference, press_watch, with_calibrated_scale
+from tsis.calibration.guard._flags import FLAGS, GuardFlag, GuardLimits
+from tsis.calibration.guard._reference import FrameShape, GuardReference
+from tsis.calibration.guard._watch import PressHistory, PressWatch, WatchState
 
 __all__ = [
     "FLAGS",
@@ -13,7 +11,11 @@ __all__ = [
     "GuardFlag",
     "GuardLimits",
     "GuardReference",
+    "PressHistory",
     "PressWatch",
     "WatchState",
     "check_press",
+    "guard_reference",
+    "press_watch",
+    "with_calibrated_scale",
 ]

@@ -1,12 +1,7 @@
 """What a camera sees without contact, and what later frames are corrected with."""
 
-from tsis.calibration.reference.making import make_reference
-from tsis.calibration.reference.noise import PhotonTransfer, photon_transfer
-from tsis.calibration.reference.value import CameraReference
+from tsis.calibration.reference._make import make_reference
+from tsis.calibration.reference._noise import PhotonTransfer, photon_transfer
+from tsis.calibration.reference._value import CameraReference
 
-__all__ = [
-    "CameraReference",
-    "PhotonTransfer",
-    "make_reference",
-    "photon_transfer",
-]
+__all__ = ["CameraReference", "PhotonTransfer", "make_reference", "photon_transfer"]

@@ -1,10 +1,6 @@
 """A probe's answer to pressure: grey levels a kilopascal, and where it saturates."""
 
-from tsis.calibration.response.fit import fit_response
-from tsis.calibration.response.value import PressureResponse, Saturation
+from tsis.calibration.response._fit import fit_response
+from tsis.calibration.response._value import PressureResponse, Saturation
 
-__all__ = [
-    "PressureResponse",
-    "Saturation",
-    "fit_response",
-]
+__all__ = ["PressureResponse", "Saturation", "fit_response"]

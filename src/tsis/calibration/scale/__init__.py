@@ -1,8 +1,8 @@
 """How many millimetres of the face a pixel sees, along each axis of the image."""
 
-from tsis.calibration.scale.ball import BallDiagnostics, axis_ratio_from_ball, scale_from_ball
-from tsis.calibration.scale.dots import DotDiagnostics, scale_from_dots
-from tsis.calibration.scale.value import PixelScale
+from tsis.calibration.scale._ball import BallDiagnostics, axis_ratio_from_ball, scale_from_ball
+from tsis.calibration.scale._dots import DotDiagnostics, scale_from_dots
+from tsis.calibration.scale._value import PixelScale
 
 __all__ = [
     "BallDiagnostics",

@@ -1,5 +1,5 @@
 """``tsis acquire``: frames from any camera onto the disk."""
 
-from tsis.cli.acquire.command import acquire
+from tsis.cli.acquire._command import VIRTUAL, acquire, live_connector, wanted_settings
 
-__all__ = ["acquire"]
+__all__ = ["VIRTUAL", "acquire", "live_connector", "wanted_settings"]

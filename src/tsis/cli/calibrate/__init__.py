@@ -5,11 +5,10 @@ from __future__ import annotations
 import typer
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.cli.calibrate.guide import guide
-from tsis.cli.calibrate.make import make
-from tsis.cli.calibrate.seal import seal
-from tsis.cli.calibrate.show import show
-from tsis.cli.default_command import DefaultCommand
+from tsis.cli._groups import DefaultCommand
+from tsis.cli.calibrate._guide import guide
+from tsis.cli.calibrate._make import make, show
+from tsis.cli.calibrate._seal import seal
 
 app = typer.Typer(
     name="calibrate",

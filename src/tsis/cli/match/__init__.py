@@ -5,9 +5,9 @@ from __future__ import annotations
 import typer
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.cli.default_command import DefaultCommand
-from tsis.cli.match.bench import bench
-from tsis.cli.match.points import points
+from tsis.cli._groups import DefaultCommand
+from tsis.cli.match._bench import bench
+from tsis.cli.match._points import points
 
 DEFAULT = "points"
 

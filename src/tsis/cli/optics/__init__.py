@@ -5,10 +5,10 @@ from __future__ import annotations
 import typer
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.cli.optics.angles import angles
-from tsis.cli.optics.modes import modes
-from tsis.cli.optics.propagate import propagate_command
-from tsis.cli.optics.trace import trace
+from tsis.cli.optics._angles import angles
+from tsis.cli.optics._modes import modes
+from tsis.cli.optics._propagate import propagate_command
+from tsis.cli.optics._trace import trace
 
 app = typer.Typer(name="optics", help=f"Light in the probe. {RESEARCH_USE_ONLY}", no_args_is_help=True)
 app.command("propagate", epilog="Example: tsis optics propagate --dent-um 0,2,4,6 --method fdfd --out pressed-guide")(

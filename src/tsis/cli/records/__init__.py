@@ -8,14 +8,11 @@ from __future__ import annotations
 import typer
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.cli.records.edit import edit
-from tsis.cli.records.export import export
-from tsis.cli.records.importing import import_
-from tsis.cli.records.listing import list_targets
-from tsis.cli.records.recompute import recompute
-from tsis.cli.records.send import send
-from tsis.cli.records.show import show
-from tsis.cli.records.verify import verify
+from tsis.cli.records._edit import edit
+from tsis.cli.records._export import export, send
+from tsis.cli.records._import import import_
+from tsis.cli.records._recompute import recompute, verify
+from tsis.cli.records._show import list_targets, show
 
 app = typer.Typer(
     name="records",

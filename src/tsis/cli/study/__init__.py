@@ -8,13 +8,11 @@ from __future__ import annotations
 import typer
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.cli.study.analyse import analyse
-from tsis.cli.study.new import new
-from tsis.cli.study.plan import plan
-from tsis.cli.study.run import run
-from tsis.cli.study.show import show
-from tsis.cli.study.table import export, import_
-from tsis.cli.study.verify import verify
+from tsis.cli.study._analyse import analyse
+from tsis.cli.study._new import new
+from tsis.cli.study._plan import plan
+from tsis.cli.study._run import export, import_, run
+from tsis.cli.study._verify import show, verify
 
 app = typer.Typer(
     name="study",

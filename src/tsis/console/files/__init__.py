@@ -1,5 +1,6 @@
 """Files that pages link to: small pictures of frames, reports, exports."""
 
-from tsis.console.files.router import files_router
+from tsis.console.files._exporting import Reports
+from tsis.console.files._router import GREY, files_router, target_of, thumbnail_png
 
-__all__ = ["files_router"]
+__all__ = ["GREY", "Reports", "files_router", "target_of", "thumbnail_png"]

@@ -1,10 +1,16 @@
 """A camera's frames as they come: kept in a ring, counted, and watched, so that nothing is lost in silence."""
 
-from tsis.instrument.acquisition.account import Account, Interruption
-from tsis.instrument.acquisition.acquisition import Acquisition
-from tsis.instrument.acquisition.arrival import ReceivedFrame
-from tsis.instrument.acquisition.frame_rate import FrameRate
-from tsis.instrument.acquisition.intake import Intake
-from tsis.instrument.acquisition.ring import FrameRing
+from tsis.instrument.acquisition._acquisition import LOST_AFTER_S, Acquisition
+from tsis.instrument.acquisition._intake import Account, FrameRate, Intake, Interruption
+from tsis.instrument.acquisition._ring import FrameRing, ReceivedFrame
 
-__all__ = ["Account", "Acquisition", "FrameRate", "FrameRing", "Intake", "Interruption", "ReceivedFrame"]
+__all__ = [
+    "LOST_AFTER_S",
+    "Account",
+    "Acquisition",
+    "FrameRate",
+    "FrameRing",
+    "Intake",
+    "Interruption",
+    "ReceivedFrame",
+]

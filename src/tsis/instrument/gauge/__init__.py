@@ -1,16 +1,16 @@
 """Force gauges: on a serial line, simulated, recorded; their readings beside the frames of a camera."""
 
-from tsis.instrument.gauge.alignment import ForceAtTime, force_at
-from tsis.instrument.gauge.force_log import ForceLog, LogState
-from tsis.instrument.gauge.latency import Latency, find_latency
-from tsis.instrument.gauge.protocol import Gauge
-from tsis.instrument.gauge.reading import ForceReading
-from tsis.instrument.gauge.recorded import RecordedGauge, write_readings
-from tsis.instrument.gauge.serial_gauge import SerialGauge
-from tsis.instrument.gauge.serial_port import SerialPort, find_ports
-from tsis.instrument.gauge.simulated import SimulatedGauge
+from tsis.instrument.gauge._alignment import ForceAtTime, force_at
+from tsis.instrument.gauge._force_log import BAUD, ForceLog, LogState, connected_gauge
+from tsis.instrument.gauge._gauge import ForceReading, Gauge
+from tsis.instrument.gauge._latency import Latency, find_latency
+from tsis.instrument.gauge._recorded import RecordedGauge, write_readings
+from tsis.instrument.gauge._serial_gauge import SerialGauge
+from tsis.instrument.gauge._serial_line import SerialPort, find_ports
+from tsis.instrument.gauge._simulated import SimulatedGauge
 
 __all__ = [
+    "BAUD",
     "ForceAtTime",
     "ForceLog",
     "ForceReading",
@@ -21,6 +21,7 @@ __all__ = [
     "SerialGauge",
     "SerialPort",
     "SimulatedGauge",
+    "connected_gauge",
     "find_latency",
     "find_ports",
     "force_at",

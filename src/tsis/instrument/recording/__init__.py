@@ -1,6 +1,28 @@
 """Sequences of frames on disk, lossless, with an index that accounts for every frame."""
 
-from tsis.instrument.recording.frame_sink import FrameFolder, FrameSink, LosslessVideo
-from tsis.instrument.recording.record import FurtherColumns, RecordingReport, record
+from tsis.instrument.recording._record import (
+    RECORDING_COLUMNS,
+    RECORDING_FORMAT,
+    RECORDING_INDEX,
+    RECORDING_SUMMARY,
+    RECORDING_VERSION,
+    FurtherColumns,
+    RecordingReport,
+    record,
+)
+from tsis.instrument.recording._sinks import VIDEO_NAME, FrameFolder, FrameSink, LosslessVideo
 
-__all__ = ["FrameFolder", "FrameSink", "FurtherColumns", "LosslessVideo", "RecordingReport", "record"]
+__all__ = [
+    "RECORDING_COLUMNS",
+    "RECORDING_FORMAT",
+    "RECORDING_INDEX",
+    "RECORDING_SUMMARY",
+    "RECORDING_VERSION",
+    "VIDEO_NAME",
+    "FrameFolder",
+    "FrameSink",
+    "FurtherColumns",
+    "LosslessVideo",
+    "RecordingReport",
+    "record",
+]

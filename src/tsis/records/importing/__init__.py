@@ -1,9 +1,11 @@
 """What other commands and cameras wrote, taken into a store: looked through first, then stored press by press."""
 
-from tsis.records.importing.cited import stored_calibration
-from tsis.records.importing.entering import Entered, Entering, enter, require_enterable
-from tsis.records.importing.found import ImportBatch, ImportOptions, IncomingPress
-from tsis.records.importing.places import find_import_batches
+from tsis.records.importing._entering import Entered, Entering, enter, require_enterable, truth_note
+from tsis.records.importing._found import ImportBatch, ImportOptions, IncomingPress, stored_calibration
+from tsis.records.importing._places import find_import_batches
+from tsis.records.importing._present import numbered
+from tsis.records.importing._results import enter_estimate, new_target
+from tsis.records.importing._snapshots import keep_snapshot
 
 __all__ = [
     "Entered",
@@ -12,7 +14,12 @@ __all__ = [
     "ImportOptions",
     "IncomingPress",
     "enter",
+    "enter_estimate",
     "find_import_batches",
+    "keep_snapshot",
+    "new_target",
+    "numbered",
     "require_enterable",
     "stored_calibration",
+    "truth_note",
 ]

@@ -13,9 +13,9 @@ from tests.console.bench.places import gauge as gauge_at
 from tests.waiting import HANGS_S, until
 
 from tsis.calibration.session import SessionSetup
-from tsis.console.bench.calibrating import session as under_test
-from tsis.console.bench.calibrating.sessions import IDLE
-from tsis.model.errors import CalibrationError, CameraError, ControlError, FileInputError, InputError
+from tsis.console.services.calibrating import _session as under_test
+from tsis.console.services.calibrating._sessions import IDLE
+from tsis.errors import CalibrationError, CameraError, ControlError, FileInputError, InputError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from tests.console.bench.lit_camera import World
 
     from tsis.calibration.session import SessionFolder
-    from tsis.console.bench import Bench
-    from tsis.console.bench.calibrating import CalibrationSession, StepState
+    from tsis.console.services import Bench
+    from tsis.console.services.calibrating import CalibrationSession, StepState
 
 LOADING = "tip-2mm-1"
 

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from tsis.calibration.session import CalibrationFrame
-from tsis.console.bench.calibrating.typed import MOST_TYPED, TypedLoadings
+from tsis.console.services.calibrating._session import MOST_TYPED, TypedLoadings
+from tsis.errors import CalibrationError, InputError
 from tsis.model import TactileImage
-from tsis.model.errors import CalibrationError, InputError
 
 
 def shot(force_n: float) -> CalibrationFrame:

@@ -9,19 +9,20 @@ import pytest
 from tests.console.bench.places import ANN, BOB, lit_bench, virtual_bench
 from tests.waiting import HANGS_S
 
-from tsis.calibration.cited import UsableCalibration
+from tsis.calibration import UsableCalibration
 from tsis.calibration.file import ProbeCalibration, calibration_sha256
 from tsis.calibration.session import SessionFolder, SessionSetup
-from tsis.console.bench.calibrating.sessions import folder_name
-from tsis.model import Calibration, load_probe
-from tsis.model.errors import CalibrationError, ControlError, InputError
-from tsis.virtual.calibration_bench import VirtualBench, bench_name
+from tsis.catalog import load_probe
+from tsis.console.services.calibrating._sessions import folder_name
+from tsis.errors import CalibrationError, ControlError, InputError
+from tsis.model import Calibration
+from tsis.virtual import VirtualBench, bench_name
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.console.bench import Bench
-    from tsis.console.bench.calibrating import CalibrationSession
+    from tsis.console.services import Bench
+    from tsis.console.services.calibrating import CalibrationSession
 
 TERMS = SessionSetup(name="May, left", probe="tsis-direct", camera=bench_name(3), tips_mm=(2.0, 14.0))
 

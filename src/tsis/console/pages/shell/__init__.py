@@ -1,5 +1,5 @@
 """What is around every page: the way to the others, who holds the camera, what is wrong, and the notice."""
 
-from tsis.console.pages.shell.shell import Shell
+from tsis.console.pages.shell._shell import AT_ONCE, LANGUAGE, Shell, say_lost
 
-__all__ = ["Shell"]
+__all__ = ["AT_ONCE", "LANGUAGE", "Shell", "say_lost"]

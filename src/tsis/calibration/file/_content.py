@@ -1,0 +1,152 @@
+"""The calibration file: JSON with a version and the hash of its content."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import TYPE_CHECKING, Any
+
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.calibration.file._codec import from_plain, require_bounded_maps, to_plain, without_maps
+from tsis.calibration.file._value import ProbeCalibration
+from tsis.errors import CalibrationError, FileInputError, InputError
+from tsis.files import as_path, parse_object, printable_path, read_object, write_durably
+
+if TYPE_CHECKING:
+    import os
+
+
+CALIBRATION_FORMAT, CALIBRATION_VERSION = "tsis-calibration", 3
+CALIBRATION_FILE = "calibration.json"  # where nobody chooses another, and in every folder that holds one
+LARGEST_BYTES = 128 * 2**20  # maps of a camera of 8 million pixels
+
+
+def calibration_sha256(known: ProbeCalibration) -> str:
+    """SHA-256 of the content: the name under which results cite the calibration."""
+    found = document_sha256(to_plain(known, pack=False))
+    assert found is not None  # values hold neither NaN nor endless nesting
+    return found
+
+
+def calibration_bytes(known: ProbeCalibration) -> bytes:
+    """Content of the calibration file.
+
+    Raises
+    ------
+    InputError
+        When it would be too large to be read back.
+    """
+    plain = to_plain(known)
+    require_bounded_maps(plain, "calibration")
+    document = {
+        "format": CALIBRATION_FORMAT,
+        "version": CALIBRATION_VERSION,
+        "notice": RESEARCH_USE_ONLY,
+        "tsis": __version__,
+        "sha256": calibration_sha256(known),
+        "calibration": plain,
+    }
+    content = (json.dumps(document, indent=2, allow_nan=False) + "\n").encode()
+    if len(content) > LARGEST_BYTES:
+        raise InputError(
+            f"calibration must take at most {LARGEST_BYTES} bytes, so that it can be read back; got {len(content)}"
+        )
+    return content
+
+
+def write_calibration(known: ProbeCalibration, path: str | os.PathLike[str]) -> str:
+    """Write the file so that it is whole or absent, over nothing that exists; return its identity.
+
+    Raises
+    ------
+    FileInputError
+        When there is such a file already, or it cannot be written.
+    InputError
+        As `calibration_bytes`.
+    """
+    target = as_path(path)
+    content = calibration_bytes(known)
+    try:
+        if target.exists():
+            raise FileInputError(
+                f"{printable_path(target)} must be a new file; it exists already (choose another name)"
+            )
+        target.parent.mkdir(parents=True, exist_ok=True)
+        write_durably(target, content)
+    except OSError as error:
+        reason = error.strerror or error
+        raise FileInputError(f"{printable_path(target)} must be a file that can be written; got: {reason}") from error
+    return calibration_sha256(known)
+
+
+def read_calibration(path: str | os.PathLike[str]) -> ProbeCalibration:
+    """Read a calibration file; whether it may be used is asked of the value.
+
+    Raises
+    ------
+    FileInputError
+        When it is missing, not such a file, of another version or holds a value out of range.
+    CalibrationError
+        When its content is not what was written: it was changed or damaged.
+    """
+    source = as_path(path)
+    return _known(read_object(source, most=LARGEST_BYTES), printable_path(source))
+
+
+def parse_calibration(content: bytes, name: str) -> ProbeCalibration:
+    """The same from the content of such a file; ``name`` says in errors where it came from.
+
+    Raises
+    ------
+    FileInputError
+        When it is no such file, of another version or holds a value out of range.
+    CalibrationError
+        When it is not what was written: it was changed or damaged.
+    """
+    if len(content) > LARGEST_BYTES:
+        raise FileInputError(f"{name} must be at most {LARGEST_BYTES} bytes; got {len(content)}")
+    return _known(parse_object(content, name), name)
+
+
+def _known(document: dict[str, Any], name: str) -> ProbeCalibration:
+    if document.get("format") != CALIBRATION_FORMAT:
+        raise FileInputError(f"{name} must be a file of {CALIBRATION_FORMAT}; got {document.get('format')!r:.60}")
+    if document.get("version") != CALIBRATION_VERSION:
+        raise FileInputError(
+            f"{name} must be of version {CALIBRATION_VERSION}; got {document.get('version')!r:.20} "
+            "(calibrate again, or read it with the release of tsis that wrote it)"
+        )
+    content = document.get("calibration")
+    expected = document_sha256(content)
+    if expected is None or document.get("sha256") != expected:
+        raise CalibrationError(
+            f"{name} must be as it was written; its content does not match its hash, so it was changed or "
+            "damaged (take the original, or calibrate again)"
+        )
+    try:
+        require_bounded_maps(content, "calibration")
+        known: ProbeCalibration = from_plain(ProbeCalibration, content, "calibration")
+    except InputError as error:
+        raise FileInputError(f"{name}: {error}") from error
+    except CalibrationError as error:
+        raise CalibrationError(f"{name}: {error}") from error
+    return known
+
+
+def document_sha256(content: Any) -> str | None:
+    try:
+        canonical = json.dumps(
+            _as_floats(without_maps(content)), sort_keys=True, separators=(",", ":"), allow_nan=False
+        )
+    except (ValueError, OverflowError, RecursionError):  # NaN or nesting without end, which nothing here ever wrote
+        return None
+    return hashlib.sha256(canonical.encode()).hexdigest()
+
+
+def _as_floats(content: Any) -> Any:
+    """The content with 60 and 60.0 made alike, which mean the same to every value."""
+    if isinstance(content, dict):
+        return {name: _as_floats(each) for name, each in content.items()}
+    if isinstance(content, list):
+        return [_as_floats(each) for each in content]
+    return float(content) if type(content) is int else content

@@ -1,0 +1,51 @@
+"""Values that a laboratory measured by other means and wrote down, as a calibration."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING, Any
+
+from tsis.calibration.file._codec import from_plain
+from tsis.calibration.file._value import ProbeCalibration
+from tsis.errors import FileInputError, InputError
+from tsis.files import printable_path, read_object
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+LARGEST_VALUES_BYTES = 2**20
+BY_HAND = ("response", "scale")  # parts that a person can write down
+FROM_FRAMES = ("reference", "force_line", "specification", "made", "expires")
+
+
+def read_handwritten_calibration(path: Path, days: float) -> ProbeCalibration:
+    """Read values that a person wrote down, and date them from now.
+
+    Parameters
+    ----------
+    path
+        JSON file with name, probe, and a response or a scale.
+    days
+        How long the calibration is good.
+
+    Raises
+    ------
+    FileInputError
+        When the file is no such file, or holds what only the frames of a session give.
+    """
+    content = read_object(path, most=LARGEST_VALUES_BYTES)
+    if measured := [name for name in FROM_FRAMES if content.get(name) is not None]:
+        raise FileInputError(
+            f"{printable_path(path)} must hold values written by hand (name, probe, camera, settings, response, scale); got "
+            f"{', '.join(measured)}, which a session's frames give and whose date cannot be renewed (tsis calibrate)"
+        )
+    now = datetime.now(UTC).replace(microsecond=0)
+    dated: dict[str, Any] = {**content, "made": now.isoformat(), "expires": (now + timedelta(days=days)).isoformat()}
+    try:
+        known: ProbeCalibration = from_plain(ProbeCalibration, dated, "calibration")
+    except InputError as error:
+        raise FileInputError(f"{printable_path(path)}: {error}") from error
+    if all(getattr(known, part) is None for part in BY_HAND):
+        raise FileInputError(f"{printable_path(path)} must hold at least one of {', '.join(BY_HAND)}; got none")
+    return known

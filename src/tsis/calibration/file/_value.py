@@ -1,0 +1,267 @@
+"""What the parts of a calibration must be for their numbers to mean something, whoever wrote the file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from tsis.calibration.force import ForceLine
+from tsis.calibration.reference import CameraReference
+from tsis.calibration.scale import PixelScale
+from tsis.calibration.specification import Specification
+from tsis.errors import CalibrationError, InputError
+from tsis.model import Calibration, require_number, require_type
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from tsis.calibration._measured import MeasuredValue
+
+
+LONGEST_NAME, LONGEST_NOTE = 200, 1000
+YEARS = (2000, 2200)  # within which every time can be brought to another zone and a term be added
+MEASURED_IN: Mapping[str, Mapping[str, str]] = MappingProxyType(
+    {
+        "reference": MappingProxyType(
+            {"read_noise_grey": "grey", "shot_noise_grey": "grey", "stray_grey": "grey", "patch_grey": "grey"}
+        ),
+        "force_line": MappingProxyType(
+            {
+                "intercept_grey": "grey",
+                "slope_grey_per_n": "grey/N",
+                "residual_grey": "grey",
+                "residual_share": "",
+            }
+        ),
+    }
+)
+NEVER_NEGATIVE = ("read_noise_grey", "shot_noise_grey", "patch_grey", "residual_grey", "residual_share")
+
+
+def require_name(what: str, text: object, *, longest: int = LONGEST_NAME) -> None:
+    r"""Refuse what is no text that a line of a terminal or a page can show.
+
+    Examples
+    --------
+    >>> require_name("name", "bench\n2")
+    Traceback (most recent call last):
+    ...
+    tsis.errors.InputError: name must be printable, on one line; got 'bench\n2'
+    """
+    if not isinstance(text, str):
+        raise InputError(f"{what} must be a str; got {text!r:.80}")
+    if len(text) > longest:
+        raise InputError(f"{what} must hold at most {longest} characters; got {len(text)}")
+    if not text.isprintable():
+        raise InputError(f"{what} must be printable, on one line; got {text!r:.80}")
+
+
+def require_time(what: str, moment: object) -> None:
+    """Refuse what is neither None nor a time, a time without a zone, or in a year in which nobody calibrates."""
+    if moment is None:
+        return
+    if not isinstance(moment, datetime) or moment.tzinfo is None:
+        raise InputError(f"{what} must be a time with its zone; got {moment!r:.60}")
+    if not YEARS[0] <= moment.year <= YEARS[1]:
+        raise InputError(f"{what} must lie in the years {YEARS[0]} to {YEARS[1]}; got {moment.isoformat()}")
+
+
+def require_measured(part: str, value: Any) -> None:
+    """Refuse a part whose measured numbers are in another unit, or negative where nothing can be."""
+    for name, unit in MEASURED_IN.get(part, {}).items():
+        number: MeasuredValue | None = getattr(value, name)
+        if number is None:
+            continue
+        _require_unit(f"{part}.{name}", number, unit)
+        if name in NEVER_NEGATIVE and number.value < 0:
+            raise InputError(f"{part}.{name} must not be negative; got {number.value:g}")
+
+
+def require_sheet(sheet: Specification) -> None:
+    """Refuse a sheet whose lines cannot be shown, or whose numbers are in another unit than their line."""
+    for number, row in enumerate(sheet.rows):
+        where = f"specification.rows[{number}]"
+        for name in ("quantity", "unit", "fingertip", "printed", "note"):
+            require_name(f"{where}.{name}", getattr(row, name), longest=LONGEST_NOTE)
+        if row.measured is not None:
+            _require_unit(f"{where}.measured", row.measured, row.unit)
+
+
+def _require_unit(where: str, number: MeasuredValue, unit: str) -> None:
+    if number.unit != unit:
+        raise InputError(f"{where} must be in {unit or 'no unit, a pure number'}; got {number.unit!r:.40}")
+
+
+Part = TypeVar("Part", PixelScale, CameraReference, ForceLine, Calibration, Specification)
+SETTING_TOLERANCE = 1e-3  # share by which a camera may round what it was set to
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ProbeCalibration:
+    """A probe and its camera as they were calibrated; parts that were not measured are None.
+
+    Parameters
+    ----------
+    name
+        What people call this calibration; like all names printable and at most 200 characters.
+    probe, camera
+        Whose it is; empty when nobody wrote it down, and then nothing is compared.
+    settings
+        Camera settings under which it holds, by name.
+    made, expires
+        When it was made and until when it may be used, with their time zone; None for a simulated one, which does not
+        age.
+    scale
+        Size of a pixel on the face.
+    reference
+        What the camera sees without contact.
+    force_line
+        Force by the sum of grey levels.
+    response
+        Grey level by pressure, for the estimates.
+    specification
+        The specification sheet.
+
+    Raises
+    ------
+    InputError
+        When a part is of the wrong kind, of another probe or in another unit; when a time has no zone, the wrong order
+        or no end; when a name cannot be shown on one line.
+
+    Examples
+    --------
+    >>> known = ProbeCalibration(name="bench", probe="tsis-2011", made=datetime(2026, 11, 22, tzinfo=UTC),
+    ...     expires=datetime(2027, 5, 22, tzinfo=UTC))
+    >>> known.require_usable(datetime(2027, 6, 1, tzinfo=UTC))
+    Traceback (most recent call last):
+    ...
+    tsis.errors.CalibrationError: calibration 'bench' must not be expired; it was good until 2027-05-22 (make a \
+new one: tsis calibrate)
+    """
+
+    name: str
+    probe: str = ""
+    camera: str = ""
+    settings: Mapping[str, float] = field(default_factory=dict)
+    made: datetime | None = None
+    expires: datetime | None = None
+    scale: PixelScale | None = None
+    reference: CameraReference | None = None
+    force_line: ForceLine | None = None
+    response: Calibration | None = None
+    specification: Specification | None = None
+
+    def __post_init__(self) -> None:
+        for name in ("name", "probe", "camera"):
+            require_name(name, getattr(self, name))
+        for name, kind in PARTS.items():
+            if getattr(self, name) is not None:
+                require_type(name, getattr(self, name), kind)
+                require_measured(name, getattr(self, name))
+        self._require_one_probe()
+        if self.specification is not None:
+            require_sheet(self.specification)
+        for name in self.settings:
+            require_name("the name of a setting", name)
+        values = {name: require_number(f"settings.{name}", value, -1e12, 1e12) for name, value in self.settings.items()}
+        object.__setattr__(self, "settings", MappingProxyType(values))
+        for name in ("made", "expires"):
+            require_time(name, getattr(self, name))
+        if (self.made is None) != (self.expires is None):
+            raise InputError(f"made and expires must be given together; got {self.made} and {self.expires}")
+        if self.made is not None and self.expires is not None and self.expires <= self.made:
+            raise InputError(f"expires must lie after made; got {self.expires} and {self.made}")
+
+    def _require_one_probe(self) -> None:
+        if self.response is not None:
+            require_name("response.name", self.response.name)
+        for part in (self.response, self.specification):
+            if part is None:
+                continue
+            what = "response" if part is self.response else "specification"
+            require_name(f"{what}.probe", part.probe)
+            if part.probe and self.probe and part.probe != self.probe:
+                raise InputError(f"{what}.probe must be that of the calibration, {self.probe!r}; got {part.probe!r}")
+
+    def require_usable(
+        self,
+        now: datetime,
+        *,
+        probe: str | None = None,
+        camera: str | None = None,
+        settings: Mapping[str, float] | None = None,
+    ) -> None:
+        """Refuse a calibration that is expired, made in the future, or that of another probe, camera or setting.
+
+        Parameters
+        ----------
+        now
+            The present time, with its zone.
+        probe, camera, settings
+            What it is to be used with; None is not compared.
+
+        Raises
+        ------
+        CalibrationError
+            Naming what differs and the cure.
+        """
+        if self.expires is not None and now > self.expires:
+            raise CalibrationError(
+                f"calibration {self.name!r} must not be expired; it was good until {self.expires:%Y-%m-%d} "
+                "(make a new one: tsis calibrate)"
+            )
+        if self.made is not None and self.made.astimezone(UTC) > now.astimezone(UTC):
+            raise CalibrationError(
+                f"calibration {self.name!r} must not come from the future; it was made {self.made:%Y-%m-%d %H:%M} "
+                "(is this computer's clock right?)"
+            )
+        for what, ours, theirs in (("probe", self.probe, probe), ("camera", self.camera, camera)):
+            if theirs is not None and ours and theirs and ours != theirs:
+                raise CalibrationError(
+                    f"calibration {self.name!r} must be of the {what} in use, {theirs!r}; it is of {ours!r} "
+                    "(choose its own calibration, or make one: tsis calibrate)"
+                )
+        self._require_settings(settings or {})
+
+    def _require_settings(self, present: Mapping[str, float]) -> None:
+        for name, value in self.settings.items():
+            if name in present and abs(present[name] - value) > SETTING_TOLERANCE * max(abs(value), 1e-9):
+                raise CalibrationError(
+                    f"calibration {self.name!r} holds at {name} = {value:g}; the camera is at {present[name]:g} "
+                    "(set it back, or calibrate at this setting)"
+                )
+
+    def need(self, kind: type[Part], purpose: str) -> Part:
+        """The part of a kind, without which ``purpose`` cannot be.
+
+        Raises
+        ------
+        CalibrationError
+            When it was not measured.
+        """
+        name = next(name for name, each in PARTS.items() if each is kind)
+        found = getattr(self, name)
+        if not isinstance(found, kind):
+            raise CalibrationError(
+                f"{purpose} needs the part {name!r}, which calibration {self.name!r} does not hold (tsis calibrate)"
+            )
+        return found
+
+    def known_response(self, identity: str) -> Calibration:
+        """The response, under a name that tells which file it came from, and of the calibration's probe."""
+        response = self.need(Calibration, "an estimate")
+        name = f"{self.name or response.name} ({identity[:12]})"
+        return replace(response, name=name, probe=response.probe or self.probe)
+
+
+PARTS: Mapping[str, type] = MappingProxyType(
+    {
+        "scale": PixelScale,
+        "reference": CameraReference,
+        "force_line": ForceLine,
+        "response": Calibration,
+        "specification": Specification,
+    }
+)

@@ -1,0 +1,224 @@
+"""Loadings brought to common forces, and the lines of single runs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy
+
+from tsis.calibration._measured import MeasuredValue
+from tsis.errors import CalibrationError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.calibration.force._loading import Loading
+
+
+CLIPPED_SHARE = 1e-4  # of a patch's pixels; above it a press is saturated
+GRID = 20  # forces at which loadings are compared
+FEWEST = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LoadingRun:
+    """A loading's usable presses and the least-squares line through them.
+
+    Attributes
+    ----------
+    tip_mm
+        Radius of the tip.
+    force_n, total_grey
+        Forces less the gauge's zero, and sums of grey levels, shape (n,).
+    rising
+        True where the force was reached from below, shape (n,).
+    intercept, slope
+        Of the line.
+    """
+
+    tip_mm: float
+    force_n: NDArray[np.float64]
+    total_grey: NDArray[np.float64]
+    rising: NDArray[np.bool]
+    intercept: float
+    slope: float
+
+    @property
+    def left(self) -> NDArray[np.float64]:
+        """Departures from the line, grey levels, shape (n,)."""
+        return np.asarray(self.total_grey - self.intercept - self.slope * self.force_n)
+
+    def at(self, force_n: NDArray[np.float64], *, rising: bool) -> NDArray[np.float64]:
+        """Sums of one branch at other forces, linear between presses."""
+        branch = self.rising == rising
+        if rising is False:  # the turn belongs to both
+            branch = branch | (self.force_n == self.force_n.max())
+        order = np.argsort(self.force_n[branch])
+        return np.asarray(np.interp(force_n, self.force_n[branch][order], self.total_grey[branch][order]))
+
+    @property
+    def has_both_branches(self) -> bool:
+        """Whether it was loaded and unloaded by two presses or more."""
+        return min(int(self.rising.sum()), int((~self.rising).sum())) >= 2
+
+
+def usable(loading: Loading) -> NDArray[np.bool]:
+    """Presses whose light stands out of the noise and does not clip, shape (n,)."""
+    return np.asarray(loading.touched & (loading.total_grey > 0) & (loading.clipped <= CLIPPED_SHARE))
+
+
+def run_of(loading: Loading) -> LoadingRun:
+    """The line of one loading.
+
+    Raises
+    ------
+    CalibrationError
+        When too few presses are usable, or the sum does not rise with the force.
+    """
+    good = usable(loading)
+    if int(good.sum()) < FEWEST:
+        raise CalibrationError(
+            f"a loading must hold at least {FEWEST} presses that are seen and do not clip; that of the "
+            f"{loading.tip_radius_mm:g} mm tip holds {int(good.sum())} (change the exposure)"
+        )
+    force, total = loading.load_n[good], loading.total_grey[good]
+    if np.ptp(force) <= 0:
+        raise CalibrationError("a loading must hold different forces; the gauge showed one (is it connected?)")
+    slope, intercept = (float(number) for number in np.polyfit(force, total, 1))
+    if slope <= 0:
+        raise CalibrationError(
+            f"the sum of grey levels must rise with the force; it falls by {-slope:.3g} grey levels a newton under the "
+            f"{loading.tip_radius_mm:g} mm tip (are forces and frames in one order?)"
+        )
+    return LoadingRun(
+        tip_mm=loading.tip_radius_mm,
+        force_n=force,
+        total_grey=total,
+        rising=loading.rising[good],
+        intercept=intercept,
+        slope=slope,
+    )
+
+
+def common_forces(runs: Sequence[LoadingRun]) -> NDArray[np.float64]:
+    """Forces that every run covers, shape (GRID,)."""
+    low = max(float(run.force_n.min()) for run in runs)
+    high = min(float(run.force_n.max()) for run in runs)
+    return np.linspace(low, high, GRID)
+
+
+def mean_of(values: NDArray[np.float64], *, unit: str = "") -> MeasuredValue:
+    """Mean of independent values and its standard error; 2 values or more."""
+    count = len(values)
+    sd = float(np.std(values, ddof=1)) / float(np.sqrt(count))
+    return MeasuredValue(value=float(np.mean(values)), sd=sd, degrees_of_freedom=count - 1.0, unit=unit)
+
+
+def spread_of(variance: float, freedom: float, *, unit: str = "") -> MeasuredValue:
+    """A standard deviation that rests on so many degrees of freedom, with its own uncertainty."""
+    freedom = max(freedom, 1.0)
+    sd = float(np.sqrt(variance))
+    return MeasuredValue(value=sd, sd=sd / float(np.sqrt(2 * freedom)), degrees_of_freedom=freedom, unit=unit)
+
+
+COMPARED_N = 0.8  # where the source compares its tips
+FALSE_ALARMS, MISSES = 0.05, 0.05
+WIDEST = 0.6  # of the largest force
+FEWEST_UNTOUCHED = 3
+
+
+def loading_linearity(runs: Sequence[LoadingRun]) -> MeasuredValue:
+    """Largest departure of the mean curve from a straight line over the largest sum, signed.
+
+    The place is picked for being largest, so noise makes it larger; the interval is that of the picked place.
+    """
+    force = common_forces(runs)
+    curves = []
+    for run in runs:
+        branches = [run.at(force, rising=way) for way in ((True, False) if run.has_both_branches else (True,))]
+        line = run.intercept + run.slope * force
+        curves.append((np.mean(branches, axis=0) - line) / line[-1])
+    found = np.array(curves)
+    return mean_of(found[:, int(np.abs(found.mean(axis=0)).argmax())])
+
+
+def loading_hysteresis(runs: Sequence[LoadingRun]) -> MeasuredValue | None:
+    """Loading less unloading over the range, at 0.6 of the largest force; None with fewer than two loops.
+
+    Each run's loop is smoothed to ``f (1 - f) (c0 + c1 f)``, f the force over the largest one, which is closed at both
+    ends and which a steady drift of the lamps makes too; the scatter between runs then holds what drift left. Both
+    shapes have more than 95 % of their largest width there; a place picked from the data would be picked for its noise.
+    """
+    loops = [run for run in runs if run.has_both_branches]
+    if len(loops) < 2:
+        return None
+    return mean_of(np.array([float((_basis(np.array([WIDEST])) @ _loop(run))[0]) for run in loops]))
+
+
+def _basis(share: NDArray[np.float64]) -> NDArray[np.float64]:
+    closed = share * (1 - share)
+    return np.stack([closed, closed * share], axis=1)
+
+
+def _loop(run: LoadingRun) -> NDArray[np.float64]:
+    largest = float(run.force_n.max())
+    force = np.unique(np.round(run.force_n[~run.rising], 12))
+    width = (run.at(force, rising=True) - run.at(force, rising=False)) / (run.intercept + run.slope * largest)
+    found, *_ = np.linalg.lstsq(_basis(force / largest), width, rcond=None)
+    return np.asarray(found)
+
+
+def loading_repeatability(runs: Sequence[LoadingRun]) -> MeasuredValue | None:
+    """Standard deviation of sums of one tip and force in repeated loadings over the range; None without repeats."""
+    squares, freedom = 0.0, 0
+    for tip in {run.tip_mm for run in runs}:
+        repeats = [run for run in runs if run.tip_mm == tip and run.has_both_branches]
+        if len(repeats) < 2:
+            continue
+        force = common_forces(repeats)
+        for rising in (True, False):
+            sums = np.array([run.at(force, rising=rising) for run in repeats])
+            squares += float(np.mean(np.var(sums, axis=0, ddof=1))) / float(sums.max() ** 2) * (len(repeats) - 1)
+        freedom += len(repeats) - 1
+    # Presses of one run share its drift, so a run counts once.
+    return spread_of(squares / (2 * freedom), freedom) if freedom else None
+
+
+def tip_difference(runs: Sequence[LoadingRun]) -> MeasuredValue | None:
+    """Line of the widest tip over that of the second widest at 0.8 N, less one; None with one tip."""
+    tips = sorted({run.tip_mm for run in runs})
+    if len(tips) < 2:
+        return None
+    sums = {tip: [run.intercept + run.slope * COMPARED_N for run in runs if run.tip_mm == tip] for tip in tips}
+    legs = [_legs(run) for run in runs if run.has_both_branches]
+    # Loading and unloading are two readings of one run; half their difference is the error of its mean.
+    error = float(np.sqrt(np.mean(np.square(legs)))) if legs else 0.0
+    wide, other = np.mean(sums[tips[-1]]), np.mean(sums[tips[-2]])
+    sd = error * np.sqrt(1 / len(sums[tips[-1]]) + 1 / len(sums[tips[-2]]))
+    return MeasuredValue(value=float(wide / other - 1), sd=float(sd), degrees_of_freedom=max(1.0, float(len(legs))))
+
+
+def _legs(run: LoadingRun) -> float:
+    up, down = (float(run.at(np.array([COMPARED_N]), rising=way)[0]) for way in (True, False))
+    return (up - down) / (up + down)
+
+
+def detectable_n(loadings: Sequence[Loading], slope_grey_per_n: float) -> MeasuredValue | None:
+    """Smallest force that the sum over the whole frame tells from no contact, newtons; None without untouched frames.
+
+    Currie's limit ``(z_a + z_b) s sqrt(1 + 1 / n)`` of n untouched sums with the standard deviation s.
+    """
+    untouched = np.concatenate([loading.field_grey[~loading.touched] for loading in loadings])
+    count = len(untouched)
+    if count < FEWEST_UNTOUCHED:
+        return None
+    levels = (
+        float(scipy.stats.norm.isf(FALSE_ALARMS) + scipy.stats.norm.isf(MISSES))
+        * np.sqrt(1 + 1 / count)
+        / slope_grey_per_n
+    )
+    return spread_of(float(np.var(untouched, ddof=1)) * float(levels) ** 2, count - 1.0, unit="N")

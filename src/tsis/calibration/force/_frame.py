@@ -1,0 +1,172 @@
+"""What one frame of a press tells the force line: the sum of grey levels of its bright patch, and its shape."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+from scipy import ndimage
+
+from tsis.errors import InputError
+from tsis.imaging import segment, smoothed
+from tsis.model import TactileImage, require_one_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.calibration.reference import CameraReference
+
+
+PATCH_METHODS = ("threshold", "canny")
+MARGIN = 0.06  # of the patch's radius, by which it is widened to hold all of its light
+LEAST_MARGIN_PX = 3
+MIDDLE = 0.3  # of the contact's radius: what counts as its middle
+HERTZ_SPREAD = 2.5  # square of the radius over the mean square distance of a Hertzian contact's light
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoadingFrame:
+    """One frame with the force that the gauge showed.
+
+    Attributes
+    ----------
+    force_n
+        What the gauge read, newtons.
+    touched
+        Whether the tip was on the probe.
+    total_grey, field_grey
+        Sum of grey levels above no contact, over the bright patch (0 when none stands out) and over all good pixels.
+    peak_grey, mean_square_mm2
+        Grey level in the middle, and mean square distance of the light from its centroid; 0 when nothing stands out.
+    clipped
+        Share of the patch's pixels that clip.
+    """
+
+    force_n: float
+    touched: bool
+    total_grey: float
+    field_grey: float
+    peak_grey: float
+    mean_square_mm2: float
+    clipped: float
+
+
+def read_loading_frame(
+    image: TactileImage, reference: CameraReference, *, force_n: float, touched: bool, method: str = "threshold"
+) -> LoadingFrame:
+    """Read one frame of the loading procedure; clipped pixels are counted, not refused, so that the range shows.
+
+    Parameters
+    ----------
+    image
+        The frame as the camera delivered it.
+    reference
+        What corrects it.
+    force_n
+        What the gauge read, newtons.
+    touched
+        Whether the tip was on the probe.
+    method
+        ``"threshold"`` or ``"canny"``.
+
+    Raises
+    ------
+    ImageMismatchError, InputError
+        When the frame does not belong to the reference, the lamps are in another state or the scale is not known.
+    """
+    grey = reference.touch_grey(image)
+    scale = reference.mm_per_pixel or image.mm_per_pixel
+    if scale is None:
+        raise InputError("mm_per_pixel must be known to read a press; calibrate the scale first")
+    field = float(grey[reference.usable].sum())
+    mask = patch_mask(TactileImage(grey=grey, full_scale=reference.full_scale), method=method)
+    if not mask.any():
+        return LoadingFrame(
+            force_n=force_n,
+            touched=touched,
+            total_grey=0.0,
+            field_grey=field,
+            peak_grey=0.0,
+            mean_square_mm2=0.0,
+            clipped=0.0,
+        )
+    peak, spread = _shape(grey, mask, scale)
+    return LoadingFrame(
+        force_n=force_n,
+        touched=touched,
+        total_grey=float(grey[mask].sum()),
+        field_grey=field,
+        peak_grey=peak,
+        mean_square_mm2=spread,
+        clipped=float(np.mean(image.grey[mask] >= image.full_scale)),
+    )
+
+
+def total_grey(image: TactileImage, reference: CameraReference, *, method: str = "threshold") -> float:
+    """Sum of grey levels above no contact over the bright patch of a frame, 0 when nothing stands out of the noise.
+
+    It is what `ForceLine.force_n` takes.
+
+    Raises
+    ------
+    ImageMismatchError, InputError
+        When the frame does not belong to the reference, is saturated, or the lamps are in another state.
+    """
+    corrected = reference.corrected(image)
+    mask = patch_mask(corrected, method=method)
+    return float(corrected.grey[mask].sum())
+
+
+def patch_mask(image: TactileImage, *, method: str = "threshold") -> NDArray[np.bool]:
+    """The pixels of the bright patch with a margin that holds the light of its edge, shape (rows, columns).
+
+    Parameters
+    ----------
+    image
+        A corrected frame.
+    method
+        ``"threshold"`` cuts six standard deviations of the noise above the dark side; ``"canny"`` fills the outline
+        that Canny's edges draw, and takes the threshold's patch where they do not close.
+    """
+    require_one_of("segmentation method", method, PATCH_METHODS)
+    patch = segment(image, method="noise")
+    mask = np.asarray(patch.mask)
+    if not patch.found:
+        return mask
+    if method == "canny":
+        mask = _within_edges(image.grey, mask, patch.threshold_grey)
+    margin = max(LEAST_MARGIN_PX, round(MARGIN * float(np.sqrt(mask.sum() / np.pi))))
+    disc = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (2 * margin + 1, 2 * margin + 1))
+    return np.asarray(cv2.dilate(mask.astype(np.uint8), disc), dtype=bool)
+
+
+def _within_edges(grey: NDArray[np.float64], mask: NDArray[np.bool], threshold: float) -> NDArray[np.bool]:
+    """What Canny's edges enclose of the patch."""
+    smooth = smoothed(grey)
+    top = float(smooth[mask].max())
+    seen = np.clip(255 * smooth / top, 0, 255).astype(np.uint8)
+    low = float(np.clip(255 * threshold / top, 5, 100))
+    edges = cv2.Canny(seen, low, 2 * low, L2gradient=True)
+    closed = cv2.morphologyEx(edges, cv2.MORPH_CLOSE, np.ones((5, 5), np.uint8)) > 0
+    filled = ndimage.binary_fill_holes(closed)
+    labels, count = ndimage.label(filled)
+    if count == 0:
+        return mask
+    sizes = np.bincount(labels[mask], minlength=count + 1)
+    sizes[0] = 0
+    inside = labels == int(np.argmax(sizes))
+    return np.asarray(inside) if inside[mask].mean() > 0.5 else mask
+
+
+def _shape(grey: NDArray[np.float64], mask: NDArray[np.bool], scale: tuple[float, float]) -> tuple[float, float]:
+    """Grey level in the middle of the light, and its mean square distance in mm² from the centroid."""
+    rows, columns = np.nonzero(mask)
+    light = grey[rows, columns]
+    total = float(light.sum())
+    x, y = columns * scale[0], rows * scale[1]
+    away = (x - float(light @ x) / total) ** 2 + (y - float(light @ y) / total) ** 2
+    spread = float(light @ away) / total
+    middle = away < MIDDLE**2 * HERTZ_SPREAD * spread
+    return float(light[middle].mean()) if middle.any() else float(light.max()), max(spread, 0.0)

@@ -1,0 +1,140 @@
+"""One loading of the probe with a tip: what the camera and the force gauge read, in order of time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from tsis.calibration.force._line import LARGEST_GAUGE_N
+from tsis.errors import CalibrationError, InputError
+from tsis.model import require_array, require_integer, require_number
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.calibration.force._frame import LoadingFrame
+
+
+TIPS_MM = (2.0, 10.0, 14.0)
+LARGEST_N, STEP_N = 2.0, 0.1
+UNTOUCHED_N = 0.005  # what a gauge may read without load, before its zero is taken away
+
+
+def loading_forces(largest_n: float = LARGEST_N, step_n: float = STEP_N) -> tuple[float, ...]:
+    """Forces of section 5.1 in newtons in order of time: 0 to the largest in steps, and back to 0.
+
+    Parameters
+    ----------
+    largest_n
+        Largest force in newtons, in [0.001, 50].
+    step_n
+        From force to force in newtons, from 0.0001 to the largest.
+
+    Raises
+    ------
+    InputError
+        When either lies outside its range.
+
+    Examples
+    --------
+    >>> loading_forces(0.3)
+    (0.0, 0.1, 0.2, 0.3, 0.2, 0.1, 0.0)
+    """
+    require_number("largest_n", largest_n, 1e-3, LARGEST_GAUGE_N, hint="newtons")
+    steps = round(largest_n / require_number("step_n", step_n, 1e-4, largest_n, hint="newtons"))
+    up = [round(largest_n * step / steps, 9) for step in range(steps + 1)]
+    return (*up, *up[-2::-1])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Loading:
+    """One run of a tip from no contact to the largest force and back, in order of time.
+
+    Parameters
+    ----------
+    tip_radius_mm
+        Radius of the rigid tip, mm, in [0.1, 1000].
+    force_n
+        What the gauge read in newtons, shape (n,), n >= 6; within 50 N.
+    total_grey
+        Sum of grey levels above no contact of the bright patch, shape (n,).
+    touched
+        Whether the tip was on the probe, shape (n,); where it was not, the gauge shows its zero.
+    field_grey
+        The same sum over all good pixels, bright or not, shape (n,).
+    peak_grey, mean_square_mm2
+        Grey level in the middle of the contact and mean square distance of its light from its centroid, shape (n,);
+        0 where nothing was found.
+    clipped
+        Share of the patch's pixels that clip, shape (n,).
+    run
+        Number of the repeat, from 1.
+    """
+
+    tip_radius_mm: float
+    force_n: NDArray[np.float64]
+    total_grey: NDArray[np.float64]
+    touched: NDArray[np.bool]
+    field_grey: NDArray[np.float64]
+    peak_grey: NDArray[np.float64]
+    mean_square_mm2: NDArray[np.float64]
+    clipped: NDArray[np.float64]
+    run: int = 1
+
+    def __post_init__(self) -> None:
+        require_number("tip_radius_mm", self.tip_radius_mm, 0.1, 1000.0, hint="millimetres")
+        require_integer("run", self.run, 1, 10_000)
+        for name in ("force_n", "total_grey", "field_grey", "peak_grey", "mean_square_mm2", "clipped"):
+            values = require_array(name, getattr(self, name), ndim=1)
+            object.__setattr__(self, name, values)
+            if len(values) != len(self.force_n):
+                raise InputError(f"{name} must hold one number a press, {len(self.force_n)}; got {len(values)}")
+        touched = np.array(self.touched, dtype=bool)
+        if touched.shape != self.force_n.shape:
+            raise InputError(f"touched must hold one truth value a press, {len(self.force_n)}; got {touched.shape}")
+        touched.flags.writeable = False
+        object.__setattr__(self, "touched", touched)
+        largest = float(np.abs(self.force_n).max())
+        if largest > LARGEST_GAUGE_N:
+            raise InputError(
+                f"force_n must hold newtons, at most {LARGEST_GAUGE_N:g}; got {largest:g} "
+                "(millinewtons? divide them by 1000)"
+            )
+        if int(touched.sum()) < 4:
+            raise CalibrationError(
+                f"a loading must hold at least 4 presses with contact; got {int(touched.sum())} (take smaller steps)"
+            )
+
+    @classmethod
+    def of(cls, tip_radius_mm: float, readings: Sequence[LoadingFrame], *, run: int = 1) -> Self:
+        """The loading of presses that were read one by one."""
+        return cls(
+            tip_radius_mm=tip_radius_mm,
+            run=run,
+            force_n=np.array([one.force_n for one in readings]),
+            total_grey=np.array([one.total_grey for one in readings]),
+            touched=np.array([one.touched for one in readings]),
+            field_grey=np.array([one.field_grey for one in readings]),
+            peak_grey=np.array([one.peak_grey for one in readings]),
+            mean_square_mm2=np.array([one.mean_square_mm2 for one in readings]),
+            clipped=np.array([one.clipped for one in readings]),
+        )
+
+    @property
+    def zero_n(self) -> float:
+        """What the gauge showed without contact, newtons; 0 when no frame was taken without."""
+        return float(self.force_n[~self.touched].mean()) if (~self.touched).any() else 0.0
+
+    @property
+    def load_n(self) -> NDArray[np.float64]:
+        """Forces less the gauge's zero, shape (n,)."""
+        return np.asarray(self.force_n - self.zero_n)
+
+    @property
+    def rising(self) -> NDArray[np.bool]:
+        """True up to the largest force, shape (n,)."""
+        return np.arange(len(self.force_n)) <= int(np.argmax(self.force_n))

@@ -1,0 +1,117 @@
+"""Is this press usable? Named flags on one frame; `tsis.calibration.guard._watch` does so live."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tsis.calibration.guard._flags import GuardLimits, findings
+from tsis.calibration.guard._reading import prepared, read_guard_frame
+from tsis.calibration.guard._reference import FrameShape, GuardReference
+from tsis.calibration.guard._watch import PressWatch
+from tsis.catalog import list_probes, load_probe
+from tsis.imaging import require_image
+from tsis.model import TactileImage, require_number, require_type
+
+if TYPE_CHECKING:
+    from tsis.calibration._apply import UsableCalibration
+    from tsis.calibration.guard._flags import GuardFlag
+    from tsis.calibration.settling import Settling
+    from tsis.instrument import Frame
+
+
+def check_press(
+    image: TactileImage,
+    *,
+    reference: GuardReference | TactileImage | None = None,
+    force_n: float | None = None,
+    settling: Settling | None = None,
+    limits: GuardLimits | None = None,
+) -> tuple[GuardFlag, ...]:
+    """Say what speaks against using a press as it is.
+
+    Parameters
+    ----------
+    image
+        The frame as the camera delivered it.
+    reference
+        What it is compared with; a frame alone is that of the untouched probe. What a flag needs and nobody gave is
+        not checked: see `tsis.calibration.guard.FLAGS`.
+    force_n
+        Force of the gauge, N, in [0, 1000]; that of the image when None.
+    settling
+        Of the series that the frame ends, by `tsis.calibration.settling.judge_settling`; None leaves ``moving``
+        unchecked.
+    limits
+        The thresholds; those of `GuardLimits` when None.
+
+    Returns
+    -------
+    tuple of GuardFlag
+        Those raised, in the order in which they are best cured; empty for a press that nothing speaks against.
+
+    Raises
+    ------
+    InputError
+        When an argument is of the wrong kind or out of range.
+    ImageMismatchError
+        When the reference is of another size, scale or full scale.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> y, x = np.mgrid[-60:60, -80:80]
+    >>> press = TactileImage(grey=8.0 + 120.0 * np.exp(-(x**2 + y**2) / 600.0), force_n=2.3)
+    >>> untouched = TactileImage(grey=np.full((120, 160), 8.0))
+    >>> for flag in check_press(press, reference=untouched):
+    ...     print(f"{flag.name}: {flag.advice}")
+    force-too-large: press less: 2.3 N is above 2 N
+    """
+    require_image("image", image)
+    if isinstance(reference, TactileImage) or reference is None:
+        reference = GuardReference(untouched=reference)
+    require_type("reference", reference, GuardReference)
+    limits = GuardLimits() if limits is None else limits
+    require_type("limits", limits, GuardLimits)
+    force = image.force_n if force_n is None else require_number("force_n", force_n, 0.0, 1000.0, hint="newtons")
+    reading = read_guard_frame(image.grey, prepared(reference, FrameShape.of(image)), force_n=force)
+    return tuple(one.flag for one in findings(reading, limits, settling=settling) if one.excess > 1.0)
+
+
+def guard_reference(calibration: UsableCalibration | None) -> GuardReference:
+    """The untouched probe of a calibration; nothing without one."""
+    reference = None if calibration is None else calibration.known.reference
+    if reference is None:
+        return GuardReference()
+    return GuardReference(
+        untouched=TactileImage(
+            grey=reference.dark_grey + reference.untouched_grey,
+            mm_per_pixel=_scale(calibration),
+            full_scale=reference.full_scale,
+        ),
+        patch=reference.patch,
+        face_radius_mm=_face_radius_mm(calibration),
+        dark_grey=float(reference.dark_grey.mean()),
+    )
+
+
+def press_watch(frame: Frame, calibration: UsableCalibration | None) -> PressWatch:
+    """A guard for the stream that this frame belongs to."""
+    shape = FrameShape.of(frame.tactile_image(mm_per_pixel=_scale(calibration)))
+    return PressWatch(shape, reference=guard_reference(calibration))
+
+
+def with_calibrated_scale(image: TactileImage, calibration: UsableCalibration | None) -> TactileImage:
+    """A frame with the calibration's scale, or as it is; `ImageMismatchError` when that was of another size."""
+    scale = None if calibration is None else calibration.known.scale
+    return image if scale is None else scale.on(image)
+
+
+def _scale(calibration: UsableCalibration | None) -> tuple[float, float] | None:
+    scale = None if calibration is None else calibration.known.scale
+    return None if scale is None else scale.mm_per_pixel
+
+
+def _face_radius_mm(calibration: UsableCalibration | None) -> float | None:
+    """Radius of the face of a probe that the catalog knows."""
+    name = "" if calibration is None else calibration.known.probe
+    return load_probe(name).radius_mm if name in list_probes() else None

@@ -1,0 +1,334 @@
+"""Every threshold of the press guard, in one place."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from tsis.calibration.guard._reading import MOST
+from tsis.errors import InputError
+from tsis.model import require_number
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from tsis.calibration.guard._reading import GuardReading
+    from tsis.calibration.settling import Settling
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GuardLimits:
+    """Up to where a press counts as usable.
+
+    Parameters
+    ----------
+    least_force_n, most_force_n
+        Window of the force, N, in (0, 100]. By default the range over which forces are calibrated: its first step of
+        0.1 N, and its end of 2 N.
+    tilt
+        How much brighter the contact may grow from its centre to its edge in one direction, a share of the brightness,
+        in [0.005, 1]. A flat face tilted by an angle presses that much more at one edge: 0.1 is the angle
+        ``0.1 approach / radius``, 2 degrees at 1 N on 5 kPa with ``tsis-2011``.
+    off_centre
+        Distance of the contact from the probe's axis over the contact's radius, in [0.005, 1]. Estimates take the
+        contact around the axis; at 0.1 the light's own pattern is read a tenth of the radius beside its place.
+    saturated
+        Share of the contact's pixels at full scale, in [0, 1). The light that clips is lost to every sum; 0.001 lets a
+        sensor's stuck pixels pass and no more.
+    ambient
+        Light from outside over the contact's mean light, in [1e-3, 1]: by as much the sum of grey levels errs. Three
+        times the deviation of an unknown constant that a calibration reckons with unless told otherwise (0.01).
+    flicker
+        Amplitude of the light from outside that swings with the mains, over the contact's mean light, in [1e-3, 1]:
+        the same share, frame by frame.
+    led_drift
+        Change of the lamps since the reference, a share, in [1e-4, 1]. Twice the deviation of the gain that a
+        calibration reckons with unless told otherwise (0.01).
+    cropped
+        Level at which the contact's patch reaches the frame's border over the contact's peak, in [0.01, 1]. At one half
+        the patch at half of the peak, which sizes are read from, runs out of the frame.
+    frozen
+        How many frames in a row may be alike bit by bit, in [1, 1000]. A sensor's noise never repeats; 2 lets a frame
+        that was delivered twice pass.
+    contact
+        Least peak of a contact above what is untouched, a share of full scale, in [1e-4, 1]: 0.01 is two and a half
+        levels of 8 bits, above what black levels wander by; the frame's own noise may ask for more.
+    dark
+        Least peak of a contact that is bright enough to be read, a share of full scale, in [1e-3, 1]. At 0.05 the
+        rounding and read noise of one pixel of an 8-bit camera is one part in twenty of the peak.
+    moving
+        Change of the light still to come, a share, in [1e-4, 0.5]: that of the settling time of a press.
+    release
+        Part of a limit to which a value must come back before a raised flag is taken down in a live view, in [0.5, 1].
+
+    Raises
+    ------
+    InputError
+        When a limit lies outside its range or the window of the force is empty.
+    """
+
+    least_force_n: float = 0.1
+    most_force_n: float = 2.0
+    tilt: float = 0.1
+    off_centre: float = 0.1
+    saturated: float = 0.001
+    ambient: float = 0.03
+    flicker: float = 0.03
+    led_drift: float = 0.02
+    cropped: float = 0.5
+    frozen: float = 2.0
+    contact: float = 0.01
+    dark: float = 0.05
+    moving: float = 0.01
+    release: float = 0.8
+
+    def __post_init__(self) -> None:
+        for name, (low, high) in RANGES.items():
+            require_number(name, getattr(self, name), low, high)
+        if self.least_force_n >= self.most_force_n:
+            raise InputError(
+                f"least_force_n must lie below most_force_n; got {self.least_force_n:g} N and {self.most_force_n:g} N"
+            )
+
+
+RANGES = {
+    "least_force_n": (1e-4, 100.0),
+    "most_force_n": (1e-4, 100.0),
+    "tilt": (5e-3, 1.0),
+    "off_centre": (5e-3, 1.0),
+    "saturated": (0.0, 0.999),
+    "ambient": (1e-3, 1.0),
+    "flicker": (1e-3, 1.0),
+    "led_drift": (1e-4, 1.0),
+    "cropped": (0.01, 1.0),
+    "frozen": (1.0, 1000.0),
+    "contact": (1e-4, 1.0),
+    "dark": (1e-3, 1.0),
+    "moving": (1e-4, 0.5),
+    "release": (0.5, 1.0),
+}
+
+
+WORST = 1e6  # a value over its limit is said to be at most so far over it
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GuardFlag:
+    """One thing that speaks against using a press as it is.
+
+    Attributes
+    ----------
+    name
+        A stable name, one of `FLAGS`.
+    value, limit
+        What was found and the limit that it passed, in the unit that `FLAGS` names.
+    advice
+        What to do, in one line.
+    """
+
+    name: str
+    value: float
+    limit: float
+    advice: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlagMeaning:
+    """What a flag means.
+
+    Attributes
+    ----------
+    means
+        In words.
+    limit
+        The field of `GuardLimits` that it is held against.
+    unit
+        Of value and limit.
+    needs
+        What must be known besides the frame.
+    """
+
+    means: str
+    limit: str
+    unit: str
+    needs: str = ""
+
+
+CONTACT_SHARE, UNTOUCHED = "share of the contact's light", "an untouched frame"
+FLAGS = {
+    "frozen": FlagMeaning(
+        means="the camera delivers one picture again and again",
+        limit="frozen",
+        unit="identical frames in a row",
+        needs="a series of frames",
+    ),
+    "no-contact": FlagMeaning(means="nothing stands out of the frame", limit="contact", unit="share of full scale"),
+    "force-too-small": FlagMeaning(
+        means="pressed too lightly", limit="least_force_n", unit="N", needs="the gauge's force"
+    ),
+    "force-too-large": FlagMeaning(means="pressed too hard", limit="most_force_n", unit="N", needs="the gauge's force"),
+    "saturated": FlagMeaning(
+        means="the camera clips inside the contact", limit="saturated", unit="share of the contact's pixels"
+    ),
+    "dark-frame": FlagMeaning(means="the contact is too dim to read", limit="dark", unit="share of full scale"),
+    "cropped": FlagMeaning(means="the contact runs out of the frame", limit="cropped", unit="share of the peak"),
+    "off-centre": FlagMeaning(
+        means="the contact lies beside the probe's axis", limit="off_centre", unit="share of the contact's radius"
+    ),
+    "tilted": FlagMeaning(
+        means="one side is brighter than in a level press", limit="tilt", unit="share of the brightness, centre to edge"
+    ),
+    "ambient-light": FlagMeaning(
+        means="light from outside reaches the camera", limit="ambient", unit=CONTACT_SHARE, needs=UNTOUCHED
+    ),
+    "flicker": FlagMeaning(
+        means="light from outside swings with the mains",
+        limit="flicker",
+        unit=CONTACT_SHARE,
+        needs="a series of frames with times",
+    ),
+    "led-drift": FlagMeaning(
+        means="the lamps are not as bright as in the reference",
+        limit="led_drift",
+        unit="share of the lamps' light",
+        needs=f"{UNTOUCHED} with a reference patch",
+    ),
+    "moving": FlagMeaning(
+        means="the press has not settled, or nobody can tell yet",
+        limit="moving",
+        unit="share of the light still to come",
+        needs="a series of frames with times",
+    ),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LimitExcess:
+    """A number held against its limit.
+
+    Attributes
+    ----------
+    flag
+        As it would be raised.
+    excess
+        How far the value is beyond the limit, as a factor: above 1 it is raised.
+    """
+
+    flag: GuardFlag
+    excess: float
+
+
+def findings(
+    reading: GuardReading,
+    limits: GuardLimits,
+    *,
+    settling: Settling | None = None,
+    flicker_grey: float | None = None,
+    in_a_row: int = 0,
+) -> Iterator[LimitExcess]:
+    """Hold every number that is known against its limit, in the order in which faults are best cured.
+
+    Parameters
+    ----------
+    reading
+        Of the frame.
+    limits
+        The limits.
+    settling
+        Of the series; None when it is not known.
+    flicker_grey
+        Amplitude at the mains' frequencies, grey levels; None when it is not known.
+    in_a_row
+        Number of identical frames that the frame ends; 0 when it is not known.
+    """
+    if in_a_row:
+        advice = f"stop and start the camera: {in_a_row} frames in a row are one and the same picture"
+        yield _above("frozen", in_a_row, limits.frozen, advice)
+    least = max(limits.contact, reading.noise)
+    contrast = max(reading.contrast, 0.0)
+    touched = contrast >= limits.release * least
+    blind = not touched and reading.saturated is not None and reading.saturated > MOST
+    if not blind:
+        yield _below("no-contact", contrast, least, "press the probe on the tissue, or check lamps and exposure")
+    if reading.force_n is not None:
+        force, low, high = reading.force_n, limits.least_force_n, limits.most_force_n
+        yield _below("force-too-small", force, low, f"press more: {force:.2g} N is below {low:g} N")
+        yield _above("force-too-large", force, high, f"press less: {force:.2g} N is above {high:g} N")
+    if touched:
+        yield from _contact_findings(reading, limits)
+    elif blind:
+        yield _clipping(reading.saturated or 0.0, limits)
+    # The light that stray light is held against: what the contact gives, or what a contact would give at the least.
+    light = max(reading.light, limits.dark * reading.full_scale) if touched else limits.dark * reading.full_scale
+    if reading.ambient_grey is not None:
+        share = reading.ambient_grey / light
+        yield _above(
+            "ambient-light", share, limits.ambient, f"keep light out: {share:.1%} of the light is not the lamps'"
+        )
+    if flicker_grey is not None:
+        share = flicker_grey / light
+        yield _above(
+            "flicker",
+            share,
+            limits.flicker,
+            f"switch lamps in the room off: light swings by {share:.1%} with the mains",
+        )
+    if reading.led_drift is not None:
+        drift = reading.led_drift
+        advice = f"let the lamps warm up or take a new reference: their light changed by {drift:+.1%}"
+        yield _above("led-drift", abs(drift), limits.led_drift, advice)
+    if touched and settling is not None:
+        yield _above("moving", settling.bound, limits.moving, _hold(settling))
+
+
+def _contact_findings(reading: GuardReading, limits: GuardLimits) -> Iterator[LimitExcess]:
+    if reading.saturated is not None:
+        yield _clipping(reading.saturated, limits)
+    advice = f"press more or expose longer: the contact's peak is {reading.contrast:.1%} of full scale"
+    yield _below("dark-frame", reading.contrast, limits.dark, advice)
+    if reading.cropped is not None:
+        advice = f"press less or centre the contact: it runs out of the frame at {reading.cropped:.0%} of its peak"
+        yield _above("cropped", reading.cropped, limits.cropped, advice)
+    if reading.off_centre is not None:
+        advice = f"centre the probe: the contact lies {reading.off_centre:.0%} of its radius beside the axis"
+        yield _above("off-centre", reading.off_centre, limits.off_centre, advice)
+    if reading.tilt is not None:
+        size = math.hypot(*reading.tilt)
+        advice = (
+            f"lower the {_side(*reading.tilt)} of the probe: the other is brighter by {size:.0%} from centre to edge"
+        )
+        yield _above("tilted", size, limits.tilt, advice)
+
+
+def _clipping(share: float, limits: GuardLimits) -> LimitExcess:
+    advice = f"press less or expose shorter: {share:.2%} of the contact clips"
+    return _above("saturated", share, limits.saturated, advice)
+
+
+def _side(x: float, y: float) -> str:
+    """The darker side of the picture, where the probe presses less."""
+    if abs(x) >= abs(y):
+        return "left side" if x > 0 else "right side"
+    return "upper side" if y > 0 else "lower side"
+
+
+def _hold(settling: Settling) -> str:
+    if settling.wait_s is None:
+        return "hold still: whether the press has settled cannot be told yet"
+    share = abs(settling.remaining.value)
+    return f"hold still for {_duration(settling.wait_s)}: {share:.1%} of the light is still to come or go"
+
+
+def _duration(seconds: float) -> str:
+    return f"{math.ceil(seconds)} s" if seconds <= 120 else f"{math.ceil(seconds / 60)} min"
+
+
+def _above(name: str, value: float, limit: float, advice: str) -> LimitExcess:
+    excess = min(value / limit, WORST) if limit > 0 else (WORST if value > 0 else 0.0)
+    return LimitExcess(flag=GuardFlag(name=name, value=value, limit=limit, advice=advice), excess=excess)
+
+
+def _below(name: str, value: float, limit: float, advice: str) -> LimitExcess:
+    excess = min(limit / value, WORST) if value > 0 else WORST
+    return LimitExcess(flag=GuardFlag(name=name, value=value, limit=limit, advice=advice), excess=excess)

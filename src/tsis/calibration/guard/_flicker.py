@@ -1,0 +1,74 @@
+"""Light that swings with the mains: lamps of the room brighten twice a period, at 100 or 120 Hz."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+
+LAMPS_HZ = (100.0, 120.0)
+FRAMES = 64  # of the newest that are looked at: two seconds of 30 frames a second
+FEWEST = 16
+LEAST_PERIODS = 1.5  # of the alias in the series: a slower one looks like a trend
+CONFUSED = 2.0  # variance of the swing over that in even sampling; beyond, stalled frames make trends look like it
+SIGNIFICANT = 5.0  # standard deviations of the amplitude; the series is looked at frame by frame
+
+
+def flicker_amplitude(time_s: Sequence[float], level: Sequence[float]) -> float | None:
+    """Amplitude of the swing with the mains in a series of levels.
+
+    Frames that are further apart than half a period see the swing at another, lower frequency; a fit at the times of
+    the frames does not mind. Where that frequency is near zero, 100 Hz at 25 or 50 frames a second, every frame sees
+    the same phase, and nothing can be told.
+
+    Parameters
+    ----------
+    time_s
+        Times of the frames, s, ascending.
+    level
+        Grey level where no press reaches, at each of them.
+
+    Returns
+    -------
+    float or None
+        The amplitude in grey levels, 0 when it does not stand out of the noise; None when nobody can tell.
+
+    Examples
+    --------
+    >>> time = np.arange(64) / 30.0
+    >>> round(flicker_amplitude(time, 8.0 + 0.5 * np.cos(2 * np.pi * 100.0 * time)), 3)
+    0.5
+    """
+    if len(time_s) < FEWEST:
+        return None
+    time = np.asarray(time_s) - time_s[0]
+    values = np.asarray(level, dtype=float)
+    found = [one for one in (_amplitude(time, values, hertz) for hertz in LAMPS_HZ) if one is not None]
+    return max(found) if found else None
+
+
+def _amplitude(time: NDArray[np.float64], values: NDArray[np.float64], hertz: float) -> float | None:
+    angle = 2 * np.pi * hertz * time
+    rate = (len(time) - 1) / time[-1]
+    alias = abs((hertz + rate / 2) % rate - rate / 2)
+    if alias * time[-1] < LEAST_PERIODS:
+        return None
+    steady = time / time[-1]
+    columns = np.column_stack([np.ones_like(time), steady, steady**2, np.cos(angle), np.sin(angle)])
+    weights, _, rank, _ = np.linalg.lstsq(columns, values, rcond=1e-6)
+    if rank < columns.shape[1]:
+        return None
+    inverse = np.linalg.inv(columns.T @ columns)
+    spread = float(inverse[3, 3] + inverse[4, 4]) / 2
+    if spread * len(time) / 2 > CONFUSED:
+        return None
+    left = values - columns @ weights
+    variance = float(left @ left) / (len(time) - columns.shape[1]) * spread
+    amplitude = float(np.hypot(weights[3], weights[4]))
+    return amplitude if amplitude > SIGNIFICANT * np.sqrt(variance) else 0.0

@@ -1,0 +1,301 @@
+"""The level where no press reaches: beyond the face's rim, or the darkest part of the frame."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+
+from tsis.calibration.guard._reference import Prepared
+from tsis.calibration.lamps import require_lit
+from tsis.errors import ImageMismatchError, InputError
+from tsis.imaging import NOISE_FACTOR, QUANTISATION, SMOOTH_PX, pixel_noise, smoothed
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.calibration.guard._reference import FrameShape, GuardReference
+
+
+COARSE = 4  # blocks along the side of what the darkest part is looked for in
+LOWEST = 0.05  # share of the frame whose median starts the search
+LEAST_SHARE = 0.1  # of the frame: a smaller dark part may be the foot of a contact that fills the frame
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OutsideLevel:
+    """Levels where no press reaches.
+
+    Attributes
+    ----------
+    level
+        Of the change of grey level; 0 or the lowest where nothing is known to be untouched.
+    before, since
+        Level of the untouched frame there, and what was added since, grey levels as the camera delivers them; None
+        without an untouched frame or place. Where light from outside is uneven, that of the brightest quadrant.
+    mean_grey
+        Mean level there of the frame itself; None where nothing is untouched.
+    """
+
+    level: float
+    before: float | None = None
+    since: float | None = None
+    mean_grey: float | None = None
+
+
+def level_outside(grey: NDArray[np.float64], change: NDArray[np.float64], prepared: Prepared) -> OutsideLevel:
+    """Look beyond the face's rim where that is known, else at the darkest part of the change."""
+    if prepared.beyond_rim:
+        parts, level = prepared.beyond_rim, None
+    else:
+        level, dark = darkest(change)
+        if dark is None:
+            return OutsideLevel(level=level if prepared.untouched is None else 0.0)
+        parts = (dark,)
+    mean = float(np.mean([grey[part].mean() for part in parts]))
+    levels = [float(np.median(change[part])) for part in parts]
+    if prepared.untouched is None:
+        return OutsideLevel(level=float(np.median(levels)), mean_grey=mean)
+    added = [prepared.sign * level for level in levels]
+    brightest = int(np.argmax(added))
+    before = float(np.median(prepared.untouched[parts[brightest]]))
+    return OutsideLevel(level=float(np.median(levels)), before=before, since=added[brightest], mean_grey=mean)
+
+
+def darkest(change: NDArray[np.float64]) -> tuple[float, NDArray[np.bool] | None]:
+    """Lowest level of a change, and the blocks that are level with it; None when they are too few to be untouched."""
+    rows, columns = change.shape
+    size = (max(1, columns // COARSE), max(1, rows // COARSE))
+    coarse = cv2.resize(change, size, interpolation=cv2.INTER_AREA)
+    lowest = float(np.quantile(coarse, LOWEST / 2))
+    level = np.asarray(coarse <= lowest + 2 * NOISE_FACTOR * pixel_noise(change) / COARSE)
+    if level.mean() < LEAST_SHARE:
+        return lowest, None
+    whole = cv2.resize(level.astype(np.uint8), (columns, rows), interpolation=cv2.INTER_NEAREST)
+    return lowest, whole.astype(bool)
+
+
+FOOT = 0.05  # of the peak: where the contact's light counts as its own
+BORDER_STEPS = 6  # of a bisection: to a sixtieth of the peak
+MOST = 0.5  # of the frame's pixels: when more of them clip it is the frame that is saturated
+LEAST_AREA = 9  # blocks: a smaller contact has no moments
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GuardReading:
+    """Numbers of one frame; None is what cannot be told from what was given.
+
+    Attributes
+    ----------
+    force_n
+        Force of the gauge, N.
+    full_scale
+        Grey level at which the camera clips.
+    contrast
+        Peak of the change above what is untouched, a share of full scale.
+    noise
+        Least contrast that stands out of the frame's noise, a share of full scale.
+    light
+        Mean change of grey level over the frame.
+    tilt
+        Gradient of brightness from the contact's centre to its edge, (x, y), a share.
+    off_centre
+        Distance of the contact's centre from the axis over the contact's radius.
+    saturated
+        Share of the contact's pixels at full scale; of all pixels where most of them are, which leaves no contact to
+        stand out.
+    cropped
+        Level at which the contact's patch reaches the frame's border, over the peak.
+    ambient_grey
+        Light from outside, grey levels.
+    led_drift
+        Change of the lamps since the reference, a share, signed.
+    outside_grey
+        Mean level where no press reaches, grey levels, as the camera delivers it.
+    """
+
+    force_n: float | None
+    full_scale: float
+    contrast: float
+    noise: float
+    light: float
+    tilt: tuple[float, float] | None
+    off_centre: float | None
+    saturated: float | None
+    cropped: float | None
+    ambient_grey: float | None
+    led_drift: float | None
+    outside_grey: float | None
+
+
+def read_guard_frame(pixels: NDArray[Any], prepared: Prepared, *, force_n: float | None = None) -> GuardReading:
+    """Read a frame of the shape that the companions were prepared for.
+
+    Parameters
+    ----------
+    pixels
+        Grey levels as the camera delivered them.
+    prepared
+        What the frame is compared with.
+    force_n
+        Force of the gauge, N.
+    """
+    shape = prepared.shape
+    grey = shape.means(pixels)
+    untouched = prepared.untouched
+    change = grey if untouched is None else prepared.sign * (grey - untouched)
+    outside = level_outside(grey, change, prepared)
+    background = outside.level
+    smooth = smoothed(change) - background
+    row, column = np.unravel_index(int(np.argmax(smooth)), smooth.shape)
+    peak = float(smooth[row, column])
+    rounding = QUANTISATION / shape.by
+    noise = NOISE_FACTOR * max(pixel_noise(change), rounding) / (2.0 * SMOOTH_PX * float(np.sqrt(np.pi)))
+    drift, ambient = lamps_and_ambient(pixels, outside, prepared)
+    tilt = off_centre = saturated = cropped = None
+    if peak > noise:
+        mask = _around((int(row), int(column)), smooth > max(noise, FOOT * peak))
+        if np.count_nonzero(mask) >= LEAST_AREA:
+            tilt, off_centre = _moments(smooth, mask, prepared)
+            saturated = _clipped(pixels, mask, prepared)
+            cropped = _reaches_border(smooth, (int(row), int(column))) / peak
+    everywhere = float((pixels >= shape.full_scale).mean())
+    if everywhere > MOST:
+        saturated = everywhere
+    return GuardReading(
+        force_n=force_n,
+        full_scale=shape.full_scale,
+        contrast=peak / shape.full_scale,
+        noise=noise / shape.full_scale,
+        light=float(change.mean()) - background,
+        tilt=tilt,
+        off_centre=off_centre,
+        saturated=saturated,
+        cropped=cropped,
+        ambient_grey=ambient,
+        led_drift=drift,
+        outside_grey=outside.mean_grey,
+    )
+
+
+def lamps_and_ambient(
+    pixels: NDArray[Any], outside: OutsideLevel, prepared: Prepared
+) -> tuple[float | None, float | None]:
+    """Change of the lamps, a share, and light from outside, grey levels; None is what cannot be told.
+
+    Lamps that brighten by r multiply what they light, light from outside adds the same a everywhere. A lit patch P and
+    a place O with less light, both untouched, tell the two apart: ``r = (P - O) / (P0 - O0)`` and
+    ``a = O - dark - r (O0 - dark)``.
+    """
+    before, since, dark = outside.before, outside.since, prepared.dark_grey or 0.0
+    patch, patch_before = prepared.patch_level(pixels), prepared.patch_before
+    if before is None or since is None:
+        if patch is None or patch_before is None:
+            return None, None
+        return (patch - dark) / (patch_before - dark) - 1.0, None
+    if patch is not None and patch_before is not None:
+        if patch_before - before < prepared.least_lit:  # no darker place to compare with
+            return (patch - dark) / (patch_before - dark) - 1.0, None
+        ratio = (patch - before - since) / (patch_before - before)
+        return ratio - 1.0, before + since - dark - ratio * (before - dark)
+    if prepared.dark_grey is not None and before - dark >= prepared.least_lit:
+        return since / (before - dark), None  # lit by the lamps: one level cannot tell them from other light
+    return None, since
+
+
+def _around(place: tuple[int, int], above: NDArray[np.bool]) -> NDArray[np.bool]:
+    """The connected part that holds a block."""
+    labels = cv2.connectedComponents(above.astype(np.uint8))[1]
+    return np.asarray(labels == labels[place])
+
+
+def _reaches_border(smooth: NDArray[np.float64], place: tuple[int, int]) -> float:
+    """Highest level at which the part around the peak touches the frame's border.
+
+    Not the brightest light on the border: the rim of a face that is wider than the frame shines there by itself.
+    """
+    low, high = 0.0, float(smooth[place])
+    for _ in range(BORDER_STEPS):
+        middle = (low + high) / 2
+        part = _around(place, smooth > middle)
+        touches = any(bool(edge.any()) for edge in (part[0], part[-1], part[:, 0], part[:, -1]))
+        low, high = (middle, high) if touches else (low, middle)
+    return high
+
+
+def _moments(
+    smooth: NDArray[np.float64], mask: NDArray[np.bool], prepared: Prepared
+) -> tuple[tuple[float, float], float]:
+    """Gradient of the brightness against that of a level press, and distance from the axis over the radius.
+
+    Light ``b(r) (1 + g x / R)`` around the mask's centre has ``<x> = g <x²> / R``, whatever its profile b.
+    """
+    x, y = prepared.places
+    area, light = mask.astype(np.float64), np.where(mask, smooth, 0.0)
+    pixels, total = area.sum(), light.sum()
+    cell = abs((x[-1] - x[0]) / max(len(x) - 1, 1) * (y[-1] - y[0]) / max(len(y) - 1, 1))
+    radius = float(np.sqrt(pixels * cell / np.pi))
+    centre, gradient = [], []
+    for axis, along in ((0, x), (1, y)):
+        middle = float(area.sum(axis=axis) @ along / pixels)
+        apart = along - middle
+        weights = light.sum(axis=axis)
+        second = max(float(weights @ apart**2), np.finfo(float).tiny * total)
+        centre.append(middle)
+        gradient.append(radius * float(weights @ apart) / second)
+    level = prepared.level_tilt
+    return (gradient[0] - level[0], gradient[1] - level[1]), math.hypot(*centre) / radius
+
+
+def _clipped(pixels: NDArray[Any], mask: NDArray[np.bool], prepared: Prepared) -> float:
+    """Share of the contact's pixels at full scale."""
+    clipped = pixels >= prepared.shape.full_scale
+    if not np.count_nonzero(clipped):
+        return 0.0
+    return float(prepared.shape.means(clipped)[mask].mean())
+
+
+def prepared(reference: GuardReference, shape: FrameShape) -> Prepared:
+    """Bring a reference to the blocks of the frames.
+
+    Raises
+    ------
+    ImageMismatchError
+        When the reference's frames are of another size or depth.
+    InputError
+        When the reference patch is not lit.
+    """
+    untouched = reference.untouched
+    for frame in (untouched, reference.level):
+        if frame is not None and (frame.grey.shape, frame.full_scale) != (
+            (shape.rows, shape.columns),
+            shape.full_scale,
+        ):
+            raise ImageMismatchError(
+                f"the reference must have the frames' size {(shape.rows, shape.columns)} and full scale "
+                f"{shape.full_scale:g}; got {frame.grey.shape} and {frame.full_scale:g} (record both in one mode)"
+            )
+    rim = reference.face_radius_mm if shape.mm_per_pixel is not None else None
+    found = Prepared(
+        shape=shape,
+        untouched=None if untouched is None else shape.means(untouched.grey),
+        sign=-1.0 if reference.invert else 1.0,
+        places=shape.places(),
+        beyond_rim=() if rim is None else shape.beyond_rim(rim),
+        patch=reference.patch,
+        patch_before=None,
+        dark_grey=reference.dark_grey,
+    )
+    if reference.patch is not None and untouched is not None:
+        level = float(reference.patch.cut(untouched.grey).mean())
+        require_lit(level - (reference.dark_grey or 0.0), shape.full_scale)
+        found = replace(found, patch_before=level)
+    if reference.level is None:
+        return found
+    tilt = read_guard_frame(reference.level.grey, found).tilt
+    if tilt is None:
+        raise InputError("the level press shows no contact; press the probe square on plain tissue for it")
+    return replace(found, level_tilt=tilt)

@@ -1,0 +1,291 @@
+"""Does the camera still look? A live sensor never delivers the same picture twice, for its noise."""
+
+from __future__ import annotations
+
+import zlib
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.calibration.guard._flags import GuardLimits, findings
+from tsis.calibration.guard._flicker import FRAMES, flicker_amplitude
+from tsis.calibration.guard._reading import prepared, read_guard_frame
+from tsis.calibration.guard._reference import FrameShape, GuardReference
+from tsis.calibration.settling import BINS, LONGEST_S, assess_history
+from tsis.model import require_number, require_type
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.calibration.guard._flags import GuardFlag
+    from tsis.calibration.guard._reading import GuardReading
+    from tsis.calibration.guard._reference import Prepared
+    from tsis.calibration.settling import Settling
+    from tsis.instrument import Frame
+
+
+LEAST_NOISY = 0.01  # of the pixels: stuck ones of a black picture are fewer
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RepeatedFrames:
+    """How often in a row the same picture came.
+
+    Attributes
+    ----------
+    checksum
+        Of the newest picture's pixels; None before the first.
+    in_a_row
+        Number of frames, the newest one included, whose pixels are alike. Pictures that clip all but everywhere, black
+        or white, are alike without being the same: each counts as the first.
+    """
+
+    checksum: int | None = None
+    in_a_row: int = 0
+
+    def with_picture(self, pixels: NDArray[Any]) -> RepeatedFrames:
+        """The count with one picture more.
+
+        Examples
+        --------
+        >>> still = RepeatedFrames()
+        >>> grey, black = np.arange(9.0).reshape(3, 3), np.zeros((3, 3))
+        >>> for picture in (grey, grey, grey):
+        ...     still = still.with_picture(picture)
+        >>> still.in_a_row, still.with_picture(black).with_picture(black).in_a_row
+        (3, 1)
+        """
+        checksum = zlib.crc32(np.ascontiguousarray(pixels).data)
+        again = checksum == self.checksum and _noisy(pixels)
+        return RepeatedFrames(checksum=checksum, in_a_row=self.in_a_row + 1 if again else 1)
+
+
+def _noisy(pixels: NDArray[Any]) -> bool:
+    """Whether enough pixels lie between the picture's extremes, so that noise would show."""
+    return bool(((pixels > pixels.min()) & (pixels < pixels.max())).mean() > LEAST_NOISY)
+
+
+STEP = 0.05  # a change between neighbouring bins that is no settling tail but another press
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PressHistory:
+    """Averages of a series since the press began to be held.
+
+    Attributes
+    ----------
+    time_s, value
+        Means of the full bins, oldest first, at most `BINS`.
+    per_bin
+        Samples in each of them, a power of two.
+    open_time_s, open_value
+        Sums over the samples that do not fill a bin yet.
+    open_count
+        Their number.
+    last_s
+        Time of the newest sample; None when there is none.
+    """
+
+    time_s: tuple[float, ...] = ()
+    value: tuple[float, ...] = ()
+    per_bin: int = 1
+    open_time_s: float = 0.0
+    open_value: float = 0.0
+    open_count: int = 0
+    last_s: float | None = None
+
+    def with_sample(self, time_s: float, value: float) -> PressHistory:
+        """The history with one sample more; a new one where time runs back or the value steps.
+
+        Examples
+        --------
+        >>> history = PressHistory()
+        >>> for number in range(1000):
+        ...     history = history.with_sample(number / 30, 100.0)
+        >>> len(history.value) <= 128, history.per_bin
+        (True, 8)
+        """
+        if self.last_s is not None and time_s <= self.last_s:
+            return PressHistory().with_sample(time_s, value)
+        grown = replace(
+            self,
+            open_time_s=self.open_time_s + time_s,
+            open_value=self.open_value + value,
+            open_count=self.open_count + 1,
+            last_s=time_s,
+        )
+        return grown._closed(time_s, value) if grown.open_count == self.per_bin else grown
+
+    def _closed(self, time_s: float, value: float) -> PressHistory:
+        mean_s, mean = self.open_time_s / self.open_count, self.open_value / self.open_count
+        if self.value and abs(mean - self.value[-1]) > STEP * abs(mean):
+            return PressHistory(time_s=(time_s,), value=(value,), last_s=time_s)
+        times, values = (*self.time_s, mean_s), (*self.value, mean)
+        if len(times) < BINS:
+            return PressHistory(time_s=times, value=values, per_bin=self.per_bin, last_s=self.last_s)
+        pairs = range(0, BINS, 2)
+        return PressHistory(
+            time_s=tuple((times[i] + times[i + 1]) / 2 for i in pairs),
+            value=tuple((values[i] + values[i + 1]) / 2 for i in pairs),
+            per_bin=2 * self.per_bin,
+            last_s=self.last_s,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WatchState:
+    """What a watch remembers from frame to frame, of bounded size.
+
+    Attributes
+    ----------
+    raised
+        Names of the flags that are up.
+    history
+        Light of the present press.
+    outside
+        Time and level where no press reaches, of the newest frames.
+    stillness
+        How often in a row the newest picture came.
+    reading, settling
+        Of the newest frame; None before the first, and ``settling`` without contact or times.
+    """
+
+    raised: frozenset[str] = frozenset()
+    history: PressHistory = field(default_factory=PressHistory)
+    outside: tuple[tuple[float, float], ...] = ()
+    stillness: RepeatedFrames = field(default_factory=RepeatedFrames)
+    reading: GuardReading | None = None
+    settling: Settling | None = None
+
+
+class PressWatch:
+    """A press guard for the frames of one camera in one mode.
+
+    A flag goes up when its value passes the limit, and comes down when the value has come back to the part ``release``
+    of it: between the two nothing changes, so that noise at a limit does not make flags flicker.
+
+    Parameters
+    ----------
+    shape
+        Of the frames: ``FrameShape.of(image)``.
+    reference
+        What presses are compared with; see `GuardReference`.
+    limits
+        The thresholds.
+    longest_s
+        Longest time constant of the tissue to be reckoned with, s: see `tsis.calibration.settling.judge_settling`.
+
+    Raises
+    ------
+    InputError
+        When an argument is of the wrong kind.
+    ImageMismatchError
+        When the reference is of another size or depth than the frames.
+
+    Examples
+    --------
+    >>> from tsis.instrument import Frame
+    >>> from tsis.model import TactileImage
+    >>> untouched = TactileImage(grey=np.full((120, 160), 8.0))
+    >>> watch = PressWatch(FrameShape.of(untouched), reference=GuardReference(untouched=untouched))
+    >>> flags, state = watch.step(WatchState(), Frame(pixels=untouched.grey, sequence=0, time_s=0.0))
+    >>> [flag.name for flag in flags]
+    ['no-contact']
+    """
+
+    def __init__(
+        self,
+        shape: FrameShape,
+        *,
+        reference: GuardReference | None = None,
+        limits: GuardLimits | None = None,
+        longest_s: float = LONGEST_S,
+    ) -> None:
+        require_type("shape", shape, FrameShape)
+        reference = GuardReference() if reference is None else reference
+        require_type("reference", reference, GuardReference)
+        self.limits = GuardLimits() if limits is None else limits
+        require_type("limits", self.limits, GuardLimits)
+        self._longest_s = require_number("longest_s", longest_s, 1e-2, 1e5, hint="seconds")
+        self._prepared: Prepared = prepared(reference, shape)
+
+    def step(
+        self, state: WatchState, frame: Frame, force_n: float | None = None
+    ) -> tuple[tuple[GuardFlag, ...], WatchState]:
+        """Look at the next frame.
+
+        Parameters
+        ----------
+        state
+            What the step before returned; ``WatchState()`` at the start.
+        frame
+            As the camera delivered it. Without ``time_s`` neither settling nor flicker is checked; a time that runs
+            back, after a camera was lost, begins a new press.
+        force_n
+            Force of the gauge at that time, N; None when unknown.
+
+        Returns
+        -------
+        tuple of GuardFlag
+            Those that are up.
+        WatchState
+            For the next step.
+
+        Raises
+        ------
+        ImageMismatchError
+            When the frame is of another size or depth.
+        InputError
+            When the force lies outside [0, 1000] N.
+        """
+        self._prepared.check_fits(frame.pixels, frame.full_scale)
+        if force_n is not None:
+            require_number("force_n", force_n, 0.0, 1000.0, hint="newtons")
+        reading = read_guard_frame(frame.pixels, self._prepared, force_n=force_n)
+        history, outside = self._remembered(state, frame.time_s, reading)
+        # Between two closed bins the series is the same, and so is the verdict.
+        settling = state.settling if history.time_s is state.history.time_s else self._judged(history)
+        stillness = state.stillness.with_picture(frame.pixels)
+        found = findings(
+            reading,
+            self.limits,
+            settling=settling,
+            flicker_grey=flicker_amplitude(*_columns(outside)),
+            in_a_row=stillness.in_a_row,
+        )
+        up = tuple(
+            one.flag for one in found if one.excess > (self.limits.release if one.flag.name in state.raised else 1.0)
+        )
+        raised = frozenset(flag.name for flag in up)
+        return up, WatchState(
+            raised=raised,
+            history=history,
+            outside=outside,
+            stillness=stillness,
+            reading=reading,
+            settling=settling,
+        )
+
+    def _remembered(
+        self, state: WatchState, time_s: float | None, reading: GuardReading
+    ) -> tuple[PressHistory, tuple[tuple[float, float], ...]]:
+        """Histories with the new frame; those of an earlier press or stream are dropped."""
+        if time_s is None:
+            return PressHistory(), ()
+        touched = reading.contrast > max(self.limits.contact, reading.noise)
+        history = state.history.with_sample(time_s, reading.light) if touched else PressHistory()
+        if reading.outside_grey is None:
+            return history, ()
+        earlier = state.outside if not state.outside or state.outside[-1][0] < time_s else ()
+        return history, (*earlier[1 - FRAMES :], (time_s, reading.outside_grey))
+
+    def _judged(self, history: PressHistory) -> Settling | None:
+        if history.last_s is None:  # no contact
+            return None
+        time, value = np.array(history.time_s), np.array(history.value)
+        return assess_history(time, value, tolerance=self.limits.moving, longest_s=self._longest_s)
+
+
+def _columns(outside: tuple[tuple[float, float], ...]) -> tuple[list[float], list[float]]:
+    return [time for time, _ in outside], [level for _, level in outside]

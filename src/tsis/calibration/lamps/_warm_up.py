@@ -1,0 +1,180 @@
+"""How lamps warm up: ``level (1 + A exp(-t / tau))``, fitted to ratios of a reference patch over time.
+
+Lamps wander besides. A fit that takes the wander for white noise states intervals that are several times too short, so
+the noise is white plus a random walk, whose share is weighed like the time constant: both on a grid, level and
+amplitude in closed form.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.calibration._measured import MeasuredValue
+from tsis.errors import CalibrationError, InputError
+from tsis.model import require_array, require_number
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+
+FEWEST = 12  # values: two of the line, two of the noise, and enough to tell them
+MOST = 150  # the series is averaged to at most so many
+TAUS = 100  # time constants, from a step of the series to `REACH` times its length
+REACH = 3.0  # beyond it an exponential is a line
+WALKS = (0.0, 0.1, 0.3, 1.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1000.0)  # variance of the wander at the end over noise's
+NEGLIGIBLE = 1e-6  # probability of a time constant on the first, coarse grid
+EDGE = 0.5  # probability of time constants longer than the series from which the level counts as not seen
+SIGNIFICANT = 0.95
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WarmUp:
+    """Fit of the lamps' warming up.
+
+    Attributes
+    ----------
+    amplitude
+        How much brighter than warm the lamps were at time 0, a share; negative where they grow brighter.
+    time_constant_s
+        Of warming up, s.
+    level
+        Ratio when warm.
+    """
+
+    amplitude: MeasuredValue
+    time_constant_s: MeasuredValue
+    level: MeasuredValue
+
+    def wait_s(self, share: float, *, now_s: float = 0.0) -> float:
+        """Seconds from ``now_s`` after switching on until the light is within ``share`` of that when warm.
+
+        The largest amplitude and the longest time constant of their 95 % intervals are reckoned with.
+
+        Raises
+        ------
+        InputError
+            When ``share`` lies outside [1e-5, 1] or the time is negative.
+
+        Examples
+        --------
+        >>> five = MeasuredValue(value=0.05, sd=0.0)
+        >>> lamps = WarmUp(amplitude=five, time_constant_s=MeasuredValue(value=300.0, sd=0.0, unit="s"), level=five)
+        >>> round(lamps.wait_s(0.01))
+        483
+        """
+        require_number("share", share, 1e-5, 1.0, hint="a share of the warm lamps' light")
+        require_number("now_s", now_s, 0.0, 1e7, hint="seconds")
+        largest = max(abs(end) for end in self.amplitude.interval())
+        if largest <= share:
+            return 0.0
+        return max(0.0, self.time_constant_s.interval()[1] * float(np.log(largest / share)) - now_s)
+
+
+def fit_warm_up(time_s: ArrayLike, ratio: ArrayLike) -> WarmUp:
+    """Fit how lamps warm up.
+
+    Parameters
+    ----------
+    time_s
+        Times since the lamps were switched on, s, shape (n,), strictly ascending, at least 12.
+    ratio
+        Their light (see `tsis.calibration.lamps.patch_ratio`), shape (n,), positive.
+
+    Returns
+    -------
+    WarmUp
+        The three numbers with their deviations.
+
+    Raises
+    ------
+    InputError
+        When the series is too short, holds NaN, does not ascend or is not positive.
+    CalibrationError
+        When the lamps still change so evenly at its end that the level they settle to cannot be told.
+
+    Examples
+    --------
+    >>> minutes = np.arange(0.0, 2400.0, 20.0)
+    >>> noise = 1e-4 * np.random.default_rng(1).standard_normal(minutes.size)
+    >>> found = fit_warm_up(minutes, 1 + 0.05 * np.exp(-minutes / 300.0) + noise)
+    >>> round(found.amplitude.value, 3), round(found.time_constant_s.value / 60, 1)
+    (0.05, 5.0)
+    """
+    time, value = _checked(time_s, ratio)
+    by = -(-len(time) // MOST)
+    first = len(time) % by  # the newest are kept
+    time, value = (part[first:].reshape(-1, by).mean(axis=1) for part in (time, value))
+    taus = np.geomspace(float(np.diff(time).min()), REACH * float(time[-1]), TAUS)
+    coarse = _posterior(time, value, taus)[0].reshape(len(WALKS), TAUS).sum(axis=0)
+    likely = np.flatnonzero(coarse > NEGLIGIBLE)
+    taus = np.geomspace(taus[max(likely[0] - 1, 0)], taus[min(likely[-1] + 1, TAUS - 1)], TAUS)
+    weight, means, spreads = _posterior(time, value, taus)
+    free = len(time) - 4.0
+    level = _mixed(weight, means[:, 0], spreads[:, 0], free, "")
+    amplitude = _mixed(weight, means[:, 1] / means[:, 0], spreads[:, 1] / means[:, 0], free, "")
+    tau = np.tile(taus, len(WALKS))
+    low, high = amplitude.interval(SIGNIFICANT)
+    unseen = float(weight[tau > time[-1]].sum())
+    if unseen > EDGE and not low <= 0.0 <= high:
+        raise CalibrationError(
+            f"warming up must be followed until it slows down; after {time[-1]:g} s the time constant is still longer "
+            f"than that with probability {unseen:.0%}: record longer"
+        )
+    return WarmUp(amplitude=amplitude, time_constant_s=_mixed(weight, tau, 0.0 * tau, free, "s"), level=level)
+
+
+def _checked(time_s: ArrayLike, ratio: ArrayLike) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    time, value = require_array("time_s", time_s, ndim=1), require_array("ratio", ratio, ndim=1)
+    if time.shape != value.shape:
+        raise InputError(f"time_s and ratio must be of one length; got {time.size} and {value.size}")
+    if time.size < FEWEST:
+        raise InputError(f"warming up needs at least {FEWEST} ratios; got {time.size}")
+    if time[0] < 0 or (np.diff(time) <= 0).any():
+        raise InputError("time_s must ascend from 0 or later: seconds since the lamps were switched on")
+    if value.min() <= 0:
+        raise InputError(f"ratio must be positive; got {value.min():g}")
+    return time, value
+
+
+def _posterior(
+    time: NDArray[np.float64], value: NDArray[np.float64], taus: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Probability, (level, level * A) and their deviations, by wander and time constant."""
+    fits = [_weighed(time, value, taus, walk) for walk in WALKS]
+    logs, means, spreads = (np.concatenate([one[i] for one in fits]) for i in range(3))
+    weight = np.exp(logs - logs.max())
+    return weight / weight.sum(), means, spreads
+
+
+def _weighed(
+    time: NDArray[np.float64], value: NDArray[np.float64], taus: NDArray[np.float64], walk: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Logarithm of the restricted likelihood, (level, level * A) and their deviations, by time constant."""
+    since = time - time[0]
+    noise = np.eye(len(time)) + walk * np.minimum(since[:, None], since) / since[-1]
+    root = np.linalg.cholesky(noise)
+    columns = np.column_stack([np.ones_like(time), value, np.exp(-time[:, None] / taus)])
+    white = np.linalg.solve(root, columns)
+    one, seen, fading = white[:, 0], white[:, 1], white[:, 2:]
+    normal = np.empty((len(taus), 2, 2))
+    normal[:, 0, 0], normal[:, 1, 1] = one @ one, (fading**2).sum(axis=0)
+    normal[:, 0, 1] = normal[:, 1, 0] = one @ fading
+    right = np.stack([np.full(len(taus), one @ seen), seen @ fading], axis=1)
+    inverse = np.linalg.inv(normal)
+    mean = np.einsum("tij,tj->ti", inverse, right)
+    left = np.maximum(seen @ seen - (mean * right).sum(axis=1), 1e-14 * (seen @ seen))
+    free = len(time) - 2
+    logs = -(free * np.log(left) + np.linalg.slogdet(normal)[1]) / 2 - np.log(np.diag(root)).sum()
+    spread = np.sqrt(np.einsum("tii->ti", inverse) * (left / free)[:, None])
+    return logs, mean, spread
+
+
+def _mixed(
+    weight: NDArray[np.float64], mean: NDArray[np.float64], sd: NDArray[np.float64], free: float, unit: str
+) -> MeasuredValue:
+    middle = float(weight @ mean)
+    spread = float(np.sqrt(weight @ (sd**2 + (mean - middle) ** 2)))
+    return MeasuredValue(value=middle, sd=spread, degrees_of_freedom=free, unit=unit)

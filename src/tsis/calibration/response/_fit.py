@@ -1,0 +1,206 @@
+"""How saturation flattens the light of a Hertzian contact: its middle, its spread and its sum.
+
+Under ``p = p0 sqrt(1 - r**2 / a**2)`` rough contact shows ``g = erf(0.886 x s) / x`` with ``s = p / p0`` and
+``x = p0 / saturation``, which is ``s`` for small x. All is written over ``x**2``, in which it is smooth through zero,
+so that noise may ask for a little less than no saturation.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.polynomial.legendre import leggauss
+from scipy.optimize import least_squares
+from scipy.special import erf, erfi
+
+from tsis.calibration._measured import MeasuredValue
+from tsis.calibration.force import GAUGE_SHARE, HERTZ_SPREAD, MIDDLE, joined, run_of, usable
+from tsis.calibration.response._value import PressureResponse, Saturation
+from tsis.errors import CalibrationError, InputError
+from tsis.model import MN_PER_N, require_number
+from tsis.optics import ERF_SLOPE
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.calibration.force import Loading
+    from tsis.calibration.reference import CameraReference
+
+
+LOWEST, HIGHEST = -0.5, 4.0  # of x**2: beyond twice the saturation nothing but its level is left
+TABLE = 226
+POINTS = 48
+
+
+def light_share(square: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sum of the light over what it would be without saturation, for x², any shape."""
+    table = _table()
+    return np.asarray(np.interp(square, table[0], table[1]))
+
+
+def spread_factor(square: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Mean square distance from the centre over the contact's a²; 1 / HERTZ_SPREAD without saturation."""
+    table = _table()
+    return np.asarray(np.interp(square, table[0], table[2]))
+
+
+def peakedness(square: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Level of the middle times the mean square distance over the sum; it falls as the light flattens."""
+    table = _table()
+    return np.asarray(np.interp(square, table[0], table[3]))
+
+
+@lru_cache(maxsize=1)
+def _table() -> tuple[NDArray[np.float64], ...]:
+    """x², light share, spread factor, peakedness."""
+    square = np.linspace(LOWEST, HIGHEST, TABLE)
+    node, weight = leggauss(POINTS)
+    u, w = (node + 1) / 2, weight / 2  # s of the contact; areas go with s ds
+    light = _shown(square[:, None], u[None, :]) * u
+    total = light @ w
+    spread = (light * (1 - u**2)) @ w / total
+    # The middle: s from sqrt(1 - m**2 a² spread) to 1, where its radius follows the spread that is seen.
+    least = np.sqrt(1 - MIDDLE**2 * HERTZ_SPREAD * spread)
+    s = least[:, None] + (1 - least[:, None]) * u
+    middle = ((_shown(square[:, None], s) * s) @ w) / (s @ w)
+    return square, 3 * total, spread, middle * spread / (2 * np.pi * total)
+
+
+def _shown(square: NDArray[np.float64], s: NDArray[np.float64]) -> NDArray[np.float64]:
+    """``erf(0.886 x s) / x`` over x², with its continuation to negative x²; its slope at zero is that of s."""
+    root = ERF_SLOPE * np.sqrt(np.maximum(np.abs(square), 1e-12))
+    bent = np.where(square >= 0, erf(root * s), erfi(root * s))
+    return np.asarray(bent / root * np.sqrt(np.pi) / 2)
+
+
+LEAST_SHARE = 0.1  # of the largest force: below it the contact holds too few pixels to have a shape
+FEWEST = 6
+
+
+def fit_response(
+    loadings: Sequence[Loading],
+    *,
+    reference: CameraReference,
+    gauge_share: float = GAUGE_SHARE,
+    area_share: float = 0.0,
+) -> PressureResponse:
+    """Fit gain and saturation to the loading branches; unloading, which may remember, is left out.
+
+    Parameters
+    ----------
+    loadings
+        Loadings of rigid round tips, two or more, best of several radii: the smallest presses hardest.
+    reference
+        What corrected the frames; its scale must be known.
+    gauge_share
+        Relative standard deviation of the force gauge's calibration.
+    area_share
+        Relative standard deviation of the area of a pixel on the face, from the calibration of the scale.
+
+    Raises
+    ------
+    CalibrationError
+        When there are too few loadings or presses.
+    InputError
+        When the scale is not known.
+    """
+    if reference.mm_per_pixel is None:
+        raise InputError("the reference's mm_per_pixel must be known for the gain; calibrate the scale first")
+    if len(loadings) < 2:
+        raise CalibrationError(f"the answer to pressure needs at least 2 loadings; got {len(loadings)}")
+    require_number("gauge_share", gauge_share, 0.0, 0.5, hint="a share of one")
+    require_number("area_share", area_share, 0.0, 0.5, hint="a share of one")
+    pixel = reference.mm_per_pixel[0] * reference.mm_per_pixel[1]
+    saturation = _saturation(loadings, pixel)
+    bend = saturation.bend_per_kpa2
+    slopes = _slopes(loadings, bend.value)
+    gain = float(slopes.mean())
+    by_bend = (float(_slopes(loadings, bend.value + bend.sd).mean()) - gain) ** 2
+    variance, freedom = joined(
+        (
+            (float(np.var(slopes, ddof=1)) / len(slopes), len(slopes) - 1.0),
+            (by_bend, bend.degrees_of_freedom),
+            ((gauge_share**2 + area_share**2) * gain**2, np.inf),
+        )
+    )
+    scale = pixel / MN_PER_N
+    return PressureResponse(
+        gain_grey_per_kpa=MeasuredValue(
+            value=gain * scale, sd=float(np.sqrt(variance)) * scale, degrees_of_freedom=freedom, unit="grey/kPa"
+        ),
+        saturation=saturation,
+        repeatability_share=_scatter(loadings),
+        gauge_share=gauge_share,
+    )
+
+
+def _saturation(loadings: Sequence[Loading], pixel_mm2: float) -> Saturation:
+    rows = [_shapes(one, pixel_mm2) for one in loadings]
+    force, spread, shape, total = np.concatenate(rows, axis=1)
+    if len(force) < FEWEST:
+        raise CalibrationError(
+            f"the saturation needs at least {FEWEST} presses that are seen and do not clip; got {len(force)}"
+        )
+    # Where little light shines the shape is noisy: its variance falls about as the sum rises.
+    weight = np.sqrt(total / total.max())
+    scale = float((1.5 * force * MN_PER_N / (np.pi * HERTZ_SPREAD * spread)).max()) ** -2
+
+    def left(unknown: NDArray[np.float64]) -> NDArray[np.float64]:
+        square = _squares(force, spread, unknown[0] * scale)
+        return np.asarray(weight * (np.log(shape) - np.log(peakedness(square)) - unknown[1] / spread))
+
+    found = least_squares(left, np.array([0.1, 0.0]), x_scale=np.array([0.1, 0.01]))
+    freedom = len(force) - 2.0
+    slopes = np.asarray(found.jac)
+    covariance = np.linalg.inv(slopes.T @ slopes) * float(2 * found.cost) / freedom
+    return Saturation(
+        bend_per_kpa2=MeasuredValue(
+            value=float(found.x[0]) * scale,
+            sd=float(np.sqrt(covariance[0, 0])) * scale,
+            degrees_of_freedom=freedom,
+            unit="1/kPa2",
+        )
+    )
+
+
+def _shapes(loading: Loading, pixel_mm2: float) -> NDArray[np.float64]:
+    """Force, mean square width, peakedness and sum of presses that have a shape, shape (4, n)."""
+    good = _rising(loading) & (loading.load_n >= LEAST_SHARE * loading.load_n.max()) & (loading.mean_square_mm2 > 0)
+    force, spread, total = loading.load_n[good], loading.mean_square_mm2[good], loading.total_grey[good]
+    return np.array([force, spread, loading.peak_grey[good] * spread / (total * pixel_mm2), total])
+
+
+def _rising(loading: Loading) -> NDArray[np.bool]:
+    return np.asarray(usable(loading) & loading.rising)
+
+
+def _squares(force_n: NDArray[np.float64], spread_mm2: NDArray[np.float64], bend: float) -> NDArray[np.float64]:
+    """Peak pressure over saturation, squared; the contact's radius follows from its spread, which saturation widens."""
+    square = np.zeros_like(force_n)
+    for _ in range(3):
+        area = np.pi * spread_mm2 / spread_factor(square)
+        square = np.clip(bend * (1.5 * force_n * MN_PER_N / area) ** 2, -HIGHEST, HIGHEST)
+    return np.asarray(square)
+
+
+def _slopes(loadings: Sequence[Loading], bend: float) -> NDArray[np.float64]:
+    """Slope in grey levels a newton at small force of each tip, or of each repeat when there is one tip."""
+    slopes: dict[float, list[float]] = {}
+    for loading in loadings:
+        good = _rising(loading)
+        force = loading.load_n[good]
+        straight = loading.total_grey[good] / light_share(_squares(force, loading.mean_square_mm2[good], bend))
+        slopes.setdefault(loading.tip_radius_mm, []).append(float(np.polyfit(force, straight, 1)[0]))
+    if len(slopes) == 1:
+        return np.array(next(iter(slopes.values())))
+    return np.array([float(np.mean(of_tip)) for of_tip in slopes.values()])
+
+
+def _scatter(loadings: Sequence[Loading]) -> float:
+    """Relative scatter of presses about the line of their run, each at the largest force of its run."""
+    runs = [run_of(loading) for loading in loadings]
+    return float(np.sqrt(np.mean([np.mean(run.left**2) / float(run.total_grey.max()) ** 2 for run in runs])))

@@ -1,0 +1,291 @@
+"""The fit of a ball's shape to presses whose travels are known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from tsis.calibration._measured import MeasuredValue
+from tsis.calibration.scale._ball_press import (
+    SECTORS,
+    jackknife,
+    left_by_polynomial,
+    pixel_aspect_ratio,
+    read_ball_press,
+    without_sector,
+)
+from tsis.calibration.scale._value import UNIT, PixelScale, check_field
+from tsis.errors import CalibrationError, ImageMismatchError, InputError
+from tsis.model import require_array, require_number
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.calibration.scale._ball_press import BallPress
+    from tsis.model import TactileImage
+
+
+def first_shape(
+    presses: list[BallPress], travel: NDArray[np.float64], radius: float, ratio: float
+) -> NDArray[np.float64]:
+    """Starting values: log sizes x and y, and the shift (x, y) of each centre.
+
+    At the level of the shallowest press's middle the deepest one is ``r`` wide, where the ball is higher by the travel.
+    """
+    shallow, deep = presses[int(np.argmin(travel))], presses[int(np.argmax(travel))]
+    squares = shallow.x**2 + (ratio * shallow.y) ** 2
+    level = float(np.median(shallow.grey[squares <= np.quantile(squares, 0.02)]))
+    wide = deep.x**2 + (ratio * deep.y) ** 2
+    near = np.argsort(np.abs(deep.grey - level))[: max(10, len(wide) // 50)]
+    rise = float(np.ptp(travel))
+    size = np.sqrt((2 * radius * rise - rise**2) / max(float(np.median(wide[near])), 1.0))
+    return np.concatenate([np.log([size, size * ratio]), np.zeros(2 * len(presses))])
+
+
+def fit_shape(
+    presses: list[BallPress], travel: NDArray[np.float64], radius: float, *, first: NDArray[np.float64]
+) -> Any:
+    """Least squares of log sizes and shifts: SciPy's result, its ``x`` laid out as in `first_shape`."""
+    grey = np.concatenate([press.grey for press in presses])
+
+    def left(shape: NDArray[np.float64]) -> NDArray[np.float64]:
+        return left_by_polynomial(_depths(presses, travel, radius, shape), grey)
+
+    return least_squares(left, first, x_scale=np.concatenate([[0.01, 0.01], np.ones(len(first) - 2)]))
+
+
+def _depths(
+    presses: list[BallPress], travel: NDArray[np.float64], radius: float, shape: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Depth of each pixel of all presses, up to a constant."""
+    size_x, size_y = np.exp(shape[:2])
+    shifts = shape[2:].reshape(-1, 2)
+    parts = []
+    for press, reading, shift in zip(presses, travel, shifts, strict=True):
+        squares = (size_x * (press.x - shift[0])) ** 2 + (size_y * (press.y - shift[1])) ** 2
+        # Beyond the ball's equator, where only a search may stray, it falls on steadily.
+        parts.append(
+            reading - radius + np.sqrt(np.maximum(radius**2 - squares, 0.0)) - np.maximum(squares / radius**2 - 1, 0.0)
+        )
+    return np.concatenate(parts)
+
+
+def shape_slopes(
+    presses: list[BallPress], travel: NDArray[np.float64], radius: float, shape: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Change of the log sizes for 1 mm of each reading and of the radius, shape (presses + 1, 2)."""
+    step = 0.01 * float(np.ptp(travel))
+    rows = []
+    for k in range(len(travel)):
+        moved = travel.copy()
+        moved[k] += step
+        rows.append((fit_shape(presses, moved, radius, first=shape).x[:2] - shape[:2]) / step)
+    rows.append((fit_shape(presses, travel, radius + step, first=shape).x[:2] - shape[:2]) / step)
+    return np.array(rows)
+
+
+LEAST_TRAVEL = 0.02  # difference of the travels over the ball's radius
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BallDiagnostics:
+    """What was found on the way to a scale from a ball.
+
+    Attributes
+    ----------
+    centres_px
+        Centre (x, y) of each press, shape (presses, 2), pixels.
+    radii_px
+        Radius of the region used in each press along the image's x axis, shape (presses,), pixels.
+    axis_ratio
+        Height over width of a pixel, from the roundness of the ball alone.
+    residual_grey
+        Root mean square of what the fit leaves, grey levels.
+    darker
+        True when the ball makes the probe darker.
+    """
+
+    centres_px: NDArray[np.float64]
+    radii_px: NDArray[np.float64]
+    axis_ratio: MeasuredValue
+    residual_grey: float
+    darker: bool
+
+    def __post_init__(self) -> None:
+        for name in ("centres_px", "radii_px"):
+            values = np.array(getattr(self, name), dtype=float)
+            values.flags.writeable = False
+            object.__setattr__(self, name, values)
+
+
+def axis_ratio_from_ball(image: TactileImage, reference: TactileImage | None = None) -> MeasuredValue:
+    """Height over width of a pixel from one press of a ball of any radius: the contact is as wide as it is high.
+
+    Parameters
+    ----------
+    image
+        The probe with the ball pressed on it, or its change when there is no reference.
+    reference
+        The untouched probe in the same light.
+
+    Returns
+    -------
+    Measured
+        ``mm_per_pixel_y / mm_per_pixel_x``, with the standard uncertainty that leaving out sectors gives.
+
+    Raises
+    ------
+    CalibrationError
+        When there is no ball in the image, or one that is cropped or too small.
+
+    Examples
+    --------
+    >>> from tsis.imaging import Sensor
+    >>> from tsis.virtual import ball_frame, untouched_frame
+    >>> rng, sensor = np.random.default_rng(1), Sensor(mm_per_pixel=(0.0336, 0.0392))
+    >>> ratio = axis_ratio_from_ball(ball_frame(sensor, rng=rng), untouched_frame(sensor, rng=rng))
+    >>> abs(ratio.value - 0.0392 / 0.0336) < 0.01
+    True
+    """
+    press = read_ball_press(image, reference)
+    ratios = [pixel_aspect_ratio(without_sector(press, sector)) for sector in (None, *range(SECTORS))]
+    return jackknife(np.array(ratios[1:]), ratios[0], unit="")
+
+
+def scale_from_ball(
+    images: Sequence[TactileImage],
+    reference: TactileImage | None = None,
+    *,
+    ball_radius_mm: float,
+    travel_mm: Sequence[float],
+    ball_radius_sd_mm: float = 0.0,
+    travel_sd_mm: float = 0.005,
+) -> tuple[PixelScale, BallDiagnostics]:
+    """Measure the size of a pixel along each image axis with a ball at two or more depths.
+
+    It needs a probe whose grey level follows the depth of its face (a translucent gel on a stiff back). Where it
+    follows pressure, as on a waveguide, use `scale_from_dots`.
+
+    Parameters
+    ----------
+    images
+        Two or more presses of one ball, none cropped.
+    reference
+        The untouched probe in the same light; None when the images hold the change already.
+    ball_radius_mm
+        Radius of the ball, in [0.2, 50] mm.
+    travel_mm
+        Reading of the stage that moves ball against probe, one a press, larger is deeper; only differences count.
+    ball_radius_sd_mm
+        Standard uncertainty of the radius, in [0, 5] mm.
+    travel_sd_mm
+        Standard uncertainty of each reading, in [0, 1] mm. It is mostly what limits the scale.
+
+    Returns
+    -------
+    scale : Scale
+        The pixel sizes with their uncertainties, at the mean place of the presses.
+    diagnostics : BallDiagnostics
+        Where the presses were found, and the ratio of the axes.
+
+    Raises
+    ------
+    CalibrationError
+        When there is no ball in an image, when presses are too few or too much alike, or when the scale would be no
+        tactile probe's.
+    ImageMismatchError
+        When images or the reference are no companions.
+    InputError
+        When an argument is outside its range.
+
+    Examples
+    --------
+    >>> from tsis.imaging import Sensor
+    >>> from tsis.virtual import ball_frame, untouched_frame
+    >>> rng, sensor = np.random.default_rng(1), Sensor(mm_per_pixel=(0.0336, 0.0392))
+    >>> frames = [ball_frame(sensor, rng=rng, ball_radius_mm=4.0, depth_mm=depth) for depth in (0.7, 1.0, 1.3)]
+    >>> untouched = untouched_frame(sensor, rng=rng)
+    >>> scale, _ = scale_from_ball(frames, untouched, ball_radius_mm=4.0, travel_mm=(0.0, 0.3, 0.6))
+    >>> low, high = scale.mm_per_pixel_x.interval(0.95)
+    >>> low < 0.0336 < high
+    True
+    """
+    radius = require_number("ball_radius_mm", ball_radius_mm, 0.2, 50.0, hint="millimetres")
+    require_number("ball_radius_sd_mm", ball_radius_sd_mm, 0.0, 5.0, hint="millimetres")
+    require_number("travel_sd_mm", travel_sd_mm, 0.0, 1.0, hint="millimetres")
+    travel = _checked_travel(images, travel_mm, radius)
+    presses = [read_ball_press(image, reference) for image in images]
+    if len({image.grey.shape for image in images}) > 1:
+        raise ImageMismatchError("images must have one shape; record all presses in one mode of the camera")
+    if len({press.darker for press in presses}) > 1:
+        raise CalibrationError(
+            "the ball must change the light alike in all presses; it makes some darker, some brighter"
+        )
+    start = np.array([pixel_aspect_ratio(press) for press in presses])
+    fit = fit_shape(presses, travel, radius, first=first_shape(presses, travel, radius, float(np.median(start))))
+    shares = [
+        fit_shape([without_sector(press, sector) for press in presses], travel, radius, first=fit.x).x
+        for sector in range(SECTORS)
+    ]
+    x, y = _sizes(
+        fit.x, np.array(shares), shape_slopes(presses, travel, radius, fit.x), ball_radius_sd_mm, travel_sd_mm
+    )
+    check_field((x.value, y.value), images[0].grey.shape, "ball_radius_mm and travel_mm", radius)
+    centres = np.array([press.centre_px for press in presses]) + fit.x[2:].reshape(-1, 2)
+    ratios = np.exp(np.array(shares)[:, 1] - np.array(shares)[:, 0])
+    scale = PixelScale(
+        mm_per_pixel_x=x,
+        mm_per_pixel_y=y,
+        shape=(images[0].grey.shape[0], images[0].grey.shape[1]),
+        at_px=(float(centres[:, 0].mean()), float(centres[:, 1].mean())),
+        method="ball",
+        count=len(presses),
+    )
+    diagnostics = BallDiagnostics(
+        centres_px=centres,
+        radii_px=np.array([press.radius_px for press in presses]),
+        axis_ratio=jackknife(ratios, float(np.exp(fit.x[1] - fit.x[0])), unit=""),
+        residual_grey=float(np.sqrt(np.mean(fit.fun**2))),
+        darker=presses[0].darker,
+    )
+    return scale, diagnostics
+
+
+def _checked_travel(images: Sequence[TactileImage], travel_mm: Sequence[float], radius: float) -> NDArray[np.float64]:
+    travel: NDArray[np.float64] = require_array("travel_mm", travel_mm, ndim=1)
+    if len(images) != len(travel):
+        raise InputError(f"travel_mm must hold one reading for each of the {len(images)} images; got {len(travel)}")
+    if len(images) < 2:
+        raise CalibrationError(
+            "a scale from a ball needs two presses or more whose depths differ by a known travel; got one, which gives "
+            "only the ratio of the axes (press deeper and read the stage, or use a dot board)"
+        )
+    if np.ptp(travel) < LEAST_TRAVEL * radius or np.ptp(travel) > radius:
+        raise CalibrationError(
+            f"travel_mm must differ by {LEAST_TRAVEL * radius:.2g} to {radius:g} mm between the presses of this ball; "
+            f"it differs by {np.ptp(travel):.3g} mm (is it in another unit?)"
+        )
+    return travel
+
+
+def _sizes(
+    shape: NDArray[np.float64],
+    shares: NDArray[np.float64],
+    slopes: NDArray[np.float64],
+    radius_sd_mm: float,
+    travel_sd_mm: float,
+) -> tuple[MeasuredValue, MeasuredValue]:
+    found = []
+    for axis in (0, 1):
+        size = float(np.exp(shape[axis]))
+        frames = jackknife(np.exp(shares[:, axis]), size, unit=UNIT)
+        known = size**2 * (np.sum((slopes[:-1, axis] * travel_sd_mm) ** 2) + (slopes[-1, axis] * radius_sd_mm) ** 2)
+        total = frames.sd**2 + float(known)
+        freedom = frames.degrees_of_freedom * (total / frames.sd**2) ** 2 if frames.sd > 0 else np.inf
+        found.append(MeasuredValue(value=size, sd=total**0.5, degrees_of_freedom=float(freedom), unit=UNIT))
+    return found[0], found[1]

@@ -1,0 +1,124 @@
+"""The pixels of a frame in which the face is the ball's, and how round they are."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import least_squares
+from skimage.measure import block_reduce
+
+from tsis.calibration._measured import MeasuredValue
+from tsis.errors import CalibrationError
+from tsis.imaging import find_contact, require_image, segment, signal, smoothed
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.model import TactileImage
+
+
+ANSWER_ORDER = 4  # of the polynomial that stands for the answer of grey level to depth
+INNER = 0.75  # share of the radius of steepest fall: beyond the contact's edge the face is the gel's and not the ball's
+SECTORS = 12  # of the face about the ball, left out one at a time for the uncertainty
+MOST_PIXELS = 3000  # of a press; more are averaged in blocks
+LEAST_LIGHT = 0.1  # of the reference's median, below which nothing is divided by
+LEAST_PIXELS = 200
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BallPress:
+    """Pixels of a press inside the ball's contact: places less a first centre, grey change, sector."""
+
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    grey: NDArray[np.float64]
+    sector: NDArray[np.int64]
+    centre_px: tuple[float, float]
+    radius_px: float
+    darker: bool
+
+
+def read_ball_press(image: TactileImage, reference: TactileImage | None) -> BallPress:
+    """The pixels in which the face is the ball's, of whichever sign."""
+    require_image("image", image)
+    change = replace(signal(image, reference), mm_per_pixel=None)
+    darkened = replace(change, grey=0.0 - change.grey)
+    darker = float(smoothed(darkened.grey).max()) > float(smoothed(change.grey).max())
+    change = _in_even_light(darkened, reference) if darker else change
+    patch = segment(change)
+    contact = None if patch.cropped else find_contact(change, patch=patch)
+    if contact is None:
+        raise CalibrationError(
+            "image must show one ball, pressed inside the picture; no whole round patch stands out (press the ball in "
+            "the middle of the face, and give the untouched probe as reference)"
+        )
+    rows, columns = np.nonzero(patch.mask)
+    # About a pixel as high as wide: the patch's own extents stretch the circle to the ellipse of the image.
+    wide, high = columns.std(), rows.std()
+    across, down = np.sqrt(wide / high), np.sqrt(high / wide)
+    # Means of blocks of pixels, which keep the light of all of them; inside a block the ball hardly bends.
+    block = max(1, int(np.sqrt(np.pi / MOST_PIXELS) * INNER * contact.radius_px))
+    whole = change.grey[: change.grey.shape[0] // block * block, : change.grey.shape[1] // block * block]
+    grey = block_reduce(whole, block, np.mean)  # type: ignore[no-untyped-call]
+    y, x = (np.mgrid[: grey.shape[0], : grey.shape[1]] + 0.5) * block - 0.5
+    x, y = x - contact.centre_px[0], y - contact.centre_px[1]
+    inside = np.hypot(x / across, y / down) < INNER * contact.radius_px
+    if np.count_nonzero(inside) < LEAST_PIXELS:
+        raise CalibrationError(
+            f"the ball's contact must cover {LEAST_PIXELS} pixels or more; it covers {np.count_nonzero(inside)} (press "
+            "deeper, or use a larger ball)"
+        )
+    x, y, grey = x[inside], y[inside], grey[inside]
+    sector = np.floor((np.arctan2(y, x) + np.pi) / (2 * np.pi) * SECTORS).astype(int) % SECTORS
+    return BallPress(
+        x=x,
+        y=y,
+        grey=grey,
+        sector=sector,
+        centre_px=contact.centre_px,
+        radius_px=float(INNER * contact.radius_px * across),
+        darker=darker,
+    )
+
+
+def _in_even_light(darkened: TactileImage, reference: TactileImage | None) -> TactileImage:
+    """Light that a depth takes away is a share of what was there: where that is uneven, so is the loss."""
+    if reference is None:
+        return darkened
+    light = smoothed(reference.grey)
+    middle = float(np.median(light))
+    return replace(darkened, grey=darkened.grey * middle / np.maximum(light, LEAST_LIGHT * middle))
+
+
+def without_sector(press: BallPress, sector: int | None) -> BallPress:
+    """The press less one sector about the ball; None leaves all."""
+    keep = slice(None) if sector is None else press.sector != sector
+    return replace(press, x=press.x[keep], y=press.y[keep], grey=press.grey[keep], sector=press.sector[keep])
+
+
+def pixel_aspect_ratio(press: BallPress) -> float:
+    """Height over width of a pixel, at which the signal is the same all round its centre."""
+    size = press.radius_px
+
+    def left(shape: NDArray[np.float64]) -> NDArray[np.float64]:
+        squares = ((press.x - shape[1]) ** 2 + (np.exp(shape[0]) * (press.y - shape[2])) ** 2) / size**2
+        return left_by_polynomial(squares, press.grey)
+
+    found = least_squares(left, np.zeros(3), x_scale=(0.01, 1.0, 1.0))
+    return float(np.exp(found.x[0]))
+
+
+def left_by_polynomial(depth: NDArray[np.float64], grey: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Grey levels less the best polynomial of a depth."""
+    middle, half = (depth.max() + depth.min()) / 2, np.ptp(depth) / 2
+    basis = np.polynomial.chebyshev.chebvander((depth - middle) / half, ANSWER_ORDER)
+    return np.asarray(grey - basis @ np.linalg.lstsq(basis, grey, rcond=None)[0])
+
+
+def jackknife(shares: NDArray[np.float64], whole: float, *, unit: str) -> MeasuredValue:
+    """A number with the spread that it shows when one part of the data after the other is left out."""
+    count = len(shares)
+    variance = (count - 1) / count * float(((shares - shares.mean()) ** 2).sum())
+    return MeasuredValue(value=float(whole), sd=variance**0.5, degrees_of_freedom=count - 1, unit=unit)

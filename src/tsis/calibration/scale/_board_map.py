@@ -1,0 +1,226 @@
+"""The map from a dot board to the image, lens distortion included, and the size of a pixel with its uncertainty.
+
+The image coordinates of the dots are polynomials of the board's: the linear terms are scale and rotation, quadratic
+ones the perspective of a tilted camera, cubic and higher ones the lens. All are fitted by least squares, each image
+axis with its own residual variance, for noise is in pixels and the dots' own scatter in millimetres, which are not
+alike where pixels are not square.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy
+
+from tsis.calibration._measured import MeasuredValue
+from tsis.calibration.scale._value import UNIT
+from tsis.errors import CalibrationError
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+FIRST_ORDER, LENS_ORDER, WIDE_ORDER = 1, 3, 5  # even orders alone bring no lens, whose distortion is odd
+SPARE = 0.375  # least share of the dots' coordinates left over as degrees of freedom
+BEYOND_CHANCE = 1e-3  # chance below which distortion is said to be seen
+WORTH_FITTING = 0.05  # chance below which wide-angle terms are fitted: to leave out true ones shifts the scale
+STRAY = 1e-3  # chance that one dot of a good board is taken for a stray
+MOST_STRAYS = 0.1  # share of the dots
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class BoardMap:
+    """A fitted map from lattice to image.
+
+    Attributes
+    ----------
+    cells
+        Lattice coordinates of the dots, shape (n, 2).
+    places_px
+        Their measured centres (x, y), shape (n, 2), pixels.
+    order
+        Order of the polynomial.
+    factors
+        Its coefficients, shape (terms, 2).
+    spread
+        Inverse of the normal matrix, shape (terms, terms).
+    sd_px
+        Standard deviation (x, y) of one coordinate of a dot, pixels.
+    """
+
+    cells: NDArray[np.float64]
+    places_px: NDArray[np.float64]
+    order: int
+    factors: NDArray[np.float64]
+    spread: NDArray[np.float64]
+    sd_px: NDArray[np.float64]
+
+    def at(self, cells: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Places (x, y) in the image of lattice coordinates, shape (n, 2), pixels."""
+        return np.asarray(self._terms(cells) @ self.factors)
+
+    def residuals_px(self) -> NDArray[np.float64]:
+        """What the map leaves of each dot, shape (n, 2), pixels."""
+        return self.places_px - self.at(self.cells)
+
+    @property
+    def degrees_of_freedom(self) -> int:
+        """Of the standard deviation along one image axis."""
+        return len(self.cells) - len(self.factors)
+
+    def cell_at(self, place_px: tuple[float, float]) -> NDArray[np.float64]:
+        """Lattice coordinates of a place in the image, by Newton's method from the nearest dot."""
+        cell = self.cells[np.argmin(np.linalg.norm(self.places_px - place_px, axis=1))]
+        for _ in range(20):
+            miss = np.asarray(place_px) - self.at(cell[None])[0]
+            step = np.linalg.lstsq(self._step_px(cell, reach=1e-3), miss, rcond=None)[0]
+            cell = cell + np.clip(step, -1.0, 1.0)
+        return np.asarray(cell)
+
+    def face_step(self, cell: NDArray[np.float64], *, reach: float = 1.0) -> NDArray[np.float64]:
+        """Way on the face, in pitches, of one pixel along each image axis: columns x and y of a (2, 2) array.
+
+        It is the mean over ``reach`` pitches to either side: one, for a board resolves no finer.
+        """
+        return np.asarray(np.linalg.inv(self._step_px(cell, reach=reach)))
+
+    def pixel_size(self, cell: NDArray[np.float64], *, pitch: MeasuredValue) -> tuple[MeasuredValue, MeasuredValue]:
+        """Size (x, y) of a pixel on the face about a place on the lattice, by propagation of the residuals' variance.
+
+        The degrees of freedom are those of Welch and Satterthwaite for the parts that the two image axes and the pitch
+        bring.
+        """
+        back = self.face_step(cell)
+        slopes = self._slopes(cell, reach=1.0)
+        x, y = (self._one_size(back, slopes, axis, pitch) for axis in (0, 1))
+        return x, y
+
+    def _one_size(
+        self, back: NDArray[np.float64], slopes: NDArray[np.float64], axis: int, pitch: MeasuredValue
+    ) -> MeasuredValue:
+        size = float(np.linalg.norm(back[:, axis]))
+        variances = self._variances(back, slopes, axis)
+        by_dots, by_pitch = float(variances.sum()) * pitch.value**2, (size * pitch.sd) ** 2
+        squares = float((variances**2).sum()) * pitch.value**4 / self.degrees_of_freedom
+        squares += by_pitch**2 / pitch.degrees_of_freedom
+        total = by_dots + by_pitch
+        freedom = total**2 / squares if squares > 0.0 else float(self.degrees_of_freedom)
+        return MeasuredValue(value=size * pitch.value, sd=total**0.5, degrees_of_freedom=freedom, unit=UNIT)
+
+    def bend(
+        self, cell: NDArray[np.float64], *, point: float = 1e-3
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """How the pixel size bends over one pitch to either side: the share, and its noise.
+
+        The share (x, y) is that of the mean over one pitch above the size at the place itself; its standard deviation
+        comes by propagation of the residuals' variance.
+        """
+        back, here = (self.face_step(cell, reach=reach) for reach in (1.0, point))
+        sizes = np.linalg.norm(back, axis=0)
+        slopes = self._slopes(cell, reach=1.0) - self._slopes(cell, reach=point)
+        noise = np.array([np.sqrt(self._variances(back, slopes, axis).sum()) for axis in (0, 1)])
+        return sizes / np.linalg.norm(here, axis=0) - 1, noise / sizes
+
+    def _variances(self, back: NDArray[np.float64], slopes: NDArray[np.float64], axis: int) -> NDArray[np.float64]:
+        """Variance of a pixel's size, in pitches, that each image axis of the dots' places brings, shape (2,)."""
+        # d|K e| = -u K dJ K e with K the inverse of J and u the direction of K e.
+        weights = back[:, axis] / np.linalg.norm(back[:, axis]) @ back
+        along = slopes @ back[:, axis]
+        return np.asarray((weights * self.sd_px) ** 2 * float(along @ self.spread @ along))
+
+    def _slopes(self, cell: NDArray[np.float64], *, reach: float) -> NDArray[np.float64]:
+        """Change of each term for a step of one pitch along each lattice axis, shape (terms, 2)."""
+        ends = np.array([[reach, 0.0], [0.0, reach]])
+        return np.asarray((self._terms(cell + ends) - self._terms(cell - ends)).T / (2 * reach))
+
+    def _step_px(self, cell: NDArray[np.float64], *, reach: float) -> NDArray[np.float64]:
+        return np.asarray((self._slopes(cell, reach=reach).T @ self.factors).T)
+
+    def _terms(self, cells: NDArray[np.float64]) -> NDArray[np.float64]:
+        return terms(cells, self.cells, self.order)
+
+
+def terms(cells: NDArray[np.float64], about: NDArray[np.float64], order: int) -> NDArray[np.float64]:
+    """Products of powers of lattice coordinates up to an order, in the middle and half width of those ``about``.
+
+    Three rows tell no cubic from a linear term across them: powers stay below the number of rows and of columns.
+    """
+    middle, half = (about.max(axis=0) + about.min(axis=0)) / 2, np.ptp(about, axis=0) / 2
+    u, v = ((cells - middle) / half).T
+    powers = [(a, b) for a, b in itertools.product(*map(range, _counts(about))) if a + b <= order]
+    return np.stack([u**a * v**b for a, b in powers], axis=1)
+
+
+def fit_map(cells: NDArray[np.float64], places_px: NDArray[np.float64]) -> BoardMap:
+    """The map of the order that the dots carry.
+
+    The lens's cubic terms are always fitted, seen or not: an interval that leaves them out holds only where there are
+    none. Those of a wide-angle lens join when chance hardly explains what they gain.
+    """
+    if not carries(cells, LENS_ORDER):
+        raise CalibrationError(
+            f"the dots must fill rows and columns, so that the lens's distortion can be told from the scale; got "
+            f"{len(cells)} dots that do not (press the whole board on the face)"
+        )
+    found = fit_order(cells, places_px, LENS_ORDER)
+    if carries(cells, WIDE_ORDER):
+        wide = fit_order(cells, places_px, WIDE_ORDER)
+        if chance_of(found, wide) < WORTH_FITTING:
+            return wide
+    return found
+
+
+def carries(cells: NDArray[np.float64], order: int) -> bool:
+    """Whether dots are enough, and lie in rows and columns enough, for a polynomial of an order."""
+    design = terms(cells, cells, order)
+    count = design.shape[1]
+    return count <= (1 - SPARE) * len(cells) and bool(np.linalg.matrix_rank(design) == count)
+
+
+def _counts(cells: NDArray[np.float64]) -> tuple[int, int]:
+    """How many columns and rows of the lattice hold dots."""
+    return len(np.unique(cells[:, 0])), len(np.unique(cells[:, 1]))
+
+
+def chance_of(small: BoardMap, large: BoardMap) -> float:
+    """Chance that a map of higher order fits so much better where the lower order is true (Fisher's F)."""
+    added, left = 2 * (len(large.factors) - len(small.factors)), 2 * large.degrees_of_freedom
+    # Each image axis by its own variance, as in the fit.
+    before = (small.residuals_px() ** 2).sum(axis=0) / large.sd_px**2
+    gained = float(before.sum()) - left
+    return float(scipy.stats.f.sf(max(gained, 0.0) / added, added, left))
+
+
+def without_strays(cells: NDArray[np.float64], places_px: NDArray[np.float64]) -> NDArray[np.bool]:
+    """True for the dots to keep: those whose place the others' map, taken without them, does not rule out."""
+    keep = np.ones(len(cells), dtype=bool)
+    for _ in range(int(MOST_STRAYS * len(cells))):
+        fitted = fit_map(cells[keep], places_px[keep])
+        design = terms(fitted.cells, fitted.cells, fitted.order)
+        lever = 1 - np.einsum("ij,jk,ik->i", design, fitted.spread, design)
+        freedom = fitted.degrees_of_freedom
+        squares = fitted.residuals_px() ** 2 / np.maximum(lever, 1e-9)[:, None] / np.maximum(fitted.sd_px, 1e-9) ** 2
+        outside = np.sqrt(squares * (freedom - 1) / np.maximum(freedom - squares, 1e-9)).max(axis=1)
+        worst = int(np.argmax(outside))
+        if outside[worst] < scipy.stats.t.isf(STRAY / (4 * len(cells)), freedom - 1):
+            break
+        keep[np.flatnonzero(keep)[worst]] = False
+    return keep
+
+
+def fit_order(cells: NDArray[np.float64], places_px: NDArray[np.float64], order: int) -> BoardMap:
+    """The least-squares map of a given order."""
+    design = terms(cells, cells, order)
+    factors = np.linalg.lstsq(design, places_px, rcond=None)[0]
+    left = ((places_px - design @ factors) ** 2).sum(axis=0)
+    return BoardMap(
+        cells=cells,
+        places_px=places_px,
+        order=order,
+        factors=np.asarray(factors, dtype=float),
+        spread=np.asarray(np.linalg.inv(design.T @ design), dtype=float),
+        sd_px=np.sqrt(left / (len(cells) - len(factors))),
+    )

@@ -1,0 +1,240 @@
+"""Which two directions of a lattice of dots are the board's rows and columns."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from tsis.calibration.scale._board_map import BoardMap, fit_map
+from tsis.errors import CalibrationError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+
+MOST_SKEW_DEG = 3.0  # between the image's axes as the board shows them; noise and scatter make some tenths
+# Height over width of a pixel; rows of a hexagonal board or one with a row in two missing make it 0.58 or 0.5 times.
+PIXEL_RATIO = (0.8, 1.25)
+LONGEST_PIXEL = 2.5  # ratio of the sides that a lattice of unlike pitches is looked for with, to say what is wrong
+CLEAR_SKEW_DEG = 4.0  # by which the right pair of lattice axes is squarer than the next
+# Pairs of axes that count one and the same lattice of points; the first dots found may have had gaps for neighbours.
+WAYS = [(i, j) for i in range(3) for j in range(-2, 3) if i > 0 or j > 0]
+AXES = [
+    np.array(pair)
+    for pair in itertools.combinations(WAYS, 2)
+    if abs(pair[0][0] * pair[1][1] - pair[0][1] * pair[1][0]) == 1
+]
+
+
+def with_square_axes(fitted: BoardMap, cell: NDArray[np.float64]) -> BoardMap:
+    """The same dots counted along the two lattice axes that make the image's axes perpendicular on the face.
+
+    A turned board's diagonal may be shorter in the image than its side where pixels are far from square. A square
+    lattice at 32 degrees, counted along a diagonal, is again square, of pixels 2.6 times as long as wide; no camera has
+    such.
+    """
+    step = fitted.face_step(cell)
+    skews = np.array([abs(skew_deg(axes @ step)) for axes in AXES])
+    width, height = np.array([np.linalg.norm(axes @ step, axis=0) for axes in AXES]).T
+    ratios = height / width
+    usual = (ratios > PIXEL_RATIO[0]) & (ratios < PIXEL_RATIO[1])
+    first, second = np.argsort(np.where(usual, skews, 90.0))[:2]
+    if not usual[first] or skews[first] > MOST_SKEW_DEG:
+        raise _no_square(skews, ratios, usual)
+    if usual[second] and skews[second] - skews[first] < CLEAR_SKEW_DEG:
+        raise CalibrationError(
+            f"the dots' rows must be told from their diagonals; both fit a square lattice to {skews[second]:.0f} "
+            "degrees (lay the rows along the image's axes)"
+        )
+    axes = AXES[first]
+    if abs((axes @ step)[0, 0]) < abs((axes @ step)[1, 0]):
+        axes = axes[::-1]
+    # Counted along the image's axes, as nearly as may be: so the rotation has a sign.
+    axes = axes * np.sign(np.diag(axes @ step))[:, None]
+    return fit_map(fitted.cells @ axes.T, fitted.places_px)
+
+
+def _no_square(skews: NDArray[np.float64], ratios: NDArray[np.float64], usual: NDArray[np.bool]) -> CalibrationError:
+    """Why no pair of lattice axes gives pixels of a camera."""
+    long = (ratios < LONGEST_PIXEL) & (ratios > 1 / LONGEST_PIXEL)
+    squarest = int(np.argmin(np.where(long, skews, 90.0)))
+    if long[squarest] and skews[squarest] <= MOST_SKEW_DEG:
+        return CalibrationError(
+            "the board's rows and columns must be one pitch apart, with no row missing throughout; they would make a "
+            f"pixel {ratios[squarest]:.2f} times as high as wide, and cameras' pixels are {PIXEL_RATIO[0]:g} to "
+            f"{PIXEL_RATIO[1]:g} (use a board of dots on a square lattice, not a hexagonal one)"
+        )
+    skew = float(np.where(usual, skews, 90.0).min() if usual.any() else skews.min())
+    return CalibrationError(
+        f"the dots must form a square lattice seen straight on, to {MOST_SKEW_DEG:g} degrees; theirs is {skew:.1f} "
+        "degrees askew (use a board with one pitch along both axes and square rows, and press it without tilt)"
+    )
+
+
+def rotation_deg(step: NDArray[np.float64]) -> float:
+    """Angle in the image from the x axis towards the y axis at which the nearest lattice axis lies, in [-45, 45]."""
+    angle = -float(np.degrees(np.arctan2(step[1, 0], step[0, 0])))
+    return (angle + 45.0) % 90.0 - 45.0
+
+
+def skew_deg(step: NDArray[np.float64]) -> float:
+    """How far the image's two axes are from a right angle on the face."""
+    one, other = step.T
+    sine = (one @ other) / (np.linalg.norm(one) * np.linalg.norm(other))
+    return float(np.degrees(np.arcsin(np.clip(sine, -1.0, 1.0))))
+
+
+NEAREST = 12  # neighbours among which a dot's two steps are sought
+MISS = 0.3  # largest distance of a dot from its predicted place, in steps; a wide-angle lens changes steps by a fifth
+STARTS = 8  # dots that are tried as the first one
+ENOUGH = 0.95  # share of the spots at which the search for a better first dot ends, if dots
+MORE = 1.2  # times as many links as found before, to be taken instead
+DENSE = 1.2  # links each to neighbours: 2 on an endless board without gaps
+
+
+def index_lattice(places_px: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Give each spot its place on a lattice.
+
+    From a first dot the lattice grows to the neighbour that lies nearest to its predicted place, with steps that follow
+    the picture's distortion; a missing dot is stepped over. The growth begins at dots whose
+    steps are those of most others; of several the one with clearly most pairs of neighbours wins.
+
+    Parameters
+    ----------
+    places_px
+        Centres (x, y), shape (n, 2), pixels.
+
+    Returns
+    -------
+    ndarray
+        Row number of the spot, and its place on the lattice: columns (spot, i, j), one row for each spot that
+        belongs to it; shape (0, 3) when no two steps repeat anywhere. Which of the lattice's axes is i is arbitrary.
+
+    Examples
+    --------
+    >>> j, i = np.mgrid[:3, :4]
+    >>> places = np.stack([50.0 * i.ravel(), 50.0 * j.ravel()], axis=1)
+    >>> index_lattice(places).shape
+    (12, 3)
+    """
+    best = np.empty((0, 3), dtype=np.int64)
+    if len(places_px) < 4:
+        return best
+    tree = cKDTree(places_px)
+    starts = [(first, _first_steps(places_px, tree, first)) for first in range(len(places_px))]
+    known = [(first, steps) for first, steps in starts if steps is not None]
+    if not known:
+        return best
+    # Steps that most dots have come first: beside gaps a diagonal is taken for a step, beside a stray spot half a step.
+    steps_of = np.array([steps for _, steps in known])
+    most = 0
+    for place in np.argsort(-_alike(steps_of), kind="stable")[:STARTS]:
+        found = _grown(places_px, tree, known[place][0], known[place][1])
+        links = _link_count(found)
+        if links > MORE * most:
+            best, most = found, links
+        if len(best) >= ENOUGH * len(places_px) and most >= DENSE * len(best):
+            break
+    return best
+
+
+def _first_steps(
+    places: NDArray[np.float64], tree: cKDTree, first: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | None:
+    """The two shortest steps, not nearly parallel, that lead from a dot to others both forwards and backwards."""
+    near = np.asarray(tree.query(places[first], k=min(NEAREST + 1, len(places)))[1])
+    ways = places[near[1:]] - places[first]
+    forth_and_back = [
+        way
+        for way in ways
+        if np.linalg.norm(ways + way, axis=1).min() < MISS * np.linalg.norm(way)
+        and (way[0], way[1]) > (-way[0], -way[1])
+    ]
+    for one, other in sorted(itertools.combinations(forth_and_back, 2), key=_length):
+        turn = one[0] * other[1] - one[1] * other[0]
+        if abs(turn) > 0.5 * np.linalg.norm(one) * np.linalg.norm(other):
+            return one, other
+    return None
+
+
+def _alike(steps: NDArray[np.float64]) -> NDArray[np.int64]:
+    """How many pairs of steps are like each of the pairs, shape (n,), from pairs of shape (n, 2, 2)."""
+    straight = np.linalg.norm(steps[:, None] - steps[None], axis=3).max(axis=2)
+    crossed = np.linalg.norm(steps[:, None] - steps[None, :, ::-1], axis=3).max(axis=2)
+    shorter = np.linalg.norm(steps, axis=2).min(axis=1)
+    return np.asarray((np.minimum(straight, crossed) < MISS / 2 * shorter[:, None]).sum(axis=1))
+
+
+def _link_count(rows: NDArray[np.int64]) -> int:
+    """Pairs of neighbours on the lattice."""
+    cells = {(int(i), int(j)) for _, i, j in rows}
+    return sum(((i + 1, j) in cells) + ((i, j + 1) in cells) for i, j in cells)
+
+
+def _length(steps: tuple[NDArray[np.float64], NDArray[np.float64]]) -> float:
+    return float(np.linalg.norm(steps, axis=1).sum())
+
+
+def _grown(
+    places: NDArray[np.float64],
+    tree: cKDTree,
+    first: int,
+    steps: tuple[NDArray[np.float64], NDArray[np.float64]],
+) -> NDArray[np.int64]:
+    spot_at = {(0, 0): first}
+    cell_of = {first: (0, 0)}
+    waiting = list(_links(places, tree, first, steps))
+    heapq.heapify(waiting)
+    while waiting:
+        _, start, axis, reach, spot = heapq.heappop(waiting)
+        i, j = cell_of[start]
+        cell = (i + reach, j) if axis == 0 else (i, j + reach)
+        if spot in cell_of or cell in spot_at:
+            continue
+        spot_at[cell], cell_of[spot] = spot, cell
+        measured = _measured_steps(places, cell, spot_at, steps)
+        for link in _links(places, tree, spot, measured):
+            heapq.heappush(waiting, link)
+    return np.array([(spot, i, j) for (i, j), spot in spot_at.items()], dtype=np.int64)
+
+
+def _links(
+    places: NDArray[np.float64], tree: cKDTree, start: int, steps: tuple[NDArray[np.float64], NDArray[np.float64]]
+) -> Iterator[tuple[float, int, int, int, int]]:
+    """Spots near the places that steps from a dot lead to: (how badly, start, axis, steps, spot)."""
+    for axis, reach in itertools.product((0, 1), (1, -1, 2, -2)):
+        distance, spot = tree.query(places[start] + reach * steps[axis])
+        miss = float(distance / np.linalg.norm(steps[axis]))
+        if miss < MISS:
+            # Two steps at once only where nothing is left to reach with one.
+            yield miss + (abs(reach) - 1), start, axis, reach, int(spot)
+
+
+def _measured_steps(
+    places: NDArray[np.float64],
+    cell: tuple[int, int],
+    spot_at: dict[tuple[int, int], int],
+    first: tuple[NDArray[np.float64], NDArray[np.float64]],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The steps about a dot: medians of those known between the dots around it, each axis for itself."""
+    found = []
+    for axis, default in enumerate(first):
+        known = list(_known_steps(places, cell, spot_at, axis))
+        found.append(np.median(known, axis=0) if known else default)
+    return found[0], found[1]
+
+
+def _known_steps(
+    places: NDArray[np.float64], cell: tuple[int, int], spot_at: dict[tuple[int, int], int], axis: int
+) -> Iterator[NDArray[np.float64]]:
+    for di, dj in itertools.product(range(-2, 3), repeat=2):
+        low = (cell[0] + di, cell[1] + dj)
+        high = (low[0] + 1, low[1]) if axis == 0 else (low[0], low[1] + 1)
+        if low in spot_at and high in spot_at:
+            yield places[spot_at[high]] - places[spot_at[low]]

@@ -1,0 +1,177 @@
+"""Round spots in a frame, dark or bright, with sub-pixel centres.
+
+A spot is a maximum of the difference of two Gaussian blurs, which is blind to a constant level and to a slope of the
+light; the blur at which spots answer most tells their size (Lindeberg, Int. J. Computer Vision 30, 79, 1998).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from tsis.imaging import NOISE_FACTOR, QUANTISATION, pixel_noise
+from tsis.model import require_integer
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+STEP = 2.0**0.5  # from one blur to the next
+FINEST_PX = 1.5  # blur: finer spots have no sub-pixel centre
+COARSEST = 1 / 20  # blur over the image's shorter side: five spots across are the fewest of use
+BORDER = 4.0  # blurs that a spot keeps from the border, whose mirror image of it would draw it outwards
+APART = 1.5  # blurs between a spot and the next maximum
+WEAKEST = 0.3  # strength over that of a typical spot
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Spots:
+    """Spots found in a frame.
+
+    Attributes
+    ----------
+    places_px
+        Centres (x, y), shape (n, 2), pixels, strongest first; (0, 2) when there are none.
+    strength
+        How far each stands out, shape (n,), grey levels.
+    width_px
+        Standard deviation of the Gaussian that is as wide as the spots, pixels.
+    bright
+        True when they are brighter than what surrounds them.
+    """
+
+    places_px: NDArray[np.float64]
+    strength: NDArray[np.float64]
+    width_px: float
+    bright: bool
+
+    def __post_init__(self) -> None:
+        for name in ("places_px", "strength"):
+            values = np.array(getattr(self, name), dtype=float)
+            values.flags.writeable = False
+            object.__setattr__(self, name, values)
+
+
+def find_spots(grey: NDArray[np.float64], *, least: int) -> Spots:
+    """Find spots of one size and one sign.
+
+    Parameters
+    ----------
+    grey
+        The frame, or its change against the untouched probe, shape (rows, columns), grey levels.
+    least
+        How many spots are looked for at least; that many set size, sign and typical strength.
+
+    Returns
+    -------
+    Spots
+        All spots above noise and above a share of the typical strength.
+
+    Examples
+    --------
+    >>> y, x = np.mgrid[:100, :120]
+    >>> grey = sum(50 * np.exp(-((x - 20.3 - 40 * i) ** 2 + (y - 50.6) ** 2) / 32) for i in range(3))
+    >>> spots = find_spots(grey, least=3)
+    >>> spots.bright, np.sort(spots.places_px[:, 0]).round(1).tolist()
+    (True, [20.3, 60.3, 100.3])
+    """
+    least = require_integer("least", least, 1, 10**6)
+    noise = max(pixel_noise(grey), QUANTISATION)
+    blurs = FINEST_PX * STEP ** np.arange(64)
+    blurs = blurs[blurs <= max(COARSEST * min(grey.shape), FINEST_PX)]
+    typical = np.zeros((2, len(blurs)))  # strength, by sign and blur
+    best, fine = None, _blurred(grey, FINEST_PX)
+    for k, blur in enumerate(blurs):
+        coarse = _blurred(grey, STEP * blur)
+        change = fine - coarse
+        level = float(np.median(change))  # a field whose light falls off all round answers everywhere
+        for side, sign in enumerate((1.0, -1.0)):
+            answer = sign * (change - level)
+            rows, columns = _peaks(answer, blur, NOISE_FACTOR * noise * _noise_gain(blur))
+            strength = np.sort(answer[rows, columns])
+            if strength.size >= least:
+                typical[side, k] = strength[-least:].mean()
+            if typical[side, k] > np.delete(typical.ravel(), side * len(blurs) + k).max(initial=0.0):
+                best = side, k, answer, rows, columns
+        fine = coarse
+    if best is None:
+        return Spots(places_px=np.empty((0, 2)), strength=np.empty(0), width_px=0.0, bright=True)
+    side, k, answer, rows, columns = best
+    strength = answer[rows, columns]
+    kept = np.flatnonzero(strength > WEAKEST * typical[side, k])
+    kept = kept[np.argsort(-strength[kept], kind="stable")]
+    return Spots(
+        places_px=_sub_pixel(answer, rows[kept], columns[kept], max(1, round(blurs[k] / 2))),
+        strength=strength[kept],
+        # A Gaussian answers most to the blur that is its own width over the root of the step.
+        width_px=float(blurs[k] * STEP ** (0.5 + _top(typical[side], k))),
+        bright=side == 0,
+    )
+
+
+def _top(values: NDArray[np.float64], place: int) -> float:
+    """How far the top of the parabola through a greatest value and its neighbours lies from it, in steps."""
+    if not 0 < place < len(values) - 1:
+        return 0.0
+    before, here, after = values[place - 1 : place + 2]
+    bend = before - 2 * here + after
+    return float(np.clip((before - after) / (2 * bend), -0.5, 0.5)) if bend < 0 else 0.0
+
+
+def in_even_light(
+    places_px: NDArray[np.float64], strength: NDArray[np.float64], width_px: float
+) -> NDArray[np.float64]:
+    """Centres of spots as they would be in even light, shape (n, 2), pixels.
+
+    Light that grows across a spot moves its centre by the spot's variance times the relative growth per pixel. Towards
+    the rim of a lit field that is proportional to the distance from its middle, which is an error of scale. The light
+    is taken from the spots' own strengths, as the exponential of a quadratic function of place.
+    """
+    middle, reach = places_px.mean(axis=0), np.ptp(places_px, axis=0).max() / 2
+    u, v = ((places_px - middle) / reach).T
+    zero, one = np.zeros_like(u), np.ones_like(u)
+    factors = np.linalg.lstsq(np.stack([one, u, v, u * u, u * v, v * v], axis=1), np.log(strength), rcond=None)[0]
+    growth_x = np.stack([zero, one, zero, 2 * u, v, zero], axis=1) @ factors
+    growth_y = np.stack([zero, zero, one, zero, u, 2 * v], axis=1) @ factors
+    return np.asarray(places_px - width_px**2 / reach * np.stack([growth_x, growth_y], axis=1))
+
+
+def _blurred(grey: NDArray[np.float64], blur: float) -> NDArray[np.float64]:
+    return np.asarray(cv2.GaussianBlur(grey, (0, 0), blur, borderType=cv2.BORDER_REFLECT), dtype=np.float64)
+
+
+def _noise_gain(blur: float) -> float:
+    """Standard deviation of the difference of two blurs of white noise of standard deviation 1."""
+    first, second = blur**2, (STEP * blur) ** 2
+    return float(np.sqrt((1 / first + 1 / second - 4 / (first + second)) / (4 * np.pi)))
+
+
+def _peaks(answer: NDArray[np.float64], blur: float, least: float) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Rows and columns of the maxima above a level that keep away from each other and from the border."""
+    size = 2 * round(APART * blur) + 1
+    highest = cv2.dilate(answer, np.ones((size, size), np.uint8))
+    margin = int(np.ceil(BORDER * blur)) + 1
+    inside = np.zeros(answer.shape, dtype=bool)
+    inside[margin:-margin, margin:-margin] = True
+    rows, columns = np.nonzero((answer >= highest) & (answer > least) & inside)
+    return rows, columns
+
+
+def _sub_pixel(
+    answer: NDArray[np.float64], rows: NDArray[np.intp], columns: NDArray[np.intp], half: int
+) -> NDArray[np.float64]:
+    """Tops (x, y) of the paraboloids through the neighbourhoods of maxima, shape (n, 2)."""
+    y, x = np.mgrid[-half : half + 1, -half : half + 1]
+    terms = np.stack([np.ones(x.size), *(a.ravel() for a in (x, y, x * x, x * y, y * y))], axis=1)
+    around = answer[rows[:, None] + y.ravel(), columns[:, None] + x.ravel()]
+    _, bx, by, xx, xy, yy = np.linalg.pinv(terms) @ around.T
+    bend = 4 * xx * yy - xy**2
+    # A top that is no top, or one pixel away, is left at the pixel.
+    good = (bend > 0) & (xx < 0)
+    safe = np.where(good, bend, 1.0)
+    shift = np.stack([(xy * by - 2 * yy * bx) / safe, (xy * bx - 2 * xx * by) / safe], axis=1)
+    shift[~good | (np.abs(shift).max(axis=1) > 1.0)] = 0.0
+    return np.asarray(np.stack([columns, rows], axis=1) + shift)

@@ -1,0 +1,331 @@
+"""A frame of a calibration, with what the force gauge read."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import secrets
+import shutil
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.calibration.file import (
+    CALIBRATION_FILE,
+    calibration_bytes,
+    calibration_sha256,
+    from_plain,
+    read_calibration,
+    to_plain,
+)
+from tsis.calibration.session._setup import SessionSetup, plan_steps
+from tsis.errors import CalibrationError, FileInputError, InputError, TsisError
+from tsis.files import as_path, one_line, printable_path, read_bytes, read_object, write_durably
+from tsis.instrument import png_bytes, read_image
+from tsis.model import TactileImage, require_number, require_type
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Callable, Iterable
+    from pathlib import Path
+
+    from tsis.calibration.file import ProbeCalibration
+    from tsis.calibration.session._setup import CalibrationStep
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CalibrationFrame:
+    """One frame.
+
+    Parameters
+    ----------
+    image
+        As the camera delivered it.
+    force_n
+        What the gauge read then, newtons; None where no force belongs to the step.
+    time_s
+        When it came, seconds on the camera's or the computer's clock; None when nobody knows.
+    """
+
+    image: TactileImage
+    force_n: float | None = None
+    time_s: float | None = None
+
+    def __post_init__(self) -> None:
+        require_type("image", self.image, TactileImage)
+        if self.force_n is not None:
+            require_number("force_n", self.force_n, -100.0, 100.0, hint="newtons")
+        if self.time_s is not None:
+            require_number("time_s", self.time_s, -1e15, 1e15, hint="seconds")
+
+
+FORMAT, VERSION = "tsis-calibration-session", 1
+TERMS, INDEX = "session.json", "shots.csv"
+LARGEST_TERMS_BYTES, LARGEST_INDEX_BYTES, MOST_LINES = 2**20, 8 * 2**20, 100_000
+COLUMNS = ("file", "time_s", "force_n", "full_scale")  # the last, since a file of 16 bits may hold fewer
+
+
+class SessionFolder:
+    """A session's folder.
+
+    Parameters
+    ----------
+    path
+        The folder; it need not exist before `begin`.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self.path = as_path(path)
+
+    @property
+    def begun(self) -> bool:
+        """Whether it holds a session."""
+        return (self.path / TERMS).exists()
+
+    def begin(self, terms: SessionSetup) -> None:
+        """Make the folder and state the terms.
+
+        Raises
+        ------
+        FileInputError
+            When it holds a session already or cannot be written.
+        """
+        if self.begun:
+            raise FileInputError(
+                f"{printable_path(self.path)} must hold no session yet; it does (go on with it, or choose another)"
+            )
+        document = {"format": FORMAT, "version": VERSION, "notice": RESEARCH_USE_ONLY, "terms": to_plain(terms)}
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            write_durably(self.path / TERMS, (json.dumps(document, indent=2) + "\n").encode())
+        except OSError as error:
+            raise self._refused(error) from error
+
+    def terms(self) -> SessionSetup:
+        """The terms of the session.
+
+        Raises
+        ------
+        FileInputError
+            When the folder holds none, or one that cannot be read.
+        """
+        file = self.path / TERMS
+        document = read_object(file, most=LARGEST_TERMS_BYTES)
+        if (document.get("format"), document.get("version")) != (FORMAT, VERSION):
+            raise FileInputError(f"{printable_path(file)} must be a {FORMAT} of version {VERSION}; got another format")
+        try:
+            terms: SessionSetup = from_plain(SessionSetup, document.get("terms"), "terms")
+        except InputError as error:
+            raise FileInputError(f"{printable_path(file)} must be the terms of a session; got: {error}") from error
+        return terms
+
+    def plan(self) -> tuple[CalibrationStep, ...]:
+        """The session's steps."""
+        terms = self.terms()
+        return plan_steps(terms.tips_mm, repeats=terms.repeats)
+
+    def done(self, step: CalibrationStep) -> bool:
+        """Whether the step's frames are all there."""
+        return (self.path / step.name / INDEX).exists()
+
+    def missing(self) -> tuple[str, ...]:
+        """Names of the steps that are not done and that no calibration can be made without."""
+        return tuple(step.name for step in self.plan() if not (step.optional or self.done(step)))
+
+    def keep(
+        self,
+        step: CalibrationStep,
+        shots: Iterable[CalibrationFrame],
+        *,
+        progress: Callable[[int], None] = lambda kept: None,
+    ) -> int:
+        """Store the frames of a step, all or none, and return how many.
+
+        Raises
+        ------
+        CalibrationError
+            When there are none.
+        FileInputError
+            When they cannot be written, or the step was done before.
+        """
+        place = self.path / step.name
+        draft = self.path / f".{step.name}-{secrets.token_hex(4)}"
+        try:
+            if place.exists():
+                raise FileInputError(
+                    f"{printable_path(place)} must be new; it exists already (remove it to repeat the step)"
+                )
+            for killed in self.path.glob(f".{step.name}-*"):  # what a program that was killed left of it
+                shutil.rmtree(killed, ignore_errors=True)
+            draft.mkdir()
+            kept = self._write(draft, shots, progress)
+            draft.rename(place)
+        except OSError as error:
+            raise self._refused(error) from error
+        finally:
+            shutil.rmtree(draft, ignore_errors=True)  # what is left of a step that was not finished
+        return kept
+
+    def count(self, step: CalibrationStep) -> int:
+        """How many frames of the step there are; 0 when it is not done."""
+        return len(list((self.path / step.name).glob("frame-*.png"))) if self.done(step) else 0
+
+    def forget(self, step: CalibrationStep) -> None:
+        """Remove the frames of a step, so that it can be repeated; without any nothing happens.
+
+        Raises
+        ------
+        FileInputError
+            When they cannot be removed; the step is done as before then.
+        """
+        place = self.path / step.name
+        if not place.exists():
+            return
+        try:
+            # Renamed first: the step is done with all of its frames, or not at all.
+            place.rename(going := self.path / f".{step.name}-{secrets.token_hex(4)}")
+        except OSError as error:
+            raise self._refused(error) from error
+        shutil.rmtree(going, ignore_errors=True)  # what stays is removed when the step is done again
+
+    def shots(self, step: CalibrationStep) -> list[CalibrationFrame]:
+        """Read the frames of a step in the order in which they were taken.
+
+        Raises
+        ------
+        CalibrationError
+            When the step was not done.
+        FileInputError
+            When a file is missing or damaged.
+        """
+        index, rows = self._rows(step)
+        return [self._shot(index, row) for row in rows]
+
+    def middle_shot(self, step: CalibrationStep) -> CalibrationFrame:
+        """The frame in the middle of a step, in loadings near the largest force; errors as `shots`."""
+        index, rows = self._rows(step)
+        return self._shot(index, rows[len(rows) // 2])
+
+    def _rows(self, step: CalibrationStep) -> tuple[Path, list[list[str]]]:
+        """The step's table of frames, and its lines."""
+        if not self.done(step):
+            raise CalibrationError(
+                f"step {step.name!r} must be done first; {printable_path(self.path)} holds no frames of it"
+            )
+        index = self.path / step.name / INDEX
+        content = read_bytes(index, most=LARGEST_INDEX_BYTES)
+        if content.count(b"\n") + content.count(b"\r") > MOST_LINES:
+            raise FileInputError(f"{printable_path(index)} must have at most {MOST_LINES} lines; it has more")
+        try:
+            rows = list(csv.reader(io.StringIO(content.decode("utf-8", errors="replace"))))
+        except csv.Error as error:
+            raise FileInputError(
+                f"{printable_path(index)} must be a table of frames; got: {one_line(error)}"
+            ) from error
+        if not rows or tuple(rows[0]) != COLUMNS:
+            raise FileInputError(f"{printable_path(index)} must begin with the line {','.join(COLUMNS)}")
+        frames = [row for row in rows[1:] if row]
+        if len({row[0] for row in frames}) < len(frames):  # one small file could else take any amount of memory
+            raise FileInputError(f"{printable_path(index)} must name each frame once; it names one twice")
+        if not frames:
+            raise FileInputError(
+                f"{printable_path(index)} must name at least one frame; got none (remove the step, repeat it)"
+            )
+        return index, frames
+
+    def _write(self, draft: Path, shots: Iterable[CalibrationFrame], progress: Callable[[int], None]) -> int:
+        lines = [",".join(COLUMNS)]
+        for number, shot in enumerate(shots):
+            name = f"frame-{number:04d}.png"
+            (draft / name).write_bytes(png_bytes(shot.image))
+            lines.append(f"{name},{_text(shot.time_s)},{_text(shot.force_n)},{_text(shot.image.full_scale)}")
+            progress(number + 1)
+        if len(lines) == 1:
+            raise CalibrationError("a step must hold at least one frame; got none (does the camera deliver?)")
+        write_durably(draft / INDEX, ("\n".join(lines) + "\n").encode())
+        return len(lines) - 1
+
+    def _shot(self, index: Path, row: list[str]) -> CalibrationFrame:
+        try:
+            name, time_s, force_n, full_scale = row
+            if name != as_path(name).name:
+                raise InputError(f"must name files of its own folder; got {name!r:.80}")
+            image = replace(read_image(index.parent / name), full_scale=float(full_scale))
+            return CalibrationFrame(image=image, time_s=_number(time_s), force_n=_number(force_n))
+        except FileInputError:
+            raise
+        except ValueError as error:
+            raise FileInputError(
+                f"{printable_path(index)} must hold a file, a time, a force and a full scale a line; got: {one_line(error)}"
+            ) from error
+
+    def _refused(self, error: OSError) -> FileInputError:
+        reason: Any = error.strerror or error
+        return FileInputError(f"{printable_path(self.path)} must be a folder that can be written; got: {reason}")
+
+
+def _text(value: float | None) -> str:
+    return "" if value is None else f"{value:.9g}"
+
+
+def _number(text: str) -> float | None:
+    return float(text) if text else None
+
+
+SHORT = 12  # characters of an identity in names
+
+
+def saved_calibration(session: SessionFolder) -> Path | None:
+    """The file of the calibration that was made from the frames as they are; None before it was made."""
+    file = session.path / CALIBRATION_FILE
+    return file if file.exists() else None
+
+
+def save_calibration(session: SessionFolder, known: ProbeCalibration) -> Path:
+    """Write the calibration of the session's frames into its folder, over an earlier one, and return its file.
+
+    Raises
+    ------
+    FileInputError
+        When it cannot be written.
+    """
+    file = session.path / CALIBRATION_FILE
+    content = calibration_bytes(known)
+    try:
+        write_durably(file, content)
+    except OSError as error:
+        raise _refused(file, error) from error
+    return file
+
+
+def archive_calibration(session: SessionFolder) -> Path | None:
+    """Rename the calibration after its identity, because its frames change; its new name, or None where there is none.
+
+    Results may cite it, so it is never removed; one that is damaged gets a name of its own.
+
+    Raises
+    ------
+    FileInputError
+        When it cannot be renamed.
+    """
+    file = saved_calibration(session)
+    if file is None:
+        return None
+    aside = file.with_name(f"calibration-{_cited(file)}.json")
+    try:
+        file.replace(aside)
+    except OSError as error:
+        raise _refused(file, error) from error
+    return aside
+
+
+def _cited(file: Path) -> str:
+    try:
+        return calibration_sha256(read_calibration(file))[:SHORT]
+    except TsisError:  # a damaged one may stand in nobody's way, and takes no other's place
+        return f"damaged-{secrets.token_hex(SHORT // 2)}"
+
+
+def _refused(file: Path, error: OSError) -> FileInputError:
+    return FileInputError(f"{printable_path(file)} must be a file that can be written; got: {error.strerror or error}")

@@ -1,0 +1,80 @@
+"""A bench with hardware: frames of a running acquisition, each with the force that the gauge read."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tsis.calibration.session._folder import CalibrationFrame
+from tsis.errors import CameraError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from tsis.instrument.acquisition import Acquisition, ReceivedFrame
+    from tsis.instrument.gauge import ForceLog
+
+
+PATIENCE_S = 5.0
+FORCE_S = 1.0  # for which the reading after a frame is waited
+
+
+class LiveBench:
+    """Takes fresh frames.
+
+    Parameters
+    ----------
+    acquisition
+        A running one.
+    log
+        Readings of the gauge; None without one.
+    """
+
+    def __init__(self, acquisition: Acquisition, log: ForceLog | None = None) -> None:
+        self._acquisition, self._log = acquisition, log
+
+    def still(self, frames: int) -> Iterator[CalibrationFrame]:
+        """Yield the next frames; none that was taken before the call.
+
+        Raises
+        ------
+        CameraError
+            When none comes for 5 s.
+        """
+        for _, arrival in zip(range(frames), self._fresh(), strict=False):
+            yield CalibrationFrame(image=arrival.frame.tactile_image(), time_s=arrival.arrived_s)
+
+    def loading(self, over: Callable[[], bool], *, every_s: float = 0.5) -> Iterator[CalibrationFrame]:
+        """Yield a frame every so often with its force, until ``over`` says so.
+
+        Raises
+        ------
+        CameraError
+            When no frame comes for 5 s.
+        GaugeError
+            When the gauge falls silent.
+        """
+        assert self._log is not None  # who has no gauge reads forces by eye, through `one`
+        last_s = float("-inf")
+        for arrival in self._fresh():
+            if over():
+                return
+            if arrival.arrived_s - last_s >= every_s:
+                last_s = arrival.arrived_s
+                self._log.wait_until(last_s, timeout_s=FORCE_S)
+                force = self._log.at(last_s).force_n
+                yield CalibrationFrame(image=arrival.frame.tactile_image(), time_s=last_s, force_n=force)
+
+    def one(self, force_n: float) -> CalibrationFrame:
+        """The next frame, with a force that a person read."""
+        arrival = next(self._fresh())
+        return CalibrationFrame(image=arrival.frame.tactile_image(), time_s=arrival.arrived_s, force_n=force_n)
+
+    def _fresh(self) -> Iterator[ReceivedFrame]:
+        ring = self._acquisition.ring
+        place = ring.end
+        while True:
+            if not ring.wait(place, PATIENCE_S):
+                why = f": {self._acquisition.failure}" if self._acquisition.failure is not None else ""
+                raise CameraError(f"{self._acquisition.name} must bring frames; none came for {PATIENCE_S:g} s{why}")
+            arrivals, place, _ = ring.read(place)
+            yield from arrivals

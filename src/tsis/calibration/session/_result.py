@@ -1,0 +1,266 @@
+"""The loading that a step's frames show, refused where light and force did not go together."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from datetime import timedelta
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.calibration.file import ProbeCalibration
+from tsis.calibration.force import UNTOUCHED_N, Loading, fit_force_line, read_loading_frame, run_of
+from tsis.calibration.reference import make_reference
+from tsis.calibration.response import fit_response
+from tsis.calibration.scale import scale_from_dots
+from tsis.calibration.session._setup import BOARD, BOARD_UNTOUCHED, DARK, EDGE, FLAT, UNTOUCHED
+from tsis.calibration.specification import edge_width, frame_rate, specification_sheet
+from tsis.errors import CalibrationError, ImageMismatchError, InputError
+from tsis.files import printable_path
+from tsis.model import require_number
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
+    from tsis.calibration._measured import MeasuredValue
+    from tsis.calibration.force import ForceLine, ForceLineDiagnostics
+    from tsis.calibration.reference import CameraReference
+    from tsis.calibration.response import PressureResponse
+    from tsis.calibration.scale import DotDiagnostics, PixelScale
+    from tsis.calibration.session._folder import CalibrationFrame, SessionFolder
+    from tsis.calibration.session._setup import CalibrationStep
+    from tsis.model import TactileImage
+
+
+TOUCHED_N = 0.03  # above the zero: between it and an unloaded gauge's wandering nobody can tell
+AT_REST = 0.02  # share of the largest sum of grey levels that a frame without contact may show
+LEAST_CORRELATION = 0.97  # of sums and forces; loops of 10 % and curves as F**(2/3) have 0.99
+
+
+def read_loading(shots: Sequence[CalibrationFrame], step: CalibrationStep, reference: CameraReference) -> Loading:
+    """Read a loading; presses so light that the gauge cannot tell them from none are left out.
+
+    Raises
+    ------
+    CalibrationError
+        When a frame has no force or is that before it, when the first is no zero, or the sums do not follow the force.
+    """
+    assert step.tip_mm is not None
+    forces = [shot.force_n for shot in shots]
+    if any(force is None for force in forces):
+        raise CalibrationError("every frame must have a force; one has none (is the gauge silent?)")
+    _require_new_frames(shots)
+    zero = float(forces[0] or 0.0)
+    readings = []
+    for shot in shots:
+        load = float(shot.force_n or 0.0) - zero
+        if abs(load) <= UNTOUCHED_N or load >= TOUCHED_N:
+            reading = read_loading_frame(shot.image, reference, force_n=zero + load, touched=load >= TOUCHED_N)
+            readings.append(reading)
+    loading = Loading.of(step.tip_mm, readings, run=step.run)
+    first = float(loading.total_grey[0] / max(loading.total_grey.max(), 1.0))
+    if first > AT_REST:
+        raise CalibrationError(
+            f"the tip must not touch in the first frame, whose force is the gauge's zero; it shows {first:.0%} of the "
+            "largest sum of grey levels (repeat the step, and begin it untouched)"
+        )
+    _require_rising(loading)
+    return loading
+
+
+def require_measured_slope(line: ForceLine) -> None:
+    """Refuse a force line whose slope is not told from zero, from which no force can be read."""
+    low, high = line.slope_grey_per_n.interval()
+    if low <= 0:
+        raise CalibrationError(
+            f"the slope of the force line must be told from zero; its 95 % interval is {low:.3g} to {high:.3g} grey "
+            "levels a newton, for the loadings disagree (repeat those that stand out, or load three tips or more)"
+        )
+
+
+def _require_new_frames(shots: Sequence[CalibrationFrame]) -> None:
+    """Refuse a picture that came twice: the noise of a live camera never repeats."""
+    for number, (before, after) in enumerate(pairwise(shots), start=1):
+        if np.array_equal(before.image.grey, after.image.grey):
+            raise CalibrationError(
+                f"every frame must be a new one; frames {number} and {number + 1} are alike to the last pixel (is the "
+                "camera frozen? open it again, and repeat the step)"
+            )
+
+
+def _require_rising(loading: Loading) -> None:
+    run = run_of(loading)
+    with np.errstate(invalid="ignore", divide="ignore"):  # of sums that are all alike it is not defined
+        correlation = float(np.corrcoef(run.force_n, run.total_grey)[0, 1])
+    if not correlation >= LEAST_CORRELATION:
+        raise CalibrationError(
+            f"the sum of grey levels must rise with the force, correlated with it by {LEAST_CORRELATION:g} or more; "
+            f"got {correlation:.2f} (do frames and forces belong together? repeat the step)"
+        )
+
+
+DAYS = 180
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SessionResult:
+    """What stands behind a calibration, for the reader and for figures.
+
+    Attributes
+    ----------
+    dots
+        The dots of the board, and what the fit left.
+    board
+        The frame of the board.
+    loadings
+        The loadings as read.
+    line
+        How well the force line describes them.
+    response
+        Gain and saturation with their intervals.
+    """
+
+    dots: DotDiagnostics
+    board: TactileImage
+    loadings: tuple[Loading, ...]
+    line: ForceLineDiagnostics
+    response: PressureResponse
+
+
+def calibrate(
+    session: SessionFolder,
+    *,
+    days: float = DAYS,
+    progress: Callable[[int, int], None] = lambda done, total: None,
+) -> tuple[ProbeCalibration, SessionResult]:
+    """Make the calibration from the frames of a session, steps that may be left out included where they were done.
+
+    Parameters
+    ----------
+    session
+        With at least the dark, untouched, board and loading steps done.
+    days
+        For how many days it is good, in [1, 3650], from when the session began: frames do not grow younger when the
+        file is made once more. A simulated bench does not age.
+    progress
+        Told (steps done, steps in all).
+
+    Raises
+    ------
+    CalibrationError
+        When a step is missing, or frames do not show what they should; the message names the step.
+    FileInputError
+        When a file of the session is missing or damaged.
+    """
+    require_number("days", days, 1, 3650)
+    terms, steps = session.terms(), {step.name: step for step in session.plan()}
+    if missing := session.missing():
+        raise CalibrationError(
+            f"steps must be done first: {', '.join(missing)}; {printable_path(session.path)} lacks them"
+        )
+    still = [step for step in steps.values() if not step.is_loading]
+    shots: dict[str, list[CalibrationFrame]] = {}
+    for number, step in enumerate(still):
+        if session.done(step):
+            shots[step.name] = session.shots(step)
+            _require_alike(shots[step.name], step, shots[DARK][0].image)
+        progress(number + 1, len(steps) + 1)
+    scale, dots, board = _scale(shots, pitch_mm=terms.pitch_mm, pitch_sd_mm=terms.pitch_sd_mm)
+    reference = _reference(shots, scale, terms.patch_px)
+    loadings = []
+    for step in steps.values():
+        if step.is_loading:  # read one by one, for many frames of a large camera fill the memory
+            pressed = session.shots(step)
+            _require_alike(pressed, step, shots[DARK][0].image)
+            with _named(step.name):
+                loadings.append(read_loading(pressed, step, reference))
+            progress(len(still) + len(loadings), len(steps) + 1)
+    line, diagnostics = fit_force_line(loadings, reference=reference, gauge_share=terms.gauge_share)
+    require_measured_slope(line)
+    response = fit_response(loadings, reference=reference, gauge_share=terms.gauge_share, area_share=_area_share(scale))
+    known = ProbeCalibration(
+        name=terms.name,
+        probe=terms.probe,
+        camera=terms.camera,
+        settings=terms.settings,
+        made=terms.began,
+        expires=None if terms.began is None else terms.began + timedelta(days=days),
+        scale=scale,
+        reference=reference,
+        force_line=line,
+        response=response.calibration(reference, name=terms.name, probe=terms.probe),
+        specification=specification_sheet(
+            probe=terms.probe,
+            line=line,
+            diagnostics=diagnostics,
+            edge_mm=_edge(shots, reference),
+            frames_per_s=_rate(shots[UNTOUCHED]),
+        ),
+    )
+    progress(len(steps) + 1, len(steps) + 1)
+    return known, SessionResult(dots=dots, board=board, loadings=tuple(loadings), line=diagnostics, response=response)
+
+
+def _scale(
+    shots: Mapping[str, Sequence[CalibrationFrame]], *, pitch_mm: float, pitch_sd_mm: float
+) -> tuple[PixelScale, DotDiagnostics, TactileImage]:
+    board, untouched = _mean(shots[BOARD]), _mean(shots[BOARD_UNTOUCHED])
+    with _named(BOARD):
+        scale, dots = scale_from_dots(board, untouched, pitch_mm=pitch_mm, pitch_sd_mm=pitch_sd_mm)
+    return scale, dots, board
+
+
+def _area_share(scale: PixelScale) -> float:
+    """Relative standard deviation of a pixel's area; one pitch errs along both axes, so their shares add."""
+    return sum(size.sd / size.value for size in (scale.mm_per_pixel_x, scale.mm_per_pixel_y))
+
+
+def _reference(
+    shots: Mapping[str, Sequence[CalibrationFrame]], scale: PixelScale, patch_px: tuple[int, int, int, int] | None
+) -> CameraReference:
+    def scaled(name: str) -> list[TactileImage]:
+        return [scale.on(shot.image) for shot in shots[name]]
+
+    flats = [scaled(name) for name in sorted(shots) if name.startswith(f"{FLAT}-")]
+    # Without flats little of the light that tells the photons' noise is left but that beside the dot board.
+    scenes = [] if flats else [scaled(BOARD_UNTOUCHED)]
+    return make_reference(scaled(DARK), scaled(UNTOUCHED), flats, patch_px=patch_px, scenes=scenes)
+
+
+def _edge(shots: Mapping[str, Sequence[CalibrationFrame]], reference: CameraReference) -> MeasuredValue | None:
+    if EDGE not in shots:
+        return None
+    with _named(EDGE):
+        return edge_width(reference.corrected(replace(_mean(shots[EDGE]), mm_per_pixel=reference.mm_per_pixel)))
+
+
+def _rate(shots: Sequence[CalibrationFrame]) -> MeasuredValue | None:
+    times = [shot.time_s for shot in shots if shot.time_s is not None]
+    return frame_rate(times) if len(times) == len(shots) else None
+
+
+def _require_alike(shots: Sequence[CalibrationFrame], step: CalibrationStep, first: TactileImage) -> None:
+    wanted = (first.grey.shape, first.full_scale)
+    for shot in shots:
+        got = (shot.image.grey.shape, shot.image.full_scale)
+        if got != wanted:
+            raise ImageMismatchError(
+                f"step {step.name!r}: frames must have the shape {wanted[0]} and full scale {wanted[1]:g} of step "
+                f"{DARK!r}; got {got[0]} and {got[1]:g} (remove the step's folder and repeat it in that mode)"
+            )
+
+
+@contextmanager
+def _named(step: str) -> Iterator[None]:
+    """Refusals of what a step shows begin with its name."""
+    try:
+        yield
+    except (CalibrationError, InputError) as error:
+        raise CalibrationError(f"step {step!r}: {error}") from error
+
+
+def _mean(shots: Sequence[CalibrationFrame]) -> TactileImage:
+    """The mean of frames of one scene."""
+    return replace(shots[0].image, grey=np.mean([shot.image.grey for shot in shots], axis=0))

@@ -1,0 +1,212 @@
+"""What is done in a calibration, in order, in words for the person at the bench."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping  # noqa: TC003 - the file format reads the type
+from dataclasses import dataclass, field
+from datetime import datetime  # noqa: TC003 - the file format reads the type
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+from tsis.calibration.file import SETTING_TOLERANCE, require_name, require_time
+from tsis.calibration.force import LARGEST_N, STEP_N, TIPS_MM
+from tsis.errors import InputError
+from tsis.model import require_integer, require_number
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+
+DARK, UNTOUCHED, FLAT, BOARD_UNTOUCHED, BOARD, EDGE = "dark", "untouched", "flat", "board-untouched", "board", "edge"
+STILL_FRAMES, FLAT_FRAMES, BOARD_FRAMES, EDGE_FRAMES = 16, 8, 4, 4
+FLAT_LEVELS = 3
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CalibrationStep:
+    """One thing to do.
+
+    Parameters
+    ----------
+    name
+        Folder that its frames are kept in.
+    instruction
+        What the person does.
+    frames
+        How many frames to take; 0 for a loading, which takes frames until it is over.
+    optional
+        Whether a calibration can be made without it.
+    tip_mm
+        Radius of the tip of a loading, mm.
+    run
+        Number of the loading among those of its tip, from 1.
+    """
+
+    name: str
+    instruction: str
+    frames: int = 0
+    optional: bool = False
+    tip_mm: float | None = None
+    run: int = 1
+
+    @property
+    def is_loading(self) -> bool:
+        """Whether forces belong to its frames."""
+        return self.tip_mm is not None
+
+
+def plan_steps(tips_mm: Sequence[float] = TIPS_MM, *, repeats: int = 1) -> tuple[CalibrationStep, ...]:
+    """The steps of a whole calibration.
+
+    Parameters
+    ----------
+    tips_mm
+        Radii of the tips of the loading machine, each in [0.1, 1000] mm.
+    repeats
+        Loadings of each tip, in [1, 20].
+
+    Raises
+    ------
+    InputError
+        When a radius or the number of loadings lies outside its range.
+
+    Examples
+    --------
+    >>> [step.name for step in plan_steps((2.0, 10.0))]
+    ['dark', 'untouched', 'flat-1', 'flat-2', 'flat-3', 'board-untouched', 'board', 'edge', 'tip-2mm-1', 'tip-10mm-1']
+    """
+    require_integer("repeats", repeats, 1, 20)
+    radii = [require_number("tip_radius_mm", tip, 0.1, 1000.0, hint="millimetres") for tip in tips_mm]
+    flats = [
+        CalibrationStep(
+            name=f"{FLAT}-{level}",
+            instruction=f"Press the whole face evenly on a soft flat pad, {how} (evens out the light)",
+            frames=FLAT_FRAMES,
+            optional=True,
+        )
+        for level, how in enumerate(("lightly", "harder", "as hard as it goes without white spots"), start=1)
+    ]
+    loadings = [
+        CalibrationStep(
+            name=f"{tip_name(tip)}-{run}",
+            instruction=(
+                f"Mount the tip of {tip:g} mm radius, not yet touching; then load from 0 to {LARGEST_N:g} N in steps "
+                f"of {STEP_N:g} N and back to 0"
+            ),
+            tip_mm=tip,
+            run=run,
+        )
+        for run in range(1, repeats + 1)
+        for tip in radii
+    ]
+    return (
+        CalibrationStep(name=DARK, instruction="Switch the lamps off, or cover the lens", frames=STILL_FRAMES),
+        CalibrationStep(name=UNTOUCHED, instruction="Switch the lamps on, touch nothing", frames=STILL_FRAMES),
+        *flats,
+        CalibrationStep(
+            name=BOARD_UNTOUCHED,
+            instruction="Light the probe as for the dot board (white light where it needs some), touch nothing",
+            frames=BOARD_FRAMES,
+        ),
+        CalibrationStep(name=BOARD, instruction="Press the dot board on the face", frames=BOARD_FRAMES),
+        CalibrationStep(
+            name=EDGE,
+            instruction="Press a block with a straight edge on one half of the face, a little askew",
+            frames=EDGE_FRAMES,
+            optional=True,
+        ),
+        *loadings,
+    )
+
+
+def tip_name(radius_mm: float) -> str:
+    """Name of a tip in folders, e.g. ``tip-2mm``."""
+    return f"tip-{radius_mm:g}mm"
+
+
+STATED = ("name", "pitch_mm", "pitch_sd_mm", "gauge_share", "patch_px", "tips_mm", "repeats")  # by a person
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SessionSetup:
+    """Terms of a calibration session.
+
+    Parameters
+    ----------
+    name
+        What people will call the calibration; like all names printable and at most 200 characters.
+    probe, camera
+        Names of both.
+    began
+        When the session began, with its time zone; None for a simulated bench.
+    settings
+        Camera settings during the session.
+    pitch_mm, pitch_sd_mm
+        Pitch of the dot board and its standard uncertainty, mm.
+    gauge_share
+        Relative standard deviation of the force gauge, from its certificate.
+    patch_px
+        Where the lamps are seen past the probe: left, top, right, bottom; None when nowhere.
+    tips_mm, repeats
+        Radii of the tips, no two alike, and loadings of each.
+
+    Raises
+    ------
+    InputError
+        When a value is of the wrong kind or outside its range, so that no session begins which cannot end.
+    """
+
+    name: str
+    probe: str
+    camera: str
+    began: datetime | None = None
+    settings: Mapping[str, float] = field(default_factory=dict)
+    pitch_mm: float = 2.5
+    pitch_sd_mm: float = 0.0
+    gauge_share: float = 0.001
+    patch_px: tuple[int, int, int, int] | None = None
+    tips_mm: tuple[float, ...] = TIPS_MM
+    repeats: int = 1
+
+    def __post_init__(self) -> None:
+        for name in ("name", "probe", "camera"):
+            require_name(name, getattr(self, name))
+        require_time("began", self.began)
+        require_number("pitch_mm", self.pitch_mm, 0.05, 50.0, hint="millimetres")
+        require_number("pitch_sd_mm", self.pitch_sd_mm, 0.0, 1.0, hint="millimetres")
+        require_number("gauge_share", self.gauge_share, 0.0, 0.5, hint="a share of one")
+        steps = [step.name for step in plan_steps(self.tips_mm, repeats=self.repeats)]
+        if len(set(steps)) < len(steps):
+            raise InputError(f"tips_mm must hold each tip once; got {list(self.tips_mm)} (take repeats instead)")
+        if self.patch_px is not None:
+            left, top, right, bottom = self.patch_px
+            if not (0 <= left < right and 0 <= top < bottom):
+                raise InputError(f"patch_px must be left < right and top < bottom, from 0; got {self.patch_px}")
+        object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
+
+    def differing(self, other: SessionSetup) -> tuple[str, ...]:
+        """Names of the terms that a person states and that are others there; of probe and camera nothing is said.
+
+        Examples
+        --------
+        >>> terms = SessionSetup(name="bench", probe="tsis-direct", camera="cam")
+        >>> terms.differing(SessionSetup(name="bench", probe="tsis-direct", camera="cam", pitch_mm=2.0, repeats=3))
+        ('pitch_mm', 'repeats')
+        """
+        return tuple(name for name in STATED if getattr(self, name) != getattr(other, name))
+
+    def changed_setting(self, settings: Mapping[str, float]) -> tuple[str, float, float] | None:
+        """A setting of the session that is another one now: its name, its value then and now; else None.
+
+        Examples
+        --------
+        >>> terms = SessionSetup(name="bench", probe="tsis-direct", camera="cam", settings={"gain": 2.0})
+        >>> terms.changed_setting({"gain": 3.0, "exposure_ms": 5.0}), terms.changed_setting({"gain": 2.0})
+        (('gain', 2.0, 3.0), None)
+        """
+        for setting, value in self.settings.items():
+            now = settings.get(setting, value)
+            if not math.isclose(now, value, rel_tol=SETTING_TOLERANCE, abs_tol=1e-9):
+                return setting, value, now
+        return None

@@ -1,0 +1,135 @@
+"""A series that fades towards a level: how much of it is still to come, whatever time constants make it.
+
+The series is ``y(t) = level + sum of a_k exp(-t / tau_k)`` plus noise, a Prony series with amplitudes of one sign: what
+relaxes falls and what creeps rises. The time constants lie on a dense grid up to the longest that is reckoned with; the
+fit takes of them what it needs, mostly two or three. How much may still fade is bounded by the profile of the sum of
+squares: the greatest and the least that fits hardly worse than the best. So a plateau that is short beside the longest
+time constant leaves much open, and the interval says so; no belief about amplitudes goes in.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import nnls
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+PER_DECADE = 24  # time constants: two neighbours make what lies between them to 1e-4 of the amplitude
+EVERY = 3  # of them spans all the others, with amplitudes of either sign
+STIFF = 1e3  # over the noise of the mean: how hard the profile pulls what is to fade to a given value
+SIGNS = (1.0, -1.0)
+STEPS = 10  # of the bisections
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Decay:
+    """The best fit of a fading series, and the interval of what is still to fade at its end.
+
+    Attributes
+    ----------
+    tau_s
+        Time constants, s, shape (k,).
+    amplitude
+        Amplitudes at the last value, shape (k,), of one sign.
+    level
+        Towards which the series fades.
+    low, high
+        Ends of the interval of the sum of those amplitudes.
+    """
+
+    tau_s: NDArray[np.float64]
+    amplitude: NDArray[np.float64]
+    level: float
+    low: float
+    high: float
+
+    def fading(self, after_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What is still to fade at times after the end, shape (t,)."""
+        return np.asarray(np.exp(-after_s[:, None] / self.tau_s) @ self.amplitude)
+
+
+class DecayFit:
+    """The fit at given times, prepared for any noise: projections of the exponentials on the series.
+
+    Parameters
+    ----------
+    time_s, value
+        The series, shape (n,); times ascend.
+    tau_range_s
+        Shortest and longest time constant.
+    """
+
+    def __init__(
+        self, time_s: NDArray[np.float64], value: NDArray[np.float64], *, tau_range_s: tuple[float, float]
+    ) -> None:
+        count = 2 + int(np.ceil(PER_DECADE * np.log10(tau_range_s[1] / tau_range_s[0])))
+        self.tau_s = np.geomspace(*tau_range_s, count)
+        # Amplitudes count from the start: there no exponential is beyond one.
+        basis = np.exp(-(time_s - time_s[0])[:, None] / self.tau_s)
+        self._at_end = basis[-1]
+        self._means, self._middle = basis.mean(axis=0), float(value.mean())
+        basis = basis - self._means  # so the level is free
+        # All that the series says of the exponentials it says in the few directions that some of them span.
+        orthogonal = np.linalg.qr(basis[:, ::EVERY])[0]
+        free = orthogonal.T @ basis
+        pulled = np.vstack([free, STIFF * self._at_end])
+        # By sign of the amplitudes and whether what is to fade is held: as the solver wants them, some dozen times.
+        self._matrices = {(sign, held): sign * part for sign in SIGNS for held, part in ((False, free), (True, pulled))}
+        self._seen = orthogonal.T @ (value - self._middle)
+        self._rest = max(float(np.square(value - self._middle).sum() - np.square(self._seen).sum()), 0.0)
+
+    def best(self) -> tuple[float, float]:
+        """Sign of the amplitudes that fits better, and the sum of squared residuals."""
+        misfits = {sign: self._solved(sign)[1] for sign in SIGNS}
+        sign = min(misfits, key=lambda one: misfits[one])
+        return sign, misfits[sign]
+
+    def decay(self, noise: float, *, deviations: float) -> Decay:
+        """The fit with the interval of so many standard ``deviations`` for values of that ``noise``."""
+        sign, least = self.best()
+        amplitude = self._solved(sign)[0]
+        now = float(self._at_end @ amplitude)
+        allowed = least + (deviations * noise) ** 2
+        ends = [self._end_of(side, sign, now, allowed, noise) for side in (-1.0, 1.0)]
+        return Decay(
+            tau_s=self.tau_s,
+            amplitude=self._at_end * amplitude,
+            level=self._middle - float(self._means @ amplitude),
+            low=ends[0],
+            high=ends[1],
+        )
+
+    def _end_of(self, side: float, sign: float, now: float, allowed: float, noise: float) -> float:
+        """Largest (side 1) or smallest (side -1) sum of amplitudes at the end that is allowed."""
+        if sign != side:  # towards zero: beyond it the other sign's exponentials go on
+            if self._pulled(sign, 0.0) > allowed:
+                return self._boundary(sign, now, 0.0, allowed)
+            if self._pulled(side, 0.0) > allowed:
+                return 0.0
+            now = 0.0
+        far = now + side * noise
+        while self._pulled(side, far) <= allowed and abs(far) < 1e6 * noise:
+            far = now + 4.0 * (far - now)
+        return self._boundary(side, now, far, allowed)
+
+    def _boundary(self, sign: float, inside: float, outside: float, allowed: float) -> float:
+        for _ in range(STEPS):
+            middle = (inside + outside) / 2
+            fits = self._pulled(sign, middle) <= allowed
+            inside, outside = (middle, outside) if fits else (inside, middle)
+        return outside
+
+    def _pulled(self, sign: float, fading: float) -> float:
+        """Sum of squared residuals with what is to fade held near a value; the pull itself counts."""
+        return self._solved(sign, fading=fading)[1]
+
+    def _solved(self, sign: float, *, fading: float | None = None) -> tuple[NDArray[np.float64], float]:
+        """Amplitudes of that sign, and the sum of squared residuals."""
+        wanted = self._seen if fading is None else np.append(self._seen, STIFF * fading)
+        amplitude, norm = nnls(self._matrices[sign, fading is not None], wanted, maxiter=50 * len(self.tau_s))
+        return sign * amplitude, norm**2 + self._rest

@@ -1,0 +1,216 @@
+"""Has a press settled? Tissue relaxes while the probe is held, and force and light with it.
+
+A standard linear solid fades with one time constant, a Prony series with several. The tail of the series is fitted by
+such a sum with time constants up to the longest that is reckoned with (`tsis.calibration.settling._decay`). Settled is a
+press whose remaining change is below the tolerance with the stated certainty; a plateau that is too short for the
+longest time constant, or too noisy, is neither settled nor settling but unknown.
+
+Values of a display come in steps. Their rounding is no noise that averages out: it stays the same while the value stays
+on one step, so a run of equal values counts as one value of it, and less than a step may always be still to come.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.special import stdtrit
+
+from tsis.calibration._measured import MeasuredValue
+from tsis.calibration.settling._decay import DecayFit
+from tsis.errors import InputError
+from tsis.imaging import GAUSSIAN_MAD
+from tsis.model import require_array, require_number
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from tsis.calibration.settling._decay import Decay
+
+
+LONGEST_S = 100.0  # assumed of soft tissue: the slow term of its relaxation lasts tens of seconds
+CERTAINTY = 0.95  # one-sided, of each end of what may still fade
+BINS = 128  # the series is averaged to at most so many values, at equal steps
+FEWEST = 16  # values with which two exponentials and the noise can be told apart
+LEAST_NOISE = 2e-4  # of the value: the grid of time constants is no finer
+TERMS = 5  # that a fit spends: level, two amplitudes and two time constants
+DOUBT = 3.0  # standard deviations by which a fit may miss its noise
+SAME = 1e-9  # of the value: a difference below it is the arithmetic's
+CAPPED = 1.0  # shares beyond it are said as the whole
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settling:
+    """Whether a press has settled, and how long it still takes.
+
+    Attributes
+    ----------
+    verdict
+        ``"settled"``, ``"settling"``, or ``"cannot tell"`` when the series is too short or too noisy.
+    remaining
+        Change that is still to come as a share of the present value; negative where it falls.
+    bound
+        Share that the remaining change stays below, either sign, with probability `CERTAINTY`; at most 1.
+    wait_s
+        Time from now until the remaining change is below the tolerance, s; 0 when it is, None when nobody can tell.
+    """
+
+    verdict: str
+    remaining: MeasuredValue
+    bound: float
+    wait_s: float | None
+
+    @property
+    def settled(self) -> bool:
+        """True when it is known to have settled."""
+        return self.verdict == "settled"
+
+
+UNKNOWN = Settling(verdict="cannot tell", remaining=MeasuredValue(value=0.0, sd=CAPPED), bound=CAPPED, wait_s=None)
+
+
+def judge_settling(
+    time_s: ArrayLike,
+    value: ArrayLike,
+    *,
+    tolerance: float = 0.01,
+    longest_s: float = LONGEST_S,
+    step: float | None = None,
+) -> Settling:
+    """Judge from a series of force, sum of grey levels or area whether a press that is held has settled.
+
+    Parameters
+    ----------
+    time_s
+        Times, s, shape (n,), strictly ascending, about even.
+    value
+        The series, shape (n,), of one sign where it is to be judged. It may begin before the travel ends: the oldest
+        half is left out until a sum of two exponentials describes the rest to within its noise.
+    tolerance
+        Remaining change, a share of the settled value, in [1e-4, 0.5], below which a press counts as settled.
+    longest_s
+        Longest time constant to be reckoned with, s, in [1e-2, 1e5].
+    step
+        Smallest step in which the values come, in their unit, in [0, 1e12], as 0.01 of a gauge that shows 1.23 N. When
+        None, the smallest difference between them where some repeat.
+
+    Returns
+    -------
+    Settling
+        The verdict; ``"cannot tell"`` below 16 values, and where all are equal and ``step`` is None: then nothing tells
+        how much they hide.
+
+    Raises
+    ------
+    InputError
+        When the series holds NaN, times do not ascend or a value lies outside its range.
+
+    Examples
+    --------
+    >>> time = np.arange(0.0, 60.0, 0.1)
+    >>> force = 1 + 0.4 * np.exp(-time / 3.0) + 1e-3 * np.random.default_rng(1).standard_normal(time.size)
+    >>> judge_settling(time[:60], force[:60]).verdict, judge_settling(time, force).verdict
+    ('settling', 'settled')
+    """
+    require_number("tolerance", tolerance, 1e-4, 0.5, hint="a share of the settled value")
+    require_number("longest_s", longest_s, 1e-2, 1e5, hint="seconds")
+    time, values = require_array("time_s", time_s, ndim=1), require_array("value", value, ndim=1)
+    if time.shape != values.shape:
+        raise InputError(f"time_s and value must be of one length; got {time.size} and {values.size}")
+    if (np.diff(time) <= 0).any():
+        at = int(np.argmax(np.diff(time) <= 0))
+        raise InputError(f"time_s must ascend; got {time[at]:g} s and then {time[at + 1]:g} s")
+    if step is None:
+        step = display_step(values)
+    else:
+        require_number("step", step, 0.0, 1e12, hint="in the unit of the values")
+    if step is None:
+        return UNKNOWN
+    return assess_history(*_averaged(time, values), tolerance=tolerance, longest_s=longest_s, step=step)
+
+
+def display_step(value: NDArray[np.float64]) -> float | None:
+    """Smallest difference between values of which some repeat; 0 where none does, None where all are equal."""
+    apart = np.diff(np.sort(value))
+    equal = apart <= SAME * np.abs(value).max()
+    if equal.all():
+        return None
+    return float(apart[~equal].min()) if equal.any() else 0.0
+
+
+def assess_history(
+    time: NDArray[np.float64],
+    value: NDArray[np.float64],
+    *,
+    tolerance: float,
+    longest_s: float = LONGEST_S,
+    step: float | None = None,
+) -> Settling:
+    """`judge_settling` of a series already checked and averaged to at most `BINS` values."""
+    if step is None:
+        step = display_step(value)
+    while step is not None and len(time) >= FEWEST:
+        if value[-1] * value.mean() <= 0:
+            break
+        try:
+            found = _described(time, value, longest_s, step)
+        except RuntimeError:  # the solver does not end on this series
+            found = None
+        if found is not None:
+            return _verdict(found, len(time), tolerance, step)
+        time, value = (part[len(part) // 2 :] for part in (time, value))
+    return UNKNOWN
+
+
+def _averaged(time: NDArray[np.float64], value: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Means over as many neighbours each as bring the series to at most `BINS` values; the oldest odd ones go.
+
+    An exponential averaged over equal steps is the same exponential, but for a factor.
+    """
+    by = -(-len(time) // BINS)
+    first = len(time) % by
+    return time[first:].reshape(-1, by).mean(axis=1), value[first:].reshape(-1, by).mean(axis=1)
+
+
+def _described(time: NDArray[np.float64], value: NDArray[np.float64], longest_s: float, display: float) -> Decay | None:
+    """The fit, or None when it misses the series by more than the noise between neighbours."""
+    count, size = len(time), float(np.abs(value[len(value) // 2 :]).mean())
+    differences = np.diff(value, 2)
+    noise = GAUSSIAN_MAD * float(np.median(np.abs(differences))) / np.sqrt(6.0)  # (1 -2 1) has the norm sqrt(6)
+    rounding = display / np.sqrt(12.0)  # standard deviation of what is lost between steps
+    noise = max(noise, LEAST_NOISE * size, rounding)
+    step = float(time[-1] - time[0]) / (count - 1)
+    fit = DecayFit(time, value, tau_range_s=(min(step, longest_s / 2), longest_s))
+    missed = fit.best()[1] / (count - TERMS)
+    # Sampling variances: of the residual's variance 2 / n, of the robust one from differences some 8 / n.
+    if missed > noise**2 * (1 + DOUBT * np.sqrt(10.0 / count)):
+        return None
+    quantile = float(stdtrit(count - TERMS, CERTAINTY))
+    runs = 1 + int(np.count_nonzero(np.diff(value)))
+    noise = max(noise, float(np.sqrt(missed)), rounding * float(np.sqrt(count / runs)))
+    return fit.decay(noise, deviations=quantile)
+
+
+def _verdict(found: Decay, count: int, tolerance: float, display: float) -> Settling:
+    fading = found.fading(np.zeros(1))[0]
+    present = found.level + fading
+    low, high = sorted(min(max(-end / present, -CAPPED), CAPPED) for end in (found.low, found.high))
+    # Less than a step may come without being seen.
+    bound = max(-low, high, min(display / abs(present), CAPPED))
+    quantile = float(stdtrit(count - TERMS, CERTAINTY))
+    change = MeasuredValue(
+        value=float(-fading / present), sd=(high - low) / (2 * quantile), degrees_of_freedom=count - TERMS
+    )
+    if bound <= tolerance:
+        return Settling(verdict="settled", remaining=change, bound=bound, wait_s=0.0)
+    if low < tolerance and high > -tolerance:
+        return Settling(verdict="cannot tell", remaining=change, bound=bound, wait_s=None)
+    return Settling(verdict="settling", remaining=change, bound=bound, wait_s=_wait(found, tolerance))
+
+
+def _wait(found: Decay, tolerance: float) -> float:
+    """Time from now until the best fit has less than the tolerance still to fade."""
+    longest = float(found.tau_s[-1])
+    wait = np.r_[0.0, np.geomspace(1e-3 * longest, 20.0 * longest, 600)]
+    return float(wait[np.argmax(np.abs(found.fading(wait)) <= tolerance * abs(found.level))])

@@ -1,0 +1,152 @@
+"""Spatial resolution: the width in which the light of an edge of contact rises from 10 to 90 %."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+from scipy.optimize import curve_fit
+from scipy.special import erf
+
+from tsis.calibration.force import mean_of
+from tsis.errors import CalibrationError
+from tsis.imaging import pixel_noise, require_image
+from tsis.model import require_number, require_one_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.calibration._measured import MeasuredValue
+    from tsis.model import TactileImage
+
+
+SHAPES = ("straight", "circle")
+PARTS = 8  # of the edge, measured one by one
+REACH_MM = 1.0  # from the edge to both sides
+LEAST_PIXELS = 60  # in a part
+LEAST_CONTRAST = 8.0  # of the step, in standard deviations of a pixel's noise
+TEN_TO_NINETY = 2.563103  # in standard deviations of a normal blur
+
+
+def edge_width(image: TactileImage, *, shape: str = "straight", reach_mm: float = REACH_MM) -> MeasuredValue:
+    """Width in mm from 10 to 90 % across a sharp edge of even contact: a block's straight one or a flat punch's circle.
+
+    The edge is found where the light crosses half of the step, its place fitted as a line or a circle; along it, light
+    over the distance from that place is fitted by the error function in each of eight parts, whose scatter is the
+    uncertainty.
+
+    Parameters
+    ----------
+    image
+        A corrected frame of the contact, its scale known; dark beside the contact.
+    shape
+        ``"straight"`` or ``"circle"``.
+    reach_mm
+        How far to both sides of the edge light is used, mm, in [0.05, 20]; the contact must be even that far.
+
+    Raises
+    ------
+    CalibrationError
+        When no edge stands out, or too little of it.
+    InputError
+        When the scale is not known.
+
+    Examples
+    --------
+    >>> from tsis import TactileImage
+    >>> x = np.arange(200) * 0.03 - 3.0
+    >>> step = 100.0 * (0.5 + 0.5 * erf(np.tile(x, (160, 1)) / (0.06 * np.sqrt(2))))
+    >>> width = edge_width(TactileImage(grey=step, mm_per_pixel=(0.03, 0.03)))
+    >>> round(width.value, 3)
+    0.154
+    """
+    require_image("image", image)
+    require_one_of("edge", shape, SHAPES)
+    require_number("reach_mm", reach_mm, 0.05, 20.0, hint="millimetres")
+    places, light = _lit(image)
+    distance, along = (_from_line if shape == "straight" else _from_circle)(places, _crossing(image))
+    flat = image.grey.ravel()
+    widths = []
+    for part in range(PARTS):
+        here = (along == part) & (np.abs(distance) <= reach_mm)
+        if int(here.sum()) >= LEAST_PIXELS:
+            widths.append(_width(distance[here], flat[here], light))
+    if len(widths) < PARTS // 2:
+        raise CalibrationError(
+            f"image must show at least half of the edge with {LEAST_PIXELS} pixels in each eighth; it shows "
+            f"{len(widths)} of {PARTS} (move the edge into the field of view)"
+        )
+    return mean_of(np.array(widths), unit="mm")
+
+
+def _lit(image: TactileImage) -> tuple[NDArray[np.float64], float]:
+    """Places of the pixels in mm, shape (pixels, 2), and the height of the step."""
+    scale = image.scale()
+    rows, columns = np.indices(image.grey.shape)
+    step = float(np.percentile(image.grey, 98) - np.percentile(image.grey, 2))
+    return np.stack([columns.ravel() * scale[0], rows.ravel() * scale[1]], axis=1), step
+
+
+def _crossing(image: TactileImage) -> NDArray[np.float64]:
+    """Points (x, y) in mm where the light crosses half of the step, shape (n, 2)."""
+    low, high = np.percentile(image.grey, [2, 98])
+    noise = pixel_noise(image.grey)
+    if high - low < LEAST_CONTRAST * max(noise, 0.1):
+        raise CalibrationError(
+            f"image must show an edge; its step of {high - low:.1f} grey levels does not stand out of noise of "
+            f"{noise:.1f} (press the block harder)"
+        )
+    above = (cv2.GaussianBlur(image.grey, (0, 0), 1.5) > (low + high) / 2).astype(np.uint8)
+    above = cv2.morphologyEx(cv2.morphologyEx(above, cv2.MORPH_OPEN, np.ones((7, 7))), cv2.MORPH_CLOSE, np.ones((7, 7)))
+    outlines, _ = cv2.findContours(above, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    if not outlines:
+        raise CalibrationError("image must show an edge of contact; nothing bright was found")
+    points = max(outlines, key=len)[:, 0, :]
+    height, width = image.grey.shape
+    inside = (points > 1).all(axis=1) & (points[:, 0] < width - 2) & (points[:, 1] < height - 2)
+    if int(inside.sum()) < PARTS:
+        raise CalibrationError("image must show an edge of contact; the frame is lit or dark all over")
+    return np.asarray(points[inside] * np.array(image.scale()), dtype=float)
+
+
+def _from_line(places: NDArray[np.float64], edge: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Distance from the straight line through the edge, and which eighth of it is nearest."""
+    middle = np.median(edge, axis=0)
+    near = edge
+    for _ in range(5):  # points off the line, as where the block ends, lose their say
+        direction = np.linalg.svd(near - near.mean(axis=0), full_matrices=False)[2]
+        middle = near.mean(axis=0)
+        off = np.abs((edge - middle) @ direction[1])
+        near = edge[off <= max(0.1, 2 * float(np.median(off)))]
+    ends = (near - middle) @ direction[0]
+    share = ((places - middle) @ direction[0] - ends.min()) / max(float(np.ptp(ends)), 1e-9)
+    part = np.where((share >= 0) & (share <= 1), np.minimum((share * PARTS).astype(int), PARTS - 1), -1)
+    return (places - middle) @ direction[1], np.asarray(part, dtype=np.intp)
+
+
+def _from_circle(
+    places: NDArray[np.float64], edge: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.intp]]:
+    """Distance from the circle through the edge, and which eighth of it is nearest."""
+    design = np.column_stack([2 * edge, np.ones(len(edge))])
+    found, *_ = np.linalg.lstsq(design, (edge**2).sum(axis=1), rcond=None)
+    centre, radius = found[:2], float(np.sqrt(found[2] + found[:2] @ found[:2]))
+    away = places - centre
+    turn = np.arctan2(away[:, 1], away[:, 0]) / (2 * np.pi) + 0.5
+    return np.hypot(away[:, 0], away[:, 1]) - radius, np.minimum((turn * PARTS).astype(int), PARTS - 1)
+
+
+def _width(distance: NDArray[np.float64], grey: NDArray[np.float64], step: float) -> float:
+    """Width in mm of one part of the edge."""
+
+    def rise(x: NDArray[np.float64], low: float, height: float, place: float, blur: float) -> NDArray[np.float64]:
+        return np.asarray(low + height * (0.5 + 0.5 * erf((x - place) / (np.sqrt(2) * blur))))
+
+    sign = 1.0 if grey[distance > 0].mean() > grey[distance < 0].mean() else -1.0
+    start = (float(grey.min()), step, 0.0, 0.05)
+    try:
+        found, _ = curve_fit(rise, sign * distance, grey, p0=start, maxfev=4000)
+    except RuntimeError as error:
+        raise CalibrationError("the edge must rise like a blurred step; it does not (clean the edge)") from error
+    return TEN_TO_NINETY * abs(float(found[3]))

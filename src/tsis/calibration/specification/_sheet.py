@@ -1,0 +1,187 @@
+"""Frame rate as it was, from the times of frames."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.calibration._measured import MeasuredValue
+from tsis.calibration.force import WIDEST
+from tsis.errors import InputError
+from tsis.model import require_array, require_one_of, require_type
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from tsis.calibration.force import ForceLine, ForceLineDiagnostics
+
+
+FEWEST = 3
+
+
+def frame_rate(time_s: ArrayLike) -> MeasuredValue:
+    """Frames a second of a stream: intervals over the time between the first and the last frame.
+
+    Parameters
+    ----------
+    time_s
+        Times of the frames on one clock, ascending, shape (n,), n >= 3. Lost frames count as long intervals.
+
+    Returns
+    -------
+    Measured
+        The rate in 1/s; its standard deviation is that of the mean interval.
+
+    Raises
+    ------
+    InputError
+        When there are too few times, or they do not ascend.
+
+    Examples
+    --------
+    >>> round(frame_rate([0.0, 0.03, 0.07, 0.10]).value, 6)
+    30.0
+    """
+    time = require_array("time_s", time_s, ndim=1)
+    if len(time) < FEWEST or (np.diff(time) <= 0).any():
+        raise InputError(f"time_s must hold at least {FEWEST} ascending times; got {len(time)} values")
+    steps = np.diff(time)
+    mean = float(steps.mean())
+    error = float(steps.std(ddof=1)) / float(np.sqrt(len(steps)))
+    return MeasuredValue(value=1 / mean, sd=error / mean**2, degrees_of_freedom=len(steps) - 1.0, unit="1/s")
+
+
+SENSITIVITY_NOTE = (
+    "the source's text gives the probe 2.5e-3 N and the fingertip 2.0e-2 N, its table 4.1 gives 2.0e-3 N and 2.5e-2 N"
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SpecificationRow:
+    """One line of the sheet.
+
+    Attributes
+    ----------
+    quantity, unit
+        What was measured, and its unit; empty for a share.
+    measured
+        The number with its uncertainty; None when it was not measured.
+    fingertip
+        What the source says of the human fingertip, in words and its own unit.
+    printed
+        What the source says of its probe.
+    note
+        What one must know to compare them.
+    """
+
+    quantity: str
+    unit: str
+    measured: MeasuredValue | None
+    fingertip: str
+    printed: str
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Specification:
+    """A probe's specification sheet.
+
+    Attributes
+    ----------
+    probe
+        Name of the probe.
+    rows
+        Lines of the sheet.
+    """
+
+    probe: str
+    rows: tuple[SpecificationRow, ...]
+
+    def __getitem__(self, quantity: str) -> SpecificationRow:
+        """The line of a quantity; `UnknownNameError` when there is none."""
+        by_name = {row.quantity: row for row in self.rows}
+        return by_name[require_one_of("quantity", quantity, by_name)]
+
+
+def specification_sheet(
+    *,
+    probe: str,
+    line: ForceLine,
+    diagnostics: ForceLineDiagnostics,
+    edge_mm: MeasuredValue | None = None,
+    frames_per_s: MeasuredValue | None = None,
+) -> Specification:
+    """Write the sheet of what was measured; what was not stays empty and is never copied from the source.
+
+    Parameters
+    ----------
+    probe
+        Name of the probe.
+    line, diagnostics
+        The force line of this probe, by `fit_force_line`.
+    edge_mm
+        Width in mm in which an edge of contact rises from 10 to 90 %, by `edge_width`.
+    frames_per_s
+        Rate at which frames arrived, by `frame_rate`.
+
+    Raises
+    ------
+    InputError
+        When ``probe`` is no text.
+    """
+    require_type("probe", probe, str)
+    return Specification(
+        probe=probe,
+        rows=(
+            SpecificationRow(
+                quantity="spatial resolution",
+                unit="mm",
+                measured=edge_mm,
+                fingertip="0.1 mm",
+                printed="9.8 um",
+                note="10 to 90 % of an edge of contact; the printed 9.8 um is the pitch of the sensor's pixels",
+            ),
+            SpecificationRow(
+                quantity="frame rate",
+                unit="1/s",
+                measured=frames_per_s,
+                fingertip="0 to 100 Hz",
+                printed="0 to 30 Hz",
+                note="frames a second; what can be followed without aliasing is half of it",
+            ),
+            SpecificationRow(
+                quantity="smallest detectable force",
+                unit="N",
+                measured=diagnostics.detectable_n,
+                fingertip="2.5e-2 N",
+                printed="2.0e-3 N",
+                note=f"5 % false alarms and 5 % misses of one frame; {SENSITIVITY_NOTE}",
+            ),
+            SpecificationRow(
+                quantity="largest force",
+                unit="N",
+                measured=line.uncertain(line.most_n),
+                fingertip="",
+                printed="2 N",
+                note="without clipped pixels, as far as it was pressed",
+            ),
+            SpecificationRow(
+                quantity="hysteresis",
+                unit="",
+                measured=diagnostics.hysteresis,
+                fingertip="High",
+                printed="Low",
+                note=f"loading less unloading over the range, at {WIDEST:g} of the largest force",
+            ),
+            SpecificationRow(
+                quantity="repeatability",
+                unit="",
+                measured=diagnostics.repeatability,
+                fingertip="",
+                printed="good",
+                note="standard deviation of repeated loadings of one tip over the range",
+            ),
+        ),
+    )

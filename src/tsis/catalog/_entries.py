@@ -1,0 +1,194 @@
+"""The dissertation's probes and phantoms, as TOML files that anyone can read and copy."""
+
+from __future__ import annotations
+
+import json
+import re
+import tomllib
+from dataclasses import asdict, replace
+from functools import cache
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
+
+from tsis.model import FOUR_LEDS, Glass, Inclusion, Layer, Led, Phantom, Probe, SoftSphere, require_one_of
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+@cache
+def _table(kind: str) -> dict[str, dict[str, Any]]:
+    return tomllib.loads((files(__package__) / f"{kind}.toml").read_text(encoding="utf-8"))
+
+
+def list_probes() -> tuple[str, ...]:
+    """Names that `load_probe` knows."""
+    return tuple(_table("probes"))
+
+
+def list_phantoms() -> tuple[str, ...]:
+    """Names that `load_phantom` knows."""
+    return tuple(_table("phantoms"))
+
+
+def list_spheres() -> tuple[str, ...]:
+    """Names that `load_sphere` knows."""
+    return tuple(_table("spheres"))
+
+
+def load_probe(name: str = "tsis-2011") -> Probe:
+    """Load a probe of the catalog.
+
+    Raises
+    ------
+    UnknownNameError
+        When the catalog has no such probe; the nearest name is suggested.
+
+    Examples
+    --------
+    >>> load_probe("tsis-2011").thickness_mm
+    10.0
+    """
+    return parse_probe(name, _table("probes")[require_one_of("probe", name, list_probes())])
+
+
+def parse_probe(name: str, entry: Mapping[str, Any]) -> Probe:
+    """The probe that a table of a catalog holds under its name; errors as `Probe`."""
+    return Probe(
+        name=name,
+        radius_mm=entry["radius_mm"],
+        layers=tuple(Layer(**layer) for layer in entry["layers"]),
+        face_curvature_mm=entry.get("face_curvature_mm"),
+        sides=entry.get("sides", "free"),
+        glass=Glass(**entry.get("glass", {})),
+        leds=tuple(Led(**led) for led in entry["leds"]) if "leds" in entry else FOUR_LEDS,
+        assumed=tuple(entry.get("assumed", ())),
+    )
+
+
+def load_phantom(name: str) -> Phantom:
+    """Load a phantom of the catalog: one site of it, with the inclusion under the probe's axis.
+
+    Raises
+    ------
+    UnknownNameError
+        When the catalog has no such phantom; the nearest name is suggested.
+
+    Examples
+    --------
+    >>> load_phantom("hardness-70").inclusion.young_kpa
+    70.0
+    """
+    entry = _table("phantoms")[require_one_of("phantom", name, list_phantoms())]
+    inclusion = entry.get("inclusion")
+    return Phantom(
+        name=name,
+        young_kpa=entry["young_kpa"],
+        thickness_mm=entry["thickness_mm"],
+        poisson=entry["poisson"],
+        inclusion=None if inclusion is None else Inclusion(**inclusion),
+        assumed=tuple(entry.get("assumed", ())),
+    )
+
+
+def load_sphere(name: str) -> SoftSphere:
+    """Load a soft sphere of the catalog.
+
+    Raises
+    ------
+    UnknownNameError
+        When the catalog has no such sphere; the nearest name is suggested.
+
+    Examples
+    --------
+    >>> load_sphere("cl2003x").young_kpa
+    62.0
+    """
+    return SoftSphere(name=name, **_table("spheres")[require_one_of("sphere", name, list_spheres())])
+
+
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+UNNAMED = "probe"
+
+
+def probe_toml(probe: Probe) -> str:
+    """The probe under its name, with all that is not as it is when left out.
+
+    Parameters
+    ----------
+    probe
+        Any probe; one without a name is called ``probe``.
+
+    Examples
+    --------
+    >>> from tsis.model import Layer, Probe
+    >>> layer = Layer(thickness_mm=10.0, young_kpa=50.0)
+    >>> print(probe_toml(Probe(radius_mm=12.0, layers=(layer,), name="soft")), end="")
+    [soft]
+    radius_mm = 12.0
+    layers = [
+        { thickness_mm = 10.0, young_kpa = 50.0, poisson = 0.49, refractive_index = 1.41 },
+    ]
+    leds = [
+        { azimuth_deg = 0.0 },
+        { azimuth_deg = 90.0 },
+        { azimuth_deg = 180.0 },
+        { azimuth_deg = 270.0 },
+    ]
+    """
+    name = probe.name or UNNAMED
+    lines = [f"[{name if _BARE.fullmatch(name) else _text(name)}]", f"radius_mm = {float(probe.radius_mm)!r}"]
+    if probe.face_curvature_mm is not None:
+        lines.append(f"face_curvature_mm = {float(probe.face_curvature_mm)!r}")
+    if probe.sides != "free":
+        lines.append(f"sides = {_text(probe.sides)}")
+    lines += ["layers = [", *(f"    {_inline(asdict(layer))}," for layer in probe.layers), "]"]
+    if probe.glass != Glass():
+        lines.append(f"glass = {_inline(asdict(probe.glass))}")
+    lines += ["leds = [", *(f"    {_inline(_changed(led))}," for led in probe.leds), "]"]
+    if probe.assumed:
+        lines.append(f"assumed = [{', '.join(map(_text, probe.assumed))}]")
+    return "\n".join(lines) + "\n"
+
+
+def _changed(led: Led) -> dict[str, float]:
+    """What is not as in any lamp, and always where it stands."""
+    usual = asdict(Led())
+    return {name: value for name, value in asdict(led).items() if name == "azimuth_deg" or value != usual[name]}
+
+
+def _inline(values: Mapping[str, float]) -> str:
+    return "{ " + ", ".join(f"{name} = {float(value)!r}" for name, value in values.items()) + " }"
+
+
+def _text(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False).replace(
+        "\x7f", "\\u007f"
+    )  # DEL alone is allowed in JSON and not in TOML
+
+
+def phantom_variant(name: str, diameter_mm: float | None, depth_mm: float | None, young_kpa: float | None) -> Phantom:
+    """The catalog's phantom with the given values of its inclusion replaced."""
+    phantom = load_phantom(name)
+    if diameter_mm is None and depth_mm is None and young_kpa is None:
+        return phantom
+    start = phantom.inclusion or Inclusion(diameter_mm=10.0, depth_mm=5.0, young_kpa=100.0)
+    inclusion = replace(
+        start,
+        diameter_mm=start.diameter_mm if diameter_mm is None else diameter_mm,
+        depth_mm=start.depth_mm if depth_mm is None else depth_mm,
+        young_kpa=start.young_kpa if young_kpa is None else young_kpa,
+    )
+    # A changed phantom is no longer the catalog's, so it may not carry the catalog's name alone.
+    return replace(phantom, name=f"{name} (changed)", inclusion=inclusion)
+
+
+def probe_variant(name: str, half_angle_deg: float | None, height_mm: float | None, aim_deg: float | None) -> Probe:
+    """The catalog's probe with the given values of all its lamps replaced."""
+    probe = load_probe(name)
+    changes = {"half_angle_deg": half_angle_deg, "height_mm": height_mm, "aim_deg": aim_deg}
+    given: dict[str, Any] = {what: value for what, value in changes.items() if value is not None}
+    if not given:
+        return probe
+    leds = tuple(replace(led, **given) for led in probe.leds)
+    return replace(probe, name=f"{name} (lamps changed)", leds=leds)

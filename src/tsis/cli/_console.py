@@ -1,0 +1,170 @@
+"""``tsis console`` and ``tsis login``: the instrument in a browser, and who may use it over a network.
+
+The console is imported by its name when a command needs it: both are user interfaces, and neither rests on the other.
+"""
+
+from __future__ import annotations
+
+import gc
+import sys
+from contextlib import ExitStack
+from importlib import import_module
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from tsis.cli._options import AsJson, PhantomName, ProbeName
+from tsis.cli._output import people, print_json, print_notice
+from tsis.cli._progress import waiting
+from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind
+from tsis.errors import InputError
+from tsis.model import LARGEST_SEED
+from tsis.report import envelope
+
+LONGEST_LINE = 4096
+
+login = typer.Typer(
+    name="login", help="Names and passwords for a console that listens on a network.", no_args_is_help=True
+)
+Name = Annotated[str, typer.Argument(metavar="NAME", help="Shown to others while its owner holds the camera.")]
+
+
+def console(
+    *,
+    camera: Annotated[
+        str, typer.Option(help="virtual, or SOURCE:ID as tsis acquire --list shows it; the page can change it.")
+    ] = "virtual",
+    probe: ProbeName = "tsis-domed",
+    phantom: PhantomName = "hardness-100",
+    seed: Annotated[int, typer.Option(help="Seed of the virtual probe's errors.", min=0, max=LARGEST_SEED)] = 4,
+    calibration: Annotated[
+        Path | None, typer.Option(help="Calibration file in force.", show_default="the virtual probe's own")
+    ] = None,
+    out: Annotated[Path, typer.Option(help="Folder of snapshots and sequences; made when missing.")] = Path(
+        "tsis-console"
+    ),
+    store: StoreFolder = None,
+    kind: StoreKind = PHANTOM,
+    database: StoreDatabase = None,
+    host: Annotated[
+        str, typer.Option(help="Address to listen on; one that others can reach needs a certificate and a login.")
+    ] = "127.0.0.1",
+    port: Annotated[int, typer.Option(help="Port to listen on; 0 is any free one.", min=0, max=65535)] = 8642,
+    certificate: Annotated[
+        Path | None, typer.Option(help="Certificate of this machine (PEM), with those that vouch for it.")
+    ] = None,
+    key: Annotated[Path | None, typer.Option(help="Private key of the certificate (PEM).")] = None,
+    allow_host: Annotated[
+        list[str] | None,
+        typer.Option("--allow-host", metavar="NAME", help="Name by which it may be called; repeatable."),
+    ] = None,
+    new_token: Annotated[
+        bool, typer.Option("--new-token", help="Make another key: open pages and scripts need the new address.")
+    ] = False,
+    browser: Annotated[bool, typer.Option("--browser/--no-browser", help="Open the page in a browser.")] = True,
+    as_json: AsJson = False,
+) -> None:
+    """Open the console: see through a camera or the virtual probe, keep presses, estimate, calibrate, report.
+
+    It listens on this machine alone, unless told otherwise. The address that it prints holds the key to the page.
+    Ctrl-C ends it.
+    """
+    if (certificate is None) != (key is None):
+        raise InputError("certificate and key must be given together; got one of them (--certificate FILE --key FILE)")
+    preparing = ExitStack()
+    preparing.enter_context(waiting("preparing the console"))
+    package = import_module("tsis.console")
+    terms = package.ConsoleTerms(
+        bench=package.BenchTerms(
+            workspace=out,
+            store=store,
+            kind=kind,
+            database=database,
+            camera=camera,
+            probe=probe,
+            phantom=phantom,
+            seed=seed,
+            calibration=calibration,
+        ),
+        host=host,
+        port=port,
+        certificate=None if certificate is None or key is None else package.Certificate(chain=certificate, key=key),
+        names=tuple(allow_host or ()),
+        new_token=new_token,
+    )
+
+    def ready(address: str) -> None:
+        preparing.close()
+        if as_json:
+            print_json(envelope("console", address=address))
+        else:
+            told = people()
+            told.print(f"Open {address}", markup=False, soft_wrap=True)
+            told.print("Ctrl-C ends it; what was kept stays.", markup=False)
+            print_notice(told)
+        if browser and not as_json:
+            ending.enter_context(package.opened_in_browser(address))
+
+    with preparing, ExitStack() as ending:
+        package.serve_console(terms, ready=ready)
+    if not as_json:
+        people().print("Ended; what was kept is in the store.")
+    gc.freeze()  # the process ends now; to look through all that it holds first would take a second
+
+
+@login.command(epilog="Example: tsis login add anna")
+def add(*, name: Name) -> None:
+    """Add a login, or give a known one another password.
+
+    The password is asked for, or read as one line from standard input where that is no terminal. Another password
+    ends the sessions that were opened with the old one.
+    """
+    logins = _console().Logins()
+    known = name in logins.names()
+    logins.require_name(name)
+    logins.add(name, _password())
+    told = people()
+    told.print(f"{name} has another password." if known else f"{name} may log in.", markup=False)
+    print_notice(told)
+
+
+@login.command(epilog="Example: tsis login remove anna")
+def remove(*, name: Name) -> None:
+    """Remove a login; its sessions end at once."""
+    _console().Logins().remove(name)
+    told = people()
+    told.print(f"{name} may no longer log in.", markup=False)
+    print_notice(told)
+
+
+@login.command(name="list", epilog="Example: tsis login list --json")
+def list_logins(*, as_json: AsJson = False) -> None:
+    """List the logins of this user's console."""
+    logins = _console().Logins()
+    given = {name: logins.given(name) for name in logins.names()}
+    if as_json:
+        print_json(envelope("logins", logins=[{"name": name, "given": when} for name, when in given.items()]))
+        return
+    told = people()
+    table = Table("name", "password of", title="Logins of this user's console")
+    for name, when in given.items():
+        table.add_row(name, when)
+    told.print(table if given else "Nobody may log in yet; tsis login add NAME adds a login.")
+    print_notice(told)
+
+
+def _password() -> str:
+    if not sys.stdin.isatty():
+        line = sys.stdin.readline(LONGEST_LINE)
+        return line.rstrip("\r\n")
+    password = typer.prompt("Password", hide_input=True)
+    if typer.prompt("The same again", hide_input=True) != password:
+        raise InputError("password must be the same both times; got two different ones")
+    return str(password)
+
+
+def _console() -> Any:
+    with waiting("loading"):
+        return import_module("tsis.console")

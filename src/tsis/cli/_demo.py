@@ -1,0 +1,145 @@
+"""``tsis demo``: press a virtual phantom, see the images, read the inclusion with its uncertainty."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+
+from tsis.calibration.file import CALIBRATION_FILE, ProbeCalibration, calibration_bytes
+from tsis.catalog import phantom_variant
+from tsis.cli._options import (
+    AsJson,
+    DepthMm,
+    DiameterMm,
+    ForcesN,
+    PhantomName,
+    ProbeGiven,
+    YoungKpa,
+    given_probe,
+    require_no_file,
+)
+from tsis.cli._output import CommandOutcome, estimate_table, estimate_with_progress
+from tsis.cli._progress import progress_bar
+from tsis.cli._saving import Keep, KeepFolder, KeepTarget, chosen_destination, publish_and_keep
+from tsis.errors import InputError
+from tsis.inclusion import PARAMETERS, InclusionPrior, ring_edges
+from tsis.instrument import png_bytes
+from tsis.model import LARGEST_SEED
+from tsis.optics.irradiance import irradiance
+from tsis.report import envelope, estimate_document, estimate_messages, inclusion_report
+from tsis.virtual import VirtualProbe
+
+if TYPE_CHECKING:
+    from tsis.model import Phantom, TactileImage
+
+
+def demo(
+    *,
+    phantom: PhantomName = "hardness-100",
+    probe: ProbeGiven = "tsis-domed",
+    force_n: ForcesN,
+    diameter_mm: DiameterMm = None,
+    depth_mm: DepthMm = None,
+    young_kpa: YoungKpa = None,
+    seed: Annotated[int, typer.Option(help="Seed of every random error.", min=0, max=LARGEST_SEED)] = 4,
+    out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path("tsis-demo"),
+    keep: Keep = False,
+    store: KeepFolder = None,
+    number: KeepTarget = None,
+    as_json: AsJson = False,
+) -> None:
+    """Press a phantom with the virtual probe, estimate the inclusion, and write a page that shows it.
+
+    Each force is pressed twice, on plain tissue and on the phantom. The estimator knows neither the true forces, the
+    true gain, the probe's true stiffness nor the mesh of the virtual probe.
+    """
+    target = phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
+    truth, forces = _truth(target), _named(force_n)
+    if keep:
+        require_no_file("--keep", probe)
+    chosen, prior = given_probe(probe), InclusionPrior()
+    destination = chosen_destination(keep, store, number=number)
+    with progress_bar("tracing the light of the lamps") as advance:
+        light = irradiance(chosen, progress=advance)
+    virtual = VirtualProbe(chosen, rng=np.random.default_rng(seed), light=light)
+    untouched = replace(virtual.no_contact(), name="untouched.png")
+    references = _presses(virtual, target.without_inclusion(), forces, "reference")
+    images = _presses(virtual, target, forces, "target")
+    result = estimate_with_progress(
+        images, probe=chosen, calibration=virtual.calibration, reference=references, prior=prior
+    )
+    provenance = {"simulated": {"seed": seed, "phantom": asdict(target), "command": "tsis demo"}}
+    pressed = f"{chosen.name}, {' and '.join(forces)}"
+    page = inclusion_report(
+        result,
+        title=f"Virtual press on {target.name}",
+        subtitle=f"{pressed}, each with a reference press on plain tissue; simulated frames",
+        targets=images,
+        references=references,
+        prior=prior,
+        ring_edges_mm=ring_edges(chosen),
+        truth=truth,
+        provenance=provenance,
+    )
+    from tsis.records import SavableResult  # loads the libraries of records
+
+    known = ProbeCalibration(name=virtual.calibration.name, probe=chosen.name, response=virtual.calibration)
+    keepable = SavableResult(
+        kind="inclusion",
+        estimate=result,
+        probe=chosen.name,
+        known=known,
+        frames={"target": images, "plain": references, "untouched": [untouched]},
+        options={"prior": asdict(prior)},
+        name=target.name,
+        truth=truth or {},
+    )
+    outcome = CommandOutcome(
+        document=envelope("demo", **provenance, estimate=estimate_document(result, truth)),
+        page=page,
+        tables=(estimate_table(result, title=f"{target.name}; {pressed}", truth=truth),),
+        notes=(*estimate_messages(result), *_outside_the_prior(truth or {}, prior)),
+        files={
+            **{frame.name: png_bytes(frame) for frame in (*images, *references)},
+            "untouched.png": png_bytes(untouched),
+            CALIBRATION_FILE: calibration_bytes(known),
+        },
+    )
+    publish_and_keep(outcome, out, destination, keepable, as_json=as_json)
+
+
+def _named(force_n: list[float]) -> dict[str, float]:
+    """Forces by the names that their files carry."""
+    forces = {f"{force:g} N": force for force in force_n}
+    if len(forces) < len(force_n):
+        raise InputError(f"--force-n must name different forces; got {', '.join(f'{force:g}' for force in force_n)}")
+    return forces
+
+
+def _presses(virtual: VirtualProbe, phantom: Phantom, forces: dict[str, float], what: str) -> list[TactileImage]:
+    """One frame a force, named like the file it becomes."""
+    return [
+        replace(virtual.press(phantom, force_n=force), name=f"{what}-{name.replace(' ', '')}.png")
+        for name, force in forces.items()
+    ]
+
+
+def _truth(phantom: Phantom) -> dict[str, float] | None:
+    if phantom.inclusion is None:
+        return None
+    return {name: getattr(phantom.inclusion, name) for name in PARAMETERS}
+
+
+def _outside_the_prior(truth: dict[str, float], prior: InclusionPrior) -> tuple[str, ...]:
+    """One sentence for each true value that no interval can hold, because the prior excludes it."""
+    ranges = {name: getattr(prior, name) for name in truth}
+    return tuple(
+        f"The true {name} {value:g} lies outside the prior's {ranges[name][0]:g} to {ranges[name][1]:g}: "
+        "no interval can hold it."
+        for name, value in truth.items()
+        if not ranges[name][0] <= value <= ranges[name][1]
+    )

@@ -1,0 +1,145 @@
+"""``tsis design``: what a probe and its presses would tell, before they are built."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from functools import partial
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from matplotlib.figure import Figure
+from rich.box import SIMPLE_HEAD
+from rich.table import Table
+
+from tsis.cli._options import AsJson, ProbeGiven, given_probe
+from tsis.cli._output import CommandResult, Out, show_result
+from tsis.cli._progress import progress_bar
+from tsis.errors import InputError
+from tsis.inclusion.design import MOST_EVALUATIONS
+from tsis.report import (
+    HEADINGS,
+    QUICK,
+    DesignQuestion,
+    answered,
+    compared_designs,
+    design_caption,
+    design_document,
+    design_notes,
+    design_rows,
+    draw_errors,
+    searched_design,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tsis.inclusion.design import Design
+    from tsis.report import DesignAnswer
+
+
+class Compared(StrEnum):
+    """What is changed."""
+
+    SOFTNESS = "softness"
+    LAYERS = "layers"
+    DOME = "dome"
+    FORCES = "forces"
+    FRAMES = "frames"
+    REFERENCE = "reference"
+
+
+class Criterion(StrEnum):
+    """What a good design makes small."""
+
+    ALL = "all"
+    DIAMETER = "diameter_mm"
+    DEPTH = "depth_mm"
+    MODULUS = "young_kpa"
+
+
+def design(
+    *,
+    probe: ProbeGiven = "tsis-domed",
+    force_n: Annotated[
+        list[float] | None, typer.Option(help="Force of a press, N; may be repeated. 0.5 and 1 on a dome, else 1.")
+    ] = None,
+    no_reference: Annotated[bool, typer.Option("--no-reference", help="No presses on plain tissue.")] = False,
+    frames: Annotated[int, typer.Option(help="How often each press is made.")] = 1,
+    compared: Annotated[
+        list[Compared] | None,
+        typer.Option("--compare", help="What to change; may be repeated. Forces, frames and reference if left out."),
+    ] = None,
+    search: Annotated[
+        bool, typer.Option("--optimise", help="Search the layers' moduli and the forces too; takes minutes.")
+    ] = False,
+    criterion: Annotated[
+        Criterion, typer.Option(help="What to rank and search by: all three together, or one parameter's error.")
+    ] = Criterion.ALL,
+    evaluations: Annotated[
+        int | None, typer.Option(help="Stacks of layers that the search may solve, 1 to 25; 25 if left out.")
+    ] = None,
+    traced_light: Annotated[
+        bool, typer.Option("--traced-light", help="Light by the probe's lamps, traced; else even light.")
+    ] = False,
+    out: Out = None,
+    as_json: AsJson = False,
+) -> None:
+    """Tell what a probe and its presses would say about inclusions, and how other designs compare.
+
+    Expected errors are means over the prior's ranges of inclusions. Nothing is pressed: the numbers come from the
+    model behind the estimates, with every error that a calibration states.
+    """
+    if evaluations is not None and not search:
+        raise InputError("--evaluations needs --optimise: nothing is searched without it")
+    question = DesignQuestion(
+        probe=given_probe(probe),
+        forces_n=tuple(force_n or ()),
+        with_reference=not no_reference,
+        frames_each=frames,
+        compared=tuple(aspect.value for aspect in compared) if compared else QUICK,
+        criterion=criterion.value,
+        traced=traced_light,
+        evaluations=None if not search else MOST_EVALUATIONS if evaluations is None else evaluations,
+    )
+    with progress_bar("solving presses (kept for next time)") as progress:
+        found = compared_designs(question, progress=progress)
+    best = None
+    if search:
+        with progress_bar("searching layers and forces") as progress:
+            best = searched_design(question, progress=progress)
+    answer = answered(question, found, best)
+    show_result(
+        CommandResult(
+            document=design_document(answer),
+            tables=(_table(answer),),
+            notes=design_notes(answer),
+            figures={"errors": partial(_draw, answer.designs)},
+        ),
+        out,
+        as_json=as_json,
+    )
+
+
+def _table(answer: DesignAnswer) -> Table:
+    table = Table(
+        title=answer.question.planned.described,
+        caption=design_caption(answer.designs),
+        caption_justify="left",
+        box=SIMPLE_HEAD,
+        show_edge=False,
+        padding=(0, 1, 0, 0),
+    )
+    table.add_column(HEADINGS[0], min_width=14)
+    for heading in HEADINGS[1:-1]:
+        table.add_column(heading, justify="right")
+    table.add_column(HEADINGS[-1], min_width=10)
+    for row in design_rows(answer.designs):
+        table.add_row(*row)
+    return table
+
+
+def _draw(designs: Sequence[Design]) -> Figure:
+    figure = Figure(figsize=(11.0, 4.0), layout="constrained")
+    draw_errors(designs, figure)
+    figure.supxlabel("Research use only. Crosses break a limit.", fontsize=8)
+    return figure

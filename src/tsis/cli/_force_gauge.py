@@ -1,0 +1,62 @@
+"""The force gauge that the command line names, read beside the camera."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tsis.errors import InputError
+from tsis.instrument.gauge import connected_gauge
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from tsis.instrument.gauge import ForceAtTime, ForceLog
+
+
+GaugePort = Annotated[
+    str | None,
+    typer.Option("--gauge", help="Serial port of a force gauge, e.g. /dev/ttyUSB0.", rich_help_panel="Gauge"),
+]
+GaugeUnit = Annotated[
+    str | None,
+    typer.Option("--gauge-unit", help="Unit that its display shows, when it sends none.", rich_help_panel="Gauge"),
+]
+GaugeBaud = Annotated[
+    int, typer.Option("--gauge-baud", help="Speed that it is set to, bits per second.", rich_help_panel="Gauge")
+]
+GaugeSends = Annotated[
+    bool,
+    typer.Option("--gauge-sends", help="It sends on its own and is not to be asked.", rich_help_panel="Gauge"),
+]
+GaugeLatency = Annotated[
+    float,
+    typer.Option(
+        "--gauge-latency-ms", help="How much later than a frame it shows the force at it.", rich_help_panel="Gauge"
+    ),
+]
+
+
+@contextmanager
+def gauge_log(
+    port: str | None, *, unit: str | None, baud: int, sends: bool, latency_ms: float
+) -> Iterator[ForceLog | None]:
+    """Readings of the gauge at a serial port, once the first have come; None without a port."""
+    if port is None:
+        if unit is not None or sends:
+            raise InputError("--gauge-unit and --gauge-sends need --gauge, the port that they belong to")
+        yield None
+        return
+    log = connected_gauge(port, unit=unit, baud=baud, sends=sends, latency_s=latency_ms / 1000)
+    try:
+        yield log
+    finally:
+        log.stop()
+
+
+def force_then(log: ForceLog, time_s: float) -> ForceAtTime:
+    """The force at a time, once the reading after it has come; `GaugeError` when none comes."""
+    log.wait_until(time_s, timeout_s=1.0)
+    return log.at(time_s)

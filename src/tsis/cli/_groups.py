@@ -1,0 +1,50 @@
+"""A group of commands of which one may be left out."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+from typer.core import TyperGroup
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from types import FrameType
+
+
+class DefaultCommand(TyperGroup):
+    """Commands of which the default one may be left out, so that ``tsis match A B`` matches two files."""
+
+    default = ""
+    alone = True  # whether nothing at all calls the default command too, and not for help
+
+    @classmethod
+    def named(cls, default: str, *, alone: bool = True) -> type[DefaultCommand]:
+        """The group with that default."""
+        return type("DefaultCommand", (cls,), {"default": default, "alone": alone})
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Put the default command before what is neither a command nor a call for help."""
+        if not args and not self.alone:
+            args = ["--help"]
+        if not args or args[0] not in (*self.commands, "-h", "--help"):
+            args = [self.default, *args]
+        return super().parse_args(ctx, args)
+
+
+@contextmanager
+def ended_by(*numbers: signal.Signals) -> Iterator[threading.Event]:
+    """An event that these signals set inside the block, in place of what they did before."""
+    ended = threading.Event()
+
+    def end(_number: int, _frame: FrameType | None) -> None:
+        ended.set()
+
+    before = {number: signal.signal(number, end) for number in numbers}
+    try:
+        yield ended
+    finally:
+        for number, action in before.items():
+            signal.signal(number, action)

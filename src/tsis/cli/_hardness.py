@@ -1,0 +1,227 @@
+"""``tsis hardness``: how stiff an object is that the bare probe touches."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import numpy as np
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.calibration import read_usable_calibration
+from tsis.calibration.file import CALIBRATION_FILE, ProbeCalibration, calibration_bytes
+from tsis.catalog import load_sphere
+from tsis.cli._options import AsJson, calibrated_probe, chosen_scale, given_probe, require_no_file, target_forces
+from tsis.cli._output import CommandOutcome
+from tsis.cli._progress import progress_bar, waiting
+from tsis.cli._saving import Keep, KeepFolder, KeepKind, KeepTarget, chosen_destination, publish_and_keep
+from tsis.errors import InputError
+from tsis.hardness import BLUR_MM, DRIFT_SD, HardnessPrior, build_contact_table, estimate, shore
+from tsis.instrument import png_bytes, read_image
+from tsis.model import LARGEST_SEED
+from tsis.report import envelope, estimate_document, hardness_notes, hardness_report, hardness_rows
+from tsis.virtual import DirectContactRig
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from tsis.cli._saving import Destination
+    from tsis.model import Calibration, Estimate, Probe, TactileImage
+
+
+DEMO, DEMO_FORCES = "cl2000x", [0.7, 1.2]
+UNNAMED = "tsis-direct"  # the probe of calibrations that name none of the catalog
+
+
+def hardness(
+    images: Annotated[
+        list[Path] | None, typer.Argument(help="Frames of the probe pressed on the object itself: PNG, BMP or TIFF.")
+    ] = None,
+    *,
+    force_n: Annotated[
+        list[float] | None, typer.Option("--force-n", "--force", help="Force in newtons, one for each image.")
+    ] = None,
+    radius_mm: Annotated[
+        float | None, typer.Option("--radius-mm", "--radius", help="Radius of the object in millimetres.")
+    ] = None,
+    radius_sd_mm: Annotated[
+        float | None, typer.Option(help="Standard deviation of that radius.", show_default="0.03")
+    ] = None,
+    scale_mm: Annotated[
+        str | None, typer.Option(help="Millimetres per pixel on the face: one number, or x,y when they differ.")
+    ] = None,
+    calibration: Annotated[Path | None, typer.Option(help="Calibration file of the probe.")] = None,
+    ball: Annotated[
+        list[Path] | None, typer.Option(help="Press of a rigid ball with the same probe; repeat it for more.")
+    ] = None,
+    ball_force_n: Annotated[
+        list[float] | None, typer.Option("--ball-force-n", help="Force of each of them, in their order.")
+    ] = None,
+    ball_radius_mm: Annotated[float | None, typer.Option(help="Radius of that ball.")] = None,
+    probe: Annotated[
+        str | None,
+        typer.Option(
+            help="Name in the catalog, or a file of your own, as mine.toml.",
+            show_default=f"the calibration's, else {UNNAMED}",
+        ),
+    ] = None,
+    virtual: Annotated[
+        str | None, typer.Option(help="Press a sphere of the catalog virtually instead: cl2000x or cl2003x.")
+    ] = None,
+    demo: Annotated[bool, typer.Option("--demo", help=f"The same as --virtual {DEMO}.")] = False,
+    seed: Annotated[int, typer.Option(help="Seed of the virtual rig's errors.", min=0, max=LARGEST_SEED)] = 1,
+    out: Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")] = Path(
+        "tsis-hardness"
+    ),
+    keep: Keep = False,
+    store: KeepFolder = None,
+    kind: KeepKind = None,
+    number: KeepTarget = None,
+    as_json: AsJson = False,
+) -> None:
+    """Estimate Young's modulus of a touched object from two presses, with its interval and as Shore hardness."""
+    paths = images or []
+    if keep:
+        require_no_file("--keep", probe)
+    if demo or virtual is not None:
+        given = [*paths, *(ball or ()), calibration, scale_mm, radius_mm, radius_sd_mm, ball_radius_mm]
+        if any(value is not None for value in given):
+            raise InputError("--virtual and --demo press by themselves: give no images, scale, radius or calibration")
+        chosen, name = given_probe(probe or UNNAMED), virtual or DEMO
+        destination = chosen_destination(keep, store, kind, number)
+        _virtual(name, chosen, force_n or DEMO_FORCES, seed, out, destination=destination, as_json=as_json)
+        return
+    if not paths:
+        raise InputError("give the images of two presses, or --demo for a run without hardware")
+    known = None if calibration is None else read_usable_calibration(calibration)
+    scale = chosen_scale(known, scale_mm)
+    if known is None or scale is None or not (force_n or known.known.force_line):
+        raise InputError(
+            "a hardness needs --calibration, --scale-mm and --force-n for each image, the last two where the "
+            "calibration holds neither scale nor force line"
+        )
+    forces = target_forces(force_n, len(paths)) if force_n else [None] * len(paths)
+    raw = _read(paths, forces, scale)
+    frames, response = known.pressed(raw)
+    chosen = given_probe(probe) if probe else calibrated_probe(response.probe, unnamed=UNNAMED)
+    balls = ball or []
+    if len(ball_force_n or ()) != len(balls):
+        raise InputError(f"--ball-force-n must be given once for each --ball; got it {len(ball_force_n or ())} times")
+    raw_balls = _read(balls, ball_force_n or (), scale)
+    from tsis.records import SavableResult, require_savable  # loads the libraries of records
+
+    if keep:
+        require_savable([*raw, *raw_balls])
+    destination = chosen_destination(keep, store, kind, number)
+    options = {
+        "radius_mm": radius_mm,
+        "radius_sd_mm": radius_sd_mm,
+        "reference": known.pressed(raw_balls)[0],
+        "reference_radius_mm": ball_radius_mm,
+        **_defaults(),
+    }
+    outcome, found = _outcome(frames, chosen, response, options, cites=known.citation())
+    keepable = SavableResult(
+        kind="hardness",
+        estimate=found,
+        probe=chosen.name,
+        known=known.known,
+        frames={"target": raw, "ball": raw_balls},
+        options=_written_down(options),
+    )
+    publish_and_keep(outcome, out, destination, keepable, as_json=as_json)
+
+
+def _defaults() -> dict[str, Any]:
+    """What every estimate here takes, said to it and written down, so that another release can take the same."""
+    return {"prior": HardnessPrior(), "blur_mm": BLUR_MM, "drift_sd": DRIFT_SD}
+
+
+def _written_down(options: Mapping[str, Any]) -> dict[str, Any]:
+    """Options as a store keeps them: without the reference, which are presses of their own, and what nobody gave."""
+    told = {name: value for name, value in options.items() if name != "reference" and value is not None}
+    return told | {"prior": asdict(told["prior"])}
+
+
+def _virtual(
+    name: str,
+    probe: Probe,
+    forces: Sequence[float],
+    seed: int,
+    out: Path,
+    *,
+    destination: Destination | None,
+    as_json: bool,
+) -> None:
+    sphere = load_sphere(name)
+    rig = DirectContactRig(probe, rng=np.random.default_rng(seed))
+    with waiting(f"squeezing {name} with the virtual rig"):
+        frames = rig.press_path(sphere, forces_n=forces)
+    from tsis.records import SavableResult  # loads the libraries of records
+
+    simulated_probe = ProbeCalibration(name=rig.calibration.name, probe=probe.name, response=rig.calibration)
+    files = {CALIBRATION_FILE: calibration_bytes(simulated_probe)}
+    files |= {f"press-{frame.force_n:g}N.png": png_bytes(frame) for frame in frames}
+    simulated = {"seed": seed, "sphere": asdict(sphere), "command": "tsis hardness"}
+    options = _defaults()
+    outcome, found = _outcome(
+        frames, probe, rig.calibration, options, truth_kpa=sphere.young_kpa, simulated=simulated, files=files
+    )
+    keepable = SavableResult(
+        kind="hardness",
+        estimate=found,
+        probe=probe.name,
+        known=simulated_probe,
+        frames={"target": frames},
+        options=_written_down(options),
+        name=name,
+        truth={"young_kpa": sphere.young_kpa},
+    )
+    publish_and_keep(outcome, out, destination, keepable, as_json=as_json)
+
+
+def _outcome(
+    frames: Sequence[TactileImage],
+    probe: Probe,
+    calibration: Calibration,
+    options: dict[str, Any],
+    *,
+    truth_kpa: float | None = None,
+    simulated: dict[str, Any] | None = None,
+    files: dict[str, bytes] | None = None,
+    cites: dict[str, Any] | None = None,
+) -> tuple[CommandOutcome, Estimate]:
+    with progress_bar("solving the contact of this probe (kept for next time)") as progress:
+        table = build_contact_table(probe, progress=progress)
+    found = estimate(frames, probe=probe, calibration=calibration, **options)
+    title = f"Hardness by direct contact with {probe.name}"
+    shown = Table("quantity", "value", title=escape(title))
+    rows = hardness_rows(found)
+    for row in rows if truth_kpa is None else (*rows, ("true modulus", f"{truth_kpa:g} kPa")):
+        shown.add_row(*(escape(cell) for cell in row))
+    provenance = {"notice": RESEARCH_USE_ONLY, "tsis": __version__, "simulated": simulated, "calibration": cites}
+    truth = None if truth_kpa is None else {"young_kpa": truth_kpa}
+    readings = asdict(shore(found.mean["young_kpa"])) if found.trusted else None
+    outcome = CommandOutcome(
+        document=envelope(
+            "hardness",
+            estimate=estimate_document(found, truth),
+            shore_converted=readings,
+            provenance=provenance,
+        ),
+        page=hardness_report(
+            found, title=title, images=frames, table=table, provenance=provenance, truth_kpa=truth_kpa
+        ),
+        tables=(shown,),
+        notes=tuple(hardness_notes(found)),
+        files=files or {},
+    )
+    return outcome, found
+
+
+def _read(paths: Sequence[Path], forces: Sequence[float | None], scale: tuple[float, float]) -> list[TactileImage]:
+    return [read_image(path, mm_per_pixel=scale, force_n=force) for path, force in zip(paths, forces, strict=True)]

@@ -1,0 +1,237 @@
+"""Options by which commands name a phantom or a probe of the catalog, and values to replace in it."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from tsis.catalog import list_probes, load_probe, parse_probe, probe_variant
+from tsis.errors import InputError, NotCalibratedError
+from tsis.files import one_line, read_parsed
+from tsis.model import Glass, Layer, Led, require_one_of, require_pixel_scale
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from tsis.calibration import UsableCalibration
+    from tsis.model import Probe
+
+
+PhantomName = Annotated[str, typer.Option("--phantom", help="Name in the catalog; tsis simulate --list shows all.")]
+ProbeGiven = Annotated[
+    str,
+    typer.Option("--probe", help="Name in the catalog (tsis simulate --list), or a file of your own, as mine.toml."),
+]
+ProbeName = Annotated[str, typer.Option("--probe", help="Name in the catalog; tsis simulate --list shows all.")]
+ForceN = Annotated[float, typer.Option("--force-n", help="Force of the press in newtons.")]
+ForcesN = Annotated[
+    list[float],
+    typer.Option(
+        "--force-n",
+        help="Force of a press in newtons; repeat it for several presses.",
+        default_factory=lambda: [0.5, 1.0],
+        show_default="0.5 and 1",
+    ),
+]
+DiameterMm = Annotated[float | None, typer.Option("--diameter-mm", help="Diameter of the inclusion instead.")]
+DepthMm = Annotated[float | None, typer.Option("--depth-mm", help="Depth of its top below the skin instead.")]
+YoungKpa = Annotated[float | None, typer.Option("--young-kpa", help="Young's modulus of the inclusion instead.")]
+HalfAngleDeg = Annotated[
+    float | None, typer.Option("--half-angle-deg", help="Half-intensity angle of all lamps instead, degrees.")
+]
+LampHeightMm = Annotated[
+    float | None, typer.Option("--height-mm", help="Height of all lamps above the face instead, mm.")
+]
+AimDeg = Annotated[
+    float | None, typer.Option("--aim-deg", help="Aim of all lamps above the horizontal instead, degrees.")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON and nothing else.")]
+
+
+def chosen_scale(calibration: UsableCalibration | None, given: str | None) -> tuple[float, float] | None:
+    """Millimetres per pixel: the calibration's, or ``--scale-mm`` where it holds none."""
+    held = None if calibration is None else calibration.known.scale
+    if held is not None and given is not None:
+        raise InputError("--scale-mm is not used with this calibration, which holds the scale; leave it out")
+    if held is not None:
+        return held.mm_per_pixel
+    return None if given is None else scale_of(given)
+
+
+def scale_of(text: str) -> tuple[float, float]:
+    """Read ``0.05`` or ``0.05,0.06`` as mm per pixel."""
+    try:
+        parts = [float(part) for part in text.split(",")]
+    except ValueError:
+        parts = []
+    if len(parts) not in (1, 2):
+        raise InputError(f"--scale-mm must be one number or x,y in millimetres per pixel; got {text!r}")
+    return require_pixel_scale((parts[0], parts[-1]))
+
+
+def target_forces(given: Sequence[float], images: int) -> list[float]:
+    """Force of each image: one for all, or one an image."""
+    return _one_each("--force-n", given, images, "images")
+
+
+def plain_forces(given: Sequence[float], force_n: Sequence[float], presses: int) -> list[float]:
+    """Force of each press on plain tissue: as given; else the force of all images, or of the image in its place."""
+    if given:
+        return _one_each("--plain-force-n", given, presses, "presses on plain tissue")
+    if len(set(force_n)) == 1:
+        return [force_n[0]] * presses
+    if presses > len(force_n):
+        raise InputError(
+            "--plain-force-n must tell the force of each --plain when there are more of them than images; "
+            f"got {presses} for {len(force_n)} images"
+        )
+    return list(force_n[:presses])
+
+
+def _one_each(option: str, given: Sequence[float], count: int, what: str) -> list[float]:
+    if len(given) not in (1, count):
+        raise InputError(f"{option} must be given once, or once for each of {count} {what}; got it {len(given)} times")
+    return list(given) * (count if len(given) == 1 else 1)
+
+
+ENDING = ".toml"
+LARGEST_FILE_BYTES = 64 * 2**10
+MOST_LAYERS, MOST_LAMPS = 20, 100
+LONGEST_KEY = 16  # parts
+NAME = re.compile(r"\w[\w .,()+-]{0,59}")  # which every table, page and file shows as it is
+KEYS = ("radius_mm", "layers", "face_curvature_mm", "sides", "glass", "leds", "assumed")
+
+
+def is_file(probe: str) -> bool:
+    """Whether ``--probe`` names a file and not an entry of the catalog."""
+    return probe.lower().endswith(ENDING)
+
+
+def given_probe(probe: str) -> Probe:
+    """The probe that ``--probe`` names: one of the catalog, or that of a TOML file.
+
+    Raises
+    ------
+    UnknownNameError
+        When the catalog has no such probe.
+    FileInputError
+        When the file is missing, no TOML, holds not one probe, or a value that a probe cannot take.
+    """
+    return read_probe(Path(probe)) if is_file(probe) else load_probe(probe)
+
+
+def calibrated_probe(name: str, *, unnamed: str) -> Probe:
+    """The probe of the catalog that a calibration names, ``unnamed`` where it names none.
+
+    Raises
+    ------
+    NotCalibratedError
+        When the calibration is of a probe that the catalog does not have.
+    """
+    if name and name not in list_probes():
+        raise NotCalibratedError(
+            f"the calibration is of the probe {name!r:.80}, which is not in the catalog: give its file, as --probe "
+            "mine.toml"
+        )
+    return load_probe(name or unnamed)
+
+
+def given_lit_probe(probe: str, half_angle_deg: float | None, height_mm: float | None, aim_deg: float | None) -> Probe:
+    """The probe that ``--probe`` names, with the given values of all lamps replaced where it is one of the catalog."""
+    if not is_file(probe):
+        return probe_variant(probe, half_angle_deg, height_mm, aim_deg)
+    if (half_angle_deg, height_mm, aim_deg) != (None, None, None):
+        raise InputError(
+            f"--half-angle-deg, --height-mm and --aim-deg change the lamps of a probe of the catalog; got {probe}: "
+            "change leds in that file"
+        )
+    return read_probe(Path(probe))
+
+
+def require_no_file(what: str, probe: str | None) -> None:
+    """Refuse a probe of a file where its name must mean the same later."""
+    if probe is not None and is_file(probe):
+        raise InputError(
+            f"{what} needs a probe of the catalog, from which the estimate can be made again; got {probe}: leave "
+            f"{what} out"
+        )
+
+
+def read_probe(file: Path) -> Probe:
+    """The one probe of a TOML file, written as an entry of the catalog; errors as `given_probe`."""
+    return read_parsed(file, _parsed, most=LARGEST_FILE_BYTES)
+
+
+def _parsed(text: str) -> Probe:
+    _require_short_keys(text)
+    try:
+        document = tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # a number of 5000 digits is no error of TOML's
+        raise InputError(f"a probe must be TOML; got: {one_line(error)}") from error
+    entries = {name: value for name, value in document.items() if isinstance(value, dict)}
+    if len(document) != 1 or len(entries) != 1:
+        got = f"{one_line(', '.join(document)):.80}" if document else "nothing"
+        raise InputError(f"it must hold one probe, a table under its name as [my-probe]; got {got}")
+    ((name, entry),) = entries.items()
+    if not NAME.fullmatch(name):
+        raise InputError(
+            f"the name must be up to 60 letters, digits, spaces and any of - _ . , ( ) +; got {name!r:.80}"
+        )
+    if name in list_probes():
+        raise InputError(f"the name {name!r} is that of a probe of the catalog; choose another, as [my-{name}]")
+    return parse_probe(name, _checked(entry))
+
+
+def _require_short_keys(text: str) -> None:
+    """Refuse a.b.c.d. ... without end, over which the parser takes the square of its length."""
+    run = 0
+    for part in text.split("."):
+        run = 0 if any(mark in part for mark in "\n=,[]") else run + 1
+        if run > LONGEST_KEY:
+            raise InputError(f"keys must have at most {LONGEST_KEY} parts; got a longer one")
+
+
+def _checked(entry: Mapping[str, Any]) -> dict[str, Any]:
+    """The entry with nothing in it that a probe of the catalog does not have; values are checked by the probe."""
+    _known("a probe", entry, KEYS)
+    if "radius_mm" not in entry or "layers" not in entry:
+        raise InputError(f"a probe must give radius_mm and layers; got {', '.join(entry) or 'nothing'}")
+    for layer in _tables("layers", entry["layers"], MOST_LAYERS):
+        _known("a layer", layer, (field.name for field in fields(Layer)))
+        if not {"thickness_mm", "young_kpa"} <= set(layer):
+            raise InputError(f"a layer must give thickness_mm and young_kpa; got {', '.join(layer) or 'nothing'}")
+    for lamp in _tables("leds", entry.get("leds", []), MOST_LAMPS):
+        _known("a lamp", lamp, (field.name for field in fields(Led)))
+    (glass,) = _tables("glass", [entry.get("glass", {})], 1)
+    _known("the glass", glass, (field.name for field in fields(Glass)))
+    assumed = entry.get("assumed", [])
+    if not isinstance(assumed, list) or not all(isinstance(name, str) for name in assumed):
+        raise InputError(f"assumed must be a list of names of values; got {assumed!r:.80}")
+    return dict(entry)
+
+
+def _known(what: str, table: Mapping[str, Any], names: Iterable[str]) -> None:
+    names = tuple(names)
+    for key in table:
+        require_one_of(f"value of {what}", key, names)
+
+
+def _tables(name: str, value: Any, most: int) -> list[dict[str, Any]]:
+    if not isinstance(value, list) or not all(isinstance(each, dict) for each in value):
+        raise InputError(f"{name} must be tables, as {{ thickness_mm = 2.0 }}; got {value!r:.80}")
+    if len(value) > most:
+        raise InputError(f"{name} must be at most {most}; got {len(value)}")
+    return value
+
+
+def numbers(name: str, text: str) -> list[float]:
+    """Read what was given to the option ``name``: numbers with commas between."""
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError as error:
+        raise InputError(f"{name} must be numbers with commas between, as 1.41,1.515; got {text!r}") from error

@@ -1,0 +1,169 @@
+"""What commands print: tables and progress for people on a terminal, JSON for programs."""
+
+from __future__ import annotations
+
+import io
+import sys
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.cli._progress import progress_bar
+from tsis.inclusion import InclusionPrior, estimate
+from tsis.mechanics.surrogate import build_full_contact_surrogate
+from tsis.model import INTERVAL_LEVEL
+from tsis.report import free_folder, json_bytes, sd_text, withheld_reason, write_folder
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping, Sequence
+    from typing import Any
+
+    from matplotlib.figure import Figure
+
+    from tsis.model import Calibration, Estimate, Probe, TactileImage
+
+
+RESULT = "result.json"
+
+
+def people() -> Console:
+    """Standard output for people."""
+    return Console(highlight=False)
+
+
+def print_json(document: Mapping[str, Any]) -> None:
+    """Write a result to standard output, and nothing else there."""
+    sys.stdout.write(json_bytes(document).decode())
+    sys.stdout.flush()
+
+
+def print_notice(console: Console) -> None:
+    """The sentence that every output carries."""
+    console.print(RESEARCH_USE_ONLY, style="bold")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CommandOutcome:
+    """What a command found: for programs, for the folder, and for people."""
+
+    document: Mapping[str, Any]
+    page: bytes
+    tables: tuple[Table, ...]
+    notes: tuple[str, ...]
+    files: Mapping[str, bytes] = field(default_factory=dict)
+
+
+def publish(outcome: CommandOutcome, out: Path, *, as_json: bool) -> None:
+    """Write the folder ``out`` (or the next free name) and print what is in it."""
+    print_outcome(outcome, write_outcome(outcome, out), as_json=as_json)
+
+
+def write_outcome(outcome: CommandOutcome, out: Path) -> Path:
+    """Write the folder ``out`` (or the next free name), whole or not at all; which one it is."""
+    files = {**outcome.files, RESULT: json_bytes(outcome.document), "index.html": outcome.page}
+    return write_folder(free_folder(out), files)
+
+
+def print_outcome(outcome: CommandOutcome, folder: Path, *, as_json: bool) -> None:
+    """Print what was found, and where it is."""
+    if as_json:
+        print_json({**outcome.document, "folder": str(folder)})
+        return
+    print_found(outcome.tables, outcome.notes, where=f"Page: {folder / 'index.html'}")
+
+
+def print_found(tables: Iterable[Table], notes: Iterable[str], *, where: str = "") -> None:
+    """Print tables, notes and where the files are, if any, for people."""
+    console = people()
+    for table in tables:
+        console.print(table)
+    for note in notes:
+        console.print(f"- {note}", markup=False)
+    if where:
+        console.print(where, soft_wrap=True, markup=False)
+    print_notice(console)
+
+
+Out = Annotated[
+    Path | None,
+    typer.Option(
+        "--out", help="Folder for the figures and result.json; a number is added when it exists.", metavar="FOLDER"
+    ),
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class CommandResult:
+    """What a command found; a figure is a call that draws it, made only when somebody asked for a folder."""
+
+    document: Mapping[str, Any]
+    tables: tuple[Table, ...] = ()
+    notes: tuple[str, ...] = ()
+    figures: Mapping[str, Callable[[], Figure]] = field(default_factory=dict)
+
+
+def show_result(answer: CommandResult, out: Path | None, *, as_json: bool) -> None:
+    """Write the folder when one is named, and print the answer; its document carries the notes too."""
+    document = {**answer.document, "notes": list(answer.notes)}
+    folder = None
+    if out is not None:
+        wanted = free_folder(out)  # refused before anything is drawn
+        files = {f"{name}.png": _png(draw()) for name, draw in answer.figures.items()}
+        folder = write_folder(wanted, {**files, "result.json": json_bytes(document)})
+    if as_json:
+        print_json(document if folder is None else {**document, "folder": str(folder)})
+        return
+    print_found(answer.tables, answer.notes, where="" if folder is None else f"Figures: {folder}")
+
+
+def _png(figure: Figure) -> bytes:
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=150)
+    return buffer.getvalue()
+
+
+def estimate_with_progress(
+    images: Sequence[TactileImage],
+    *,
+    probe: Probe,
+    calibration: Calibration,
+    reference: Sequence[TactileImage],
+    prior: InclusionPrior,
+) -> Estimate:
+    """Estimate; the first time for a probe its surrogate is built, which takes seconds and is kept."""
+    with progress_bar("solving the press for this probe (kept for next time)") as progress:
+        build_full_contact_surrogate(probe, prior.box(), progress=progress)
+    return estimate(images, probe=probe, calibration=calibration, reference=reference, prior=prior)
+
+
+def estimate_table(result: Estimate, *, title: str, truth: Mapping[str, float] | None = None) -> Table:
+    """Mean, interval, and what the data narrowed and could at best narrow, with the truth if known."""
+    headings = ["", "mean", "90 %\ninterval", "sd", "prior\nsd", "bound\non sd"] + ([] if truth is None else ["truth"])
+    table = Table(title=escape(title))
+    for heading in headings:
+        table.add_column(heading, justify="right" if heading else "left", no_wrap=not heading)
+    for name in result.samples:
+        table.add_row(name, *_numbers(result, name), *([] if truth is None else [f"{truth[name]:.3g}"]))
+    return table
+
+
+def _numbers(result: Estimate, name: str) -> tuple[str, ...]:
+    """Cells of one parameter; of an estimate that is not to be trusted only what was believed before."""
+    prior_sd = sd_text(result.prior_sd[name])
+    if not result.trusted:
+        return withheld_reason(result, name), "", "", prior_sd, ""
+    low, high = result.interval(INTERVAL_LEVEL)[name]
+    bound = result.cramer_rao_sd.get(name)  # of a hardness nobody computes it
+    return (
+        withheld_reason(result, name) or f"{result.mean[name]:.3g}",
+        f"{low:.3g} to {high:.3g}",
+        sd_text(result.sd[name]),
+        prior_sd,
+        "" if bound is None else sd_text(bound),
+    )

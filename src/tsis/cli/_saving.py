@@ -1,0 +1,116 @@
+"""``--keep``: what other commands took and estimated goes into the store of records, once it is in its folder."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, NoReturn
+
+import typer
+
+from tsis.cli._output import RESULT, print_outcome, publish, write_outcome
+from tsis.cli._store import DATABASE, PHANTOM, opened
+from tsis.errors import InputError, TsisError
+from tsis.files import LARGEST_TARGET, write_durably
+from tsis.report import json_bytes
+
+if TYPE_CHECKING:
+    from tsis.cli._output import CommandOutcome
+    from tsis.records import SavableResult
+    from tsis.records.store import Store
+
+
+NOT_KEPT = 1  # exit code of a command whose results are in their folder and not in the store
+
+Keep = Annotated[
+    bool, typer.Option("--keep", help="Keep frames, calibration and estimate in the store: tsis records list.")
+]
+KeepFolder = Annotated[
+    Path | None,
+    typer.Option("--store", help="Folder of that store.", show_default="this user's own of that kind"),
+]
+KeepKind = Annotated[
+    str | None, typer.Option("--kind", help="Kind of that store: phantom or subject.", show_default=PHANTOM)
+]
+KeepTarget = Annotated[
+    int | None,
+    typer.Option(
+        "--target",
+        help="Number of the target to keep it under; entered when there is none.",
+        show_default="a new one",
+        min=1,
+        max=LARGEST_TARGET,
+    ),
+]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Destination:
+    """The store, and the target in it, where a command shall keep what it finds."""
+
+    folder: Path | None
+    kind: str
+    number: int | None
+
+    def opened(self) -> Store:
+        """The store, to be closed by a ``with``."""
+        return opened(self.folder, self.kind, os.environ.get(DATABASE), create=True)
+
+
+def chosen_destination(
+    keep: bool, folder: Path | None, kind: str | None = None, number: int | None = None
+) -> Destination | None:
+    """Where to keep, found ready before anything is computed; None where nothing is to be kept.
+
+    Raises
+    ------
+    InputError
+        When a store is named and nothing is to be kept.
+    RecordsError
+        When the store cannot be opened.
+    """
+    if not keep:
+        given = {"--store": folder, "--kind": kind, "--target": number}
+        for option, value in given.items():
+            if value is not None:
+                raise InputError(f"{option} needs --keep, without which nothing goes into a store")
+        return None
+    destination = Destination(folder=folder, kind=kind or PHANTOM, number=number)
+    destination.opened().close()
+    return destination
+
+
+def publish_and_keep(
+    outcome: CommandOutcome, out: Path, destination: Destination | None, keepable: SavableResult, *, as_json: bool
+) -> None:
+    """Write the folder of results, then keep what they rest on, and print both.
+
+    The folder comes first, so that a store that takes nothing loses nothing: then it stays without the word ``kept``,
+    a sentence tells why, and the exit code is 1.
+    """
+    if destination is None:
+        publish(outcome, out, as_json=as_json)
+        return
+    from tsis.records import save_results, saved_notes  # loads the libraries of records
+
+    folder = write_outcome(outcome, out)
+    try:
+        with destination.opened() as store:
+            kept = save_results(store, keepable, number=destination.number)
+        outcome = replace(
+            outcome, document={**outcome.document, "kept": kept}, notes=(*outcome.notes, *saved_notes(kept))
+        )
+        write_durably(folder / RESULT, json_bytes(outcome.document))
+    except TsisError as error:
+        print_outcome(outcome, folder, as_json=as_json)
+        stop_not_kept(error, str(folder))
+    except OSError as error:
+        outcome = replace(outcome, notes=(*outcome.notes, f"{RESULT} does not tell it: {error.strerror or error}."))
+    print_outcome(outcome, folder, as_json=as_json)
+
+
+def stop_not_kept(error: TsisError, place: str) -> NoReturn:
+    """End a command whose results are all there but for the store."""
+    typer.echo(f"Error: the results are in {place}, but they could not be kept: {error}", err=True)
+    raise typer.Exit(NOT_KEPT)

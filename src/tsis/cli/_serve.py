@@ -1,0 +1,59 @@
+"""``tsis serve``: the virtual probe as a GigE Vision camera on the network."""
+
+from __future__ import annotations
+
+import signal
+from typing import Annotated
+
+import numpy as np
+import typer
+
+from tsis.catalog import load_probe, phantom_variant
+from tsis.cli._groups import ended_by
+from tsis.cli._options import DepthMm, DiameterMm, ForceN, PhantomName, ProbeName, YoungKpa
+from tsis.cli._output import people, print_notice
+from tsis.cli._progress import waiting
+from tsis.errors import CameraError
+from tsis.model import LARGEST_SEED
+from tsis.virtual import GigEServer, VirtualCamera, VirtualProbe
+
+SLOWEST = 0.1  # frames/s: lets the virtual camera expose for as long as the simulated one can be asked to
+LOOK_S = 0.5
+
+
+def serve(
+    *,
+    phantom: PhantomName = "hardness-100",
+    probe: ProbeName = "tsis-2011",
+    force_n: ForceN = 1.0,
+    diameter_mm: DiameterMm = None,
+    depth_mm: DepthMm = None,
+    young_kpa: YoungKpa = None,
+    interface: Annotated[str, typer.Option(help="Address of this machine to listen on.")] = "127.0.0.1",
+    serial: Annotated[str, typer.Option(help="Serial number of the camera.")] = "TSIS01",
+    frames_per_s: Annotated[float, typer.Option(help="Frames a second until a program sets another rate.")] = 30.0,
+    seed: Annotated[int, typer.Option(help="Seed of every random error.", min=0, max=LARGEST_SEED)] = 4,
+) -> None:
+    """Serve the virtual probe's frames as a GigE Vision camera, until Ctrl-C.
+
+    Any program that reads such cameras sees it, and the exposure and gain that it sets change the image.
+    """
+    rng = np.random.default_rng(seed)
+    target = phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
+    with waiting("tracing the light of the lamps"):
+        rig = VirtualProbe(load_probe(probe), rng=rng)
+    camera = VirtualCamera(rig, target, rng=rng, force_n=force_n, frames_per_s=SLOWEST)
+    server = GigEServer(camera, interface=interface, serial=serial, frames_per_s=frames_per_s)
+    console = people()
+    with ended_by(signal.SIGINT, signal.SIGTERM) as ended, server:
+        serving = f"Serving {camera.name} at {force_n:g} N as {server.identity} on {interface}; Ctrl-C ends it."
+        console.print(serving, markup=False, soft_wrap=True)
+        console.print("See it with: tsis acquire --list", markup=False)
+        console.print(f"Read it with: tsis acquire --camera aravis:{server.identity}", markup=False, soft_wrap=True)
+        print_notice(console)
+        console.file.flush()
+        while server.failure is None and not ended.wait(LOOK_S):
+            pass
+    if server.failure is not None:
+        raise CameraError(f"serving ended: {server.failure}") from server.failure
+    console.print(f"Ended; {server.sent} frames were sent.")

@@ -1,0 +1,98 @@
+"""``tsis simulate``: what a press does to the probe's face."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from enum import StrEnum
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from tsis.catalog import list_phantoms, list_probes, load_phantom, load_probe, phantom_variant
+from tsis.cli._options import AsJson, DepthMm, DiameterMm, ForceN, PhantomName, ProbeGiven, YoungKpa, given_probe
+from tsis.cli._output import people, print_json, print_notice
+from tsis.cli._progress import waiting
+from tsis.mechanics import press
+from tsis.report import envelope
+
+SHOWN_RADII = 13
+
+
+class Strain(StrEnum):
+    """Which model presses."""
+
+    SMALL = "small"
+    FINITE = "finite"
+
+
+def simulate(
+    *,
+    phantom: PhantomName = "hardness-100",
+    probe: ProbeGiven = "tsis-2011",
+    force_n: ForceN = 1.0,
+    diameter_mm: DiameterMm = None,
+    depth_mm: DepthMm = None,
+    young_kpa: YoungKpa = None,
+    strain: Annotated[
+        Strain, typer.Option(help="small: linear, milliseconds; finite: large deformations and sliding, seconds.")
+    ] = Strain.SMALL,
+    show_catalog: Annotated[bool, typer.Option("--list", help="List the catalog's probes and phantoms.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Press a probe on a phantom by finite elements: pressure and displacement over the face."""
+    if show_catalog:
+        _catalog(as_json=as_json)
+        return
+    pressed = phantom_variant(phantom, diameter_mm, depth_mm, young_kpa)
+    chosen = given_probe(probe)
+    with waiting(f"pressing at {strain} strain"):
+        field = press(chosen, pressed, force_n=force_n, strain=strain)
+        plain = press(chosen, pressed.without_inclusion(), force_n=force_n, strain=strain)
+    change = field.face_displacement_mm - plain.face_displacement_mm
+    if as_json:
+        print_json(
+            envelope(
+                "simulate",
+                probe=asdict(chosen),
+                phantom=asdict(pressed),
+                force_n=force_n,
+                strain=strain,
+                approach_mm=field.approach_mm,
+                radius_mm=field.radius_mm,
+                pressure_kpa=field.pressure_kpa,
+                face_displacement_mm=field.face_displacement_mm,
+                change_by_inclusion_mm=change,
+            )
+        )
+        return
+    console = people()
+    table = Table(title=f"{chosen.name} on {pressed.name}, {force_n:g} N: the glass travels {field.approach_mm:.3f} mm")
+    for heading in ("radius / mm", "pressure / kPa", "face displacement / um", "change by the inclusion / um"):
+        table.add_column(heading, justify="right")
+    step = (len(field.radius_mm) - 1) // (SHOWN_RADII - 1)
+    for i in range(0, len(field.radius_mm), step):
+        numbers = (field.radius_mm[i], field.pressure_kpa[i], 1000 * field.face_displacement_mm[i], 1000 * change[i])
+        table.add_row(*(f"{number:.3f}" for number in numbers))
+    console.print(table)
+    print_notice(console)
+
+
+def _catalog(*, as_json: bool) -> None:
+    if as_json:
+        probes = {name: asdict(load_probe(name)) for name in list_probes()}
+        phantoms = {name: asdict(load_phantom(name)) for name in list_phantoms()}
+        print_json(envelope("simulate", probes=probes, phantoms=phantoms))
+        return
+    console = people()
+    console.print("Probes:", ", ".join(list_probes()))
+    table = Table(title="Phantoms")
+    for heading in ("name", "d / mm", "h / mm", "E / kPa", "assumed, not printed in the source"):
+        table.add_column(heading)
+    for name in list_phantoms():
+        phantom = load_phantom(name)
+        lump = phantom.inclusion
+        sizes = ("", "", "") if lump is None else (f"{lump.diameter_mm:g}", f"{lump.depth_mm:g}", f"{lump.young_kpa:g}")
+        table.add_row(name, *sizes, ", ".join(phantom.assumed))
+    console.print(table)
+    print_notice(console)

@@ -1,0 +1,66 @@
+"""Which store a command works on, and how it is opened."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tsis.errors import InputError
+from tsis.files import LARGEST_TARGET
+from tsis.model import require_integer
+
+if TYPE_CHECKING:
+    from tsis.records.store import Store
+
+
+PHANTOM = "phantom"
+DATABASE = "TSIS_RECORDS_DATABASE"
+
+StoreFolder = Annotated[
+    Path | None,
+    typer.Option("--store", help="Folder of the store.", show_default="this user's own of that kind"),
+]
+StoreKind = Annotated[str, typer.Option("--kind", help="Kind of the store: phantom or subject; they are kept apart.")]
+StoreDatabase = Annotated[
+    str | None,
+    typer.Option(
+        "--database",
+        envvar=DATABASE,
+        show_envvar=True,
+        help="URL of a PostgreSQL database for the rows.",
+        show_default="SQLite in the folder",
+    ),
+]
+TargetNumber = Annotated[int, typer.Argument(metavar="N", help="Number of the target, as tsis records list shows it.")]
+
+
+def opened(folder: Path | None, kind: str, database: str | None, *, create: bool = False) -> Store:
+    """The store that was chosen, to be closed by a ``with``."""
+    from tsis.records.store import open_store
+
+    return open_store(folder, kind=kind, database=database or None, create=create)
+
+
+def is_there(folder: Path | None, kind: str, database: str | None) -> bool:
+    """Whether there is such a store, sound or not, and not just a place for one."""
+    from tsis.records.store import DATABASE_FILE, Database, default_folder
+
+    place = default_folder(kind) if folder is None else folder
+    if not database:
+        return (place / DATABASE_FILE).is_file()
+    if not place.is_dir():
+        return False
+    rows = Database(database, place)
+    try:
+        return not rows.empty()
+    finally:
+        rows.close()
+
+
+def target_number(text: str) -> int:
+    """The number of a target as a person wrote it."""
+    if not text.isascii() or not text.isdigit():
+        raise InputError(f"--target must be a number from 1 to {LARGEST_TARGET}, or new; got {text!r:.40}")
+    return require_integer("--target", int(text[:20]), 1, LARGEST_TARGET)

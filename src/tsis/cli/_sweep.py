@@ -1,0 +1,148 @@
+"""``tsis sweep``: many presses as one data set."""
+
+from __future__ import annotations
+
+import shlex
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from tsis.cli._exit_codes import INTERRUPTED
+from tsis.cli._options import AsJson
+from tsis.cli._output import people, print_json, print_notice
+from tsis.cli._progress import progress_bar
+from tsis.report import envelope
+from tsis.sweep import EXAMPLE, Plan, first_few, load_plan, run_sweep, seconds_per_press, verify_data_set, worker_count
+
+app = typer.Typer(
+    name="sweep",
+    epilog="Start with: tsis sweep example > plan.toml",
+    invoke_without_command=True,
+    pretty_exceptions_enable=False,
+)
+
+PlanFile = Annotated[Path, typer.Argument(metavar="PLAN.toml", help="The plan; tsis sweep example prints one.")]
+DataFolder = Annotated[Path, typer.Argument(metavar="DIR", help="Folder that tsis sweep run wrote.")]
+
+
+@app.callback()
+def sweep(context: typer.Context) -> None:
+    """Press many phantoms and keep the results as one data set of Parquet files."""
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+@app.command(epilog="Example: tsis sweep run plan.toml --out data --workers 4")
+def run(
+    *,
+    plan: PlanFile,
+    out: Annotated[Path, typer.Option(help="Folder of the data set: new, or one to resume.")] = Path("tsis-sweep"),
+    workers: Annotated[int | None, typer.Option(help="Processes on this machine; one a processor by default.")] = None,
+    scheduler: Annotated[
+        str | None, typer.Option(metavar="ADDRESS", help="Dask scheduler to use instead, tcp://host:port.")
+    ] = None,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say how much work it is, and stop.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Compute a data set, or go on with one that was interrupted.
+
+    Workers and this program may be killed at any time: start the same command again. Files that are whole are kept, and
+    the finished data set has the same bytes as one that was never interrupted.
+    """
+    chosen = load_plan(plan)
+    count = worker_count(workers)
+    if dry_run:
+        _say_how_much(chosen, count if scheduler is None else None, as_json=as_json)
+        return
+    try:
+        with progress_bar("Pressing") as advance:
+            done = run_sweep(chosen, out, workers=workers, scheduler=scheduler, progress=advance)
+    except KeyboardInterrupt:
+        again = " ".join(["tsis", *map(shlex.quote, sys.argv[1:])])
+        typer.echo(f"Interrupted; finished files are kept. Go on with: {again}", err=True)
+        sys.exit(INTERRUPTED)
+    if as_json:
+        print_json(envelope("sweep run", **asdict(done)))
+        return
+    console = people()
+    console.print(f"{done.presses} presses in {done.shards} files, {done.computed} computed now, {done.kept} kept.")
+    if done.refused:
+        console.print(f"- {done.refused} presses were refused: their rows hold NaN, and the column error says why.")
+    if done.repaired:
+        names = first_few(done.repaired)
+        console.print(f"- {len(done.repaired)} damaged or foreign, computed again: {names}", markup=False)
+    if done.lost:
+        console.print(f"- {done.lost} batches lost their worker and were given to another.")
+    console.print(f"Data set: {done.folder}", soft_wrap=True, markup=False)
+    print_notice(console)
+
+
+@app.command("verify", epilog="Example: tsis sweep verify data")
+def verify_folder(*, folder: DataFolder, as_json: AsJson = False) -> None:
+    """Check every file of a data set against the SHA-256 in its manifest."""
+    manifest = verify_data_set(folder)
+    found = {key: manifest[key] for key in ("data_set", "plan_sha256", "presses", "refused")}
+    if as_json:
+        print_json(envelope("sweep verify", folder=str(folder.resolve()), shards=len(manifest["shards"]), **found))
+        return
+    console = people()
+    console.print(f"{found['presses']} presses in {len(manifest['shards'])} files are as they were written.")
+    console.print(f"- {found['refused']} presses were refused by the model.")
+    print_notice(console)
+
+
+@app.command(epilog="Example: tsis sweep example > plan.toml")
+def example() -> None:
+    """Print a plan to start from."""
+    typer.echo(EXAMPLE, nl=False)
+
+
+def _say_how_much(plan: Plan, workers: int | None, *, as_json: bool) -> None:
+    per_press = seconds_per_press(plan)
+    seconds = None if workers is None else per_press * plan.presses / workers
+    if as_json:
+        print_json(
+            envelope(
+                "sweep run",
+                dry_run=True,
+                phantoms=plan.samples,
+                presses=plan.presses,
+                shards=plan.shards,
+                seconds_per_press=per_press,
+                workers=workers,
+                estimated_seconds=seconds,
+            )
+        )
+        return
+    console = people()
+    table = Table(title="Nothing was computed or written")
+    table.add_column("of this plan")
+    table.add_column("", justify="right")
+    table.add_row("phantoms", str(plan.samples))
+    table.add_row("presses", str(plan.presses))
+    table.add_row("files", str(plan.shards))
+    table.add_row("time of a press on one processor", f"{1000 * per_press:.1f} ms")
+    if seconds is not None:
+        table.add_row(f"time with {workers} workers, about", _duration(seconds))
+    console.print(table)
+    print_notice(console)
+
+
+def _duration(seconds: float) -> str:
+    """Two leading units.
+
+    Examples
+    --------
+    >>> _duration(5000)
+    '1 h 23 min'
+    """
+    whole = round(seconds)
+    if whole < 60:
+        return f"{whole} s"
+    if whole < 3600:
+        return f"{whole // 60} min {whole % 60} s"
+    return f"{whole // 3600} h {whole % 3600 // 60} min"

@@ -1,0 +1,211 @@
+"""The camera that the command line names: one that is connected, stored frames, or the virtual probe."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+
+from tsis.calibration import read_usable_calibration
+from tsis.catalog import load_phantom, load_probe
+from tsis.cli._force_gauge import GaugeBaud, GaugeLatency, GaugePort, GaugeSends, GaugeUnit, gauge_log
+from tsis.cli._options import AsJson, ForceN, PhantomName, ProbeName
+from tsis.cli._progress import waiting
+from tsis.cli._saving import KeepFolder, KeepKind, chosen_destination
+from tsis.cli.acquire._listing import list_cameras, show_camera
+from tsis.cli.acquire._sequence import take_sequence
+from tsis.cli.acquire._snapshots import ROLES, SnapshotDestination, take_snapshot
+from tsis.cli.acquire._watching import watch_presses
+from tsis.errors import InputError
+from tsis.files import LARGEST_TARGET
+from tsis.imaging import COLOUR_MAPS
+from tsis.instrument import FORMATS, PRESETS, SOURCES, STORED_SOURCES, connect, preset
+from tsis.instrument.acquisition import Acquisition
+from tsis.instrument.gauge import BAUD
+from tsis.model import LARGEST_SEED, require_number, require_one_of
+from tsis.virtual import VirtualCamera, VirtualProbe
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from tsis.instrument import Camera
+
+
+VIRTUAL = "virtual"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VirtualPress:
+    """What the virtual camera looks at."""
+
+    probe: str
+    phantom: str
+    force_n: float
+    seed: int
+
+
+def connector(spec: str, press: VirtualPress) -> Callable[[], Camera]:
+    """A call that makes a new handle of the camera, not yet opened."""
+    if spec != VIRTUAL:
+        return live_connector(spec)
+    rng = np.random.default_rng(press.seed)
+    probe = VirtualProbe(load_probe(press.probe), rng=rng)
+    phantom = load_phantom(press.phantom)
+    return lambda: VirtualCamera(probe, phantom, rng=rng, force_n=press.force_n, paced=True)
+
+
+def live_connector(spec: str) -> Callable[[], Camera]:
+    """The same of a camera that is not virtual; `UnknownNameError` when no source is called so."""
+    require_one_of("camera source", spec.partition(":")[0], (VIRTUAL, *SOURCES))
+    return partial(connect, spec)
+
+
+def is_stored(spec: str) -> bool:
+    """Whether the frames are on a disk already, so that they can wait and tell nothing of a camera."""
+    return spec.partition(":")[0] in STORED_SOURCES
+
+
+def wanted_settings(connect_camera: Callable[[], Camera], name: str | None, pairs: Sequence[str]) -> dict[str, float]:
+    """Settings of a preset, and over them those given as ``name=value``."""
+    chosen: dict[str, float] = {}
+    if name is not None:
+        camera = connect_camera()
+        camera.open()
+        try:
+            chosen = preset(name, camera.settings())
+        finally:
+            camera.stop()
+    return chosen | dict(_pair(text) for text in pairs)
+
+
+def _pair(text: str) -> tuple[str, float]:
+    name, equals, value = text.partition("=")
+    try:
+        number = float(value)
+    except ValueError:
+        equals = ""
+        number = 0.0
+    if not equals or not name:
+        raise InputError(f"--set must be a name and a number, as exposure_ms=10; got {text!r:.60}")
+    return name, number
+
+
+RING_FRAMES = 256  # eight seconds of a usual camera, for a disk that pauses
+LONGEST_S = 7 * 86400.0
+
+
+def acquire(
+    *,
+    list_found: Annotated[bool, typer.Option("--list", help="List cameras, and what is missing to find more.")] = False,
+    modes: Annotated[bool, typer.Option("--modes", help="Show the camera's modes and settings.")] = False,
+    camera: Annotated[
+        str, typer.Option(help="virtual, or SOURCE:ID as --list shows it, or files:FOLDER, or video:FILE.")
+    ] = VIRTUAL,
+    mode: Annotated[str | None, typer.Option(help="Mode as --modes shows it; the camera's first by default.")] = None,
+    preset: Annotated[str | None, typer.Option(help=f"Settings: {' or '.join(PRESETS)}.")] = None,
+    setting: Annotated[
+        list[str] | None, typer.Option("--set", help="A setting as --modes shows it, e.g. exposure_ms=10; repeatable.")
+    ] = None,
+    target: Annotated[int, typer.Option(help="Number of the target of a snapshot.", min=1, max=LARGEST_TARGET)] = 1,
+    picture: Annotated[
+        str, typer.Option("--format", help=f"Colour picture of a snapshot: {', '.join(FORMATS)}; raw stays lossless.")
+    ] = FORMATS[0],
+    map_name: Annotated[str, typer.Option("--map", help=f"Colours: {', '.join(COLOUR_MAPS)}.")] = "viridis",
+    frames: Annotated[int | None, typer.Option(help="Record a sequence of so many frames instead.", min=1)] = None,
+    seconds: Annotated[float | None, typer.Option(help="Record a sequence for so long instead.")] = None,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Save nothing; say what speaks against the press, until Ctrl-C.")
+    ] = False,
+    video: Annotated[bool, typer.Option("--video", help="One lossless video file for a sequence.")] = False,
+    gauge: GaugePort = None,
+    gauge_unit: GaugeUnit = None,
+    gauge_baud: GaugeBaud = BAUD,
+    gauge_sends: GaugeSends = False,
+    gauge_latency_ms: GaugeLatency = 0.0,
+    calibration: Annotated[Path | None, typer.Option(help="Calibration file that the frames belong to.")] = None,
+    probe: ProbeName = "tsis-2011",
+    phantom: PhantomName = "hardness-100",
+    force_n: ForceN = 1.0,
+    seed: Annotated[int, typer.Option(help="Seed of the virtual probe's errors.", min=0, max=LARGEST_SEED)] = 4,
+    keep: Annotated[
+        bool, typer.Option("--keep", help="Keep the snapshot in the store of records too: tsis records list.")
+    ] = False,
+    role: Annotated[str, typer.Option(help=f"What is pressed, for the store: {', '.join(ROLES)}.")] = ROLES[0],
+    store: KeepFolder = None,
+    kind: KeepKind = None,
+    out: Annotated[
+        Path | None,
+        typer.Option(help="Where the targets' folders lie, or folder of a sequence.", show_default="., tsis-sequence"),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Save a snapshot of a target, or record a sequence, from a camera or the virtual probe.
+
+    A snapshot is TargetN/TargetN-MMDDYY-HHMMSS in colour, the raw frame beside it and a JSON file that says how it was
+    taken. A sequence is a folder of PNG files (or one lossless video) with an index that accounts for every frame.
+    """
+    if list_found:
+        list_cameras(as_json=as_json)
+        return
+    sequence = not watch and (frames is not None or seconds is not None)
+    if video and not sequence:
+        raise InputError("--video needs --seconds or --frames: a snapshot is one picture")
+    if watch and (frames is not None or out is not None):
+        raise InputError("--watch saves nothing: leave out --frames and --out (--seconds ends it)")
+    if seconds is not None:
+        require_number("--seconds", seconds, 0.01, LONGEST_S, hint="seconds")
+    if keep and (sequence or watch):
+        raise InputError("--keep is of snapshots; a sequence goes into a store by tsis records import")
+    require_one_of("role", role, ROLES)
+    require_one_of("picture format", picture, FORMATS)
+    require_one_of("colour map", map_name, COLOUR_MAPS)
+    known = None if calibration is None else read_usable_calibration(calibration)
+    destination = chosen_destination(keep, store, kind)
+    where = None
+    if destination is not None:
+        where = SnapshotDestination(destination=destination, role=role, probe=probe if camera == VIRTUAL else "")
+    with waiting("opening the camera"):
+        make = connector(camera, VirtualPress(probe=probe, phantom=phantom, force_n=force_n, seed=seed))
+    if modes:
+        show_camera(make, as_json=as_json)
+        return
+    wanted = wanted_settings(make, preset, setting or ())
+    stored = is_stored(camera)
+    acquisition = Acquisition(
+        make, mode=mode, settings=wanted, ring_frames=RING_FRAMES, patient=stored, reconnect=not stored
+    )
+    with (
+        gauge_log(gauge, unit=gauge_unit, baud=gauge_baud, sends=gauge_sends, latency_ms=gauge_latency_ms) as log,
+        acquisition,
+    ):
+        if known is not None:
+            known.require_camera(acquisition, stored=stored)
+        if watch:
+            watch_presses(acquisition, seconds=seconds, calibration=known, log=log, as_json=as_json)
+        elif sequence:
+            take_sequence(
+                acquisition,
+                out or Path("tsis-sequence"),
+                frames=frames,
+                seconds=seconds,
+                video=video,
+                calibration=known,
+                log=log,
+                as_json=as_json,
+            )
+        else:
+            take_snapshot(
+                acquisition,
+                out or Path(),
+                target=target,
+                picture=picture,
+                map_name=map_name,
+                calibration=known,
+                log=log,
+                where=where,
+                as_json=as_json,
+            )

@@ -1,0 +1,83 @@
+"""What ``tsis acquire --list`` and ``--modes`` show."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.markup import escape
+from rich.table import Column, Table
+
+from tsis.cli._output import people, print_json, print_notice
+from tsis.cli._progress import waiting
+from tsis.instrument import find_cameras
+from tsis.report import envelope
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tsis.instrument import Camera, Setting
+
+
+VIRTUAL_NOTE = "no hardware: the virtual probe"
+
+
+def list_cameras(*, as_json: bool) -> None:
+    """Print every camera that answers, and what is missing for the sources that cannot look."""
+    with waiting("looking for cameras"):
+        findings = find_cameras()
+    if as_json:
+        print_json(envelope("acquire", found=[asdict(one) for one in findings.found], missing=dict(findings.missing)))
+        return
+    console = people()
+    table = Table(Column("--camera", overflow="fold"), "maker", "model", "note", title="Cameras")  # to be copied whole
+    table.add_row("virtual", "", "", VIRTUAL_NOTE)
+    for one in findings.found:
+        table.add_row(*(escape(text) for text in (one.spec, one.maker, one.model, one.note)))
+    console.print(table)
+    if findings.missing:
+        console.print("Not looked for:")
+    for sentence in findings.missing.values():
+        console.print(f"- {sentence}", markup=False, soft_wrap=True)
+    print_notice(console)
+
+
+def show_camera(connect_camera: Callable[[], Camera], *, as_json: bool) -> None:
+    """Print a camera's modes and settings."""
+    camera = connect_camera()
+    camera.open()
+    try:
+        name, modes, settings = camera.name, camera.modes(), camera.settings()
+    finally:
+        camera.stop()
+    if as_json:
+        print_json(
+            envelope(
+                "acquire",
+                camera=name,
+                modes=[{"mode": mode.label, **asdict(mode)} for mode in modes],
+                settings=[
+                    {"name": one.name, "value": one.value, "unit": one.unit, **_finite_range(one)} for one in settings
+                ],
+            )
+        )
+        return
+    console = people()
+    console.print("Modes, the default first: " + ", ".join(mode.label for mode in modes), markup=False)
+    table = Table("setting", "now", "lowest", "highest", "unit", title=escape(name))
+    for one in settings:
+        table.add_row(one.name, f"{one.value:g}", _bound(one.low), _bound(one.high), escape(one.unit))
+    console.print(table if settings else "It has no settings.")
+    print_notice(console)
+
+
+def _finite_range(setting: Setting) -> dict[str, float | None]:
+    return {
+        "low": setting.low if np.isfinite(setting.low) else None,
+        "high": setting.high if np.isfinite(setting.high) else None,
+    }
+
+
+def _bound(value: float) -> str:
+    return f"{value:g}" if np.isfinite(value) else "not told"

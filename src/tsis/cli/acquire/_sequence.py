@@ -1,0 +1,133 @@
+"""A sequence onto the disk, with a progress bar and an honest account."""
+
+from __future__ import annotations
+
+import signal
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from tsis.cli._force_gauge import force_then
+from tsis.cli._groups import ended_by
+from tsis.cli._output import people, print_json, print_notice
+from tsis.cli._progress import progress_bar
+from tsis.errors import CameraError, FileInputError, GaugeError
+from tsis.instrument.recording import FrameFolder, FurtherColumns, LosslessVideo, RecordingReport, record
+from tsis.report import envelope, free_folder
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from tsis.calibration import UsableCalibration
+    from tsis.instrument.acquisition import Acquisition, ReceivedFrame
+    from tsis.instrument.gauge import ForceLog
+
+
+ENDED_EARLY = 1  # exit code of a recording that is shorter than was asked for
+
+
+def take_sequence(
+    acquisition: Acquisition,
+    wanted: Path,
+    *,
+    frames: int | None,
+    seconds: float | None,
+    video: bool,
+    calibration: UsableCalibration | None,
+    log: ForceLog | None,
+    as_json: bool,
+) -> None:
+    """Record into a new folder until so many frames or seconds have passed, the source ends, or Ctrl-C."""
+    folder = free_folder(wanted)
+    try:
+        folder.mkdir(parents=True)
+    except OSError as error:
+        reason = error.strerror or error
+        raise FileInputError(f"{str(folder)!r:.120} must be a folder that can be made; got: {reason}") from error
+    rate = None if acquisition.mode is None else acquisition.mode.frames_per_s
+    sink = LosslessVideo(folder, frames_per_s=rate) if video else FrameFolder(folder)
+    gauge = None if log is None else GaugeColumns(log)
+
+    def about() -> dict[str, Any]:
+        return {
+            "calibration": None if calibration is None else calibration.citation(),
+            "gauge": None if gauge is None else gauge.account(),
+        }
+
+    with progress_bar("recording; Ctrl-C ends it") as advance, ended_by(signal.SIGINT) as ended:
+        report = record(
+            acquisition,
+            sink,
+            folder,
+            frames=frames,
+            seconds=seconds,
+            stopped=ended.is_set,
+            progress=lambda kept, passed: _advance(advance, kept, passed, frames, seconds),
+            beside=None if gauge is None else FurtherColumns(names=GaugeColumns.NAMES, of=gauge.of),
+            about=about,
+        )
+    _print(report, folder, acquisition, about(), as_json=as_json)
+    if report.kept == 0:
+        raise CameraError(f"nothing was recorded: {report.ended_by or 'no frame came'}")
+    if report.ended_by:
+        raise typer.Exit(ENDED_EARLY)
+
+
+def _advance(
+    advance: Callable[[int, int], None], kept: int, passed: float, frames: int | None, seconds: float | None
+) -> None:
+    if frames is not None:
+        advance(kept, frames)
+    elif seconds is not None:
+        advance(int(10 * min(passed, seconds)), int(10 * seconds))
+    else:
+        advance(kept, max(kept, 1))
+
+
+class GaugeColumns:
+    """Force and its error at each frame, newtons; empty, and counted, where the gauge had none."""
+
+    NAMES = ("force_n", "force_error_n")
+
+    def __init__(self, log: ForceLog) -> None:
+        self._log, self._without = log, 0
+
+    def of(self, arrival: ReceivedFrame) -> tuple[str, str]:
+        """The columns of a frame."""
+        try:
+            found = force_then(self._log, arrival.arrived_s)
+        except GaugeError:
+            self._without += 1
+            return "", ""
+        return f"{found.force_n:.6f}", f"{found.error_n:.6f}"
+
+    def account(self) -> dict[str, Any]:
+        """What became of the gauge."""
+        return {"frames_without_force": self._without, **asdict(self._log.state())}
+
+
+def _print(
+    report: RecordingReport, folder: Path, acquisition: Acquisition, about: dict[str, Any], *, as_json: bool
+) -> None:
+    if as_json:
+        document = {"folder": str(folder.resolve()), "camera": acquisition.name, "recording": asdict(report)}
+        print_json(envelope("acquire", **document, **about))
+        return
+    console = people()
+    console.print(
+        f"{report.kept} frames in {report.seconds:.1f} s, {report.frames_per_s:.2f} a second; "
+        f"{report.missed} lost on the way, {report.overrun} that the disk did not take, "
+        f"{report.interruptions} interruptions"
+    )
+    gauge = about["gauge"]
+    if gauge is not None and (gauge["frames_without_force"] or gauge["error"]):
+        why = gauge["error"] or "its readings were late"
+        console.print(
+            f"Gauge: {gauge['frames_without_force']} frames without a force; {why}", markup=False, soft_wrap=True
+        )
+    if report.ended_by:
+        console.print(f"Ended early: {report.ended_by}", markup=False, soft_wrap=True)
+    console.print(f"Folder: {folder.resolve()}", markup=False, soft_wrap=True)
+    print_notice(console)

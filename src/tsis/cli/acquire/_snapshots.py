@@ -1,0 +1,142 @@
+"""Where ``tsis acquire --keep`` keeps a snapshot, beside its files."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+from tsis.calibration.guard import check_press, guard_reference, with_calibrated_scale
+from tsis.cli._force_gauge import force_then
+from tsis.cli._output import people, print_json, print_notice
+from tsis.cli._saving import stop_not_kept
+from tsis.errors import CameraError, TsisError
+from tsis.imaging import colour_map
+from tsis.instrument import save_snapshot
+from tsis.report import envelope
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tsis.calibration import UsableCalibration
+    from tsis.calibration.guard import GuardFlag
+    from tsis.cli._saving import Destination
+    from tsis.instrument import Frame, Snapshot
+    from tsis.instrument.acquisition import Acquisition, ReceivedFrame
+    from tsis.instrument.gauge import ForceLog
+
+
+ROLES = ("target", "plain", "untouched", "ball")  # those of tsis.records, whose libraries load when one is kept
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SnapshotDestination:
+    """Where a snapshot shall be kept, and as what.
+
+    Attributes
+    ----------
+    destination
+        The store.
+    role
+        What is pressed.
+    probe
+        Name of the probe, where no calibration tells it.
+    """
+
+    destination: Destination
+    role: str
+    probe: str = ""
+
+    def keep(self, sidecar: Path, calibration: UsableCalibration | None) -> dict[str, Any]:
+        """Store the snapshot of a sidecar; what a result says of it; `TsisError` when it could not be stored."""
+        from tsis.records.importing import keep_snapshot  # loads the libraries of records
+
+        with self.destination.opened() as store:
+            return keep_snapshot(store, sidecar, role=self.role, probe=self.probe, calibration=calibration)
+
+
+FRAME_S = 10.0  # for which a frame is waited
+
+
+def take_snapshot(
+    acquisition: Acquisition,
+    folder: Path,
+    *,
+    target: int,
+    picture: str,
+    map_name: str,
+    calibration: UsableCalibration | None,
+    log: ForceLog | None,
+    where: SnapshotDestination | None = None,
+    as_json: bool,
+) -> None:
+    """Save the next frame, and print where."""
+    arrival = _next(acquisition)
+    force = None if log is None else force_then(log, arrival.arrived_s)
+    image = arrival.frame.tactile_image(force_n=None if force is None else max(0.0, force.force_n))
+    flags = check_press(with_calibrated_scale(image, calibration), reference=guard_reference(calibration))
+    about: dict[str, Any] = {
+        "camera": acquisition.name,
+        "calibration": None if calibration is None else calibration.citation(),
+        "force": None if force is None else asdict(force),
+        "flags": [asdict(flag) for flag in flags],
+    }
+
+    when = datetime.now().astimezone()
+
+    def coloured(frame: Frame) -> NDArray[np.uint8]:
+        return colour_map(frame.tactile_image(), name=map_name)
+
+    saved = save_snapshot(
+        arrival.frame,
+        folder,
+        target=target,
+        when=when,
+        colour=coloured,
+        picture=picture,
+        about=about,
+    )
+    failure = None
+    if where is not None:
+        try:
+            about["kept"] = where.keep(saved.sidecar, calibration)
+        except TsisError as error:  # the files are there and stay
+            failure = error
+    _print(saved, arrival, flags, about, as_json=as_json)
+    if failure is not None:
+        stop_not_kept(failure, str(saved.sidecar.parent.resolve()))
+
+
+def _print(
+    saved: Snapshot, arrival: ReceivedFrame, flags: Sequence[GuardFlag], about: dict[str, Any], *, as_json: bool
+) -> None:
+    files = {name: str(path.resolve()) for name, path in asdict(saved).items()}
+    if as_json:
+        print_json(envelope("acquire", files=files, sequence=arrival.frame.sequence, **about))
+        return
+    console = people()
+    for name, file in files.items():
+        console.print(f"{name}: {file}", markup=False, soft_wrap=True)
+    if about["force"] is not None:
+        console.print(f"force: {about['force']['force_n']:.3f} N within {about['force']['error_n']:.3f} N")
+    for flag in flags:
+        console.print(f"- {flag.name}: {flag.advice}", markup=False, soft_wrap=True)
+    if "kept" in about:
+        from tsis.records import saved_notes  # loads the libraries of records, as keeping did
+
+        for note in saved_notes(about["kept"]):
+            console.print(note, markup=False, soft_wrap=True)
+    print_notice(console)
+
+
+def _next(acquisition: Acquisition) -> ReceivedFrame:
+    """The newest frame of a camera, the first of stored ones."""
+    if not acquisition.ring.wait(0, FRAME_S):
+        why = f": {acquisition.failure}" if acquisition.failure is not None else ""
+        raise CameraError(f"{acquisition.name} must bring a frame within {FRAME_S:g} s; got none{why}")
+    waiting, _, _ = acquisition.ring.read(0)
+    return waiting[0] if acquisition.ring.patient else waiting[-1]

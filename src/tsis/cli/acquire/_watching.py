@@ -1,0 +1,127 @@
+"""The press guard, live: what speaks against the press that the camera sees now."""
+
+from __future__ import annotations
+
+import signal
+import time
+from collections import Counter
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.live import Live
+from rich.markup import escape
+
+from tsis.calibration.guard import WatchState, press_watch
+from tsis.cli._groups import ended_by
+from tsis.cli._output import print_json, print_notice
+from tsis.report import envelope
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tsis.calibration import UsableCalibration
+    from tsis.calibration.guard import GuardFlag, PressWatch
+    from tsis.calibration.settling import Settling
+    from tsis.instrument.acquisition import Acquisition, ReceivedFrame
+    from tsis.instrument.gauge import ForceLog
+
+
+WAIT_S = 0.2
+FORCE_HOLDS_S = 1.0  # a reading older than this tells nothing of the press now
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Seen:
+    """What one frame showed."""
+
+    flags: tuple[GuardFlag, ...]
+    force_n: float | None
+    state: WatchState
+
+
+def watch_presses(
+    acquisition: Acquisition,
+    *,
+    seconds: float | None,
+    calibration: UsableCalibration | None,
+    log: ForceLog | None,
+    as_json: bool,
+) -> None:
+    """Print flags as they go up and come down, until Ctrl-C or so many seconds have passed."""
+    console = Console(stderr=as_json, highlight=False)
+    frames: Counter[str] = Counter()
+    watch: PressWatch | None = None
+    state, place, begun_s = WatchState(), 0, time.monotonic()
+    troubles = _Troubles(console)
+    with ended_by(signal.SIGINT) as ended, Live(console=console, transient=True, auto_refresh=False) as live:
+        while not ended.is_set() and not (seconds is not None and time.monotonic() - begun_s >= seconds):
+            arrivals, place = _newest(acquisition, place)
+            troubles.tell("camera", str(acquisition.failure or "") if acquisition.lost or acquisition.ended else "")
+            troubles.tell("gauge", "" if log is None else log.state().error)
+            if not arrivals and acquisition.ring.closed:
+                break
+            for arrival in arrivals:
+                watch = watch or press_watch(arrival.frame, calibration)
+                seen = _look(watch, state, arrival, log)
+                _tell(console.print, state.raised, seen.flags)
+                state = seen.state
+                frames.update(["frames", *(flag.name for flag in seen.flags)])
+                live.update(_line(acquisition, seen), refresh=console.is_terminal)
+    if as_json:
+        total = frames.pop("frames", 0)
+        print_json(envelope("acquire", frames=total, flagged={name: frames[name] for name in sorted(frames)}))
+        return
+    print_notice(console)
+
+
+def _newest(acquisition: Acquisition, place: int) -> tuple[tuple[ReceivedFrame, ...], int]:
+    """The newest frame, for a guard must not lag; of stored ones all. And where to look next."""
+    acquisition.ring.wait(place, WAIT_S)
+    arrivals, place, _ = acquisition.ring.read(place)
+    return arrivals if acquisition.ring.patient else arrivals[-1:], place
+
+
+class _Troubles:
+    """What is wrong with an instrument, told once when it begins and once when it ends."""
+
+    def __init__(self, console: Console) -> None:
+        self._console = console
+        self._told: dict[str, str] = {}
+
+    def tell(self, what: str, trouble: str) -> None:
+        if bool(trouble) != bool(self._told.get(what)):
+            self._told[what] = trouble
+            self._console.print(f"! {what}: {trouble or 'is back'}", markup=False, soft_wrap=True)
+
+
+def _look(watch: PressWatch, state: WatchState, arrival: ReceivedFrame, log: ForceLog | None) -> _Seen:
+    # The newest reading and not that of the frame's time, for which a guard would wait for the next one.
+    readings = () if log is None else log.readings(since_s=arrival.arrived_s - FORCE_HOLDS_S)
+    force = max(0.0, readings[-1].force_n) if readings else None
+    flags, after = watch.step(state, arrival.frame, force)
+    return _Seen(flags=flags, force_n=force, state=after)
+
+
+def _tell(say: Callable[..., None], before: frozenset[str], flags: tuple[GuardFlag, ...]) -> None:
+    for flag in flags:
+        if flag.name not in before:
+            say(f"+ {flag.name}: {flag.advice}", markup=False, soft_wrap=True)
+    for name in sorted(before - {flag.name for flag in flags}):
+        say(f"- {name}", markup=False)
+
+
+def _line(acquisition: Acquisition, seen: _Seen) -> str:
+    account = acquisition.account()
+    force = "" if seen.force_n is None else f", {seen.force_n:.2f} N"
+    still = _stillness(seen.state.settling)
+    names = ", ".join(flag.name for flag in seen.flags) or "nothing speaks against this press"
+    return escape(f"{account.frames_per_s:.1f} frames/s, {account.missed} lost{force}{still}: {names}")
+
+
+def _stillness(settling: Settling | None) -> str:
+    if settling is None:
+        return ""
+    if settling.settled:
+        return ", settled"
+    return ", moving" if settling.wait_s is None else f", wait {settling.wait_s:.0f} s"

@@ -1,0 +1,287 @@
+"""The person at the bench: asked for each step, and told what happens."""
+
+from __future__ import annotations
+
+import os
+import queue
+import sys
+import threading
+from dataclasses import replace
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+from rich.console import Console
+
+from tsis.calibration.force import TIPS_MM
+from tsis.calibration.session import DAYS, LiveBench, SessionFolder, SessionSetup
+from tsis.catalog import load_probe
+from tsis.cli._force_gauge import GaugeBaud, GaugeLatency, GaugePort, GaugeSends, GaugeUnit, gauge_log
+from tsis.cli._options import AsJson
+from tsis.cli._output import publish
+from tsis.cli.acquire import VIRTUAL, live_connector, wanted_settings
+from tsis.cli.calibrate._make import OUT, Days, Out, made
+from tsis.errors import CalibrationError, InputError
+from tsis.files import printable_path
+from tsis.instrument.acquisition import Acquisition
+from tsis.instrument.gauge import BAUD
+from tsis.model import LARGEST_SEED, require_number
+from tsis.virtual import VirtualBench, bench_name
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+
+    from tsis.calibration.session import CalibrationFrame, CalibrationStep
+
+
+class Operator:
+    """Takes a step's frames when the person says that all is ready.
+
+    Parameters
+    ----------
+    bench
+        Camera, and gauge where there is one.
+    console
+        Where to ask; answers come from standard input.
+    has_gauge
+        Whether forces are read by a gauge; else the person types them.
+    """
+
+    def __init__(self, bench: LiveBench, console: Console, *, has_gauge: bool) -> None:
+        self._bench, self._console, self._has_gauge = bench, console, has_gauge
+
+    def take(self, step: CalibrationStep) -> Iterator[CalibrationFrame] | None:
+        """The step's frames; None when the person leaves it out."""
+        hint = "Enter when ready" + (", s to leave it out: " if step.optional else ": ")
+        answer = self._answer(f"   {hint}").strip().lower()
+        if step.optional and answer == "s":
+            return None
+        if not step.is_loading:
+            return self._bench.still(step.frames)
+        return self._by_gauge() if self._has_gauge else self._by_hand()
+
+    def _by_gauge(self) -> Iterator[CalibrationFrame]:
+        """A frame every half second with its force, until Enter."""
+        answers: queue.SimpleQueue[InputError | None] = queue.SimpleQueue()
+
+        def wait() -> None:
+            try:
+                self._answer("   load now, slowly; Enter when it is back at 0: ")
+            except InputError as error:
+                answers.put(error)
+            else:
+                answers.put(None)
+
+        def over() -> bool:
+            if answers.empty():
+                return False
+            if (error := answers.get()) is not None:
+                raise error
+            return True
+
+        threading.Thread(target=wait, name="waiting for Enter", daemon=True).start()
+        return self._bench.loading(over)
+
+    def _by_hand(self) -> Iterator[CalibrationFrame]:
+        """A frame for each force that the person types."""
+        while True:
+            text = self._answer(
+                "   force in N that the gauge shows (begin with 0, untouched; Enter alone ends): "
+            ).strip()
+            if not text:
+                return
+            try:
+                yield self._bench.one(float(text.replace(",", ".")))
+            except ValueError as error:
+                self._console.print(
+                    f"   {error if isinstance(error, InputError) else 'that is no number'}", markup=False
+                )
+
+    def _answer(self, question: str) -> str:
+        self._console.print(question, end="", markup=False, soft_wrap=True)
+        line = _line()
+        if not line:
+            raise InputError("the guide needs answers on standard input, which has ended; run it in a terminal")
+        return line
+
+
+def _line() -> str:
+    """The next line of standard input; empty when there are no more.
+
+    Read past Python's buffer: while a thread waits in it for Enter, the program could not end after an error.
+    """
+    if sys.stdin is None:  # closed by who started the program
+        return ""
+    try:
+        source = sys.stdin.fileno()
+    except OSError:  # no file, but text that stands in for one
+        return sys.stdin.readline()
+    line = bytearray()
+    while not line.endswith(b"\n") and (byte := os.read(source, 1)):
+        line += byte
+    return line.decode(errors="replace")
+
+
+OPTIONS = {  # by the term that each one states
+    "name": "--name",
+    "pitch_mm": "--pitch-mm",
+    "pitch_sd_mm": "--pitch-sd-mm",
+    "gauge_share": "--gauge-share",
+    "patch_px": "--patch-px",
+    "tips_mm": "--tip-mm",
+    "repeats": "--repeats",
+}
+
+
+def begin(folder: SessionFolder, terms: SessionSetup, console: Console) -> None:
+    """Begin a session, or go on with the one in the folder.
+
+    Raises
+    ------
+    CalibrationError
+        When it was begun on other terms: what is calculated would be those, whatever the command says now.
+    """
+    if not folder.begun:
+        folder.begin(terms)
+        return
+    held = folder.terms()
+    if (held.probe, held.camera) != (terms.probe, terms.camera):
+        raise CalibrationError(
+            f"the session in {printable_path(folder.path)} must be of probe {terms.probe!r} and camera {terms.camera!r}; it is "
+            f"of {held.probe!r} and {held.camera!r} (choose another --session)"
+        )
+    if other := held.differing(terms):
+        raise CalibrationError(
+            f"the session in {printable_path(folder.path)} was begun with {_told(held, other)}; this command says "
+            f"{_told(terms, other)} (give the options that it was begun with, or choose another --session)"
+        )
+    if changed := held.changed_setting(terms.settings):
+        setting, value, now = changed
+        raise CalibrationError(
+            f"the session in {printable_path(folder.path)} was begun at {setting} = {value:g}; the camera is at {now:g} "
+            f"(--set {setting}={value:g}, or choose another --session)"
+        )
+    console.print(f"Going on with the session in {folder.path}; its terms hold.", markup=False, soft_wrap=True)
+
+
+def _told(terms: SessionSetup, names: Iterable[str]) -> str:
+    """Terms as one types them."""
+    return " ".join(_typed(OPTIONS[name], getattr(terms, name)) for name in names)
+
+
+def _typed(option: str, value: object) -> str:
+    if value is None:
+        return f"no {option}"
+    if option == "--patch-px" and isinstance(value, tuple):
+        return f"{option} {','.join(map(str, value))}"
+    each = value if isinstance(value, tuple) else (value,)
+    return " ".join(f"{option} {one!r}" if isinstance(one, str) else f"{option} {one:.12g}" for one in each)
+
+
+def guide(
+    *,
+    camera: Annotated[str, typer.Option(help="virtual, or SOURCE:ID as tsis acquire --list shows it.")] = VIRTUAL,
+    mode: Annotated[str | None, typer.Option(help="Mode as tsis acquire --modes shows it.")] = None,
+    setting: Annotated[
+        list[str] | None, typer.Option("--set", help="A camera setting, e.g. exposure_ms=10; repeatable.")
+    ] = None,
+    gauge: GaugePort = None,
+    gauge_unit: GaugeUnit = None,
+    gauge_baud: GaugeBaud = BAUD,
+    gauge_sends: GaugeSends = False,
+    gauge_latency_ms: GaugeLatency = 0.0,
+    gauge_share: Annotated[
+        float, typer.Option(help="Relative uncertainty of the gauge, from its certificate.")
+    ] = 0.001,
+    probe: Annotated[
+        str, typer.Option(help="Design of the probe, as the catalog names it; estimates need it.")
+    ] = "tsis-direct",
+    name: Annotated[str, typer.Option(help="What the calibration will be called.")] = "bench",
+    pitch_mm: Annotated[float, typer.Option(help="Pitch of the dot board, millimetres.")] = 2.5,
+    pitch_sd_mm: Annotated[float, typer.Option(help="Its standard uncertainty.")] = 0.0,
+    tip_mm: Annotated[
+        list[float] | None,
+        typer.Option(help="Radius of a tip of the loading machine; repeatable.", show_default="2, 10, 14"),
+    ] = None,
+    repeats: Annotated[int, typer.Option(help="Loadings of each tip.", min=1, max=20)] = 1,
+    patch_px: Annotated[
+        str | None, typer.Option(help="Where the lamps are seen past the probe: left,top,right,bottom in pixels.")
+    ] = None,
+    session: Annotated[
+        Path, typer.Option(help="Folder for the frames; with the same options a session in it goes on.")
+    ] = Path("tsis-calibration-frames"),
+    seed: Annotated[int, typer.Option(help="Seed of the virtual bench.", min=0, max=LARGEST_SEED)] = 4,
+    days: Days = DAYS,
+    out: Out = OUT,
+    as_json: AsJson = False,
+) -> None:
+    """Take the frames of every step, and make the calibration file.
+
+    Frames are kept as they come, a folder a step: whatever interrupts the session, it goes on with the step that was
+    not finished. Without --camera the virtual bench does every step by itself.
+    """
+    require_number("--days", days, 1, 3650)
+    folder, console = SessionFolder(session), Console(stderr=True, highlight=False)
+    terms = SessionSetup(
+        name=name,
+        probe=probe,
+        camera=camera,
+        pitch_mm=pitch_mm,
+        pitch_sd_mm=pitch_sd_mm,
+        gauge_share=gauge_share,
+        patch_px=None if patch_px is None else _box(patch_px),
+        tips_mm=tuple(tip_mm or TIPS_MM),
+        repeats=repeats,
+    )
+    if camera == VIRTUAL:
+        if gauge or gauge_unit or gauge_sends or mode or setting or patch_px:
+            raise InputError("--gauge, --mode, --set and --patch-px need --camera; the virtual bench has its own")
+        bench = VirtualBench(load_probe(probe), rng=np.random.default_rng(seed), pitch_mm=pitch_mm)
+        begin(folder, replace(terms, camera=bench_name(seed), patch_px=bench.patch_px), console)
+        console.print("The virtual bench does every step by itself; a person would be told:")
+        _take_steps(folder, bench.shots, console)
+    else:
+        make = live_connector(camera)
+        acquisition = Acquisition(make, mode=mode, settings=wanted_settings(make, None, setting or ()))
+        with (
+            gauge_log(gauge, unit=gauge_unit, baud=gauge_baud, sends=gauge_sends, latency_ms=gauge_latency_ms) as log,
+            acquisition,
+        ):
+            settings = {one.name: one.value for one in acquisition.settings()}
+            began = datetime.now(UTC).replace(microsecond=0)
+            begin(folder, replace(terms, camera=acquisition.name, settings=settings, began=began), console)
+            _take_steps(folder, Operator(LiveBench(acquisition, log), console, has_gauge=log is not None).take, console)
+    publish(made(folder, days=days), out, as_json=as_json)
+
+
+def _take_steps(
+    folder: SessionFolder, take: Callable[[CalibrationStep], Iterable[CalibrationFrame] | None], console: Console
+) -> None:
+    """Take the frames of every step that is not done."""
+    steps = folder.plan()
+    for number, step in enumerate(steps, start=1):
+        console.print(f"{number} of {len(steps)}, {step.name}: {step.instruction}", markup=False, soft_wrap=True)
+        if folder.done(step):
+            console.print("   done before")
+            continue
+        shots = take(step)
+        if shots is None:
+            console.print("   left out")
+            continue
+        try:
+            kept = folder.keep(step, shots)
+        except KeyboardInterrupt:
+            told = f"The steps before are kept in {folder.path}; the same command goes on with {step.name}."
+            console.print(told, markup=False, soft_wrap=True)
+            raise
+        console.print(f"   {kept} frames")
+
+
+def _box(text: str) -> tuple[int, int, int, int]:
+    try:
+        left, top, right, bottom = (int(part) for part in text.split(","))
+    except ValueError as error:
+        raise InputError(f"--patch-px must be left,top,right,bottom in pixels; got {text!r:.60}") from error
+    return left, top, right, bottom

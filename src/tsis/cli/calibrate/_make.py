@@ -1,0 +1,107 @@
+"""What every way to a calibration ends in: the file, a page, and the numbers on the terminal."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from tsis.calibration.file import CALIBRATION_FILE, calibration_bytes, calibration_sha256, read_calibration, to_plain
+from tsis.calibration.session import DAYS, SessionFolder, calibrate
+from tsis.cli._options import AsJson
+from tsis.cli._output import CommandOutcome, people, print_json, print_notice, publish
+from tsis.cli._progress import progress_bar
+from tsis.errors import CalibrationError
+from tsis.report import (
+    calibration_document,
+    calibration_notes,
+    calibration_report,
+    calibration_rows,
+    envelope,
+    held_rows,
+    measured_values,
+    specification_notes,
+    specification_rows,
+)
+
+
+def made(session: SessionFolder, *, days: float) -> CommandOutcome:
+    """Make the calibration of a session."""
+    with progress_bar("reading the frames") as advance:
+        known, findings = calibrate(session, days=days, progress=advance)
+    rows = calibration_rows(known, findings)
+    table = Table("quantity", "value", "95 % interval", title=escape(f"Calibration {known.name} of {known.probe}"))
+    for row in rows:
+        table.add_row(*(escape(cell) for cell in row))
+    provenance = {"session": str(session.path), "terms": to_plain(session.terms()), "sha256": calibration_sha256(known)}
+    return CommandOutcome(
+        document=calibration_document(known, findings, provenance=provenance),
+        page=calibration_report(known, findings, provenance=provenance),
+        tables=(table,),
+        notes=calibration_notes(known, findings),
+        files={CALIBRATION_FILE: calibration_bytes(known)},
+    )
+
+
+Days = Annotated[float, typer.Option(help="For how many days it will be good.")]
+Out = Annotated[Path, typer.Option(help="Folder to write; a number is added when it exists.")]
+OUT = Path("tsis-calibration")
+
+
+def make(
+    session: Annotated[Path, typer.Argument(help="Folder of a session, with the frames of each step.")],
+    *,
+    days: Days = DAYS,
+    out: Out = OUT,
+    as_json: AsJson = False,
+) -> None:
+    """Make the calibration file from the frames of a session."""
+    publish(made(SessionFolder(session), days=days), out, as_json=as_json)
+
+
+SHEET = ("quantity", "measured", "fingertip", "printed")
+
+
+def show(
+    calibration: Annotated[Path, typer.Argument(help="Calibration file.")],
+    *,
+    as_json: AsJson = False,
+) -> None:
+    """Show a calibration file; one that was changed since it was written is refused."""
+    known = read_calibration(calibration)
+    try:
+        known.require_usable(datetime.now(UTC))
+        refusal = ""
+    except CalibrationError as error:
+        refusal = str(error)
+    rows, sheet = held_rows(known), specification_rows(known)
+    if as_json:
+        print_json(
+            envelope(
+                "calibrate show",
+                sha256=calibration_sha256(known),
+                usable=not refusal,
+                refusal=refusal,
+                values=measured_values(known),
+                specification=[dict(zip(SHEET, row, strict=True)) for row in sheet],
+            )
+        )
+        return
+    console = people()
+    table = Table("quantity", "value", "95 % interval", title=escape(f"Calibration {known.name}"))
+    for row in rows:
+        table.add_row(*(escape(cell) for cell in row))
+    console.print(table)
+    if sheet:
+        printed = Table("quantity", "measured", "fingertip", "printed in the source", title="Specification sheet")
+        for line in sheet:
+            printed.add_row(*(escape(cell) for cell in line))
+        console.print(printed)
+        for note in specification_notes(known):
+            console.print(f"- {note}", markup=False)
+    console.print(refusal or "It may be used today.", markup=False)
+    print_notice(console)

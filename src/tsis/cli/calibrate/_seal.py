@@ -1,0 +1,36 @@
+"""``tsis calibrate seal``: values that a laboratory measured otherwise become a calibration file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tsis.calibration.file import CALIBRATION_FILE, read_handwritten_calibration, write_calibration
+from tsis.calibration.session import DAYS
+from tsis.cli._options import AsJson
+from tsis.cli._output import people, print_json, print_notice
+from tsis.cli.calibrate._make import Days
+from tsis.model import require_number
+from tsis.report import envelope
+
+
+def seal(
+    values: Annotated[Path, typer.Argument(help="JSON file with name, probe, response and what else is known.")],
+    *,
+    days: Days = DAYS,
+    out: Annotated[Path, typer.Option(help="Calibration file to write; it must not exist.")] = Path(CALIBRATION_FILE),
+    as_json: AsJson = False,
+) -> None:
+    """Check values written by hand, and write them as a calibration file with date, expiry and hash."""
+    require_number("--days", days, 1, 3650)
+    known = read_handwritten_calibration(values, days)
+    cited = write_calibration(known, out)
+    if as_json:
+        print_json(envelope("calibrate seal", file=str(out.resolve()), sha256=cited))
+        return
+    console = people()
+    console.print(f"Calibration: {out.resolve()}", markup=False, soft_wrap=True)
+    console.print(f"Good until {known.expires:%Y-%m-%d}; cited as {cited[:12]}")
+    print_notice(console)

@@ -1,0 +1,297 @@
+"""Tables and figures of ``tsis match bench``."""
+
+from __future__ import annotations
+
+import csv
+import io
+import shlex
+import sys
+from dataclasses import asdict
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
+
+import typer
+from matplotlib.figure import Figure
+from rich import box
+from rich.table import Table
+
+from tsis.cli._exit_codes import INTERRUPTED
+from tsis.cli._options import AsJson
+from tsis.cli._output import people, print_json, print_notice
+from tsis.cli._progress import progress_bar
+from tsis.errors import FileInputError, InputError
+from tsis.files import printable_path, write_durably
+from tsis.matching.trials import (
+    FAILURE_RMS,
+    FAMILIES,
+    LEVEL_LABELS,
+    OWN_METHODS,
+    PEERS,
+    RIVAL_METHODS,
+    BenchmarkMethod,
+    distorted_set,
+    hotel_set,
+    run_trials,
+    summarise,
+    summarise_pooled,
+)
+from tsis.model import require_one_of
+from tsis.plots import curves_over_levels
+from tsis.report import envelope, json_bytes
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from tsis.matching.trials import ErrorRatio, Family, Trial, TrialRow, TrialSummary
+
+
+HOTEL, HIDDEN_KIND = "hotel", "hidden"
+QUANTITIES: tuple[Literal["error", "failures", "seconds"], ...] = ("error", "failures", "seconds")
+COLUMNS = (
+    *("group", "level", "method", "trials", "median", "mean", "failures", "unannounced", "withheld", "refused"),
+    "seconds",
+    *("ratio", "ratio_low", "ratio_high", "rival"),
+)
+
+
+def pooled_tables(pooled: Sequence[TrialSummary]) -> list[Table]:
+    """One table a kind of trials, a line a method, narrow enough for any terminal."""
+    return [
+        _table(title, [each for each in pooled if each.group == title])
+        for title in dict.fromkeys(each.group for each in pooled)
+    ]
+
+
+def _table(kind: str, summaries: Sequence[TrialSummary]) -> Table:
+    unit = " / px" if kind.startswith(HIDDEN_KIND) else ""
+    title = f"{HOTEL}, {kind}" if unit else kind
+    table = Table(title=f"{title}: {summaries[0].trials} trials", box=box.SIMPLE_HEAD, padding=(0, 1), pad_edge=False)
+    table.add_column("method", no_wrap=True)
+    for head in (f"median{unit}", f"mean{unit}", "failed", "silent", "mean / best CPD", "time"):
+        table.add_column(head, justify="right", no_wrap=True)
+    for each in summaries:
+        table.add_row(
+            each.method,
+            f"{each.median:.4f}",
+            f"{each.mean:.4f}",
+            f"{each.failures:.0%}",
+            "-" if each.unannounced is None else f"{each.unannounced:.0%}",
+            ratio_text(each.ratio),
+            f"{1000 * each.seconds:.0f} ms",
+        )
+    return table
+
+
+def ratio_text(ratio: ErrorRatio | None) -> str:
+    """A ratio and its interval of 95 %.
+
+    Examples
+    --------
+    >>> ratio_text(None)
+    '-'
+    """
+    return "-" if ratio is None else f"{ratio.value:.2f} [{ratio.low:.2f}, {ratio.high:.2f}]"
+
+
+def bench_figures(levels: Sequence[TrialSummary]) -> dict[str, Figure]:
+    """One figure a kind of distortion: error, failures and time over the levels, a column a shape."""
+    groups = dict.fromkeys(each.group for each in levels)
+    kinds: dict[str, list[str]] = {}
+    for group in groups:
+        kinds.setdefault(HOTEL if group.startswith(HOTEL) else group.rsplit("/", 1)[-1], []).append(group)
+    return {kind: _figure(kind, members, levels) for kind, members in kinds.items()}
+
+
+def _figure(kind: str, groups: Sequence[str], levels: Sequence[TrialSummary]) -> Figure:
+    figure = Figure(figsize=(6.0 * len(groups), 11.0), layout="constrained")
+    axes = figure.subplots(len(QUANTITIES), len(groups), squeeze=False)
+    label, positions = _axis(kind, levels)
+    for column, group in enumerate(groups):
+        own = [each for each in levels if each.group == group]
+        for row, quantity in enumerate(QUANTITIES):
+            curves_over_levels(
+                own,
+                axes[row, column],
+                quantity=quantity,
+                positions=positions,
+                level_label=label,
+                unit="px" if kind == HOTEL else "",
+            )
+        axes[0, column].set_title(group)
+    axes[0, 0].legend(fontsize="x-small", ncols=2)
+    return figure
+
+
+def _axis(kind: str, levels: Sequence[TrialSummary]) -> tuple[str, dict[str, float]]:
+    """Name of the axis, and where each level lies on it."""
+    for family, (label, values) in LEVEL_LABELS.items():
+        if family == kind:
+            return label, {str(number): value for number, value in enumerate(values, start=1)}
+    return "separation / frames", {each.level: float(each.level) for each in levels}
+
+
+def write_results(
+    out: Path, document: Mapping[str, Any], levels: Sequence[TrialSummary], figures: Mapping[str, Figure]
+) -> None:
+    """Write result.json, summary.csv and the figures beside the rows.
+
+    Raises
+    ------
+    FileInputError
+        When the folder cannot be written.
+    """
+    files = {"result.json": json_bytes(document), "summary.csv": _csv(levels)}
+    for kind, figure in figures.items():
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format="png", dpi=120)
+        files[f"{kind}.png"] = buffer.getvalue()
+    try:
+        for name, content in files.items():
+            write_durably(out / name, content)
+    except OSError as error:
+        raise FileInputError(
+            f"{printable_path(out)} must be a folder that can be written; got: {error.strerror}"
+        ) from error
+
+
+def _csv(levels: Sequence[TrialSummary]) -> bytes:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for each in levels:
+        ratio = ["", "", ""] if each.ratio is None else [each.ratio.value, each.ratio.low, each.ratio.high]
+        shares = [each.failures, each.unannounced, each.withheld, each.refused]
+        numbers = [each.trials, each.median, each.mean, *shares, each.seconds]
+        writer.writerow([each.group, each.level, each.method, *numbers, *ratio, each.rival])
+    return text.getvalue().encode()
+
+
+ROWS = "rows.csv"
+HOTEL_FAILURE_PX = 5.0
+MEANING = (
+    f"RMS errors over all shapes and levels. Failed: above {FAILURE_RMS:g}, hotel above {HOTEL_FAILURE_PX:g} px; silent: "
+    "failed, and the method trusted its answer. Answers that it does not trust are judged, too, though tsis match "
+    "withholds them. Ratio of means to the best coherent point drift of each level, with "
+    "the bootstrap interval of 95 %."
+)
+
+
+def bench(
+    *,
+    data: Annotated[
+        Path | None,
+        typer.Option(metavar="FOLDER", help="Folder of the public trials and the hotel sequence."),
+    ] = None,
+    methods: Annotated[
+        str | None,
+        typer.Option(help=f"With commas: {', '.join((*OWN_METHODS, *PEERS))}.", show_default="all that are installed"),
+    ] = None,
+    families: Annotated[
+        str | None, typer.Option(help=f"With commas: {', '.join((*FAMILIES, HOTEL))}.", show_default="all at hand")
+    ] = None,
+    levels: Annotated[str | None, typer.Option(help="Levels from 1, with commas.", show_default="all")] = None,
+    shapes: Annotated[
+        str | None, typer.Option(help="Shapes, with commas; generated ones may be curve, strokes, spiral, surface, ...")
+    ] = None,
+    trials: Annotated[int, typer.Option(min=1, max=10_000, help="Trials a shape and level.")] = 10,
+    workers: Annotated[int, typer.Option(min=1, max=256, help="Processes; times are comparable with one alone.")] = 1,
+    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Of trials, shuffling and methods.")] = 0,
+    out: Annotated[Path | None, typer.Option(help="New folder for rows, tables and figures.", metavar="FOLDER")] = None,
+    resume: Annotated[bool, typer.Option("--resume", help="Go on with the rows in --out.")] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Judge the methods on trials with known matches: error, failures and time, beside the best coherent point drift.
+
+    Without --data shapes are generated and distorted as the public trials are. Files in --out are kept when the run is
+    interrupted; the same command with --resume goes on.
+    """
+    if resume and out is None:
+        raise InputError("--resume needs --out, the folder that it goes on in")
+    contenders = [BenchmarkMethod(name=name) for name in (methods.split(",") if methods else (*OWN_METHODS, *PEERS))]
+    absent = {each.name: each.absent() for each in contenders}
+    present = {each.name: each for each in contenders if not absent[each.name]}
+    if not present:
+        raise InputError(f"--methods must name one that can run here; {'; '.join(absent.values())}")
+    wanted = _trials(data, families, levels, shapes, trials, seed)
+    file = None if out is None else out / ROWS
+    try:
+        with progress_bar("Matching") as advance:
+            rows = run_trials(wanted, present, seed=seed, file=file, resume=resume, workers=workers, progress=advance)
+    except KeyboardInterrupt:
+        _stop_interrupted(out, resume=resume)
+    notes = [
+        f"{why}; left out: {', '.join(name for name in absent if absent[name] == why)}."
+        for why in dict.fromkeys(absent.values())
+        if why
+    ]
+    _publish(rows, out, notes, as_json=as_json)
+
+
+def _trials(
+    data: Path | None, families: str | None, levels: str | None, shapes: str | None, count: int, seed: int
+) -> list[Trial]:
+    chosen = families.split(",") if families else [*FAMILIES, *([HOTEL] if data is not None else [])]
+    for name in chosen:
+        require_one_of("family of trials", name, (*FAMILIES, HOTEL))
+    if HOTEL in chosen and data is None:
+        raise InputError("--families hotel needs --data, the folder of the sequence")
+    distorted: list[Family] = [family for family in FAMILIES if family in chosen]
+    found: list[Trial] = []
+    if distorted:
+        found += distorted_set(
+            data,
+            families=distorted,
+            shapes=shapes.split(",") if shapes else None,
+            levels=_whole_numbers(levels) if levels else None,
+            count=count,
+            seed=seed,
+        )
+    if HOTEL in chosen and data is not None:
+        found += hotel_set(data, count=count, seed=seed)
+    return found
+
+
+def _whole_numbers(text: str) -> list[int]:
+    try:
+        return [int(part) for part in text.split(",")]
+    except ValueError as error:
+        raise InputError(f"--levels must be whole numbers with commas between, as 1,3; got {text!r:.60}") from error
+
+
+def _stop_interrupted(out: Path | None, *, resume: bool) -> None:
+    again = " ".join(["tsis", *map(shlex.quote, sys.argv[1:]), *([] if resume else ["--resume"])])
+    said = "nothing was written" if out is None else f"finished trials are kept. Go on with: {again}"
+    typer.echo(f"Interrupted; {said}.", err=True)
+    sys.exit(INTERRUPTED)
+
+
+def _publish(rows: list[TrialRow], out: Path | None, notes: list[str], *, as_json: bool) -> None:
+    hotel = [row for row in rows if row.trial.startswith(HOTEL)]
+    plain = [row for row in rows if not row.trial.startswith(HOTEL)]
+    parts = [(part, limit) for part, limit in ((plain, FAILURE_RMS), (hotel, HOTEL_FAILURE_PX)) if part]
+    levels = [each for part, limit in parts for each in summarise(part, rivals=RIVAL_METHODS, failure=limit)]
+    pooled = [each for part, limit in parts for each in summarise_pooled(part, rivals=RIVAL_METHODS, failure=limit)]
+    refused = sum(bool(row.refused) for row in rows)
+    if refused:
+        notes.append(f"{refused} of {len(rows)} answers were refused or broke off and count as no movement at all.")
+    document = envelope(
+        "match bench",
+        failure={"distorted": FAILURE_RMS, HOTEL: HOTEL_FAILURE_PX},
+        pooled=[asdict(each) for each in pooled],
+        levels=[asdict(each) for each in levels],
+        notes=notes,
+    )
+    if out is not None:
+        write_results(out, document, levels, bench_figures(levels))
+    if as_json:
+        print_json(document if out is None else {**document, "folder": str(out.resolve())})
+        return
+    console = people()
+    for table in pooled_tables(pooled):
+        console.print(table)
+    console.print(MEANING)
+    for note in notes:
+        console.print(f"- {note}", markup=False)
+    if out is not None:
+        console.print(f"Figures: {out.resolve()}", soft_wrap=True, markup=False)
+    print_notice(console)

@@ -1,0 +1,146 @@
+"""``tsis match A B``: the points of one file moved onto those of another."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+from matplotlib.figure import Figure
+from rich.markup import escape
+from rich.table import Table
+
+from tsis.cli._options import AsJson
+from tsis.cli._output import people, print_json, print_notice
+from tsis.cli._progress import waiting
+from tsis.errors import FileInputError, InputError
+from tsis.files import printable_name, printable_path, write_durably
+from tsis.matching import METHODS, UNMATCHED, csv_text, read_points, register
+from tsis.model import require_one_of
+from tsis.plots import point_sets
+from tsis.report import envelope
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.matching import Registration
+
+
+def points(
+    source: Annotated[Path, typer.Argument(metavar="A", help="Points to move: CSV, NPY or PLY.")],
+    target: Annotated[Path, typer.Argument(metavar="B", help="Points to move them onto: CSV, NPY or PLY.")],
+    *,
+    method: Annotated[str, typer.Option(help=f"One of {', '.join(METHODS)}.")] = "tprl",
+    out: Annotated[
+        Path | None, typer.Option(help="New CSV file for the moved points, their matches and the trust in each.")
+    ] = None,
+    figure: Annotated[Path | None, typer.Option(help="New PNG file for a picture of before and after.")] = None,
+    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Of the method's chance, where it has any.")] = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Match the points of two files and move the first onto the second.
+
+    Files hold two or three coordinates a line, with or without a first line of names. Matches count rows from 0; -1 is
+    none.
+    """
+    require_one_of("method", method, METHODS)
+    for file in (out, figure):
+        _refuse_existing(file)
+    if out is not None and out == figure:
+        raise InputError(f"--out and --figure must be two files; got {printable_path(out)} for both")
+    first, second = read_points(source), read_points(target)
+    if first.shape[1] != second.shape[1]:
+        raise InputError(
+            f"both files must hold points of the plane or both of space; got {first.shape[1]} coordinates in "
+            f"{printable_path(source)} and {second.shape[1]} in {printable_path(target)}"
+        )
+    with waiting("matching"):
+        found = register(first, second, method=method, rng=np.random.default_rng(seed))
+    moved, matches = np.asarray(found.moved), np.asarray(found.matches)
+    if out is not None:
+        _write(out, csv_text(moved, match=matches, trust=found.trust).encode())
+    if figure is not None:
+        _write(figure, _picture(first, second, found, method))
+    _tell(source, target, first, second, found, method, seed, (out, figure), as_json=as_json)
+
+
+def _tell(
+    source: Path,
+    target: Path,
+    first: NDArray[np.float64],
+    second: NDArray[np.float64],
+    found: Registration,
+    method: str,
+    seed: int,
+    files: tuple[Path | None, Path | None],
+    *,
+    as_json: bool,
+) -> None:
+    matches = np.asarray(found.matches)
+    paired = matches != UNMATCHED
+    before, after = (_apart(each[paired], second[matches[paired]]) for each in (first, np.asarray(found.moved)))
+    if as_json:
+        names = {"out": files[0], "figure": files[1]}
+        document = envelope(
+            "match",
+            method=method,
+            seed=seed,
+            source={"name": printable_name(source), "points": len(first)},
+            target={"name": printable_name(target), "points": len(second)},
+            matched=int(paired.sum()),
+            rms_before=before,
+            rms_after=after,
+            confidence=found.confidence,
+            reliable=found.reliable,
+            matches=matches,
+            trust=found.trust,
+            moved=found.moved,
+            notes=list(found.notes),
+        )
+        print_json(document | {name: str(file) for name, file in names.items() if file is not None})
+        return
+    console = people()
+    title = escape(f"{printable_name(source)} ({len(first)} points) to {printable_name(target)} ({len(second)} points)")
+    table = Table("quantity", "value", title=title)
+    table.add_row("method", method)
+    table.add_row("matched points", f"{paired.sum()} of {len(first)}")
+    table.add_row("RMS distance of matched points, before", "-" if before is None else f"{before:.4g}")
+    table.add_row("RMS distance of matched points, after", "-" if after is None else f"{after:.4g}")
+    table.add_row("confidence", f"{found.confidence:.2f}, {'reliable' if found.reliable else 'not reliable'}")
+    console.print(table)
+    for note in found.notes:
+        console.print(f"- {note}", markup=False)
+    for file in files:
+        if file is not None:
+            console.print(f"Written: {file}", soft_wrap=True, markup=False)
+    print_notice(console)
+
+
+def _apart(points: NDArray[np.float64], others: NDArray[np.float64]) -> float | None:
+    return float(np.sqrt(((points - others) ** 2).sum(axis=1).mean())) if len(points) else None
+
+
+def _picture(first: NDArray[np.float64], second: NDArray[np.float64], found: Registration, method: str) -> bytes:
+    figure = Figure(figsize=(12.0, 6.0), layout="constrained")
+    before, after = figure.subplots(1, 2, subplot_kw={"projection": "3d"} if first.shape[1] == 3 else {})
+    point_sets(first, second, before, matches=found.matches).set_title("before, with the matches")
+    point_sets(found.moved, second, after, source_label="moved source").set_title(f"after {method}")
+    buffer = io.BytesIO()
+    figure.savefig(buffer, format="png", dpi=120)
+    return buffer.getvalue()
+
+
+def _refuse_existing(file: Path | None) -> None:
+    if file is not None and file.exists():
+        raise FileInputError(
+            f"{printable_path(file)} must be new, so that nothing is overwritten; it exists (choose another)"
+        )
+
+
+def _write(file: Path, content: bytes) -> None:
+    try:
+        write_durably(file, content)
+    except OSError as error:
+        raise FileInputError(f"{printable_path(file)} must be writable; got: {error.strerror or error}") from error

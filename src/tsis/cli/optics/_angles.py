@@ -1,0 +1,106 @@
+"""``tsis optics angles``: which light of the lamps stays in the probe, and which of it never reaches the face."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from typing import TYPE_CHECKING
+
+import numpy as np
+from rich.table import Table
+
+from tsis.cli._options import AimDeg, AsJson, HalfAngleDeg, LampHeightMm, ProbeGiven, given_lit_probe
+from tsis.cli._output import CommandResult, Out, show_result
+from tsis.optics import acceptance, layer_facing_lamp
+from tsis.report import envelope
+
+if TYPE_CHECKING:
+    from tsis.model import Led, Probe
+    from tsis.optics import Acceptance
+
+
+def angles(
+    *,
+    probe: ProbeGiven = "tsis-2011",
+    half_angle_deg: HalfAngleDeg = None,
+    height_mm: LampHeightMm = None,
+    aim_deg: AimDeg = None,
+    out: Out = None,
+    as_json: AsJson = False,
+) -> None:
+    """Critical and acceptance angles of the probe's layers, beside the angles of its lamps."""
+    chosen = given_lit_probe(probe, half_angle_deg, height_mm, aim_deg)
+    found = acceptance([layer.refractive_index for layer in chosen.layers] + [chosen.glass.refractive_index])
+    faced = [(led, layer_facing_lamp(chosen, led)) for led in chosen.leds if led.power > 0]
+    lamps = [
+        {**asdict(led), "height_mm": chosen.led_height_mm(led), "layer": layer, "widest_deg": _widest(led)}
+        for led, layer in faced
+    ]
+    notes = (*_limits(found), *_lamps(found, faced))
+    document = envelope("optics angles", probe=asdict(chosen), layers=asdict(found), leds=lamps)
+    show_result(CommandResult(document=document, tables=(_table(chosen, found),), notes=notes), out, as_json=as_json)
+
+
+def _widest(led: Led) -> float:
+    """Angle from the side wall's normal of the outermost ray of half intensity that meets the wall."""
+    return min(abs(led.aim_deg) + led.half_angle_deg, 90.0)
+
+
+def _name(layer: int, count: int) -> str:
+    return "glass" if layer == count - 1 else "layer 1, at the face" if layer == 0 else f"layer {layer + 1}"
+
+
+def _table(probe: Probe, found: Acceptance) -> Table:
+    table = Table(title=f"{probe.name}: light through the side wall, from air; angles in degrees")
+    for heading in ("layer", "n", "critical", "acceptance", "never reaches the face below", "of its angles"):
+        table.add_column(heading, justify="left" if heading == "layer" else "right")
+    for layer, index in enumerate(found.index):
+        blind = found.blind_deg[layer]
+        table.add_row(
+            _name(layer, len(found.index)),
+            f"{index:.4g}",
+            f"{found.critical_deg[layer]:.2f}",
+            f"{found.acceptance_deg[layer]:.2f}" + (" (all)" if found.unlimited[layer] else ""),
+            f"{blind:.2f}" if blind else "-",
+            f"{found.blind_share[layer]:.0%}" if blind else "-",
+        )
+    return table
+
+
+def _limits(found: Acceptance) -> list[str]:
+    low, high = found.acceptance_deg.min(), found.acceptance_deg.max()
+    count = len(found.index)
+    notes = []
+    if found.unlimited.any():
+        which = ", ".join(_name(layer, count) for layer in range(count) if found.unlimited[layer])
+        notes.append(f"n exceeds the square root of 2 in {which}: every ray that enters there from air stays.")
+    if high > 75:
+        notes.append(f"Acceptance is {low:.1f} to {high:.1f} degrees: it hardly limits the choice of a lamp.")
+    else:
+        notes.append(f"Acceptance is {low:.2f} to {high:.2f} degrees: lamps must keep within {low:.2f}.")
+    notes.extend(
+        f"Rays of n_eff between {found.index[:layer].min():g} and {found.index[layer]:g} never sense: light that "
+        f"enters {_name(layer, count)} within {found.blind_deg[layer]:.1f} degrees of the wall's normal never reaches "
+        f"the pressed face, {found.blind_share[layer]:.0%} of the angles at which rays stay in it."
+        for layer in np.flatnonzero(found.blind_deg).tolist()
+    )
+    return notes
+
+
+def _lamps(found: Acceptance, faced: list[tuple[Led, int]]) -> list[str]:
+    """One sentence for lamps that differ in nothing but their place around the probe."""
+    alike: dict[tuple[float, int], int] = {}
+    for led, layer in faced:
+        alike[_widest(led), layer] = alike.get((_widest(led), layer), 0) + 1
+    notes = []
+    for (widest, layer), count in alike.items():
+        accepts, name = found.acceptance_deg[layer], _name(layer, len(found.index))
+        verdict = (
+            f"within its acceptance of {accepts:.2f}: that cone stays in the probe."
+            if widest <= accepts
+            else f"beyond its acceptance of {accepts:.2f}: what enters further out leaks away."
+        )
+        blind = found.blind_deg[layer]
+        if widest <= blind:
+            verdict += f" But it lies within {blind:.1f} degrees and never reaches the face: aim or place it elsewhere."
+        notes.append(f"{count} lamp{'s' * (count > 1)} before {name}, half intensity at {widest:g} degrees, {verdict}")
+    return notes

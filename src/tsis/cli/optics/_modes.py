@@ -1,0 +1,161 @@
+"""``tsis optics modes``: guided modes of a layered slab."""
+
+from __future__ import annotations
+
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+from matplotlib.figure import Figure
+from rich.table import Table
+
+from tsis.cli._options import AsJson, numbers
+from tsis.cli._output import CommandResult, Out, show_result
+from tsis.cli._progress import waiting
+from tsis.errors import InputError
+from tsis.optics import guided_modes
+from tsis.optics.propagation import thin_guide
+from tsis.optics.slab import thickness_factor
+from tsis.plots import mode_profiles
+from tsis.report import envelope
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.optics import GuidedModes
+
+
+MOST_ROWS, MOST_CURVES = 50, 12
+
+
+class Polarization(StrEnum):
+    """Which field lies along the layers: the electric one (TE) or the magnetic one (TM)."""
+
+    TE = "TE"
+    TM = "TM"
+
+
+def modes(
+    *,
+    preset: Annotated[
+        str, typer.Option(help="realistic: PDMS on glass; dissertation: the printed indices; both 10 µm thick.")
+    ] = "realistic",
+    index: Annotated[
+        str | None, typer.Option(help="Refractive indices instead, from the pressed face up, with commas.")
+    ] = None,
+    thickness_um: Annotated[str | None, typer.Option(help="Thicknesses of these layers in µm, with commas.")] = None,
+    index_below: Annotated[float, typer.Option(help="Index below the pressed face.")] = 1.0,
+    index_above: Annotated[float, typer.Option(help="Index above the last layer.")] = 1.0,
+    wavelength_um: Annotated[float, typer.Option(help="Wavelength in vacuum, µm.")] = 0.55,
+    polarization: Polarization = Polarization.TE,
+    out: Out = None,
+    as_json: AsJson = False,
+) -> None:
+    """All guided modes of a stack of layers, and how many of them never reach the pressed face."""
+    if (index is None) != (thickness_um is None):
+        raise InputError("--index and --thickness-um must be given together; got one of them")
+    if index is not None and thickness_um is not None:
+        indices, thicknesses = numbers("--index", index), numbers("--thickness-um", thickness_um)
+    else:
+        guide = thin_guide(preset)
+        indices, thicknesses = guide.index.tolist(), guide.thickness_um.tolist()
+    with waiting("finding modes"):
+        found = guided_modes(
+            indices,
+            thicknesses,
+            wavelength_um=wavelength_um,
+            index_below=index_below,
+            index_above=index_above,
+            polarization=polarization.value,
+        )
+    blind = found.above(indices[0])
+    document = envelope(
+        "optics modes",
+        index=indices,
+        thickness_um=thicknesses,
+        index_below=index_below,
+        index_above=index_above,
+        wavelength_um=wavelength_um,
+        polarization=polarization.value,
+        count=len(found),
+        never_sensing=blind,
+        n_eff=found.n_eff,
+    )
+    answer = CommandResult(
+        document=document,
+        tables=(_table(found, indices[0]),) if len(found) else (),
+        notes=tuple(_notes(found, indices[0], blind)),
+        figures={"modes": lambda: _figure(found)} if len(found) else {},
+    )
+    show_result(answer, out, as_json=as_json)
+
+
+def _evenly(count: int, most: int) -> list[int]:
+    """At most ``most`` of the numbers below ``count``, the first and the last among them."""
+    picked: list[int] = np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(int)).tolist()
+    return picked
+
+
+def _parted(found: GuidedModes) -> NDArray[np.bool]:
+    """Modes that fade away somewhere between the pressed face and a layer in which they do not."""
+    index, n_eff = found.layers.index[1:-1], found.n_eff
+    apart = [(n_eff < index[layer]) & (n_eff > index[:layer].min()) for layer in range(1, len(index))]
+    return np.any(apart, axis=0) if apart else np.zeros(len(n_eff), dtype=bool)
+
+
+def _table(found: GuidedModes, face: float) -> Table:
+    parted = _parted(found)
+    shown = _evenly(len(found), MOST_ROWS)
+    part = "" if len(shown) == len(found) else f" ({len(shown)} of them shown)"
+    table = Table(title=f"{len(found)} guided {found.layers.polarization} modes{part}")
+    table.add_column("mode", justify="right")
+    table.add_column("n_eff", justify="right")
+    table.add_column("at the pressed face")
+    for mode in shown:
+        n_eff = found.n_eff[mode]
+        reaches = "fades away" if n_eff > face else "see its profile" if parted[mode] else "reaches it"
+        table.add_row(str(mode), f"{n_eff:.15f}", reaches)
+    return table
+
+
+def _notes(found: GuidedModes, face: float, blind: int) -> list[str]:
+    if not len(found):
+        factor = thickness_factor(found.layers)
+        return [
+            "Nothing is guided: the stack is below cut-off. "
+            f"Layers {factor:.4g} times as thick, or a wavelength shorter by that factor, would guide a mode; "
+            "so would equal indices below and above."
+        ]
+    surroundings = found.layers.surroundings
+    notes = [f"Every mode lies between {surroundings:g} and {found.layers.index.max():g}; none is missed."]
+    if blind:
+        notes.append(
+            f"{blind} of {len(found)} modes ({blind / len(found):.1%}) have n_eff above the face layer's {face:g}: "
+            "they fade away in it, are guided by the layers above it alone, and never sense what presses on the face."
+        )
+    apart = int(_parted(found).sum()) - blind
+    if apart > 0:
+        notes.append(
+            f"{apart} of {len(found)} modes fade away in a layer between the face and another that can hold them: "
+            "those on its far side never sense. Their profiles show which."
+        )
+    elif not blind:
+        notes.append("Every mode reaches the pressed face: nothing parts it from a layer that light can stay in.")
+    if len(found) > MOST_CURVES:
+        notes.append(f"A figure shows {MOST_CURVES} or fewer of the {len(found)} modes.")
+    return notes
+
+
+def _figure(found: GuidedModes) -> Figure:
+    figure = Figure(figsize=(8.0, 6.0), layout="constrained")
+    levels = np.linspace(found.n_eff[0], found.n_eff[-1], MOST_CURVES)
+    nearest = np.abs(found.n_eff - levels[:, np.newaxis]).argmin(axis=1)
+    shown: list[int] = np.unique(nearest).tolist()
+    ax = mode_profiles(found, figure.subplots(), shown=shown)
+    layers = found.layers
+    ax.set_title(
+        f"{len(shown)} of {len(found)} {layers.polarization} modes at {layers.wavelength_um:g} µm; "
+        "the pressed face is on the left"
+    )
+    return figure

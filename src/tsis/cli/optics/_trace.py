@@ -1,0 +1,203 @@
+"""``tsis optics trace``: where the light of the lamps goes, and what reaches the face."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from functools import partial
+from typing import TYPE_CHECKING, Annotated
+
+import numpy as np
+import typer
+from matplotlib.figure import Figure
+from rich.table import Table
+from scipy.optimize import brentq
+
+from tsis.cli._options import AimDeg, AsJson, HalfAngleDeg, LampHeightMm, ProbeGiven, given_lit_probe
+from tsis.cli._output import CommandResult, Out, show_result
+from tsis.cli._progress import progress_bar, waiting
+from tsis.errors import InputError, MechanicsError
+from tsis.mechanics.small_strain import indent
+from tsis.model import require_number
+from tsis.optics import acceptance
+from tsis.optics.rays import APERTURE, tip_press, trace_paths, trace_rays
+from tsis.plots import light_on_face, ray_picture
+from tsis.report import envelope
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tsis.model import PressField, Probe
+    from tsis.optics.rays import TracedLight
+
+
+LIGHTEST_N, HEAVIEST_N = 1e-3, 50.0  # forces among which one for a depth is looked for
+DEPTH_TOLERANCE = 0.02
+PICTURED_RAYS = 36
+WAYS = {
+    "missed": "misses the probe",
+    "reflected": "reflected at the side wall from outside",
+    "side": "out through the side wall",
+    "glass": "out through the glass, to the camera's side",
+    "face": "out of the face into air, lost by curvature",
+    "contact": "out through real contact",
+    "absorbed": "absorbed",
+    "cut_off": "in rays cut off, balance",
+}
+
+
+def trace(
+    *,
+    probe: ProbeGiven = "tsis-2011",
+    rays: Annotated[float, typer.Option(help="Rays to trace.")] = 1e6,
+    seed: Annotated[int, typer.Option(help="Seed of their starts.")] = 1,
+    tip_radius_mm: Annotated[
+        float | None, typer.Option(help="Press a rigid sphere of this radius; untouched if left out.")
+    ] = None,
+    force_n: Annotated[float | None, typer.Option(help="Force of the sphere in newtons; 1 if left out.")] = None,
+    depth_mm: Annotated[float | None, typer.Option(help="How deep the sphere sinks in mm, instead of a force.")] = None,
+    half_angle_deg: HalfAngleDeg = None,
+    height_mm: LampHeightMm = None,
+    aim_deg: AimDeg = None,
+    as_json: AsJson = False,
+    out: Out = None,
+) -> None:
+    """Trace the lamps' light through layers and glass: where it goes, and maps of it on the face."""
+    lit = given_lit_probe(probe, half_angle_deg, height_mm, aim_deg)
+    pressed = _pressed(lit, tip_radius_mm, force_n, depth_mm)
+    with progress_bar("tracing rays") as progress:
+        found = trace_rays(lit, pressed, rays=rays, seed=seed, progress=progress)
+    answer = CommandResult(
+        document=_document(lit, pressed, found, seed),
+        tables=(_table(lit, pressed, found),),
+        notes=_notes(lit, found),
+        figures=_figures(lit, pressed, found, seed),
+    )
+    show_result(answer, out, as_json=as_json)
+
+
+def _pressed(
+    probe: Probe, tip_radius_mm: float | None, force_n: float | None, depth_mm: float | None
+) -> PressField | None:
+    """The press of a sphere, by its force or by its depth."""
+    if tip_radius_mm is None:
+        if force_n is not None or depth_mm is not None:
+            raise InputError("--tip-radius-mm must be given with --force-n or --depth-mm; got none")
+        return None
+    if force_n is not None and depth_mm is not None:
+        raise InputError(f"--force-n or --depth-mm must be given, not both; got {force_n:g} N and {depth_mm:g} mm")
+    with waiting("pressing the sphere"):
+        if depth_mm is not None:
+            force_n = _force_for(probe, tip_radius_mm, depth_mm)
+        found = indent(probe, sphere_radius_mm=tip_radius_mm, force_n=1.0 if force_n is None else force_n)
+    return tip_press(
+        found.radius_mm,
+        found.face_displacement_mm,
+        contact_radius_mm=found.contact_radius_mm,
+        force_n=found.force_n,
+    )
+
+
+def _force_for(probe: Probe, tip_radius_mm: float, depth_mm: float) -> float:
+    """The force under which a sphere sinks so deep."""
+    require_number("depth_mm", depth_mm, 1e-3, probe.thickness_mm, hint="millimetres, less than the layers")
+
+    def depth(log_force: float) -> float | None:
+        """None where the force strains the probe beyond what the model describes."""
+        try:
+            return indent(probe, sphere_radius_mm=tip_radius_mm, force_n=float(np.exp(log_force))).depth_mm
+        except MechanicsError:
+            return None
+
+    def too_deep(log_force: float) -> float:
+        found = depth(log_force)
+        return probe.thickness_mm if found is None else found - depth_mm
+
+    lightest = depth(float(np.log(LIGHTEST_N)))
+    if lightest is None or lightest > depth_mm:
+        least = "more" if lightest is None else f"at least {lightest:.3g}, which {LIGHTEST_N:g} N give"
+        raise InputError(f"depth_mm must be {least} for this sphere; got {depth_mm:g} (give --force-n instead)")
+    force = brentq(too_deep, np.log(LIGHTEST_N), np.log(HEAVIEST_N), xtol=1e-4)
+    reached = depth(force - 1e-3)
+    if reached is None or abs(reached - depth_mm) > DEPTH_TOLERANCE * depth_mm:
+        most = "less" if reached is None else f"at most {reached:.3g}"
+        raise InputError(f"depth_mm must be {most} for this sphere, where small strain ends; got {depth_mm:g}")
+    return float(np.exp(force))
+
+
+def _table(probe: Probe, pressed: PressField | None, found: TracedLight) -> Table:
+    state = "untouched"
+    if pressed is not None:
+        state = f"under {pressed.force_n:.3g} N, {pressed.face_displacement_mm[0]:.3g} mm deep"
+    table = Table(title=f"{probe.name}, {state}: {found.rays:,} rays, {found.meetings:.2f} meetings each")
+    table.add_column("where the light goes")
+    table.add_column("share", justify="right")
+    table.add_column("standard error", justify="right")
+    for name, label in WAYS.items():
+        share, error = getattr(found.tally, name), getattr(found.standard_error, name)
+        table.add_row(label, f"{share:.4%}", f"{error:.4%}")
+    return table
+
+
+def _notes(probe: Probe, found: TracedLight) -> tuple[str, ...]:
+    entered = 1 - found.tally.missed - found.tally.reflected
+    share = found.out_of_reach / entered if entered > 0 else 0.0
+    seen = f"{found.into_camera:.1e} of the light leaves" if found.into_camera > 0 else "No ray left"
+    return (
+        f"{float(found.arriving.sum()):.2%} of the light meets the face from inside, counted at every meeting.",
+        *_reflected(probe),
+        f"{share:.2%} of what enters can never reach an undented face: it entered above a layer whose index is below "
+        "n sin(angle from the axis), as in glass above silicone.",
+        f"{seen} the glass within a numerical aperture of {APERTURE:g}: a camera that looks along the axis sees what "
+        "tissue scatters where light leaves through contact, not what a dent's curvature turns.",
+    )
+
+
+def _reflected(probe: Probe) -> tuple[str, ...]:
+    """What a flat face keeps in; a dome lets light out even where nothing dents it."""
+    if probe.face_curvature_mm is not None:
+        return ()
+    indices = [layer.refractive_index for layer in probe.layers] + [probe.glass.refractive_index]
+    limit = float(acceptance(indices).acceptance_deg.min())
+    return (f"Light up to {limit:.1f} degrees from the horizontal, in air, is totally reflected by an undented face.",)
+
+
+def _document(probe: Probe, pressed: PressField | None, found: TracedLight, seed: int) -> dict[str, object]:
+    return envelope(
+        "optics trace",
+        probe=asdict(probe),
+        seed=seed,
+        rays=found.rays,
+        force_n=None if pressed is None else pressed.force_n,
+        depth_mm=None if pressed is None else float(pressed.face_displacement_mm[0]),
+        tally=asdict(found.tally),
+        standard_error=asdict(found.standard_error),
+        into_camera=found.into_camera,
+        out_of_reach=found.out_of_reach,
+        meetings=found.meetings,
+        x_mm=found.x_mm,
+        y_mm=found.y_mm,
+        arriving=found.arriving,
+        lost=found.lost,
+        coupled=found.coupled,
+    )
+
+
+def _figures(
+    probe: Probe, pressed: PressField | None, found: TracedLight, seed: int
+) -> dict[str, Callable[[], Figure]]:
+    figures: dict[str, Callable[[], Figure]] = {"rays": partial(_picture, probe, pressed, seed)}
+    for what in ("arriving",) if pressed is None else ("arriving", "lost", "coupled"):
+        figures[f"light-{what}"] = partial(_map, found, what)
+    return figures
+
+
+def _picture(probe: Probe, pressed: PressField | None, seed: int) -> Figure:
+    figure = Figure(figsize=(8.0, 4.6), layout="constrained")
+    ray_picture(probe, trace_paths(probe, pressed, rays=PICTURED_RAYS, seed=seed), figure.subplots(), pressed=pressed)
+    return figure
+
+
+def _map(found: TracedLight, what: str) -> Figure:
+    figure = Figure(figsize=(6.4, 4.8), layout="constrained")
+    light_on_face(found, figure.subplots(), what=what)
+    return figure

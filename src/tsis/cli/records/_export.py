@@ -1,0 +1,141 @@
+"""``tsis records export``: a target as a report, tables, arrays, FHIR, DICOM or a bundle."""
+
+from __future__ import annotations
+
+import os
+import re
+from contextlib import ExitStack
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from tsis.cli._options import AsJson
+from tsis.cli._output import people, print_json, print_notice
+from tsis.cli._progress import waiting
+from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, TargetNumber, opened
+from tsis.errors import InputError
+from tsis.model import require_one_of
+from tsis.report import ENDINGS, MASKED, PAGES, envelope, require_absent, write_form
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tsis.records.dicom import DicomFile
+
+
+Identified = Annotated[
+    bool, typer.Option("--identified", help="Tell label, names and true times in fhir and dicom; masked otherwise.")
+]
+
+
+def export(
+    number: TargetNumber,
+    *,
+    forms: Annotated[
+        list[str], typer.Option("--format", help=f"Form: {', '.join(ENDINGS)}; repeat it for several at once.")
+    ],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="New file or folder; for several forms a new folder of them.", show_default="target-N with its ending"
+        ),
+    ] = None,
+    identified: Identified = False,
+    store: StoreFolder = None,
+    kind: StoreKind = PHANTOM,
+    database: StoreDatabase = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write a target for people and other programs; nothing is ever written over.
+
+    Several forms appear together or not at all. html and pdf are reports; csv, hdf5, zarr and bundle hold everything,
+    notes and names too; fhir and dicom mask names and times.
+    """
+    wanted = list(dict.fromkeys(part for each in forms for part in each.split(",")))
+    for form in wanted:
+        require_one_of("form of export", form, ENDINGS)
+    if identified and not set(wanted) & set(MASKED):
+        raise InputError(f"--identified is of {' and '.join(MASKED)}; the other forms mask nothing (leave it out)")
+    stem = f"target-{number}"
+    place = out or Path(stem if len(wanted) > 1 else f"{stem}{ENDINGS[wanted[0]]}")
+    require_absent(place)
+    with opened(store, kind, database) as records, waiting("writing"), ExitStack() as together:
+        dossier = records.dossier(records.target(number))
+        if set(wanted) - set(PAGES):  # which say what is missing
+            dossier.require_whole()
+        if len(wanted) == 1:
+            seal = write_form(wanted[0], dossier, place, identified=identified)
+        else:
+            from tsis.records.export import export_folder
+
+            draft, seal = together.enter_context(export_folder(place)), ""
+            for form in wanted:
+                seal += write_form(form, dossier, draft / f"{stem}{ENDINGS[form]}", identified=identified)
+    single = len(wanted) == 1
+    files = {form: str((place if single else place / f"{stem}{ENDINGS[form]}").resolve()) for form in wanted}
+    if as_json:
+        print_json(envelope("records export", target=number, files=files, bundle_sha256=seal or None))
+        return
+    console = people()
+    for form, file in files.items():
+        console.print(f"{form}: {file}", markup=False, soft_wrap=True)
+    if seal:
+        console.print(f"SHA-256 of the bundle, for its receiver: {seal}", markup=False, soft_wrap=True)
+    print_notice(console)
+
+
+TOKEN = "TSIS_DICOMWEB_TOKEN"
+ARCHIVE = re.compile(r"(?P<entity>[^@]+)@(?P<host>\[[0-9A-Fa-f:.]+\]|[^@:\s/]+):(?P<port>[0-9]{1,5})")
+
+
+def send(
+    number: TargetNumber,
+    *,
+    to: Annotated[
+        str,
+        typer.Option(help=f"AETITLE@host:port, or https://... of a DICOMweb service (its token in ${TOKEN})."),
+    ],
+    calling: Annotated[str, typer.Option(help="Name of this program as the archive knows it.")] = "TSIS",
+    plain_http: Annotated[
+        bool, typer.Option("--allow-plain-http", help="Send without encryption to another machine.")
+    ] = False,
+    timeout_s: Annotated[float, typer.Option(help="Seconds to wait for each answer.")] = 30.0,
+    identified: Identified = False,
+    store: StoreFolder = None,
+    kind: StoreKind = PHANTOM,
+    database: StoreDatabase = None,
+    as_json: AsJson = False,
+) -> None:
+    """Send frames and report of a target to a DICOM archive; needs the extra dicom.
+
+    Names and times are masked unless --identified is given. Sending the same again does no harm: it is the same to
+    the archive, too.
+    """
+    address = None if to.startswith(("http://", "https://")) else ARCHIVE.fullmatch(to)
+    if address is None and not to.startswith(("http://", "https://")):
+        raise InputError(f"--to must be AETITLE@host:port or the address of a DICOMweb service; got {to!r:.120}")
+    from tsis.records.dicom import c_store, dicom_files, stow_rs
+
+    with opened(store, kind, database) as records, waiting("sending"):
+        dossier = records.dossier(records.target(number))
+        dossier.require_whole()
+        files: Sequence[DicomFile] = dicom_files(dossier, identified=identified)
+        if address is not None:
+            stored = c_store(
+                files,
+                host=address["host"].strip("[]"),
+                port=int(address["port"]),
+                called_ae=address["entity"],
+                calling_ae=calling,
+                timeout_s=timeout_s,
+            )
+        else:
+            token = os.environ.get(TOKEN) or None
+            stored = stow_rs(files, url=to, token=token, timeout_s=timeout_s, allow_plain_http=plain_http)
+    if as_json:
+        print_json(envelope("records send", target=number, to=to, stored=list(stored)))
+        return
+    console = people()
+    console.print(f"{len(stored)} instances of target {number} are in the archive.", markup=False)
+    print_notice(console)

@@ -1,0 +1,134 @@
+"""``tsis records import``: snapshots, recordings, demo folders, bundles and image files into a store."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from dataclasses import replace
+from datetime import datetime
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Self
+
+import typer
+
+from tsis.cli._options import AsJson, scale_of
+from tsis.cli._output import people, print_json, print_notice
+from tsis.cli._progress import progress_bar, waiting
+from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, is_there, opened, target_number
+from tsis.report import entered_text, envelope
+
+if TYPE_CHECKING:
+    from tsis.calibration.file import ProbeCalibration
+    from tsis.records.importing import Entered
+    from tsis.records.store import Store
+
+
+NEW = "new"
+
+
+def import_(
+    paths: Annotated[list[Path], typer.Argument(help="Folders that tsis wrote, bundles, sidecars, image files.")],
+    *,
+    target: Annotated[
+        str | None,
+        typer.Option(help="Number of the target, or new.", show_default="that of the files, else new"),
+    ] = None,
+    role: Annotated[str, typer.Option(help="What was pressed: target, plain, untouched or ball.")] = "target",
+    force_n: Annotated[
+        list[float] | None, typer.Option(help="Force in newtons of image files: one for all, or one for each.")
+    ] = None,
+    scale_mm: Annotated[
+        str | None, typer.Option(help="Millimetres per pixel on the face: one number, or x,y when they differ.")
+    ] = None,
+    calibration: Annotated[Path | None, typer.Option(help="Calibration file that the frames belong to.")] = None,
+    probe: Annotated[str, typer.Option(help="Name of the probe.", show_default="the calibration's")] = "",
+    taken: Annotated[
+        datetime | None, typer.Option(help="When image files were taken.", show_default="when each was written")
+    ] = None,
+    store: StoreFolder = None,
+    kind: StoreKind = PHANTOM,
+    database: StoreDatabase = None,
+    as_json: AsJson = False,
+) -> None:
+    """Take frames into a store, each once: what they come with is verified before anything is stored.
+
+    What is there already is passed over, so an import that was cut short goes on when it is repeated. The estimate of
+    a demo folder is made again from its frames; a bundle brings its own.
+    """
+    from tsis.calibration.file import read_calibration
+    from tsis.records.importing import Entering, ImportOptions, enter, find_import_batches, require_enterable
+
+    number = None if target in (None, NEW) else target_number(str(target))
+    given = ImportOptions(
+        role=role,
+        force_n=tuple(force_n or ()),
+        mm_per_pixel=None if scale_mm is None else scale_of(scale_mm),
+        probe=probe,
+        calibration=None if calibration is None else read_calibration(calibration),
+        taken=None if taken is None else taken.astimezone(),
+    )
+    with _Calibrations(store, kind, database) as calibrations, waiting("looking through what there is"):
+        looked = find_import_batches(paths, replace(given, calibration_of=calibrations.of))
+    require_enterable(looked, kind, number)  # before a store is made for them
+    with opened(store, kind, database, create=True) as records:
+        tally = Entering()
+        try:
+            with progress_bar("storing") as advance:
+                entered = enter(records, looked, target=number, apart=target == NEW, tally=tally, progress=advance)
+        except KeyboardInterrupt:
+            typer.echo(f"Import: {tally.sentence}.", err=True)
+            raise
+        place = str(records.folder.resolve())
+    if as_json:
+        print_json(envelope("records import", store=place, imported=[_document(each) for each in entered]))
+        return
+    console = people()
+    for each in entered:
+        console.print(_line(each), markup=False, soft_wrap=True)
+        for note in each.batch.notes:
+            console.print(f"- {note}", markup=False, soft_wrap=True)
+    console.print(f"Store: {place}", markup=False, soft_wrap=True)
+    print_notice(console)
+
+
+class _Calibrations:
+    """Those that files cite, from a store that is opened when the first is asked for, and only where there is one."""
+
+    def __init__(self, folder: Path | None, kind: str, database: str | None) -> None:
+        self._chosen = folder, kind, database
+        self._store: Store | None = None
+        self._found: dict[str, ProbeCalibration | None] = {}
+        self._until = ExitStack()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._until.close()
+
+    def of(self, cited: str) -> ProbeCalibration | None:
+        """The calibration of that identity; None where it is not there, `RecordsError` when it is damaged."""
+        from tsis.records.importing import stored_calibration
+
+        if cited not in self._found:
+            if self._store is None and is_there(*self._chosen):
+                self._store = self._until.enter_context(opened(*self._chosen))
+            self._found[cited] = None if self._store is None else stored_calibration(self._store, cited)
+        return self._found[cited]
+
+
+def _line(each: Entered) -> str:
+    words = entered_text(each.target, new=each.new, added=each.added, present=each.present, estimates=each.estimates)
+    return f"{each.batch.kind} in {each.batch.source}: {words}"
+
+
+def _document(each: Entered) -> dict[str, Any]:
+    return {
+        "source": str(each.batch.source),
+        "kind": each.batch.kind,
+        "target": each.target.number,
+        "new": each.new,
+        "added": each.added,
+        "present": each.present,
+        "estimates": each.estimates,
+        "notes": list(each.batch.notes),
+    }

@@ -1,0 +1,142 @@
+"""``tsis records recompute``: stored estimates made again with the code of today."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from tsis.cli._options import AsJson
+from tsis.cli._output import people, print_json, print_notice
+from tsis.cli._progress import progress_bar
+from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, opened
+from tsis.errors import InputError, TsisError
+from tsis.report import (
+    envelope,
+    recomputation_document,
+    recomputation_notes,
+    shift_table,
+    store_verification_document,
+    stored_sentence,
+    verdict,
+    verification_notes,
+)
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+    from tsis.records import Recomputation, Target
+    from tsis.records.store import Store
+
+
+FAILED = 1  # exit code when the estimates of a target could not be made again
+
+
+def recompute(
+    number: Annotated[int | None, typer.Argument(metavar="[N]", help="Number of the target.")] = None,
+    *,
+    every: Annotated[bool, typer.Option("--all", help="Every target that has an estimate.")] = False,
+    dry_run: Annotated[bool, typer.Option("--dry-run", help="Say what would change and store nothing.")] = False,
+    store: StoreFolder = None,
+    kind: StoreKind = PHANTOM,
+    database: StoreDatabase = None,
+    as_json: AsJson = False,
+) -> None:
+    """Make estimates again from the stored frames, say what changed and why, and store those that came out otherwise.
+
+    The old estimate stays: the new one says that it supersedes it. A calibration that has expired since is used as it
+    was then.
+    """
+    if (number is None) != every:
+        raise InputError("give the number of a target, or --all for every one")
+    with opened(store, kind, database) as records:
+        wanted = _wanted(records) if number is None else [records.target(number)]
+        found, failed = _recomputed(records, wanted, dry_run=dry_run, alone=not every)
+    if as_json:
+        documents = [recomputation_document(target, each) for target, each in found]
+        failures = [{"target": number, "reason": reason} for number, reason in failed]
+        print_json(envelope("records recompute", dry_run=dry_run, estimates=documents, failed=failures))
+    else:
+        console = people()
+        for target, each in found:
+            _show(console, target, each)
+        for number, reason in failed:
+            console.print(f"Target {number} could not be estimated again: {reason}", markup=False, soft_wrap=True)
+        if not found and not failed:
+            console.print("No target of this store has an estimate.")
+        print_notice(console)
+    if failed:
+        raise typer.Exit(FAILED)
+
+
+def _wanted(records: Store) -> list[Target]:
+    return [each.target for each in records.targets() if each.estimates]
+
+
+def _recomputed(
+    records: Store, targets: list[Target], *, dry_run: bool, alone: bool
+) -> tuple[list[tuple[Target, Recomputation]], list[tuple[int, str]]]:
+    """What came out, and which targets failed; of one that was named alone the error itself."""
+    from tsis.records import recompute as again
+
+    found: list[tuple[Target, Recomputation]] = []
+    failed: list[tuple[int, str]] = []
+    what = "solving the press for this probe (kept for next time)" if alone else "estimating again"
+    with progress_bar(what) as advance:
+        for done, target in enumerate(targets):
+            if not alone:
+                advance(done, len(targets))
+            try:
+                made = again(records, target, dry_run=dry_run, progress=advance if alone else None)
+            except TsisError as error:
+                if alone:
+                    raise
+                failed.append((target.number, str(error)))
+            else:
+                found += [(target, each) for each in made]
+    return found, failed
+
+
+def _show(console: Console, target: Target, each: Recomputation) -> None:
+    console.print(f"Target {target.number}, {each.before.kind}: {each.sentence}", markup=False, soft_wrap=True)
+    for note in recomputation_notes(each):
+        console.print(f"- {note}", markup=False, soft_wrap=True)
+    if each.same:
+        return
+    shifts = shift_table(each)
+    table = Table(*shifts.headings)
+    for row in shifts.rows:
+        table.add_row(*(escape(cell) for cell in row))
+    console.print(table)
+    console.print(stored_sentence(each), markup=False)
+
+
+UNSOUND = 1  # exit code of a store that is not as it was stored
+
+
+def verify(
+    *,
+    store: StoreFolder = None,
+    kind: StoreKind = PHANTOM,
+    database: StoreDatabase = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compare every row and file of a store with its audit; exit code 1 and a list of faults when they differ."""
+    from tsis.records.store import verify_store as verification
+
+    with opened(store, kind, database) as records, progress_bar("reading every file") as advance:
+        found = verification(records, progress=advance)
+    if as_json:
+        print_json(envelope("records verify", **store_verification_document(found)))
+    else:
+        console = people()
+        for fault in found.faults:
+            console.print(f"- {fault}", markup=False, soft_wrap=True)
+        console.print(verdict(found))
+        for note in verification_notes(found):
+            console.print(note, markup=False, soft_wrap=True)
+        print_notice(console)
+    if not found.sound:
+        raise typer.Exit(UNSOUND)

@@ -1,0 +1,159 @@
+"""``tsis records list``: the targets of a store."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from tsis.cli._options import AsJson
+from tsis.cli._output import estimate_table, people, print_json, print_notice
+from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, TargetNumber, opened
+from tsis.report import envelope, estimate_document, estimate_messages
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from tsis.calibration.file import ProbeCalibration
+    from tsis.records import StoredEstimate, StoredPress, TargetRecord
+    from tsis.records.store import TargetSummary
+
+
+def list_targets(
+    *,
+    store: StoreFolder = None,
+    kind: StoreKind = PHANTOM,
+    database: StoreDatabase = None,
+    as_json: AsJson = False,
+) -> None:
+    """List the targets of a store: how often each was pressed and estimated, and when last."""
+    with opened(store, kind, database) as records:
+        found, place = records.targets(), str(records.folder.resolve())
+    if as_json:
+        print_json(envelope("records list", store=place, kind=kind, targets=[_document(each) for each in found]))
+        return
+    console = people()
+    table = Table("number", "name", "presses", "estimates", "last press (UTC)", title=escape(f"Targets ({kind}s)"))
+    for each in found:
+        last = "never" if each.last is None else f"{each.last:%Y-%m-%d %H:%M}"
+        cells = (str(each.target.number), each.target.name, str(each.presses), str(each.estimates), last)
+        table.add_row(*(escape(cell) for cell in cells))
+    console.print(table if found else "The store is empty; tsis records import and --keep fill it.")
+    console.print(f"Store: {place}", markup=False, soft_wrap=True)
+    print_notice(console)
+
+
+def _document(each: TargetSummary) -> dict[str, Any]:
+    target = each.target
+    return {
+        "number": target.number,
+        "name": target.name,
+        "id": target.id,
+        "presses": each.presses,
+        "estimates": each.estimates,
+        "last": None if each.last is None else each.last.isoformat(),
+    }
+
+
+SHORT = 8  # letters of an identity that are shown; any that are unique will do to name a press
+MOST_SHOWN, MOST_OFFSET = 100_000, 10**12
+
+
+def show(
+    number: TargetNumber,
+    *,
+    limit: Annotated[int, typer.Option(help="Most presses to show.", min=1, max=MOST_SHOWN)] = 50,
+    offset: Annotated[int, typer.Option(help="How many presses to leave out before.", min=0, max=MOST_OFFSET)] = 0,
+    store: StoreFolder = None,
+    kind: StoreKind = PHANTOM,
+    database: StoreDatabase = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show a target: its presses, the estimates in force with their intervals, calibrations and history."""
+    with opened(store, kind, database) as records:
+        target = records.target(number)
+        total = records.press_count(target)
+        dossier = records.dossier(target, limit=limit, offset=offset)
+    presses, estimates = dossier.presses, dossier.estimates
+    if as_json:
+        print_json(_target_document(dossier, total))
+        return
+    console = people()
+    name = f" {target.name}" if target.name else ""
+    console.print(f"Target {target.number}{name} ({target.kind}), version {target.version}", markup=False)
+    if target.note:
+        console.print(target.note, markup=False)
+    console.print(_presses(presses, total, offset))
+    for stored in sorted(dossier.in_force, key=lambda each: each.made, reverse=True):
+        found = stored.estimate
+        truth = target.truth if set(found.samples) <= set(target.truth) else None
+        console.print(estimate_table(found, title=f"Estimate in force: {stored.kind}, {stored.probe}", truth=truth))
+        for sentence in estimate_messages(found):
+            console.print(f"- {sentence}", markup=False)
+        console.print(f"Flags: {', '.join(found.flags) or 'none'}", markup=False)
+    for sentence in dossier.damaged:
+        console.print(f"- Left out: {sentence}", markup=False)
+    if not estimates:
+        console.print("No estimate yet.")
+    for identity, known in dossier.calibrations.items():
+        console.print(f"Calibration {known.name} ({identity[:12]}), good until {_until(known)}", markup=False)
+    if estimates:
+        console.print(_history(estimates))
+    print_notice(console)
+
+
+def _presses(presses: Sequence[StoredPress], total: int, offset: int) -> Table:
+    shown = f"{offset + 1} to {offset + len(presses)} of {total}" if presses else f"none shown of {total}"
+    table = Table("press", "role", "taken (UTC)", "force (N)", "name", "flags", title=f"Presses, {shown}")
+    for press in presses:
+        force = "" if press.force_n is None else f"{press.force_n:.3g}"
+        cells = (press.id[:SHORT], press.role, f"{press.taken:%Y-%m-%d %H:%M:%S}", force, press.name)
+        table.add_row(*(escape(cell) for cell in (*cells, ", ".join(press.flags))))
+    return table
+
+
+def _history(estimates: Sequence[StoredEstimate]) -> Table:
+    table = Table("estimate", "kind", "made (UTC)", "code", "trusted", "supersedes", title="Estimates")
+    for stored in estimates:
+        code = str(stored.environment.get("code_sha256", ""))[:SHORT]
+        trusted = "yes" if stored.estimate.trusted else "no"
+        made = f"{stored.made:%Y-%m-%d %H:%M:%S}"
+        table.add_row(stored.id[:SHORT], stored.kind, made, code, trusted, (stored.supersedes or "")[:SHORT])
+    return table
+
+
+def _until(known: ProbeCalibration) -> str:
+    return "it is replaced (simulated)" if known.expires is None else f"{known.expires:%Y-%m-%d}"
+
+
+def _target_document(dossier: TargetRecord, total: int) -> dict[str, Any]:
+    from tsis.records import press_to_plain, target_to_plain
+
+    truth = dict(dossier.target.truth)
+    made = [
+        _estimate(stored, truth if set(stored.estimate.samples) <= set(truth) else None) for stored in dossier.estimates
+    ]
+    return envelope(
+        "records show",
+        target=target_to_plain(dossier.target),
+        presses=[press_to_plain(press) for press in dossier.presses],
+        presses_in_all=total,
+        estimate=made[-1] if made else None,
+        in_force=[stored.id for stored in dossier.in_force],
+        history=made[:-1],
+        calibrations=[
+            {"sha256": identity, "name": known.name, "until": _until(known)}
+            for identity, known in dossier.calibrations.items()
+        ],
+        damaged=list(dossier.damaged),
+    )
+
+
+def _estimate(stored: StoredEstimate, truth: Mapping[str, float] | None) -> dict[str, Any]:
+    from tsis.records import estimate_to_plain
+
+    plain = estimate_to_plain(stored)
+    made = plain.pop("estimate")
+    return {**plain, **estimate_document(stored.estimate, truth), "provenance": made["provenance"]}

@@ -1,0 +1,112 @@
+"""``tsis study analyse``: the truth, once, and what the readings say beside it."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.box import SIMPLE_HEAD
+from rich.markup import escape
+from rich.table import Table
+
+from tsis.cli._options import AsJson
+from tsis.cli._output import people, print_json, print_notice
+from tsis.cli._progress import progress_bar
+from tsis.cli.study._new import StudyFolder
+from tsis.errors import InputError
+
+if TYPE_CHECKING:
+    from tsis.study import Study
+    from tsis.study.analysis import DeviceAnalysis
+
+
+def analyse(
+    folder: StudyFolder,
+    *,
+    by: Annotated[str, typer.Option(help="Who unblinds and analyses it.")],
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="Folder to write; a number is added when it exists.", show_default="analysis in the study's folder"
+        ),
+    ] = None,
+    yes: Annotated[bool, typer.Option("--yes", help="Unblind without asking.")] = False,
+    incomplete: Annotated[
+        bool, typer.Option("--incomplete", help="Unblind though a device has not read every target.")
+    ] = False,
+    as_json: AsJson = False,
+) -> None:
+    """Unblind a study, once and for all, and write what it says: report.html, report.pdf, analysis.json, readings.csv.
+
+    After that no reading is taken any more. A study that is unblinded already is analysed again.
+    """
+    from tsis.report.study import PAGE, few_notes, publish_study, record_notes, study_document, undecided_notes
+    from tsis.study import open_study
+
+    study = open_study(folder)
+    if study.unblinded is None:
+        _require_whole(study, incomplete=incomplete)
+        if not yes:
+            _ask(study, as_json=as_json)
+    with progress_bar("analysing devices") as advance:
+        done = publish_study(study, by=by, out=out, progress=advance)
+    found = done.analysis
+    if as_json:
+        print_json({**study_document(found), "folder": str(done.folder), "head": done.study.chain.head})
+        return
+    console = people()
+    for one in found.devices:
+        console.print(_table(one))
+    for note in (
+        *record_notes(found),
+        *(note for one in found.devices for note in (*few_notes(one), *undecided_notes(one))),
+    ):
+        console.print(f"- {note}", markup=False, soft_wrap=True)
+    console.print(f"Head with this analysis: {done.study.chain.head}", soft_wrap=True)
+    console.print(f"Page: {done.folder / PAGE}", markup=False, soft_wrap=True)
+    print_notice(console)
+
+
+def _require_whole(study: Study, *, incomplete: bool) -> None:
+    for device in study.devices:
+        read = {reading.code for reading in study.readings if reading.device == device}
+        left = len(study.plan.codes) - len(read)
+        if left and not incomplete:
+            raise InputError(
+                f"every target must be read before a study is unblinded; {device!r:.60} lacks {left} of "
+                f"{len(study.plan.codes)} (read on, or give --incomplete)"
+            )
+
+
+def _ask(study: Study, *, as_json: bool) -> None:
+    if as_json or not sys.stdin.isatty():
+        raise InputError("--yes must be given to unblind a study where nobody can be asked")
+    from tsis.study import verify_study
+
+    for fault in verify_study(study.folder).faults:
+        typer.echo(f"Not as it was written: {fault}", err=True)
+    question = (
+        f"Unblind study {study.plan.name} with {len(study.readings)} readings? It is entered, and no reading is taken "
+        "after it."
+    )
+    if not typer.confirm(question, err=True):
+        typer.echo("Nothing was unblinded.", err=True)
+        raise typer.Exit(1)
+
+
+def _table(one: DeviceAnalysis) -> Table:
+    from tsis.report.study import ends, method_of, share, share_ends
+
+    table = Table("", "value", "95 % interval", "method", box=SIMPLE_HEAD, show_edge=False, title_justify="left")
+    table.title = escape(one.judged.device)
+    counts = one.counts
+    if counts is not None and counts.present:
+        table.add_row("sensitivity", share(counts.sensitivity), share_ends(counts.sensitivity), "Wilson")
+    if counts is not None and counts.absent:
+        table.add_row("specificity", share(counts.specificity), share_ends(counts.specificity), "Wilson")
+    if one.curve is not None:
+        interval = one.auc_interval
+        table.add_row("area under the curve", f"{one.curve.auc:.3f}", ends(interval), method_of(interval))
+    return table

@@ -1,0 +1,166 @@
+"""``tsis study plan``: where to press to search an area, and what that cannot miss."""
+
+from __future__ import annotations
+
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.table import Table
+
+from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.catalog import load_probe
+from tsis.cli._options import AsJson, ProbeName
+from tsis.cli._output import CommandResult, Out, show_result
+from tsis.errors import InputError
+from tsis.report import envelope
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+    from tsis.detection.search import ReachTable, ScanPlan
+
+
+def plan(
+    *,
+    width_mm: Annotated[float, typer.Option(help="Width of the area, across the strips, mm.")],
+    height_mm: Annotated[float, typer.Option(help="Height of the area, along the strips, mm.")],
+    probe: ProbeName = "tsis-domed",
+    spacing_mm: Annotated[float | None, typer.Option(help="Largest distance of neighbouring presses, mm.")] = None,
+    overlap: Annotated[
+        float | None, typer.Option(help="Or by how much of the face's diameter neighbours overlap, 0 to 0.95.")
+    ] = None,
+    reach_mm: Annotated[
+        float | None, typer.Option(help="Or how far beside the axis the wanted inclusion is still found, mm.")
+    ] = None,
+    reach: Annotated[
+        Path | None,
+        typer.Option(
+            help="CSV of diameter_mm, depth_mm, reach_mm: what is found how far beside the axis. By default what was "
+            "measured for this probe on the virtual bench."
+        ),
+    ] = None,
+    diameter_mm: Annotated[
+        float | None, typer.Option(help="Or the diameter of the inclusion that must not be missed, mm.")
+    ] = None,
+    depth_mm: Annotated[float | None, typer.Option(help="With --diameter-mm: its depth, mm.")] = None,
+    press_s: Annotated[float, typer.Option(help="Time of one press, settling included, s.")] = 5.0,
+    speed_mm_s: Annotated[float, typer.Option(help="Speed of the probe between presses, mm/s.")] = 20.0,
+    out: Out = None,
+    as_json: AsJson = False,
+) -> None:
+    """Plan presses over a rectangle, in strips as in palpation, and say what no place between them can hide."""
+    from tsis.detection.search import measured_reach, read_reach, scan_plan, smallest_found_mm, widest_plan
+
+    wanted = diameter_mm is not None or depth_mm is not None
+    if sum((spacing_mm is not None, overlap is not None, reach_mm is not None, wanted)) != 1:
+        raise InputError(
+            "exactly one of --spacing-mm, --overlap, --reach-mm, and --diameter-mm with --depth-mm must be given"
+        )
+    table = measured_reach(probe) if reach is None else read_reach(reach)
+    if wanted and (table is None or diameter_mm is None or depth_mm is None):
+        raise InputError(
+            f"--diameter-mm and --depth-mm must be given together, and with --reach where nothing was measured for the "
+            f"probe; got the probe {probe!r:.60}"
+        )
+    if table is not None and diameter_mm is not None and depth_mm is not None:
+        reach_mm = _reached(table, diameter_mm, depth_mm)
+    radius = load_probe(probe).radius_mm
+    if reach_mm is not None:
+        found = widest_plan(width_mm, height_mm, radius_mm=radius, reach_mm=reach_mm)
+    else:
+        found = scan_plan(width_mm, height_mm, radius_mm=radius, spacing_mm=spacing_mm, overlap=overlap)
+    seconds = found.duration_s(press_s=press_s, speed_mm_s=speed_mm_s)
+    smallest = {} if table is None else {float(h): smallest_found_mm(found, table, float(h)) for h in table.depth_mm}
+    show_result(
+        CommandResult(
+            document=_document(found, seconds, smallest, table),
+            tables=(_table(found, seconds), *_limits(smallest)),
+            notes=_notes(table, measured=reach is None),
+            figures={"plan": partial(_draw, found, reach_mm)},
+        ),
+        out,
+        as_json=as_json,
+    )
+
+
+def _reached(table: ReachTable, diameter_mm: float, depth_mm: float) -> float:
+    reach = table(diameter_mm, depth_mm)
+    if reach == 0:
+        raise InputError(
+            f"--reach must find an inclusion of {diameter_mm:g} mm, {depth_mm:g} mm deep, somewhere; it finds it "
+            "nowhere: choose a larger or a shallower one"
+        )
+    return reach
+
+
+def _document(
+    found: ScanPlan, seconds: float, smallest: dict[float, float | None], table: ReachTable | None
+) -> dict[str, object]:
+    return envelope(
+        "study plan",
+        strips=found.strips,
+        presses_a_strip=found.presses_a_strip,
+        presses=found.presses,
+        strip_spacing_mm=found.strip_spacing_mm,
+        press_spacing_mm=found.press_spacing_mm,
+        overlap=list(found.overlap),
+        overhang_mm=list(found.overhang_mm),
+        travel_mm=found.travel_mm,
+        duration_s=seconds,
+        worst_distance_mm=found.worst_distance_mm,
+        probability=None if table is None else table.probability,
+        smallest_found=[{"depth_mm": depth, "diameter_mm": size} for depth, size in smallest.items()],
+        positions_mm=found.positions_mm.tolist(),
+    )
+
+
+def _table(found: ScanPlan, seconds: float) -> Table:
+    table = Table(title=f"{found.width_mm:g} mm x {found.height_mm:g} mm, face of {2 * found.radius_mm:g} mm")
+    for head in ("", "across", "along"):
+        table.add_column(head)
+    across, along = found.overlap
+    table.add_row("strips; presses a strip", str(found.strips), str(found.presses_a_strip))
+    table.add_row("spacing / mm", f"{found.strip_spacing_mm:.2f}", f"{found.press_spacing_mm:.2f}")
+    table.add_row("overlap of neighbours", f"{across:.0%}", f"{along:.0%}")
+    table.add_row("face beyond the area / mm", *(f"{one:.1f}" for one in found.overhang_mm))
+    table.add_row("presses", str(found.presses), "")
+    table.add_row("time", f"{seconds / 60:.1f} min", "")
+    table.add_row("farthest from any press / mm", f"{found.worst_distance_mm:.2f}", "")
+    return table
+
+
+def _limits(smallest: dict[float, float | None]) -> tuple[Table, ...]:
+    if not smallest:
+        return ()
+    table = Table(title="Diameter from which on no inclusion is missed")
+    table.add_column("depth / mm")
+    table.add_column("diameter / mm")
+    for depth, size in smallest.items():
+        table.add_row(f"{depth:g}", "none up to 15" if size is None else f"{size:.1f}")
+    return (table,)
+
+
+def _notes(table: ReachTable | None, *, measured: bool) -> tuple[str, ...]:
+    if table is None:
+        return ("What is found between presses is not said: give --reach, a table of how far each inclusion is found.",)
+    whose = (
+        "of this probe on the virtual bench, in uneven tissue, with one false call in ten blanks," if measured else ""
+    )
+    return (
+        f"Not missed means: found with a probability of at least {table.probability:g} by the nearest press alone, if "
+        f"the table of reaches {whose + ' ' if whose else ''}holds for this tissue.",
+    )
+
+
+def _draw(found: ScanPlan, reach_mm: float | None) -> Figure:
+    from matplotlib.figure import Figure
+
+    from tsis.plots import draw_scan_plan as draw_plan
+
+    figure = Figure(figsize=(7.0, 6.0), layout="constrained")
+    ax = draw_plan(found, figure.subplots(), reach_mm=reach_mm)
+    figure.legend(*ax.get_legend_handles_labels(), loc="outside lower center", ncols=2, fontsize=8)
+    figure.suptitle(f"{found.presses} presses in {found.strips} strips. {RESEARCH_USE_ONLY}", fontsize=8)
+    return figure

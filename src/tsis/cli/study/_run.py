@@ -1,0 +1,136 @@
+"""``tsis study run``: the virtual probe reads what is left."""
+
+from __future__ import annotations
+
+import os
+import signal
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from tsis.cli._exit_codes import INTERRUPTED
+from tsis.cli._groups import ended_by
+from tsis.cli._options import AsJson
+from tsis.cli._output import people, print_json, print_notice
+from tsis.cli._progress import progress_bar
+from tsis.cli._store import DATABASE, PHANTOM, opened
+from tsis.cli.study._new import ByName, StudyFolder
+from tsis.model import LARGEST_SEED
+from tsis.report import envelope
+
+
+def run(
+    folder: StudyFolder,
+    *,
+    operator: ByName = "",
+    keep: Annotated[
+        Path | None,
+        typer.Option(help="Folder of a store of phantoms that gets frames and estimates, under the codes."),
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Seed of the probe's errors.", min=0, max=LARGEST_SEED)] = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Press what is left to read with the virtual probe, and enter each estimate at once.
+
+    The score is the probability of an inclusion. Stop it at any time with Ctrl-C and start it again: what was read is
+    kept. Another operator reads every target anew.
+    """
+    from tsis.study import open_study, press_study
+
+    study = open_study(folder)
+    with ExitStack() as until:
+        store = None
+        if keep is not None:
+            store = until.enter_context(opened(keep, PHANTOM, os.environ.get(DATABASE), create=True))
+        preparing = until.enter_context(progress_bar("preparing the probe (kept for next time)"))
+        advance = until.enter_context(progress_bar("reading targets"))
+        ended = until.enter_context(ended_by(signal.SIGINT, signal.SIGTERM))
+        done = press_study(
+            study,
+            operator=operator,
+            seed=seed,
+            keep=store,
+            preparing=preparing,
+            progress=advance,
+            ended=ended.is_set,
+        )
+    if as_json:
+        print_json(
+            envelope(
+                "study run",
+                folder=str(folder.resolve()),
+                device=study.plan.device,
+                entered=done.entered,
+                undecided=done.undecided,
+                left=done.left,
+                head=done.study.chain.head,
+            )
+        )
+    else:
+        console = people()
+        console.print(f"{done.entered} readings entered, {done.undecided} of them undecided; {done.left} left.")
+        if not done.left:
+            console.print(f"Next: tsis study analyse {folder} --by NAME", markup=False, soft_wrap=True)
+        print_notice(console)
+    if done.left:
+        typer.echo("Interrupted; what was read is kept. Start the same command again to go on.", err=True)
+        raise typer.Exit(INTERRUPTED)
+
+
+TableFile = Annotated[Path, typer.Argument(metavar="READINGS.csv", help="Comma-separated values in UTF-8.")]
+
+
+def import_(
+    folder: StudyFolder,
+    readings: TableFile,
+    *,
+    device: Annotated[str, typer.Option(help="Name of the device that read them.")],
+    threshold: Annotated[
+        float | None,
+        typer.Option(help="From which score on it calls an inclusion; fixed from now on.", show_default="the study's"),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Enter readings of another device: code, score, operator, repeat, diameter_mm, depth_mm, young_kpa.
+
+    All of them or none. An empty score is a reading without an answer; the last three may be empty.
+    """
+    from tsis.study import import_readings, open_study
+
+    study = open_study(folder)
+    after = import_readings(study, readings, device=device, threshold=threshold)
+    entered = len(after.readings) - len(study.readings)
+    if as_json:
+        told = {"folder": str(folder.resolve()), "device": device, "threshold": after.threshold_of(device)}
+        print_json(envelope("study import", **told, entered=entered, head=after.chain.head))
+        return
+    console = people()
+    console.print(
+        f"{entered} readings of {device} entered; threshold {after.threshold_of(device):g}, fixed from now on.",
+        markup=False,
+    )
+    print_notice(console)
+
+
+def export(
+    folder: StudyFolder,
+    readings: TableFile,
+    *,
+    device: Annotated[str | None, typer.Option(help="Whose readings.", show_default="the only device's")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Write the readings of a device as a table, without anything of the truth."""
+    from tsis.records.export import export_file
+    from tsis.study import export_readings, open_study
+
+    content = export_readings(open_study(folder), device)
+    with export_file(readings) as draft:
+        draft.write_bytes(content)
+    if as_json:
+        print_json(envelope("study export", file=str(readings.resolve())))
+        return
+    console = people()
+    console.print(f"Readings: {readings.resolve()}", markup=False, soft_wrap=True)
+    print_notice(console)

@@ -1,0 +1,128 @@
+"""``tsis study show``: how far a study is; nothing of its truth."""
+
+from __future__ import annotations
+
+from collections import Counter
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.markup import escape
+from rich.table import Table
+
+from tsis.cli._options import AsJson
+from tsis.cli._output import people, print_json, print_notice
+from tsis.cli.study._new import StudyFolder
+from tsis.files import one_line
+from tsis.report import envelope
+
+if TYPE_CHECKING:
+    from tsis.study import Study
+
+
+def show(
+    folder: StudyFolder,
+    *,
+    device: Annotated[
+        str | None, typer.Option(help="Device whose next code is wanted.", show_default="the virtual probe")
+    ] = None,
+    operator: Annotated[
+        str | None, typer.Option(help="Operator whose next code is wanted.", show_default="who read most")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show how far a study is and which code is to be read next; never what a code stands for."""
+    from tsis.study import open_study
+
+    study = open_study(folder)
+    plan, by = study.plan, study.unblinded
+    left = () if by is not None else study.missing(device or plan.device, operator)
+    if as_json:
+        print_json(
+            envelope(
+                "study show",
+                folder=str(folder.resolve()),
+                name=plan.name,
+                made=plan.made.isoformat(),
+                targets=len(plan.codes),
+                repeats=plan.repeats,
+                probe=plan.probe,
+                forces_n=list(plan.forces_n),
+                threshold=plan.threshold,
+                readings=[_row(*each) for each in _tally(study)],
+                next_code=left[0][0] if left else None,
+                left=len(left),
+                unblinded=None if by is None else {"moment": by.moment, "by": by.actor},
+                head=study.chain.head,
+            )
+        )
+        return
+    console = people()
+    times = "once" if plan.repeats == 1 else f"{plan.repeats} times"
+    console.print(
+        f"Study {plan.name}: {len(plan.codes)} targets, each to be read {times} by an operator; "
+        f"threshold {plan.threshold:g}.",
+        markup=False,
+    )
+    table = Table("device", "operator", "readings", "undecided")
+    for one, who, count, undecided in _tally(study):
+        table.add_row(escape(one), escape(who), str(count), str(undecided))
+    console.print(table)
+    if by is not None:
+        console.print(f"Unblinded {one_line(f'{by.moment} by {by.actor}')}: no more readings are taken.", markup=False)
+    elif left:
+        code, repeat = left[0]
+        console.print(f"Next code: {code}, repeat {repeat}; {len(left)} left of {device or plan.device}.", markup=False)
+    else:
+        console.print("Every target is read. Next: tsis study analyse", markup=False)
+    print_notice(console)
+
+
+def _tally(study: Study) -> list[tuple[str, str, int, int]]:
+    made = Counter((each.device, each.operator) for each in study.readings)
+    undecided = Counter((each.device, each.operator) for each in study.readings if each.undecided)
+    return [(device, operator, count, undecided[device, operator]) for (device, operator), count in made.items()]
+
+
+def _row(device: str, operator: str, count: int, undecided: int) -> dict[str, Any]:
+    return {"device": device, "operator": operator, "readings": count, "undecided": undecided}
+
+
+UNSOUND = 1  # exit code of a study that is not as it was written
+
+
+def verify(
+    folder: StudyFolder,
+    *,
+    head: Annotated[
+        str | None,
+        typer.Option(help="Hash that a report or this command printed: the log must hold that line still."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Compare plan, sealed truth, reports and every line of the log; exit code 1 and a list where they differ.
+
+    Lines that were cut off the end, and a log that was written anew, show with --head alone.
+    """
+    from tsis.report.study import study_verification_document
+    from tsis.study import open_study
+    from tsis.study import verify_study as verification
+
+    found = verification(folder, head=head)
+    if as_json:
+        print_json(envelope("study verify", folder=str(folder.resolve()), **study_verification_document(found)))
+    else:
+        console = people()
+        for fault in found.faults:
+            console.print(f"- {fault}", markup=False, soft_wrap=True)
+        if found.sound:
+            console.print(
+                f"Study {open_study(folder).plan.name} is as it was written, all {found.lines} lines.", markup=False
+            )
+        else:
+            console.print(f"{len(found.faults)} places differ from what was written.")
+        if found.unblinded:
+            console.print(f"Unblinded {found.unblinded}.", markup=False)
+        console.print(f"Head: {found.head}", soft_wrap=True)
+        print_notice(console)
+    if not found.sound:
+        raise typer.Exit(UNSOUND)

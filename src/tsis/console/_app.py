@@ -1,0 +1,144 @@
+"""Open the console in this user's browser. Its key stands on no command line: those can be read by every user."""
+
+from __future__ import annotations
+
+import json
+import logging
+import threading
+import webbrowser
+from contextlib import asynccontextmanager, contextmanager, suppress
+from html import escape
+from pathlib import Path
+from string import Template
+from typing import TYPE_CHECKING
+from urllib.parse import urlsplit
+
+from fastapi import FastAPI
+from nicegui import app as pages
+from nicegui import ui
+from starlette.staticfiles import StaticFiles
+from starlette.websockets import WebSocket  # noqa: TC002 - FastAPI reads the annotation
+
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.console.api import PLACE, api_app
+from tsis.console.auth import Gate, console_folder, failed, write_private
+from tsis.console.files import Reports, files_router
+from tsis.console.live import ADDRESS, LiveHub, live_view
+from tsis.console.pages.shell import AT_ONCE, LANGUAGE, Shell, say_lost
+from tsis.console.studies import StudyShelf
+from tsis.errors import FileInputError
+
+if TYPE_CHECKING:
+    from collections.abc import AsyncIterator, Collection, Iterator
+
+    from starlette.types import ASGIApp
+
+    from tsis.console.auth import Access
+    from tsis.console.services import Bench
+
+
+_PAGE = Template("""<!doctype html>
+<html lang="en">
+<meta charset="utf-8">
+<title>tsis console</title>
+<script>location.replace($script)</script>
+<p><a href="$link">Open the console</a></p>
+<p>$notice</p>
+</html>
+""")
+_log = logging.getLogger(__name__)
+
+
+@contextmanager
+def opened_in_browser(address: str, *, folder: Path | None = None) -> Iterator[None]:
+    """Have a browser open an address that holds the key; it may begin to listen and to serve only later.
+
+    The browser is told to open a file that this user alone may read, and that leads on to the address. The file is
+    removed when the block ends. Where there is no browser, or it cannot be started, nothing happens: the address was
+    printed.
+
+    Parameters
+    ----------
+    address
+        The one that `serve_console` tells.
+    folder
+        Where the file lies; by default `console_folder`.
+    """
+    page = (folder or console_folder()) / f"open-{urlsplit(address).port}.html"
+    link = _PAGE.substitute(
+        script=json.dumps(address).replace("<", r"\u003c"), link=escape(address), notice=RESEARCH_USE_ONLY
+    )
+    try:
+        write_private(page, link.encode())
+    except FileInputError as error:
+        _log.warning("no browser is opened: %s", error)
+        yield
+        return
+    # Browsers of the terminal return only when they are closed.
+    threading.Thread(target=_open, args=(page,), name="browser", daemon=True).start()
+    try:
+        yield
+    finally:
+        with suppress(OSError):
+            page.unlink()
+
+
+def _open(page: Path) -> None:
+    try:
+        webbrowser.open(page.absolute().as_uri())
+    except (webbrowser.Error, OSError) as error:
+        _log.warning("no browser could be opened: %s", error)
+
+
+STATIC = Path(__file__).parent / "static"
+
+
+def console_app(bench: Bench, *, access: Access, hosts: Collection[str]) -> ASGIApp:
+    """The console of a bench, behind its gate; one a process, for the pages' library keeps them process-wide.
+
+    Parameters
+    ----------
+    bench
+        What it shows and moves.
+    access
+        Who is let in.
+    hosts
+        Names by which it may be called.
+    """
+    hub = LiveHub(lambda: bench.desk.acquisition)
+    reports = Reports(bench.store, database=bench.terms.database)
+
+    @asynccontextmanager
+    async def living(_: FastAPI) -> AsyncIterator[None]:
+        yield
+        reports.close()
+        hub.close()
+
+    application = FastAPI(title="tsis console", version=__version__, openapi_url=None, lifespan=living)
+    for each in (application, pages):
+        each.add_exception_handler(Exception, failed)
+    application.mount("/static", StaticFiles(directory=STATIC))
+
+    @application.websocket(ADDRESS)
+    async def live(socket: WebSocket) -> None:
+        await live_view(socket, bench=bench, hub=hub)
+
+    application.include_router(files_router(bench.store, reports, StudyShelf(bench.terms.workspace)))
+    application.mount(PLACE, api_app(bench, reports))
+    for sheet in sorted(STATIC.glob("*.css")):  # console.css, then one for each page that needs more
+        ui.add_css(sheet, shared=True)
+    ui.add_head_html(AT_ONCE, shared=True)
+    say_lost()
+    ui.run_with(
+        application,
+        root=Shell(bench).build,
+        title="tsis console",
+        favicon=(STATIC / "favicon.svg").read_text(encoding="utf-8"),
+        language=LANGUAGE,
+        dark=None,
+        tailwind=False,
+        show_welcome_message=False,
+        reconnect_timeout=5.0,
+        gzip_middleware_factory=None,  # pages are marked on their way out, and files are local
+    )
+    return Gate(application, access=access, hosts=hosts)

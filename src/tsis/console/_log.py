@@ -1,0 +1,78 @@
+"""What went wrong in a running console: one sentence on the terminal, everything in a file."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from contextlib import contextmanager
+from logging.handlers import RotatingFileHandler
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+
+FILE = "console.log"
+LARGEST_BYTES = 2**20
+SOURCES = ("tsis", "nicegui", "uvicorn.error", "asyncio")
+LOGINS = "tsis.console.auth"  # of it the file holds who came in, too
+_NOT_TOLD = (
+    "timeout graceful shutdown exceeded",  # an open page was ended with the console
+    "Invalid HTTP request received",  # anybody can send such, as often as he likes, and was answered
+    "Unsupported upgrade request",
+)
+
+
+class OneSentence(logging.Formatter):
+    """The message and the error, without where it was raised."""
+
+    def format(self, record: logging.LogRecord) -> str:
+        """One line."""
+        text = record.getMessage()
+        error = record.exc_info[1] if record.exc_info else None
+        if error is not None:
+            text = f"{text}: {type(error).__name__}: {error}"
+        return f"{record.levelname.capitalize()}: {' '.join(text.split())[:500]}"
+
+
+class WholeStory(RotatingFileHandler):
+    """The file; where it cannot be written, what was told on the terminal must do."""
+
+    def handleError(self, _: logging.LogRecord) -> None:  # noqa: N802 - the library's name
+        """Do nothing: the disk is full, and saying so here would say it for each line."""
+
+
+@contextmanager
+def logged(folder: Path) -> Iterator[None]:
+    """Log what the console and its libraries say, inside the block: in `FILE` of the folder, and on the terminal."""
+    whole = WholeStory(folder / FILE, maxBytes=LARGEST_BYTES, backupCount=2, encoding="utf-8", delay=True)
+    whole.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
+    short = logging.StreamHandler()
+    short.setFormatter(OneSentence())
+    for handler, level in ((whole, logging.INFO), (short, logging.WARNING)):
+        handler.setLevel(level)
+        handler.addFilter(_is_told)
+    sources = [logging.getLogger(name) for name in SOURCES]
+    for source in sources:
+        source.addHandler(whole)
+        source.addHandler(short)
+    logins = logging.getLogger(LOGINS)
+    level = logins.level
+    logins.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        logins.setLevel(level)
+        for source in sources:
+            source.removeHandler(whole)
+            source.removeHandler(short)
+        whole.close()
+
+
+def _is_told(record: logging.LogRecord) -> bool:
+    if record.levelno < logging.WARNING and not record.name.startswith(LOGINS):
+        return False
+    if record.exc_info and isinstance(record.exc_info[1], asyncio.CancelledError):  # what waited when the console ended
+        return False
+    return not any(each in record.getMessage() for each in _NOT_TOLD)

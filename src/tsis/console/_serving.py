@@ -1,0 +1,260 @@
+"""The certificate of a console that listens on a network."""
+
+from __future__ import annotations
+
+import ipaddress
+import signal
+import socket
+import ssl
+import threading
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import uvicorn
+
+from tsis.console._app import console_app
+from tsis.console._log import logged
+from tsis.console._timeouts import PatientProtocol
+from tsis.console._worker import share_memory_among_threads, tidied
+from tsis.console.auth import Access, Logins, Sessions, console_folder, kept_token, name_of
+from tsis.console.services import Bench, BenchTerms
+from tsis.errors import FileInputError, InputError
+from tsis.model import require_integer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    from starlette.types import ASGIApp
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Certificate:
+    """A certificate, with those that vouch for it, and its private key.
+
+    Attributes
+    ----------
+    chain, key
+        Files in PEM; the key must not be locked by a password.
+    """
+
+    chain: Path
+    key: Path
+
+    def context(self) -> ssl.SSLContext:
+        """What a server speaks TLS with, from version 1.2 on.
+
+        Raises
+        ------
+        FileInputError
+            When the files cannot be read or do not belong together.
+        """
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        context.minimum_version = ssl.TLSVersion.TLSv1_2
+        for name, path in (("certificate", self.chain), ("key", self.key)):
+            if not path.is_file():
+                raise FileInputError(f"{name} must be a file in PEM; got {path}, which is none")
+        try:
+            context.load_cert_chain(self.chain, self.key, _no_password)
+        except ssl.SSLError as error:
+            raise FileInputError(
+                f"{self.chain} and {self.key} must hold a certificate and its key in PEM; got: {error.reason or error}"
+            ) from error
+        except OSError as error:
+            raise FileInputError(
+                f"{self.chain} and {self.key} must be readable; got: {error.strerror or error}"
+            ) from error
+        return context
+
+
+def _no_password() -> str:
+    raise FileInputError("key must not be locked by a password (openssl pkey -in LOCKED -out KEY unlocks it)")
+
+
+LOOPBACK = "127.0.0.1"
+OWN_NAMES = ("127.0.0.1", "localhost", "[::1]")
+# A port that was left just now may be taken again. On Windows that option would let other programs take one that is
+# in use, and be given what was meant for the console; there this one forbids it.
+_OPTION: int = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
+
+
+def resolved(host: str) -> str:
+    """The address of this machine that is meant by ``host``.
+
+    Raises
+    ------
+    InputError
+        When it is none.
+    """
+    try:
+        found = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
+    except (OSError, UnicodeError) as error:
+        said = getattr(error, "strerror", None) or error
+        raise InputError(f"host must be an address of this machine; got {host!r:.80}: {said}") from error
+    return str(found[0][4][0])
+
+
+def is_loopback(address: str) -> bool:
+    """Whether only programs of this machine can reach it."""
+    return ipaddress.ip_address(address.partition("%")[0]).is_loopback
+
+
+def listening(address: str, port: int) -> socket.socket:
+    """A socket that listens there; port 0 is any free one.
+
+    Raises
+    ------
+    InputError
+        When the port cannot be taken, or the address is not one of this machine.
+    """
+    family = socket.AF_INET6 if ":" in address else socket.AF_INET
+    listener = socket.socket(family, socket.SOCK_STREAM)
+    listener.setsockopt(socket.SOL_SOCKET, _OPTION, 1)
+    try:
+        listener.bind((address, port))
+        listener.listen()  # at once: of two consoles that begin together the second is told now
+    except OSError as error:
+        listener.close()
+        raise InputError(
+            f"port {port} of {address} must be free; got: {error.strerror or error} "
+            "(choose another with --port, or 0 for any)"
+        ) from error
+    return listener
+
+
+def shown_name(address: str, names: tuple[str, ...]) -> str:
+    """The name under which people open it: the first that was given, else the address itself."""
+    if names:
+        return names[0]
+    if ipaddress.ip_address(address.partition("%")[0]).is_unspecified:
+        return LOOPBACK
+    return f"[{address}]" if ":" in address else address
+
+
+LARGEST_PORT = 65535
+END_S = 1  # for which open pages are waited for
+LARGEST_HEADERS = 2**15
+LARGEST_MESSAGE = 2**20  # of a WebSocket, to the console
+CONNECTIONS = 256
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ConsoleTerms:
+    """How a console is served.
+
+    Parameters
+    ----------
+    bench
+        What it begins with.
+    host, port
+        Where it listens; port 0 is any free one. An address that other machines can reach needs a certificate and a
+        login.
+    certificate
+        With which it speaks TLS; then people may come in by a login too.
+    names
+        Names, beside its own addresses, by which it may be called.
+    new_token
+        Make another key, which shuts out everybody who had the old one.
+    """
+
+    bench: BenchTerms = field(default_factory=BenchTerms)
+    host: str = LOOPBACK
+    port: int = 8642
+    certificate: Certificate | None = None
+    names: tuple[str, ...] = ()
+    new_token: bool = False
+
+    def __post_init__(self) -> None:
+        require_integer("port", self.port, 0, LARGEST_PORT)
+        for name in self.names:
+            if not name or name_of(name) != name.lower():
+                raise InputError(f"name of a host must be a name without a port; got {name!r:.80}")
+
+
+def serve_console(terms: ConsoleTerms, *, ready: Callable[[str], None]) -> None:
+    """Serve a console until the process is interrupted or terminated.
+
+    Parameters
+    ----------
+    terms
+        How.
+    ready
+        Told the address to open once it listens.
+
+    Raises
+    ------
+    InputError
+        When the address cannot be listened on, or may not be.
+    TsisError
+        As `Bench`, and when the console's key, logins or certificate cannot be used.
+    """
+    with _terminated_as_interrupted():
+        address, tls, logins = _permitted(terms)
+        folder = console_folder()
+        with listening(address, terms.port) as listener:  # before another key: whoever fails here shuts nobody out
+            token = kept_token(new=terms.new_token, folder=folder)
+            access = Access(
+                token,
+                sessions=Sessions(token, folder=folder),
+                logins=logins,
+                port=listener.getsockname()[1],
+                secure=tls is not None,
+            )
+            share_memory_among_threads()
+            with logged(folder), Bench(terms.bench) as bench:
+                application = console_app(bench, access=access, hosts=(*OWN_NAMES, *terms.names))
+                ready(_entrance(listener, address, terms, token))
+                with tidied(), suppress(KeyboardInterrupt):  # the server has ended in order, and raises what ended it
+                    uvicorn.Server(_config(application, tls)).run(sockets=[listener])
+
+
+def _entrance(listener: socket.socket, address: str, terms: ConsoleTerms, token: str) -> str:
+    """The address that people open."""
+    scheme = "http" if terms.certificate is None else "https"
+    return f"{scheme}://{shown_name(address, terms.names)}:{listener.getsockname()[1]}/?token={token}"
+
+
+def _permitted(terms: ConsoleTerms) -> tuple[str, ssl.SSLContext | None, Logins | None]:
+    """The address to listen on, TLS and logins; refused is a network without either."""
+    address = resolved(terms.host)
+    tls = None if terms.certificate is None else terms.certificate.context()
+    logins = None if tls is None else Logins()
+    if not is_loopback(address) and (tls is None or logins is None or not logins.names()):
+        raise InputError(
+            f"host must be an address of this machine alone, as {LOOPBACK}, unless a certificate and "
+            f"a login are there; got {terms.host} (give --certificate and --key, and "
+            "add a login with tsis login add NAME)"
+        )
+    return address, tls, logins
+
+
+def _config(application: ASGIApp, tls: ssl.SSLContext | None) -> uvicorn.Config:
+    return uvicorn.Config(
+        application,
+        http=PatientProtocol,  # by h11, which bounds headers; the quicker parser does not
+        ws="websockets-sansio",  # of which that one knows whether a WebSocket was asked for in good form
+        h11_max_incomplete_event_size=LARGEST_HEADERS,
+        ws_max_size=LARGEST_MESSAGE,
+        ws_per_message_deflate=False,  # frames do not shrink
+        limit_concurrency=CONNECTIONS,
+        proxy_headers=False,  # nobody stands between
+        log_config=None,
+        access_log=False,
+        server_header=False,
+        timeout_graceful_shutdown=END_S,
+        ssl_context_factory=None if tls is None else lambda *_: tls,
+    )
+
+
+@contextmanager
+def _terminated_as_interrupted() -> Iterator[None]:
+    """A process that is terminated ends as one that is interrupted: what was begun is finished."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGTERM, signal.default_int_handler)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGTERM, before)

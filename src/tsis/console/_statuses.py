@@ -1,0 +1,68 @@
+"""The status of HTTP with which an error is answered, to pages and scripts alike: it tells whose error it is.
+
+The classes of `tsis.errors` become statuses here and nowhere else.
+"""
+
+from __future__ import annotations
+
+import errno
+import sqlite3
+from http import HTTPStatus
+from typing import TYPE_CHECKING
+
+from tsis import errors
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+NO_SPACE = (errno.ENOSPC, errno.EDQUOT)
+
+
+class AbsentError(errors.UnknownNameError):
+    """What the address names is not there."""
+
+
+class NoControlError(errors.ControlError):
+    """An act without the header that says who acts."""
+
+
+STATUSES: tuple[tuple[type[errors.TsisError], HTTPStatus], ...] = (  # the first that fits
+    (AbsentError, HTTPStatus.NOT_FOUND),
+    (NoControlError, HTTPStatus.PRECONDITION_REQUIRED),
+    (errors.ControlError, HTTPStatus.CONFLICT),
+    (errors.StaleRecordError, HTTPStatus.CONFLICT),
+    (errors.MissingExtraError, HTTPStatus.NOT_IMPLEMENTED),
+    (errors.CameraError, HTTPStatus.SERVICE_UNAVAILABLE),
+    (errors.GaugeError, HTTPStatus.SERVICE_UNAVAILABLE),
+    (errors.RecordsError, HTTPStatus.SERVICE_UNAVAILABLE),
+    (errors.TsisError, HTTPStatus.UNPROCESSABLE_ENTITY),
+)
+
+
+def status_of(error: errors.TsisError) -> HTTPStatus:
+    """The status of an error: 507 for a full disk, 503 where files fail for another reason, else as in `STATUSES`."""
+    if isinstance(error, (errors.FileInputError, errors.RecordsError)):
+        failed = [each for each in _chain(error) if isinstance(each, (OSError, sqlite3.Error))]
+        if any(_is_full(each) for each in failed):
+            return HTTPStatus.INSUFFICIENT_STORAGE
+        if failed and not isinstance(error, errors.StaleRecordError):
+            return HTTPStatus.SERVICE_UNAVAILABLE
+    return next(status for kind, status in STATUSES if isinstance(error, kind))
+
+
+def _chain(error: BaseException) -> Iterator[BaseException]:
+    found: list[BaseException] = [error]
+    while found:
+        each = found.pop()
+        yield each
+        if (cause := each.__cause__ or each.__context__) is not None:
+            found.append(cause)
+        if isinstance(original := getattr(each, "orig", None), BaseException):  # of SQLAlchemy
+            found.append(original)
+
+
+def _is_full(error: BaseException) -> bool:
+    if isinstance(error, OSError):
+        return error.errno in NO_SPACE
+    return getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_FULL

@@ -1,0 +1,48 @@
+"""Connections that are opened and say nothing: closed after a while, so that they keep nobody else out."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from uvicorn.protocols.http.h11_impl import H11Protocol
+
+if TYPE_CHECKING:
+    import asyncio
+
+    import h11
+
+
+SILENCE_S = 10.0
+NOT_OPENED = "A WebSocket is asked for by GET, without a body, and with few and short headers."
+
+
+class PatientProtocol(H11Protocol):
+    """HTTP as uvicorn speaks it, on connections that may be without a request for so long and no longer."""
+
+    silence_s = SILENCE_S
+
+    def __init__(self, *given: Any, **named: Any) -> None:
+        super().__init__(*given, **named)
+        self._seen: object = None
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        """Begin to watch a connection."""
+        super().connection_made(transport)
+        self.loop.call_later(self.silence_s, self._look)
+
+    def handle_websocket_upgrade(self, event: h11.Request) -> None:
+        """Answer as well what cannot become a WebSocket: uvicorn says nothing, and nobody watches any more."""
+        super().handle_websocket_upgrade(event)
+        understood = getattr(self.transport.get_protocol(), "handshake_initiated", True)
+        if not understood and not self.transport.is_closing():
+            self.send_400_response(NOT_OPENED)
+
+    def _look(self) -> None:
+        if self not in self.connections:  # it was closed, or has become a WebSocket
+            return
+        waits = self.cycle is None or self.cycle.response_complete
+        if waits and self.cycle is self._seen:  # no whole request since the last look
+            self.transport.close()
+            return
+        self._seen = self.cycle
+        self.loop.call_later(self.silence_s, self._look)

@@ -1,0 +1,108 @@
+"""The calls as one application, mounted beside the pages at ``/api``."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from fastapi import APIRouter, Depends, FastAPI
+from fastapi.security import HTTPBearer
+
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.console.api._documented import OF_CALLS, description
+from tsis.console.api._errors import install_error_handlers
+from tsis.console.api._query import CONTROL
+from tsis.console.api._routes_instrument import (
+    camera_router,
+    cameras_router,
+    control_router,
+    frames_router,
+    press_router,
+    state_router,
+)
+from tsis.console.api._routes_records import (
+    about_router,
+    calibration_router,
+    estimates_router,
+    jobs_router,
+    targets_router,
+)
+
+if TYPE_CHECKING:
+    from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+    from tsis.console.files import Reports
+    from tsis.console.services import Bench
+
+
+PLACE, VERSION = "/api", "/v1"
+HEADERS = ((b"tsis-notice", RESEARCH_USE_ONLY.encode()), (b"cache-control", b"no-store"))
+ROUTERS = (
+    state_router,
+    control_router,
+    cameras_router,
+    camera_router,
+    press_router,
+    frames_router,
+    calibration_router,
+    jobs_router,
+    targets_router,
+    estimates_router,
+    about_router,
+)
+DESCRIPTION = f"""Calls for scripts beside the pages of `tsis console`. {RESEARCH_USE_ONLY}
+
+Every call needs `Authorization: Bearer TOKEN` with the token of the address that the console printed. Acts on the
+camera need the header `{CONTROL}` as well, which `POST {VERSION}/control` gives: one holds the camera, others watch.
+Numbers are finite; null stands for what nobody knows or nothing bounds. Names carry units.
+"""
+
+
+def api_app(bench: Bench, reports: Reports) -> FastAPI:
+    """The calls of a bench, to be mounted at `PLACE`.
+
+    Parameters
+    ----------
+    bench
+        What they show and move.
+    reports
+        Makes the reports of its store.
+    """
+    application = FastAPI(
+        title="tsis console",
+        version=__version__,
+        description=DESCRIPTION,
+        servers=[{"url": PLACE, "description": "this console"}],
+        root_path_in_servers=False,
+        openapi_url="/openapi.json",
+        docs_url=None,  # both would load scripts from elsewhere
+        redoc_url=None,
+        redirect_slashes=False,
+        dependencies=[Depends(HTTPBearer(auto_error=False, description="token of the printed address"))],
+    )
+    application.state.bench, application.state.reports = bench, reports
+    version = APIRouter(prefix=VERSION, responses=OF_CALLS)
+    for router in ROUTERS:
+        version.include_router(router)
+    application.include_router(version)
+    install_error_handlers(application)
+    application.openapi = partial(description, application)  # type: ignore[method-assign]
+    application.add_middleware(Noted)
+    return application
+
+
+class Noted:
+    """Says with every answer what the program may be used for, and that nobody on the way keeps a copy."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self._app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Pass a call on, and mark its answer."""
+
+        async def sent(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                message["headers"] = [*message.get("headers", []), *HEADERS]
+            await send(message)
+
+        await self._app(scope, receive, sent)

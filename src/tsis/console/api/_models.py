@@ -1,0 +1,111 @@
+"""What every body and every answer has."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Annotated, Any, Literal
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
+
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.console.services import HELD_S, LONGEST_HELD_S, LONGEST_NAME, SHORTEST_HELD_S
+
+
+def _whole(value: Any) -> Any:
+    return int(value) if isinstance(value, float) and value.is_integer() else value
+
+
+Whole = Annotated[int, BeforeValidator(_whole)]  # 3.0 is a whole number in JSON
+Identity = Annotated[str, Field(pattern="^[0-9a-f]{32}$", examples=["6f1c0d9a1b7e4f0c8a2d3b5e7f901234"])]
+Measured = Annotated[float | None, Field(description="null where there is no such number, or it is infinite")]
+
+
+class Given(BaseModel):
+    """What a call takes: no field more than these, of their own types, numbers finite."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class Told(BaseModel):
+    """Part of an answer, read off the program's own values."""
+
+    model_config = ConfigDict(from_attributes=True)
+
+
+class Answer(Told):
+    """What every answer starts with; each also tells by ``command`` what it is."""
+
+    notice: str = Field(default=RESEARCH_USE_ONLY, description="what the program may be used for")
+    tsis: str = Field(default=__version__, description="version of the program")
+
+
+class Problem(BaseModel):
+    """Why a call was not done."""
+
+    error: str = Field(description="one sentence: the name, the requirement, the value received, the cure")
+    kind: str = Field(description="class of the error, as in tsis.errors", examples=["InputError"])
+
+
+class StoreTold(Told):
+    """Where records are kept."""
+
+    folder: str
+    kind: str
+    identity: str
+
+
+class AboutAnswer(Answer):
+    """The program and where it keeps things."""
+
+    command: Literal["about"] = "about"
+    environment: dict[str, Any] = Field(description="versions of program, language and libraries, SHA-256 of the code")
+    store: StoreTold
+    workspace: str = Field(description="folder of snapshots and sequences")
+
+
+class CalibrationTold(Told):
+    """A calibration by its name and identity."""
+
+    name: str
+    probe: str
+    sha256: str = Field(description="its identity, by which results cite it")
+    made: datetime | None
+    expires: datetime | None = Field(description="null for one that is simulated")
+
+
+class CalibrationAnswer(Answer):
+    """The calibration in force; null without one."""
+
+    command: Literal["calibration"] = "calibration"
+    calibration: CalibrationTold | None
+
+
+class ControlGiven(Given):
+    """A wish to hold the camera."""
+
+    name: str = Field(
+        min_length=1, max_length=LONGEST_NAME, description="what others see, one line", examples=["script of Ann"]
+    )
+    over: bool = Field(default=False, description="whether to take it from whoever holds it")
+    held_s: float = Field(
+        default=HELD_S,
+        ge=SHORTEST_HELD_S,
+        le=LONGEST_HELD_S,
+        description="seconds without a call after which the camera is free again",
+    )
+
+
+class ControlAnswer(Answer):
+    """The camera is held."""
+
+    command: Literal["control"] = "control"
+    identity: str = Field(description="to be sent as header TSIS-Control with each act; it is a secret")
+    name: str
+    held_s: float
+
+
+class HolderTold(Told):
+    """Who holds the camera."""
+
+    name: str
+    yours: bool = Field(description="whether it is who sent the header TSIS-Control with this call")

@@ -1,0 +1,353 @@
+"""Presses: taken now, and those that are stored."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import Annotated, Any, Literal
+
+from pydantic import Field
+
+from tsis.console.api._models import Answer, Given, Identity, Measured, Told, Whole
+from tsis.console.api._models_camera import FlagTold, FoundCameraTold
+from tsis.console.services import LONGEST_S, MOST_FRAMES, RESULTS, SHORTEST_S
+from tsis.imaging import COLOUR_MAPS
+from tsis.records import LONGEST_NAME, LONGEST_NOTE
+
+
+class SnapshotGiven(Given):
+    """How a snapshot is coloured for the eye; the raw frame beside it is not."""
+
+    map_name: str = Field(
+        default="viridis", max_length=40, description="a colour map", json_schema_extra={"enum": list(COLOUR_MAPS)}
+    )
+
+
+class PressTold(Told):
+    """A stored press."""
+
+    id: str
+    role: str
+    taken: datetime
+    frame: str = Field(description="SHA-256 of the stored file")
+    rows: int
+    columns: int
+    full_scale: float = Field(description="grey level at which the camera clips")
+    force_n: float | None = Field(description="newtons; null where nobody measured it")
+    mm_per_pixel: tuple[float, float] | None = Field(description="size (x, y) of a pixel on the face; null unknown")
+    axis_px: tuple[float, float] = Field(description="where the probe's axis meets the image")
+    probe: str
+    calibration: str | None = Field(description="SHA-256 of the calibration in force; null without one")
+    flags: list[str]
+    settings: dict[str, Any] = Field(description="what the camera was set to")
+    name: str
+    note: str
+    version: int
+
+
+class FilesTold(Told):
+    """Files of a snapshot, on the machine of the console."""
+
+    colour: str
+    raw: str
+    sidecar: str
+
+
+class KeptAnswer(Answer):
+    """A press that is on the disk and in the store."""
+
+    command: Literal["snapshot"] = "snapshot"
+    target: int
+    press: PressTold
+    files: FilesTold
+    flags: list[FlagTold] = Field(description="what speaks against it")
+    notes: list[str]
+
+
+class PressesAnswer(Answer):
+    """Some presses of a target, in the order in which they were taken."""
+
+    command: Literal["presses"] = "presses"
+    target: int
+    total: int = Field(description="how many there are")
+    offset: int
+    presses: list[PressTold]
+
+
+class SequenceOfSeconds(Given):
+    """A sequence that ends after a time."""
+
+    seconds: float = Field(ge=SHORTEST_S, le=LONGEST_S)
+
+
+class SequenceOfFrames(Given):
+    """A sequence that ends after so many frames."""
+
+    frames: Whole = Field(ge=1, le=MOST_FRAMES)
+
+
+TrueValue = Annotated[float, Field(ge=-1e9, le=1e9)]
+
+
+class TargetTold(Told):
+    """One place that was pressed."""
+
+    number: int
+    kind: str = Field(description="phantom or subject")
+    name: str = Field(description="of a subject a pseudonym")
+    note: str
+    truth: dict[str, float] = Field(description="true values of a phantom by name with their unit")
+    made: datetime
+    id: str
+    version: int = Field(description="counts its edits from 1")
+
+
+class SummaryTold(Told):
+    """A target and how much is stored of it."""
+
+    target: TargetTold
+    presses: int
+    estimates: int
+    last: datetime | None = Field(description="when it was pressed last; null when it never was")
+
+
+class TargetsAnswer(Answer):
+    """Some targets of the store, by number."""
+
+    command: Literal["targets"] = "targets"
+    total: int
+    offset: int
+    targets: list[SummaryTold]
+
+
+class TargetAnswer(Answer):
+    """A target."""
+
+    command: Literal["target"] = "target"
+    target: TargetTold
+    presses: int = Field(description="how many there are")
+
+
+class TargetGiven(Given):
+    """Changes of a target as it was read; what is left out stays."""
+
+    version: Whole = Field(ge=1, le=2**31 - 1, description="that was read; refused when somebody has changed it since")
+    name: str | None = Field(default=None, max_length=LONGEST_NAME, description="one line; null leaves it as it is")
+    note: str | None = Field(default=None, max_length=LONGEST_NOTE, description="null leaves it as it is")
+    truth: dict[Annotated[str, Field(min_length=1, max_length=LONGEST_NAME)], TrueValue] | None = Field(
+        default=None,
+        max_length=100,
+        description="replaces all; diameter_mm, depth_mm and young_kpa as an inclusion can have them; "
+        "null leaves it as it is",
+        examples=[{"diameter_mm": 10.0}],
+    )
+
+
+Numbers = Annotated[list[float], Field(min_length=2, max_length=2)]
+Presses = Annotated[
+    list[Identity] | None,
+    Field(min_length=1, max_length=1000, description="presses to use; null for the newest of each role and force"),
+]
+
+
+class InclusionPriorGiven(Given):
+    """What is believed of the inclusion and its surroundings before the data; what is left out is as by default."""
+
+    diameter_mm: Numbers | None = Field(default=None, description="range (low, high)")
+    depth_mm: Numbers | None = Field(default=None, description="range from the skin to the inclusion's top")
+    young_kpa: Numbers | None = Field(default=None, description="range of the modulus, above that of the tissue")
+    tissue_young_kpa: float | None = Field(default=None, ge=0.05, le=2000.0)
+    tissue_young_sd: float | None = Field(default=None, ge=1e-4, le=0.3, description="relative")
+    thickness_mm: float | None = Field(default=None, ge=2.0, le=500.0)
+    thickness_sd: float | None = Field(default=None, ge=1e-4, le=0.2, description="relative")
+    poisson: float | None = Field(default=None, ge=0.0, le=0.495)
+    poisson_sd: float | None = Field(default=None, ge=0.0, le=0.05)
+    offset_sd_mm: float | None = Field(default=None, ge=0.0, le=5.0)
+    presence: float | None = Field(
+        default=None, ge=0.001, le=0.999, description="probability that there is an inclusion"
+    )
+
+
+class HardnessPriorGiven(Given):
+    """What is believed of the object before the data; what is left out is as by default."""
+
+    young_kpa: Numbers | None = Field(default=None, description="range within [1, 1e5]")
+    poisson: Numbers | None = Field(default=None, description="range within [0.45, 0.495]")
+
+
+class InclusionGiven(Given):
+    """An estimate of an inclusion under the surface."""
+
+    kind: Literal["inclusion"]
+    presses: Presses = None
+    prior: InclusionPriorGiven | None = None
+
+
+class HardnessGiven(Given):
+    """An estimate of the hardness of an object that is touched itself."""
+
+    kind: Literal["hardness"]
+    presses: Presses = None
+    prior: HardnessPriorGiven | None = None
+    radius_mm: float | None = Field(
+        default=None, ge=1.0, le=50.0, description="of the object; from its frames when null"
+    )
+    radius_sd_mm: float | None = Field(default=None, ge=0.0, le=1000.0)
+    reference_radius_mm: float | None = Field(default=None, ge=1.0, le=50.0, description="of the known ball")
+    blur_mm: float | None = Field(default=None, ge=0.0, le=1.0)
+    drift_sd: float | None = Field(default=None, ge=0.0, le=0.5, description="relative")
+
+
+EstimateGiven = Annotated[InclusionGiven | HardnessGiven, Field(discriminator="kind")]
+
+
+class ParameterTold(Told):
+    """What is known of one parameter, in the unit that its name carries."""
+
+    mean: float
+    sd: float
+    interval_90: tuple[float, float]
+    prior_sd: float
+    narrowing: float = Field(description="sd over prior_sd: 1 says that the data told nothing")
+    cramer_rao_sd: Measured = Field(description="least sd of any unbiased estimate; null where nothing bounds it")
+    truth: float | None = Field(default=None, description="of a phantom, where somebody knows it")
+
+
+class EstimateTold(Told):
+    """A stored estimate with all that is needed to make it again."""
+
+    id: str
+    kind: str
+    made: datetime
+    probe: str
+    presses: list[str]
+    calibration: str
+    supersedes: str | None
+    parameters: dict[str, ParameterTold]
+    presence: float | None = Field(description="probability that there is an inclusion; null where nobody asked")
+    log_bayes_factor: float | None = Field(
+        default=None, description="natural logarithm of how much better an inclusion explains the frames, not rounded"
+    )
+    identifiability: str = Field(description="what the data tell and what not")
+    prior: str
+    trusted: bool = Field(description="false says: use no number of this estimate")
+    flags: list[str]
+    notes: list[str]
+    options: dict[str, Any]
+    environment: dict[str, Any]
+    provenance: dict[str, Any]
+
+
+class EstimatesAnswer(Answer):
+    """Estimates of a target in the order in which they were made."""
+
+    command: Literal["estimates"] = "estimates"
+    target: int
+    in_force: list[str] = Field(description="identities of the last of each kind")
+    estimates: list[EstimateTold]
+    damaged: list[str] = Field(description="one sentence for each that is stored but is not as it was")
+
+
+class RecomputeGiven(Given):
+    """How to make the estimates in force again."""
+
+    dry_run: bool = Field(default=False, description="whether to store nothing")
+
+
+class ShiftTold(Told):
+    """How far one parameter moved; `moved` in units of its old standard deviation."""
+
+    name: str
+    before: float
+    after: float
+    interval_before: tuple[float, float]
+    interval_after: tuple[float, float]
+    moved: Measured
+
+
+class RecomputationTold(Told):
+    """An estimate made again."""
+
+    kind: str
+    same: bool
+    sentence: str = Field(description="what became of the result, and why")
+    causes: list[str]
+    notes: list[str]
+    shifts: list[ShiftTold]
+    flags_gained: list[str]
+    flags_lost: list[str]
+    before: str = Field(description="identity of the estimate that was made again")
+    stored_as: str | None = Field(description="identity of the new one; null when nothing was stored")
+
+
+class JobTold(Told):
+    """How far a job is."""
+
+    identity: str
+    title: str
+    status: str = Field(description="running, done, failed or ended")
+    done: int = Field(description="steps done")
+    total: int = Field(description="steps in all; 0 where nobody can tell")
+    sentence: str = Field(description="why it failed, or what came out")
+
+
+class RecordingTold(Told):
+    """What became of the frames while a sequence was recorded."""
+
+    kept: int
+    missed: int = Field(description="numbered by the camera and never come")
+    overrun: int = Field(description="come and not taken by the disk in time")
+    interruptions: int
+    seconds: float
+    frames_per_s: float
+    ended_by: str = Field(description="why it ended before its time; empty else")
+
+
+class EstimateResult(Told):
+    """An estimate, as it is stored."""
+
+    kind: Literal["estimate"] = "estimate"
+    estimate: EstimateTold
+
+
+class RecomputeResult(Told):
+    """Estimates made again."""
+
+    kind: Literal["recompute"] = "recompute"
+    recomputations: list[RecomputationTold]
+
+
+class SequenceResult(Told):
+    """A sequence on the disk."""
+
+    kind: Literal["sequence"] = "sequence"
+    folder: str
+    report: RecordingTold
+
+
+class SearchResult(Told):
+    """The cameras that answered."""
+
+    kind: Literal["cameras"] = "cameras"
+    found: list[FoundCameraTold]
+    missing: dict[str, str]
+
+
+JobResult = Annotated[EstimateResult | RecomputeResult | SequenceResult | SearchResult, Field(discriminator="kind")]
+
+
+class JobAnswer(Answer):
+    """A job."""
+
+    command: Literal["job"] = "job"
+    job: JobTold
+    result: JobResult | None = Field(
+        default=None,
+        description=f"null before it is done, of jobs that the pages began, and of all but the last {RESULTS} results",
+    )
+
+
+class JobsAnswer(Answer):
+    """The jobs of this console, the newest last."""
+
+    command: Literal["jobs"] = "jobs"
+    jobs: list[JobTold]

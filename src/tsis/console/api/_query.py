@@ -1,0 +1,86 @@
+"""What calls ask the bench through: the bench itself, who acts, and the record that an address names."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated, Any
+
+from fastapi import Depends, Header, Path, Query
+from pydantic import BaseModel, ConfigDict, Field
+from starlette.requests import Request
+
+from tsis.console._statuses import AbsentError, NoControlError
+from tsis.console.files import Reports
+from tsis.console.services import Bench
+from tsis.errors import InputError
+from tsis.files import LARGEST_TARGET
+
+if TYPE_CHECKING:
+    from tsis.records import StoredPress, Target
+
+
+CONTROL = "TSIS-Control"
+MOST_A_PAGE, MOST_OFFSET = 1000, 10**12
+TargetNumber = Annotated[int, Path(ge=1, le=LARGEST_TARGET, description="number of a target", examples=[1])]
+PressIdentity = Annotated[str, Path(pattern="^[0-9a-f]{32}$", description="identity of a press")]
+JobIdentity = Annotated[str, Path(pattern="^[0-9a-f]{32}$", description="identity of a job")]
+NEEDED = "identity that POST /v1/control gave; without it 428"
+Caller = Annotated[str | None, Header(alias=CONTROL, description="identity that POST /v1/control gave")]
+ActingCaller = Annotated[str | None, Header(alias=CONTROL, description=NEEDED)]
+
+
+class Page(BaseModel):
+    """Which part of a long list."""
+
+    model_config = ConfigDict(extra="forbid")
+
+    limit: int = Field(default=100, ge=1, le=MOST_A_PAGE, description="most that are told")
+    offset: int = Field(default=0, ge=0, le=MOST_OFFSET, description="how many are left out before")
+
+
+PageAsked = Annotated[Page, Query()]
+
+
+async def bench_of(request: Request) -> Bench:
+    """The bench that the application is of."""
+    bench: Any = request.app.state.bench
+    assert isinstance(bench, Bench)
+    return bench
+
+
+async def reports_of(request: Request) -> Reports:
+    """What makes the reports of the bench's store."""
+    reports: Any = request.app.state.reports
+    assert isinstance(reports, Reports)
+    return reports
+
+
+TheBench = Annotated[Bench, Depends(bench_of)]
+TheReports = Annotated[Reports, Depends(reports_of)]
+
+
+async def holder(bench: TheBench, identity: ActingCaller = None) -> str:
+    """Who acts; refused with 428 who does not say it, and with 409 who does not hold the camera."""
+    if not identity:
+        raise NoControlError(f"an act needs the header {CONTROL} with the identity that POST /v1/control gives")
+    bench.control.require(identity)
+    return identity
+
+
+Acting = Annotated[str, Depends(holder)]
+
+
+def known_target(bench: Bench, number: int) -> Target:
+    """The target of that number; `AbsentError` when there is none."""
+    try:
+        return bench.store.target(number)
+    except InputError as error:
+        raise AbsentError(str(error)) from error
+
+
+def known_press(bench: Bench, number: int, identity: str) -> tuple[Target, StoredPress]:
+    """A press of a target; `AbsentError` when there is none."""
+    target = known_target(bench, number)
+    try:
+        return target, bench.store.press(target, identity)
+    except InputError as error:
+        raise AbsentError(str(error)) from error

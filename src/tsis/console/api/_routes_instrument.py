@@ -1,0 +1,259 @@
+"""The camera: found, chosen, started, stopped, adjusted."""
+
+from __future__ import annotations
+
+import uuid
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Annotated
+
+import cv2
+from fastapi import APIRouter, Body, Query, Response
+
+from tsis.console.api._documented import OF_ACTS, OF_BODIES, OF_CONTROL, OF_JOBS, picture
+from tsis.console.api._models import ControlAnswer, ControlGiven, HolderTold
+from tsis.console.api._models_camera import (
+    CameraChoiceGiven,
+    CamerasAnswer,
+    CameraTold,
+    FlagTold,
+    PresetGiven,
+    SettingsAnswer,
+    SettingsGiven,
+    SettingTold,
+    SightAnswer,
+    SightTold,
+)
+from tsis.console.api._models_records import (
+    FilesTold,
+    JobAnswer,
+    JobTold,
+    KeptAnswer,
+    SequenceOfFrames,
+    SequenceOfSeconds,
+    SnapshotGiven,
+)
+from tsis.console.api._models_state import PressGiven, StateAnswer, TargetChoiceGiven
+from tsis.console.api._query import Acting, Caller, TheBench
+from tsis.console.api._responses import told_cameras, told_press
+from tsis.console.live import display_levels
+from tsis.console.services import Bench, CameraChoice
+from tsis.errors import CameraError, InputError
+from tsis.instrument import QUICK, whole_levels
+from tsis.model import require_one_of
+from tsis.records import require_label
+
+if TYPE_CHECKING:
+    from tsis.instrument.acquisition import ReceivedFrame
+
+
+state_router = APIRouter(tags=["state"])
+
+
+@state_router.get("/state", operation_id="get_state")
+def get_state(bench: TheBench, caller: Caller = None) -> StateAnswer:
+    """Tell how camera, target, press, calibration and jobs are; with the header it keeps the camera held."""
+    if caller:
+        bench.control.heard_of(caller)
+    return state_answer(bench, caller)
+
+
+@state_router.get("/sight", operation_id="get_sight")
+def get_sight(bench: TheBench) -> SightAnswer:
+    """Tell what the newest frame shows: contact, force, stillness, flags, grey histogram and exposure."""
+    sight = bench.sight
+    return SightAnswer(sight=None if sight is None else SightTold.model_validate(sight))
+
+
+def state_answer(bench: Bench, caller: str | None) -> StateAnswer:
+    """The whole state; what identifies the holder is told to nobody."""
+    state = bench.state()
+    held = state.holder
+    return StateAnswer(
+        camera=CameraTold.model_validate(state.camera),
+        target=state.target,
+        role=state.role,
+        roles=list(state.roles),
+        force_n=0.0 if state.lifted else state.force_n,
+        calibration=state.calibration,
+        calibration_identity=state.calibration_identity,
+        sight=None if state.sight is None else SightTold.model_validate(state.sight),
+        holder=None if held is None else HolderTold(name=held.name, yours=held.identity == caller),
+        sequence=None if state.sequence is None else JobTold(**asdict(state.sequence)),
+        jobs=[JobTold(**asdict(job)) for job in state.jobs],
+        trouble=list(state.trouble),
+        busy=state.busy,
+        gauge=state.gauge,
+    )
+
+
+camera_router = APIRouter(prefix="/camera", tags=["camera"])
+
+
+@camera_router.put("", operation_id="choose_camera", responses={**OF_ACTS, **OF_BODIES})
+def choose_camera(bench: TheBench, given: CameraChoiceGiven, by: Acting) -> StateAnswer:
+    """Take another camera, not yet started."""
+    bench.choose(CameraChoice(**given.model_dump()), by=by)
+    return state_answer(bench, by)
+
+
+@camera_router.post("/start", operation_id="start_camera", responses=OF_ACTS)
+def start_camera(bench: TheBench, by: Acting) -> StateAnswer:
+    """Connect and begin to stream; when it runs already, nothing happens."""
+    bench.start(by=by)
+    return state_answer(bench, by)
+
+
+@camera_router.post("/stop", operation_id="stop_camera", responses=OF_ACTS)
+def stop_camera(bench: TheBench, by: Acting) -> StateAnswer:
+    """End the stream; settings are remembered for the next start."""
+    bench.stop(by=by)
+    return state_answer(bench, by)
+
+
+@camera_router.get("/settings", operation_id="get_settings")
+def get_settings(bench: TheBench) -> SettingsAnswer:
+    """Tell what can be adjusted now, with ranges; null for an end that the driver does not tell."""
+    return _settings(bench)
+
+
+@camera_router.patch("/settings", operation_id="change_settings", responses={**OF_ACTS, **OF_BODIES})
+def change_settings(bench: TheBench, given: SettingsGiven, by: Acting) -> SettingsAnswer:
+    """Change settings; none when one of them is unknown or outside its range."""
+    present = {each.name: each for each in bench.desk.settings()}
+    if not present:
+        raise CameraError("the camera must run to be adjusted; it is stopped or away (start it)")
+    for name, value in given.values.items():
+        present[require_one_of("setting", name, present)].checked(value)
+    for name, value in given.values.items():
+        bench.adjust(name, value, by=by)
+    return _settings(bench)
+
+
+@camera_router.post("/preset", operation_id="apply_preset", responses={**OF_ACTS, **OF_BODIES})
+def apply_preset(bench: TheBench, given: PresetGiven, by: Acting) -> SettingsAnswer:
+    """Make all settings of a preset."""
+    bench.preset(given.name, by=by)
+    return _settings(bench)
+
+
+def _settings(bench: Bench) -> SettingsAnswer:
+    return SettingsAnswer(settings=[SettingTold.model_validate(each) for each in bench.desk.settings()])
+
+
+cameras_router = APIRouter(prefix="/cameras", tags=["camera"])
+
+
+@cameras_router.get("", operation_id="list_cameras")
+def list_cameras(bench: TheBench) -> CamerasAnswer:
+    """List the cameras that the last search found; the virtual probe is always there."""
+    found = bench.search.findings
+    if found is None:
+        return CamerasAnswer(searched=False, found=[], missing={})
+    return CamerasAnswer(searched=True, found=told_cameras(found.found), missing=dict(found.missing))
+
+
+@cameras_router.post("/search", operation_id="search_cameras", responses=OF_JOBS, status_code=202)
+def search_cameras(bench: TheBench) -> JobAnswer:
+    """Ask every source for its cameras, which takes seconds; the job's result tells them."""
+    return JobAnswer(job=JobTold.model_validate(bench.search.begin().state()))
+
+
+control_router = APIRouter(tags=["control"])
+
+
+@control_router.post("/control", operation_id="take_control", responses={**OF_CONTROL, **OF_BODIES})
+async def take_control(bench: TheBench, given: ControlGiven, caller: Caller = None) -> ControlAnswer:
+    """Hold the camera; who holds it already, and says so by the header, keeps the identity.
+
+    It is held until nothing was heard of the holder for `held_s` seconds: acts and `GET /v1/state` with the header
+    count. Answers 409 when somebody else holds it and `over` is false.
+    """
+    require_label("name", given.name)
+    held = bench.control.holder()
+    identity = held.identity if held is not None and held.identity == caller else uuid.uuid4().hex
+    bench.control.take(identity, given.name, over=given.over, held_s=given.held_s)
+    return ControlAnswer(identity=identity, name=given.name, held_s=given.held_s)
+
+
+@control_router.delete("/control", operation_id="release_control", status_code=204)
+async def release_control(bench: TheBench, caller: Caller = None) -> Response:
+    """Give the camera back; from anybody but the holder it changes nothing."""
+    if caller:
+        bench.control.release(caller)
+    return Response(status_code=204)
+
+
+press_router = APIRouter(tags=["press"])
+
+
+@press_router.put("/target", operation_id="choose_target", responses={**OF_ACTS, **OF_BODIES})
+def choose_target(bench: TheBench, given: TargetChoiceGiven, by: Acting) -> StateAnswer:
+    """Choose the target that snapshots go to; it is entered with its first press."""
+    bench.set_target(given.number, by=by)
+    return state_answer(bench, by)
+
+
+@press_router.put("/press", operation_id="hold_press", responses={**OF_ACTS, **OF_BODIES})
+def hold_press(bench: TheBench, given: PressGiven, by: Acting) -> StateAnswer:
+    """Say what is pressed and how hard; the virtual probe is moved there."""
+    if not given.model_fields_set:
+        raise InputError("press must say something: role, force_n or both; got neither")
+    forget = "force_n" in given.model_fields_set and given.force_n is None
+    bench.hold(role=given.role, force_n=given.force_n, forget=forget, by=by)
+    return state_answer(bench, by)
+
+
+@press_router.post("/snapshot", operation_id="take_snapshot", responses={**OF_ACTS, **OF_BODIES}, status_code=201)
+def take_snapshot(bench: TheBench, by: Acting, given: Annotated[SnapshotGiven | None, Body()] = None) -> KeptAnswer:
+    """Keep the press as it is seen now: its files, and the press in the store; when this answers, both last."""
+    kept = bench.snapshot(by=by, map_name=(given or SnapshotGiven()).map_name)
+    files = {name: str(path.resolve()) for name, path in asdict(kept.files).items()}
+    return KeptAnswer(
+        target=kept.target.number,
+        press=told_press(kept.press),
+        files=FilesTold(**files),
+        flags=[FlagTold.model_validate(flag) for flag in kept.flags],
+        notes=list(kept.notes),
+    )
+
+
+@press_router.post("/sequence", operation_id="begin_sequence", responses={**OF_ACTS, **OF_BODIES}, status_code=202)
+def begin_sequence(bench: TheBench, given: SequenceOfSeconds | SequenceOfFrames, by: Acting) -> JobAnswer:
+    """Record every frame until so many have come or so much time has passed."""
+    job = bench.begin_sequence(**given.model_dump(), by=by)
+    return JobAnswer(job=JobTold.model_validate(job.state()))
+
+
+@press_router.delete("/sequence", operation_id="end_sequence", responses=OF_ACTS)
+def end_sequence(bench: TheBench, by: Acting) -> StateAnswer:
+    """End the sequence under way; what was recorded stays. Without one nothing happens."""
+    bench.end_sequence(by=by)
+    return state_answer(bench, by)
+
+
+frames_router = APIRouter(tags=["frames"])
+Quality = Annotated[int, Query(ge=1, le=100, description="of JPEG")]
+
+
+@frames_router.get("/frame.png", operation_id="get_frame_png", response_class=Response, responses=picture("image/png"))
+def get_frame_png(bench: TheBench) -> Response:
+    """Send the newest frame, lossless: grey levels of 8 bits, or 16 where the camera has more.
+
+    It was begun after the last change of a setting or a press. Answers 503 while the camera is stopped or away.
+    """
+    arrival = bench.desk.fresh()
+    levels = whole_levels(arrival.frame.pixels, arrival.frame.full_scale)
+    return _sent(arrival, cv2.imencode(".png", levels, QUICK)[1].tobytes(), "image/png")
+
+
+@frames_router.get("/frame.jpg", operation_id="get_frame_jpg", response_class=Response, responses=picture("image/jpeg"))
+def get_frame_jpg(bench: TheBench, quality: Quality = 85) -> Response:
+    """Send the newest frame as a small picture of 8 bits, for the eye."""
+    arrival = bench.desk.fresh()
+    content = cv2.imencode(".jpg", display_levels(arrival), [cv2.IMWRITE_JPEG_QUALITY, quality])[1].tobytes()
+    return _sent(arrival, content, "image/jpeg")
+
+
+def _sent(arrival: ReceivedFrame, content: bytes, kind: str) -> Response:
+    headers = {"TSIS-Frame": str(arrival.frame.sequence), "TSIS-Full-Scale": f"{arrival.frame.full_scale:g}"}
+    return Response(content, media_type=kind, headers=headers)

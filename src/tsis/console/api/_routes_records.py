@@ -1,0 +1,322 @@
+"""Stored targets and their presses."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Annotated, Any
+
+import cv2
+from fastapi import APIRouter, Body, Request, Response
+from starlette.concurrency import run_in_threadpool
+from starlette.exceptions import HTTPException
+from starlette.requests import ClientDisconnect
+
+from tsis.calibration import UsableCalibration
+from tsis.calibration.file import ProbeCalibration, calibration_bytes, calibration_sha256, parse_calibration
+from tsis.console._statuses import AbsentError, NoControlError
+from tsis.console.api._documented import (
+    CALIBRATION_BODY,
+    CALIBRATION_FILE,
+    OF_ACTS,
+    OF_BODIES,
+    OF_EDITS,
+    OF_JOBS,
+    OF_RECORDS,
+    file,
+)
+from tsis.console.api._models import AboutAnswer, CalibrationAnswer, CalibrationTold, StoreTold
+from tsis.console.api._models_records import (
+    EstimateGiven,
+    EstimatesAnswer,
+    JobAnswer,
+    JobsAnswer,
+    JobTold,
+    PressesAnswer,
+    RecomputeGiven,
+    SummaryTold,
+    TargetAnswer,
+    TargetGiven,
+    TargetsAnswer,
+)
+from tsis.console.api._query import (
+    CONTROL,
+    Acting,
+    Caller,
+    JobIdentity,
+    PageAsked,
+    PressIdentity,
+    TargetNumber,
+    TheBench,
+    TheReports,
+    known_press,
+    known_target,
+)
+from tsis.console.api._responses import told_estimate, told_press, told_result, told_target
+from tsis.errors import InputError
+from tsis.instrument import QUICK
+from tsis.records import PRIORS, environment, recompute
+
+if TYPE_CHECKING:
+    from tsis.console.services import Bench, Job
+
+
+targets_router = APIRouter(prefix="/targets", tags=["records"])
+
+
+@targets_router.get("", operation_id="list_targets")
+def list_targets(bench: TheBench, page: PageAsked) -> TargetsAnswer:
+    """List the targets of the store by number."""
+    found = bench.store.targets()
+    part = found[page.offset : page.offset + page.limit]
+    return TargetsAnswer(
+        total=len(found),
+        offset=page.offset,
+        targets=[
+            SummaryTold(target=told_target(each.target), presses=each.presses, estimates=each.estimates, last=each.last)
+            for each in part
+        ],
+    )
+
+
+@targets_router.get("/{number}", operation_id="get_target", responses=OF_RECORDS)
+def get_target(bench: TheBench, number: TargetNumber) -> TargetAnswer:
+    """Tell what is stored of a target."""
+    target = known_target(bench, number)
+    return TargetAnswer(target=told_target(target), presses=bench.store.press_count(target))
+
+
+@targets_router.patch("/{number}", operation_id="edit_target", responses={**OF_RECORDS, **OF_EDITS, **OF_BODIES})
+def edit_target(bench: TheBench, number: TargetNumber, given: TargetGiven) -> TargetAnswer:
+    """Change name, note or truth of a target as it was read; 409 when somebody has changed it since.
+
+    The audit of the store keeps that it was changed, and when.
+    """
+    target = known_target(bench, number)
+    changes = given.model_dump(exclude={"version"}, exclude_none=True)
+    if not changes:
+        raise InputError("an edit must change something: name, note or truth; got none of them")
+    edited = bench.store.edit_target(replace(target, version=given.version), **changes)
+    return TargetAnswer(target=told_target(edited), presses=bench.store.press_count(edited))
+
+
+@targets_router.get("/{number}/presses", operation_id="list_presses", responses=OF_RECORDS)
+def list_presses(bench: TheBench, number: TargetNumber, page: PageAsked) -> PressesAnswer:
+    """List presses of a target in the order in which they were taken."""
+    target = known_target(bench, number)
+    return PressesAnswer(
+        target=number,
+        total=bench.store.press_count(target),
+        offset=page.offset,
+        presses=[told_press(each) for each in bench.store.presses(target, limit=page.limit, offset=page.offset)],
+    )
+
+
+@targets_router.get(
+    "/{number}/presses/{identity}/frame.png",
+    operation_id="get_press_frame",
+    response_class=Response,
+    responses={**file("image/png", "the frame, lossless: grey levels of 8 or 16 bits"), **OF_RECORDS},
+)
+def get_press_frame(bench: TheBench, number: TargetNumber, identity: PressIdentity) -> Response:
+    """Send the stored frame of a press, after its hash was found right; 503 when it is damaged."""
+    _, press = known_press(bench, number, identity)
+    content = cv2.imencode(".png", bench.store.levels(press.frame), QUICK)[1].tobytes()
+    return Response(content, media_type="image/png", headers={"TSIS-Full-Scale": f"{press.full_scale:g}"})
+
+
+estimates_router = APIRouter(prefix="/targets/{number}", tags=["records"])
+
+
+@estimates_router.get("/estimates", operation_id="list_estimates", responses=OF_RECORDS)
+def list_estimates(bench: TheBench, number: TargetNumber) -> EstimatesAnswer:
+    """List the estimates of a target in the order in which they were made."""
+    target = known_target(bench, number)
+    dossier = bench.store.dossier(target, limit=0)
+    return EstimatesAnswer(
+        target=number,
+        in_force=[each.id for each in dossier.in_force],
+        estimates=[told_estimate(each, target.truth) for each in dossier.estimates],
+        damaged=list(dossier.damaged),
+    )
+
+
+@estimates_router.post(
+    "/estimate", operation_id="estimate_target", responses={**OF_RECORDS, **OF_JOBS, **OF_BODIES}, status_code=202
+)
+def estimate_target(bench: TheBench, number: TargetNumber, given: Annotated[EstimateGiven, Body()]) -> JobAnswer:
+    """Estimate a target from its presses and store what was found; the job's result tells it."""
+    known_target(bench, number)
+    job = bench.estimate(number, kind=given.kind, presses=given.presses, options=_options(given))
+    return JobAnswer(job=JobTold.model_validate(job.state()))
+
+
+@estimates_router.post(
+    "/recompute", operation_id="recompute_target", responses={**OF_RECORDS, **OF_JOBS, **OF_BODIES}, status_code=202
+)
+def recompute_target(
+    bench: TheBench, number: TargetNumber, given: Annotated[RecomputeGiven | None, Body()] = None
+) -> JobAnswer:
+    """Make the estimates in force again with the code of today, and store those that came out otherwise."""
+    target, dry_run = known_target(bench, number), given is not None and given.dry_run
+    job = bench.jobs.begin(
+        f"recomputation of target {number}",
+        lambda job: recompute(bench.store, target, dry_run=dry_run, progress=job.advance),
+    )
+    return JobAnswer(job=JobTold.model_validate(job.state()))
+
+
+@estimates_router.get(
+    "/report.html",
+    operation_id="get_report_html",
+    response_class=Response,
+    responses={**file("text/html", "one page, self-contained"), **OF_RECORDS},
+)
+def get_report_html(bench: TheBench, reports: TheReports, number: TargetNumber) -> Response:
+    """Send the report of a target as a page."""
+    return Response(reports.content(known_target(bench, number), "html"), media_type="text/html")
+
+
+@estimates_router.get(
+    "/report.pdf",
+    operation_id="get_report_pdf",
+    response_class=Response,
+    responses={**file("application/pdf", "the same on paper"), **OF_RECORDS},
+)
+def get_report_pdf(bench: TheBench, reports: TheReports, number: TargetNumber) -> Response:
+    """Send the report of a target as a PDF."""
+    return Response(reports.content(known_target(bench, number), "pdf"), media_type="application/pdf")
+
+
+def _options(given: EstimateGiven) -> dict[str, Any]:
+    """Options as a stored estimate keeps them: a prior whole, so that a later release knows what was believed."""
+    asked = given.model_dump(exclude={"kind", "presses"}, exclude_none=True)
+    if "prior" in asked:
+        prior = PRIORS[given.kind](**{name: _pair(value) for name, value in asked["prior"].items()})
+        asked["prior"] = asdict(prior)
+    return asked
+
+
+def _pair(value: Any) -> Any:
+    return tuple(value) if isinstance(value, list) else value
+
+
+calibration_router = APIRouter(prefix="/calibration", tags=["calibration"])
+LARGEST_UPLOAD = 32 * 2**20  # bytes
+
+
+@calibration_router.get("", operation_id="get_calibration")
+def get_calibration(bench: TheBench) -> CalibrationAnswer:
+    """Tell which calibration is in force."""
+    return _answer(bench)
+
+
+@calibration_router.get(
+    "/file", operation_id="get_calibration_file", response_class=Response, responses={**CALIBRATION_FILE, **OF_RECORDS}
+)
+def get_calibration_file(bench: TheBench) -> Response:
+    """Send the calibration in force as its file, which `PUT /v1/calibration` takes again."""
+    known = bench.calibration
+    if known is None:
+        raise AbsentError("a calibration must be in force to be sent; there is none")
+    return Response(calibration_bytes(known.known), media_type="application/json")
+
+
+@calibration_router.put(
+    "", operation_id="use_calibration", responses={**OF_ACTS, **OF_BODIES}, openapi_extra=CALIBRATION_BODY
+)
+async def use_calibration(request: Request, bench: TheBench, by: Acting) -> CalibrationAnswer:
+    """Put a calibration in force: the body is a calibration file of at most 32 MiB.
+
+    Answers 422 when it was changed, is expired, or is of another camera or other settings than those that run.
+    """
+    content = await _uploaded(request)
+    await run_in_threadpool(_use, bench, content, by)
+    return _answer(bench)
+
+
+@calibration_router.delete("", operation_id="forget_calibration", responses=OF_ACTS)
+def forget_calibration(bench: TheBench, by: Acting) -> CalibrationAnswer:
+    """Go back to the virtual probe's own calibration, or to none."""
+    bench.use_calibration(None, by=by)
+    return _answer(bench)
+
+
+async def _uploaded(request: Request) -> bytes:
+    if request.headers.get("content-type", "").partition(";")[0].strip().lower() != "application/json":
+        raise HTTPException(415, "a calibration file must be sent as application/json")
+    content = bytearray()
+    try:
+        async for piece in request.stream():
+            content += piece
+            if len(content) > LARGEST_UPLOAD:
+                raise HTTPException(413, f"a calibration file must take at most {LARGEST_UPLOAD} bytes; got more")
+    except ClientDisconnect as error:
+        raise HTTPException(400, "the calibration file must come whole; the connection ended before") from error
+    return bytes(content)
+
+
+def _use(bench: Bench, content: bytes, by: str) -> None:
+    known = parse_calibration(content, "the calibration")
+    known.require_usable(datetime.now(UTC))
+    bench.use_calibration(UsableCalibration(known=known, identity=calibration_sha256(known)), by=by)
+
+
+def _answer(bench: Bench) -> CalibrationAnswer:
+    cited = bench.calibration
+    return CalibrationAnswer(calibration=None if cited is None else _told(cited.known, cited.identity))
+
+
+def _told(known: ProbeCalibration, sha256: str) -> CalibrationTold:
+    return CalibrationTold(name=known.name, probe=known.probe, sha256=sha256, made=known.made, expires=known.expires)
+
+
+jobs_router = APIRouter(prefix="/jobs", tags=["jobs"])
+
+
+@jobs_router.get("", operation_id="list_jobs")
+def list_jobs(bench: TheBench) -> JobsAnswer:
+    """List the last jobs of this console, the newest last."""
+    return JobsAnswer(jobs=[JobTold.model_validate(state) for state in bench.jobs.states()])
+
+
+@jobs_router.get("/{identity}", operation_id="get_job", responses=OF_RECORDS)
+def get_job(bench: TheBench, identity: JobIdentity) -> JobAnswer:
+    """Tell how far a job is, and what it returned."""
+    return _job_response(bench, _known(bench, identity))
+
+
+@jobs_router.delete("/{identity}", operation_id="end_job", responses={**OF_RECORDS, **OF_ACTS})
+def end_job(bench: TheBench, identity: JobIdentity, caller: Caller = None) -> JobAnswer:
+    """Ask a job to end, which it does at its next step; one that follows the camera only for who holds it."""
+    job = _known(bench, identity)
+    if job.follows_camera and not caller:
+        raise NoControlError(f"to end what follows the camera needs the header {CONTROL}, which POST /v1/control gives")
+    bench.end_job(identity, by=caller or "")
+    return _job_response(bench, job)
+
+
+def _known(bench: Bench, identity: str) -> Job:
+    try:
+        return bench.jobs.get(identity)
+    except InputError as error:
+        raise AbsentError(str(error)) from error
+
+
+def _job_response(bench: Bench, job: Job) -> JobAnswer:
+    state = job.state()
+    return JobAnswer(job=JobTold.model_validate(state), result=told_result(job.result, bench.store))
+
+
+about_router = APIRouter(tags=["about"])
+
+
+@about_router.get("/about", operation_id="get_about")
+def get_about(bench: TheBench) -> AboutAnswer:
+    """Tell versions, and where records and files are kept."""
+    store = bench.store
+    return AboutAnswer(
+        environment=environment(),
+        store=StoreTold(folder=str(store.folder.resolve()), kind=store.kind, identity=store.identity),
+        workspace=str(bench.terms.workspace.resolve()),
+    )

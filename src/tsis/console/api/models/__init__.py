@@ -1,1 +1,0 @@
-"""What calls take and answer, as JSON describes it."""

@@ -1,1 +1,0 @@
-"""The calls, a file for each thing that they are about."""

@@ -1,0 +1,213 @@
+"""What stands before the console: small pages without scripts for who is not in yet, and for who goes."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import math
+from functools import cache
+from html import escape
+from http import HTTPStatus
+from pathlib import Path
+from string import Template
+from typing import TYPE_CHECKING
+from urllib.parse import parse_qs
+
+from starlette.requests import ClientDisconnect, Request
+from starlette.responses import HTMLResponse, PlainTextResponse, RedirectResponse
+
+from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.console.auth._rate_limit import Attempts
+from tsis.errors import FileInputError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from starlette.responses import Response
+    from starlette.types import Receive, Scope
+
+    from tsis.console.auth._access import Access
+    from tsis.console.auth._logins import Logins
+
+
+LOGIN, LOGOUT = "/login", "/logout"
+FAILED = "This failed for a reason that nobody foresaw; what was kept stays, and the console's log says more."
+KEY_NEEDED = "Open the address that tsis console printed when it was started: it holds the key to this page."
+
+
+def refusal(
+    sentence: str, status: HTTPStatus, *, asked: Mapping[str, str], others: Mapping[str, str] | None = None
+) -> Response:
+    """One sentence: a page for browsers, text for the rest."""
+    if "text/html" in asked.get("accept", ""):
+        again = '<p><a href="">Try again</a></p>' if status == HTTPStatus.UNAUTHORIZED else ""
+        return _page("tsis console", f"<p>{escape(sentence)}</p>{again}", status, others)
+    return PlainTextResponse(sentence, status, headers=dict(others or {}))
+
+
+async def failed(request: Request, _: Exception) -> Response:
+    """Answer a request that failed; the error itself goes into the log."""
+    return refusal(FAILED, HTTPStatus.INTERNAL_SERVER_ERROR, asked=request.headers)
+
+
+def login_page(
+    *, then: str, wrong: str = "", status: HTTPStatus = HTTPStatus.OK, others: Mapping[str, str] | None = None
+) -> Response:
+    """Ask for name and password; afterwards the page ``then`` is opened."""
+    alert = f'<p role="alert">{escape(wrong)}</p>' if wrong else ""
+    fields = {
+        "Name": 'name="name" autocomplete="username" autocapitalize="none" spellcheck="false" maxlength="40" autofocus',
+        "Password": 'name="password" type="password" autocomplete="current-password" maxlength="1024"',
+    }
+    asked = "".join(f"<label>{label}<input {field} required></label>" for label, field in fields.items())
+    kept = f'<input type="hidden" name="then" value="{escape(then)}">'
+    form = f'<form method="post" action="{LOGIN}">{alert}{kept}{asked}<button>Log in</button></form>'
+    return _page("Log in to the console", form, status, others)
+
+
+def onward(address: str, *, asked: Mapping[str, str], others: Mapping[str, str]) -> Response:
+    """Send somebody on to a path of this console.
+
+    Who was led here by a page of another place would be sent on without the cookie, for browsers keep a strict one
+    from all that another place has begun. So a page of the console itself sends him on.
+    """
+    if asked.get("sec-fetch-site", "none") in ("none", "same-origin"):
+        return RedirectResponse(address, HTTPStatus.SEE_OTHER, headers=dict(others))
+    link = f'<p><a href="{escape(address)}">Go on to the console</a></p>'
+    return _page("tsis console", link, HTTPStatus.OK, {**others, "refresh": f"0; url={address}"})
+
+
+def logout_page(name: str) -> Response:
+    """Ask whether to go."""
+    who = f"You are in as {escape(name)}." if name else "You are in with the console's key."
+    form = f'<p>{who}</p><form method="post" action="{LOGOUT}"><button>Log out</button></form>'
+    return _page("Log out of the console", form, HTTPStatus.OK, None)
+
+
+def gone_page(others: Mapping[str, str], *, logins: bool) -> Response:
+    """Say that the session is over, and have the browser forget the pictures that it has kept."""
+    back = f'<p><a href="{LOGIN}">Log in</a></p>' if logins else f"<p>{KEY_NEEDED}</p>"
+    return _page("You are logged out", back, HTTPStatus.OK, {**others, "clear-site-data": '"cache"'})
+
+
+def local_address(text: str) -> str:
+    """A path of this console, whatever was asked for: nobody is sent elsewhere.
+
+    Examples
+    --------
+    >>> local_address("/records/3?sort=name"), local_address("//evil.example/"), local_address("https://evil.example")
+    ('/records/3?sort=name', '/', '/')
+    """
+    plain = text.isprintable() and "\\" not in text
+    return text if plain and text.startswith("/") and not text.startswith("//") else "/"
+
+
+def _page(title: str, content: str, status: HTTPStatus, others: Mapping[str, str] | None) -> Response:
+    html = _template().substitute(title=title, content=content, notice=RESEARCH_USE_ONLY)
+    return HTMLResponse(html, status, headers=dict(others or {}))
+
+
+@cache
+def _template() -> Template:
+    return Template(Path(__file__).with_name("door.html").read_text(encoding="utf-8"))
+
+
+LARGEST_FORM = 8192  # bytes
+FORM_S = 20.0  # in which it must have come
+AT_ONCE = 2  # passwords that are hashed: each takes 64 MiB
+WRONG = "This name and password do not belong together."
+PLACES = (LOGIN, LOGOUT)
+_log = logging.getLogger(__name__)
+
+
+class Desk:
+    """Logs people in and out.
+
+    Parameters
+    ----------
+    access
+        Keys, sessions and logins.
+    attempts
+        Counts tries.
+    """
+
+    def __init__(self, access: Access, *, attempts: Attempts | None = None) -> None:
+        self._access, self._attempts = access, attempts or Attempts()
+        self._hashing = asyncio.Semaphore(AT_ONCE)
+
+    async def answer(self, scope: Scope, receive: Receive, headers: Mapping[str, str]) -> Response:
+        """What is answered at `LOGIN` and `LOGOUT`."""
+        method = scope["method"]
+        if method not in ("GET", "HEAD", "POST"):
+            allowed = {"allow": "GET, HEAD, POST"}
+            return refusal(
+                "This can be read or sent, nothing else.", HTTPStatus.METHOD_NOT_ALLOWED, asked=headers, others=allowed
+            )
+        if scope["path"] == LOGOUT:
+            return await self._logout(headers, leaves=method == "POST")
+        logins = self._access.logins
+        if logins is None:
+            return refusal(KEY_NEEDED, HTTPStatus.UNAUTHORIZED, asked=headers)
+        if method != "POST":
+            query = parse_qs(scope.get("query_string", b"").decode("latin-1"))
+            return login_page(then=local_address(query.get("then", ["/"])[0]))
+        return await self._login(Request(scope, receive), headers, logins)
+
+    async def _login(self, request: Request, headers: Mapping[str, str], logins: Logins) -> Response:
+        form = await _form(request)
+        if form is None:
+            return refusal(
+                "A name and a password are neither so long nor so slow.", HTTPStatus.BAD_REQUEST, asked=headers
+            )
+        name, then = form.get("name", ""), local_address(form.get("then", "/"))
+        address = "" if request.client is None else request.client.host
+        wait_s = self._attempts.wait_s(address)
+        if wait_s:
+            told = f"Too many tries: the next one may be made in {_spoken(wait_s)}."
+            after = {"retry-after": str(math.ceil(wait_s))}
+            return login_page(then=then, wrong=told, status=HTTPStatus.TOO_MANY_REQUESTS, others=after)
+        try:
+            async with self._hashing:
+                login = await asyncio.to_thread(logins.check, name, form.get("password", ""))
+        except FileInputError as error:
+            _log.error("nobody can log in: %s", error)
+            return refusal(
+                "Nobody can log in: the logins cannot be read.", HTTPStatus.SERVICE_UNAVAILABLE, asked=headers
+            )
+        if login is None:
+            _log.warning("a login from %s failed", address)
+            return login_page(then=then, wrong=WRONG, status=HTTPStatus.UNAUTHORIZED)
+        self._attempts.succeeded(address)
+        _log.info("%s logged in from %s", login.name, address)
+        return RedirectResponse(then, HTTPStatus.SEE_OTHER, headers={"set-cookie": self._access.cookie(login)})
+
+    async def _logout(self, headers: Mapping[str, str], *, leaves: bool) -> Response:
+        session = self._access.session(headers)
+        if session is not None and not leaves:
+            return logout_page(session.name)
+        if session is not None:
+            try:
+                await asyncio.to_thread(self._access.sessions.end, session)
+            except FileInputError as error:
+                _log.warning("a session that was ended comes back when the console is started anew: %s", error)
+        return gone_page({"set-cookie": self._access.no_cookie()}, logins=self._access.logins is not None)
+
+
+async def _form(request: Request) -> dict[str, str] | None:
+    """The fields that were sent; None when they are larger than they can be, or never come."""
+    content = bytearray()
+    try:
+        async with asyncio.timeout(FORM_S):
+            async for part in request.stream():
+                content += part
+                if len(content) > LARGEST_FORM:
+                    return None
+    except (ClientDisconnect, TimeoutError):
+        return None
+    fields = parse_qs(content.decode("utf-8", "replace"), keep_blank_values=True)
+    return {name: values[0] for name, values in fields.items()}
+
+
+def _spoken(seconds: float) -> str:
+    whole = math.ceil(seconds)
+    return f"{whole} s" if whole < 2 * 60 else f"{math.ceil(whole / 60)} minutes"

@@ -1,0 +1,305 @@
+"""Marks the scripts that stand in the console's own pages, so that browsers run them and no others."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import secrets
+from contextlib import suppress
+from http import HTTPStatus
+from typing import TYPE_CHECKING
+from urllib.parse import parse_qs, quote, urlencode
+
+from starlette.responses import RedirectResponse
+
+from tsis.console.auth._access import (
+    VISITOR,
+    Visitor,
+    headers_of,
+    is_known,
+    is_own_origin,
+    is_plain_path,
+    is_repeated,
+    name_of,
+    without_forwarded,
+)
+from tsis.console.auth._login_routes import FAILED, KEY_NEEDED, LOGIN, PLACES, Desk, local_address, onward, refusal
+from tsis.console.auth._sockets import POLICY_VIOLATION, OpenSockets
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Mapping
+
+    from starlette.responses import Response
+    from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+    from tsis.console.auth._access import Access
+    from tsis.console.auth._rate_limit import Attempts
+
+
+HTML = b"text/html"
+
+
+def with_nonce(send: Send, nonce: str) -> Send:
+    """Send pages with ``nonce`` on each of their scripts; anything else as it is.
+
+    The pages' templates hold ``<script`` for scripts alone: text from elsewhere reaches them escaped.
+    """
+    start: Message | None = None
+    parts: list[bytes] = []
+
+    async def marked(message: Message) -> None:
+        nonlocal start
+        if message["type"] == "http.response.start" and _is_page(message):
+            start = message
+        elif start is not None and message["type"] == "http.response.body":
+            parts.append(message.get("body", b""))
+            if not message.get("more_body", False):
+                body = b"".join(parts).replace(b"<script", b'<script nonce="%s"' % nonce.encode())
+                start["headers"] = [
+                    (name, str(len(body)).encode() if name.lower() == b"content-length" else value)
+                    for name, value in start["headers"]
+                ]
+                await send(start)
+                await send({"type": "http.response.body", "body": body})
+        else:
+            await send(message)
+
+    return marked
+
+
+def _is_page(message: Message) -> bool:
+    headers = {name.lower(): value for name, value in message.get("headers", [])}
+    return headers.get(b"content-type", b"").startswith(HTML) and b"content-encoding" not in headers
+
+
+YEAR_S = 365 * 86400
+
+
+def policy(nonce: str) -> str:
+    """Content security policy: own files, own connections, scripts in a page only with this page's nonce.
+
+    The library that builds the pages compiles its templates in the browser, hence ``unsafe-eval``, and sets styles on
+    elements, hence ``unsafe-inline`` for styles.
+    """
+    return "; ".join(
+        (
+            "default-src 'self'",
+            f"script-src 'self' 'nonce-{nonce}' 'unsafe-eval'",
+            "style-src 'self' 'unsafe-inline'",
+            "img-src 'self' data: blob:",
+            "font-src 'self' data:",
+            "connect-src 'self'",
+            "object-src 'none'",
+            "base-uri 'none'",
+            "form-action 'self'",
+            "frame-ancestors 'none'",
+        )
+    )
+
+
+def safe_headers(nonce: str) -> dict[str, str]:
+    """Headers of every answer."""
+    return {
+        "content-security-policy": policy(nonce),
+        "x-content-type-options": "nosniff",
+        "x-frame-options": "DENY",
+        "referrer-policy": "same-origin",  # without any, forms would not say from which page they were sent
+        "cross-origin-opener-policy": "same-origin",
+        "cross-origin-resource-policy": "same-origin",
+        "permissions-policy": "camera=(), microphone=(), geolocation=(), usb=(), serial=(), payment=()",
+    }
+
+
+def with_safe_headers(send: Send, nonce: str, *, tls: bool, host: str) -> Send:
+    """Add the safe headers to answers, in place of others of their names.
+
+    Browsers are told to use nothing but TLS from now on where the console does, unless it is called ``localhost``:
+    they would hold every other program of this machine to it too. What says nothing of being kept is not kept, so
+    that nothing is left in a browser whose user has logged out.
+    """
+    own = safe_headers(nonce)
+    if tls and name_of(host) != "localhost":
+        own["strict-transport-security"] = f"max-age={YEAR_S}"
+
+    async def guarded(message: Message) -> None:
+        if message["type"] in ("http.response.start", "websocket.http.response.start"):
+            added = {name.encode(): value.encode() for name, value in own.items()}
+            kept = [(name, value) for name, value in message.get("headers", []) if name.lower() not in added]
+            names = {name.lower() for name, _ in kept}
+            if b"cache-control" not in names:
+                kept.append((b"cache-control", b"no-cache" if b"etag" in names else b"no-store"))
+            message["headers"] = [*kept, *added.items()]
+        await send(message)
+
+    return guarded
+
+
+LARGEST_BYTES = 32 * 2**20
+
+
+class CappedBody:
+    """The body of a request up to a size; what reads more of it is told that the sender has gone.
+
+    Parameters
+    ----------
+    receive, send
+        Of the request. What is answered after the body was too large is not sent: the gate answers that.
+    most
+        Bytes.
+    """
+
+    def __init__(self, receive: Receive, send: Send, *, most: int = LARGEST_BYTES) -> None:
+        self._receive, self._send, self._left = receive, send, most
+        self.too_large = False
+        self.answered = False
+
+    async def receive(self) -> Message:
+        """The next part of the body."""
+        if self.too_large:
+            return {"type": "http.disconnect"}
+        message = await self._receive()
+        if message["type"] == "http.request":
+            self._left -= len(message.get("body", b""))
+            if self._left < 0:
+                self.too_large = True
+                return {"type": "http.disconnect"}
+        return message
+
+    async def send(self, message: Message) -> None:
+        """Pass the answer on."""
+        if self.too_large and not self.answered:
+            return
+        self.answered = True
+        await self._send(message)
+
+
+def announced_bytes(headers: Mapping[str, str]) -> int:
+    """How long the body says it is; 0 when it says nothing."""
+    length = headers.get("content-length", "")
+    return int(length[:20]) if length.isascii() and length.isdecimal() else 0
+
+
+DENIAL = "websocket.http.response"  # what servers call the way to refuse a WebSocket with an answer
+TOO_LARGE = f"What is sent here may be at most {LARGEST_BYTES >> 20} MiB."
+_log = logging.getLogger(__name__)
+
+
+class Gate:
+    """ASGI application that lets through what may pass.
+
+    Parameters
+    ----------
+    inner
+        The application behind it.
+    access
+        Who has been let in.
+    hosts
+        Names, without port, by which this console may be called.
+    attempts
+        Counts tries to log in.
+    """
+
+    def __init__(
+        self, inner: ASGIApp, *, access: Access, hosts: Collection[str], attempts: Attempts | None = None
+    ) -> None:
+        self._inner, self._access, self._hosts = inner, access, frozenset(name.lower() for name in hosts)
+        self._desk, self._sockets = Desk(access, attempts=attempts), OpenSockets()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Refuse, let in, or pass on."""
+        if scope["type"] == "lifespan":
+            watch = asyncio.create_task(self._sockets.watch())
+            try:
+                await self._inner(scope, receive, send)
+            finally:
+                watch.cancel()
+            return
+        nonce = secrets.token_urlsafe(16)
+        headers = headers_of(scope)
+        safe = with_safe_headers(send, nonce, tls=self._access.secure, host=headers.get("host", ""))
+        found = await self._judged(scope, receive, headers)
+        if not isinstance(found, Visitor):
+            await _refuse(found, scope, receive, safe)
+        elif scope["type"] == "websocket":
+            await self._pass_socket(_marked(scope, found), receive, send, headers)
+        else:
+            await self._pass(_marked(scope, found), receive, with_nonce(safe, nonce), safe)
+
+    async def _judged(self, scope: Scope, receive: Receive, headers: Mapping[str, str]) -> Visitor | Response:
+        """Who may pass, or what is answered instead."""
+        if is_repeated(scope) or not is_plain_path(scope["path"]):
+            return refusal("This request is not in good form.", HTTPStatus.BAD_REQUEST, asked=headers)
+        local = (scope.get("server") or ("",))[0]
+        if not is_known(headers.get("host", ""), names=self._hosts, local=local):
+            sentence = "This console is not called by that name (tsis console --allow-host adds one)."
+            return refusal(sentence, HTTPStatus.MISDIRECTED_REQUEST, asked=headers)
+        if not is_own_origin(scope, headers):
+            return refusal("Pages of other places may not use this console.", HTTPStatus.FORBIDDEN, asked=headers)
+        if announced_bytes(headers) > LARGEST_BYTES:
+            return refusal(TOO_LARGE, HTTPStatus.REQUEST_ENTITY_TOO_LARGE, asked=headers)
+        if scope["type"] == "http" and scope["path"] in PLACES:
+            return await self._desk.answer(scope, receive, headers)
+        visitor = self._access.visitor(headers)
+        given, address = _key_and_rest(scope)
+        opens = scope["type"] == "http" and scope["method"] == "GET"
+        if opens and given and self._access.is_token(given):  # who is in already shall not keep the key on display
+            others = {"set-cookie": self._access.cookie()} if visitor is None else {}
+            return onward(address, asked=headers, others=others)
+        if visitor is None:
+            return self._refused(opens, address, headers)
+        if scope["type"] == "websocket" and self._sockets.full:
+            return refusal("Too many pages are open.", HTTPStatus.SERVICE_UNAVAILABLE, asked=headers)
+        return visitor
+
+    def _refused(self, opens: bool, address: str, headers: Mapping[str, str]) -> Response:
+        """Say where the door is."""
+        if opens and self._access.logins is not None and "text/html" in headers.get("accept", ""):
+            return RedirectResponse(f"{LOGIN}?{urlencode({'then': address})}", HTTPStatus.SEE_OTHER)
+        needed = {"www-authenticate": "Bearer"}
+        return refusal(KEY_NEEDED, HTTPStatus.UNAUTHORIZED, asked=headers, others=needed)
+
+    async def _pass(self, scope: Scope, receive: Receive, send: Send, plain: Send) -> None:
+        body = CappedBody(receive, send)
+        try:
+            await self._inner(scope, body.receive, body.send)
+        except Exception:
+            if not body.too_large:
+                _log.exception("%s %s failed", scope["method"], scope["path"])
+        if not body.answered:
+            large = body.too_large
+            sentence, status = (TOO_LARGE, 413) if large else (FAILED, 500)
+            await refusal(sentence, HTTPStatus(status), asked=headers_of(scope))(scope, receive, plain)
+
+    async def _pass_socket(self, scope: Scope, receive: Receive, send: Send, headers: Mapping[str, str]) -> None:
+        def stays() -> bool:
+            return self._access.visitor(headers) is not None
+
+        try:
+            cut = await self._sockets.serve(self._inner(scope, receive, send), stays=stays)
+        except Exception:
+            _log.exception("WebSocket %s failed", scope["path"])
+            cut = True
+        if cut:
+            with suppress(Exception):  # it may be closed already, in several ways
+                await send({"type": "websocket.close", "code": POLICY_VIOLATION})
+
+
+def _key_and_rest(scope: Scope) -> tuple[str, str]:
+    """The key in an address, if any, and the address without it."""
+    query = parse_qs(scope.get("query_string", b"").decode("latin-1"))
+    given = query.pop("token", [""])[0]
+    rest = urlencode(query, doseq=True)
+    return given, local_address(quote(scope["path"]) + (f"?{rest}" if rest else ""))
+
+
+def _marked(scope: Scope, visitor: Visitor) -> Scope:
+    """The scope as those behind the gate see it."""
+    state = {**scope.get("state", {}), VISITOR: visitor}
+    return {**scope, "headers": without_forwarded(scope["headers"]), "state": state}
+
+
+async def _refuse(answer: Response, scope: Scope, receive: Receive, send: Send) -> None:
+    if scope["type"] == "http" or DENIAL in scope.get("extensions", {}):
+        await answer(scope, receive, send)
+    else:
+        await send({"type": "websocket.close", "code": POLICY_VIOLATION})

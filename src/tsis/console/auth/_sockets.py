@@ -1,0 +1,84 @@
+"""WebSockets that are open: not too many, and none longer than whoever opened it may stay."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Awaitable, Callable
+
+
+MOST = 64  # eight open pages of four tablets
+LOOK_S = 2.0
+POLICY_VIOLATION = 1008  # code by which a WebSocket is closed
+_log = logging.getLogger(__name__)
+
+
+class OpenSockets:
+    """Counts WebSockets, and cuts those of sessions that are over.
+
+    Parameters
+    ----------
+    most
+        Open at once.
+    """
+
+    def __init__(self, *, most: int = MOST) -> None:
+        self._most = most
+        self._open: dict[asyncio.Task[object], Callable[[], bool]] = {}
+        self._cut: set[asyncio.Task[object]] = set()
+
+    @property
+    def full(self) -> bool:
+        """Whether no more may be opened."""
+        return len(self._open) >= self._most
+
+    async def serve(self, served: Awaitable[None], *, stays: Callable[[], bool]) -> bool:
+        """Serve one in the present task until it ends or is cut; whether it was cut.
+
+        Parameters
+        ----------
+        served
+            What serves it.
+        stays
+            Whether who opened it may stay.
+        """
+        task = asyncio.current_task()
+        assert task is not None
+        self._open[task] = stays
+        try:
+            await served
+        except asyncio.CancelledError:
+            if task not in self._cut:
+                raise
+            task.uncancel()
+            return True
+        finally:
+            self._open.pop(task, None)
+            self._cut.discard(task)
+        return False
+
+    def look(self) -> None:
+        """Cut those whose time is over, and those of whom nobody can say whether it is."""
+        for task, stays in list(self._open.items()):
+            if task not in self._cut and not _may_stay(stays):
+                self._cut.add(task)
+                task.cancel()
+
+    async def watch(self) -> None:
+        """Look again and again, until cancelled."""
+        with suppress(asyncio.CancelledError):
+            while True:
+                await asyncio.sleep(LOOK_S)
+                self.look()
+
+
+def _may_stay(stays: Callable[[], bool]) -> bool:
+    try:
+        return stays()
+    except Exception:  # whatever it is, the watch over the others goes on
+        _log.exception("a WebSocket is closed, for it cannot be found out whether it may stay open")
+        return False

@@ -1,0 +1,142 @@
+"""A form of a target written for a browser: one file in a folder of its own, removed once it was sent."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tsis.console._worker import Apart
+from tsis.errors import FileInputError, InputError
+from tsis.records.export import export_file
+from tsis.report import ENDINGS, MASKED, PAGES, StoreAddress, report_of_stored_target, write_form
+
+if TYPE_CHECKING:
+    from tsis.records import Target
+    from tsis.records.store import Store
+
+
+MEDIA_TYPES = {
+    ".html": "text/html; charset=utf-8",
+    ".pdf": "application/pdf",
+    ".h5": "application/x-hdf5",
+    ".json": "application/fhir+json",
+    ".zip": "application/zip",
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Written:
+    """A file that waits to be sent.
+
+    Attributes
+    ----------
+    path
+        Where it lies, under the name that the receiver gets.
+    folder
+        What is removed afterwards.
+    """
+
+    path: Path
+    folder: Path
+
+    @property
+    def media_type(self) -> str:
+        """Of its content."""
+        return MEDIA_TYPES[self.path.suffix]
+
+    def remove(self) -> None:
+        """Take it away; what cannot be removed stays."""
+        shutil.rmtree(self.folder, ignore_errors=True)
+
+
+def written(
+    store: Store, target: Target, form: str, *, identified: bool = False, reports: Reports | None = None
+) -> Written:
+    """Write a form of a target; a folder becomes a zip file.
+
+    Parameters
+    ----------
+    store, target
+        What is written.
+    form
+        A name in `tsis.report.ENDINGS`.
+    identified
+        Whether fhir and dicom tell label, names and true times; other forms mask nothing.
+    reports
+        Makes html and pdf; they are made here when None.
+
+    Raises
+    ------
+    InputError
+        When the form masks nothing and was asked to tell names.
+    FileInputError
+        When it cannot be written.
+    MissingExtraError
+        When the form needs an extra that is not installed.
+    RecordsError
+        When a stored file is damaged; html and pdf say so in their text instead.
+    """
+    if identified and form not in MASKED:
+        raise InputError(f"identified is of {' and '.join(MASKED)}; {form} masks nothing (leave it out)")
+    try:
+        folder = Path(tempfile.mkdtemp(prefix="tsis-export-"))
+    except OSError as error:
+        raise FileInputError(f"a folder for the export must be writable; got: {error.strerror or error}") from error
+    try:
+        place = folder / f"target-{target.number}{ENDINGS[form]}"
+        if reports is not None and form in PAGES:
+            reports.write(target, form, place)
+        else:
+            dossier = store.dossier(target)
+            if form not in PAGES:
+                dossier.require_whole()
+            write_form(form, dossier, place, identified=identified)
+        return Written(path=_one_file(place), folder=folder)
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+
+
+def _one_file(place: Path) -> Path:
+    """The file itself; of a folder a zip file of it."""
+    if place.is_file():
+        return place
+    try:
+        packed = Path(shutil.make_archive(str(place), "zip", place.parent, place.name))
+    except OSError as error:
+        raise FileInputError(f"a zip file of {place.name} must be writable; got: {error.strerror or error}") from error
+    shutil.rmtree(place, ignore_errors=True)
+    return packed
+
+
+class Reports:
+    """Makes the reports of a store, one at a time, in a process of its own.
+
+    Parameters
+    ----------
+    store
+        Whose targets.
+    database
+        URL of the PostgreSQL database with its rows, if any.
+    """
+
+    def __init__(self, store: Store, *, database: str | None = None) -> None:
+        self._place = StoreAddress(folder=store.folder, kind=store.kind, database=database, identity=store.identity)
+        self._apart = Apart()
+
+    def content(self, target: Target, form: str) -> bytes:
+        """The report in a form of `tsis.report.PAGES`; errors as `tsis.report._forms` and `Apart.ask`."""
+        return self._apart.ask(report_of_stored_target, self._place, target.number, form)
+
+    def write(self, target: Target, form: str, path: Path) -> None:
+        """The same as a new file; also `FileInputError` when it cannot be written."""
+        content = self.content(target, form)
+        with export_file(path) as draft:
+            draft.write_bytes(content)
+
+    def close(self) -> None:
+        """Make none any more."""
+        self._apart.close()

@@ -1,0 +1,156 @@
+"""Elements of a page that show the frames as they come; those of one page share one connection."""
+
+from __future__ import annotations
+
+import json
+from bisect import bisect_left
+from itertools import accumulate
+from typing import TYPE_CHECKING, Any
+
+from nicegui.element import Element
+
+from tsis.console.live._hub import FULL, checked_ends, packed_colours
+
+if TYPE_CHECKING:
+    from tsis.console.services import BenchState
+
+
+ADDRESS = "/live"
+
+
+class FrameElement(Element, esm={"tsis-live": "browser"}):
+    """What shows frames.
+
+    Props that are no plain words are JSON: whenever one of them changes all are sent, and the browser would take a list
+    for a new one each time, and draw anew.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+        self._props["address"] = ADDRESS
+
+    def _set(self, name: str, value: Any) -> None:
+        if self._props.get(name) != value:
+            self._props[name] = value  # which updates the browser
+
+
+class ColouredFrames(FrameElement):
+    """What shows frames in colours, with the scale of a pixel.
+
+    Parameters
+    ----------
+    map_name
+        One of `tsis.console.live._hub.MAPS`.
+    ends
+        As `ends`.
+    """
+
+    def __init__(self, *, map_name: str = "viridis", ends: str | tuple[float, float] = (0.0, FULL)) -> None:
+        super().__init__()
+        self._props["scale"] = json.dumps(None)
+        self.colour(map_name)
+        self.ends(ends)
+
+    def colour(self, map_name: str) -> None:
+        """Choose the colour map; the frames sent stay the same.
+
+        Raises
+        ------
+        UnknownNameError
+            When there is none of that name.
+        """
+        self._set("map", json.dumps(packed_colours(map_name)))
+
+    def ends(self, ends: str | tuple[float, float]) -> None:
+        """Choose the levels of 255 that get the map's two end colours; ``"auto"`` follows what the frames hold.
+
+        Raises
+        ------
+        InputError
+            When they lie outside [0, 255], or the upper one does not exceed the lower one.
+        """
+        self._set("range", json.dumps(checked_ends(ends)))
+
+    def tell(self, state: BenchState) -> None:
+        """Take the scale from the bench's state."""
+        scale = state.camera.mm_per_pixel
+        self._set("scale", json.dumps(scale))
+
+
+class LiveView(ColouredFrames, component="live_view.js"):
+    """Shows the latest frame with a colour map, a scale bar, and the contact drawn over it; parameters as there."""
+
+    def __init__(self, *, map_name: str = "viridis", ends: str | tuple[float, float] = (0.0, FULL)) -> None:
+        super().__init__(map_name=map_name, ends=ends)
+        self._props["overlay"] = True
+        self._props["words"] = "live image of the probe"
+        self._props["notice"] = ""
+
+    def overlay(self, shown: bool) -> None:
+        """Show or hide outline and centroid of the contact."""
+        self._set("overlay", bool(shown))
+
+    def tell(self, state: BenchState) -> None:
+        """Take scale and words from the bench's state."""
+        super().tell(state)
+        self._set("words", f"live image of the probe: {seen_in_words(state)}")
+        self._set("notice", notice(state))
+
+
+class SurfaceView(ColouredFrames, component="surface_view.js"):
+    """Shows the latest frame as a relief that can be turned; parameters as `ColouredFrames`."""
+
+    def __init__(self, *, map_name: str = "viridis", ends: str | tuple[float, float] = (0.0, FULL)) -> None:
+        super().__init__(map_name=map_name, ends=ends)
+        self._props["words"] = "relief of the live image"
+
+    def tell(self, state: BenchState) -> None:
+        """Take scale and words from the bench's state."""
+        super().tell(state)
+        self._set("words", f"relief of the live image: {seen_in_words(state)}; arrow keys turn it")
+
+
+class Histogram(FrameElement, component="histogram.js"):
+    """Shows how many pixels have which grey level, and what is wrong with the exposure.
+
+    Parameters
+    ----------
+    log
+        Whether the numbers of pixels are drawn by their logarithm at first.
+    """
+
+    def __init__(self, *, log: bool = True) -> None:
+        super().__init__()
+        self._props["log"] = log
+        self._props["words"] = "grey levels of the newest frame"
+
+    def tell(self, state: BenchState) -> None:
+        """Take words from the bench's state."""
+        self._set("words", f"grey levels of the newest frame: {levels_in_words(state)}")
+
+
+def seen_in_words(state: BenchState) -> str:
+    """What the newest frame shows, for those who do not see it."""
+    if not state.camera.running or state.sight is None:
+        return "no frames"
+    seen = state.sight.contact
+    if seen is None:
+        return "nothing is pressed"
+    return "contact around column {:.0f}, row {:.0f}".format(*seen.centroid_px)
+
+
+def levels_in_words(state: BenchState) -> str:
+    """What a histogram shows, for those who do not see it."""
+    sight = state.sight
+    if not state.camera.running or sight is None:
+        return "no frames"
+    upto = list(accumulate(sight.histogram))
+    half = bisect_left(upto, upto[-1] / 2) + 1
+    return f"half of the pixels below {half / len(upto):.0%} of full scale, {sight.clipped_share:.1%} at it"
+
+
+def notice(state: BenchState) -> str:
+    """Why what is seen may be old; empty while frames come."""
+    if not state.camera.running:
+        return "the camera is stopped"
+    return "the camera is away; this is its last frame" if state.camera.lost else ""

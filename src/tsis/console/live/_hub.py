@@ -1,0 +1,239 @@
+"""Colour maps as the browser takes them: 256 words of 4 bytes, and the levels of their two ends."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+import struct
+import threading
+import time
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+
+from tsis.errors import InputError
+from tsis.imaging import COLOUR_MAPS, colour_map
+from tsis.model import TactileImage, require_number, require_one_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from numpy.typing import NDArray
+
+    from tsis.console.services import Sight
+    from tsis.instrument.acquisition import Acquisition, ReceivedFrame
+
+
+GREY = "grey"
+MAPS = (*COLOUR_MAPS, GREY)
+AUTO = "auto"
+FULL = 255.0
+
+
+@lru_cache(maxsize=len(MAPS))
+def packed_colours(map_name: str) -> tuple[int, ...]:
+    """256 colours as the words of 4 bytes that a canvas holds: red lowest, alpha 255."""
+    if require_one_of("colour map", map_name, MAPS) == GREY:
+        rgb = np.repeat(np.arange(256, dtype=np.uint32)[:, None], 3, axis=1)
+    else:
+        levels = np.arange(256, dtype=float)[None, :]
+        rgb = colour_map(TactileImage(grey=levels), name=map_name)[0].astype(np.uint32)
+    packed = rgb[:, 0] | rgb[:, 1] << 8 | rgb[:, 2] << 16 | np.uint32(255 << 24)
+    return tuple(packed.tolist())
+
+
+def checked_ends(ends: str | tuple[float, float]) -> str | list[float]:
+    """The two ends of a colour map in levels of 255, or ``"auto"``.
+
+    Raises
+    ------
+    InputError
+        When they are neither, or lie outside [0, 255], or the upper one does not exceed the lower one.
+    """
+    if isinstance(ends, str):
+        return require_one_of("ends", ends, (AUTO,))
+    low, high = (require_number(name, end, 0.0, FULL) for name, end in zip(("low", "high"), ends, strict=True))
+    if high <= low:
+        raise InputError(f"high must exceed low = {low:g}; got {high:g}")
+    return [low, high]
+
+
+# magic, encoding, three bytes unused, number of the frame, rows, columns, when it came in ms, full scale, unused
+HEADER = struct.Struct("<4sB3xIHHdfI")
+MAGIC = b"TSF1"
+RAW, JPEG = 0, 1
+BITS_8 = 255.0
+
+
+def is_as_shown(arrival: ReceivedFrame) -> bool:
+    """Whether a frame has 255 levels as a screen does, so that `packet` only copies it."""
+    return bool(arrival.frame.pixels.dtype == np.uint8 and arrival.frame.full_scale == BITS_8)
+
+
+def packet(arrival: ReceivedFrame, *, number: int, came_ms: float, jpeg_quality: int | None = None) -> bytes:
+    """The newest frame for a viewer.
+
+    Parameters
+    ----------
+    arrival
+        The frame, and when it came.
+    number
+        How many frames had come with it.
+    came_ms
+        When it came, on the clock of the wall, ms since 1970: the browser subtracts it from its own.
+    jpeg_quality
+        In [1, 100]; raw pixels when None.
+    """
+    levels = display_levels(arrival)
+    rows, columns = levels.shape
+    encoding = RAW if jpeg_quality is None else JPEG
+    header = HEADER.pack(MAGIC, encoding, number % 2**32, rows, columns, came_ms, arrival.frame.full_scale, 0)
+    if jpeg_quality is None:
+        return header + levels.tobytes()
+    return header + cv2.imencode(".jpg", levels, [cv2.IMWRITE_JPEG_QUALITY, jpeg_quality])[1].tobytes()
+
+
+def display_levels(arrival: ReceivedFrame) -> NDArray[np.uint8]:
+    """Grey levels with 255 at full scale, shape (rows, columns), uint8: a screen shows no more."""
+    pixels, full_scale = np.asarray(arrival.frame.pixels), arrival.frame.full_scale
+    if is_as_shown(arrival):
+        return pixels
+    scaled = np.clip(pixels.astype(np.float32) * (BITS_8 / full_scale), 0.0, BITS_8)
+    return np.asarray(np.rint(scaled), dtype=np.uint8)
+
+
+def sight_text(sight: Sight | None) -> str:
+    """What a frame shows, as JSON; ``null`` stands for what is not finite, and where nothing is known."""
+    return json.dumps(None if sight is None else _finite(asdict(sight)), allow_nan=False)
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {name: _finite(part) for name, part in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(part) for part in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+WAIT_S = 0.25
+REST_S = 0.1  # while no camera runs
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Newest:
+    """The newest frame.
+
+    Attributes
+    ----------
+    arrival
+        The frame, and when it came.
+    number
+        How many frames had come with it.
+    """
+
+    arrival: ReceivedFrame
+    number: int
+
+
+class LiveHub:
+    """One thread that waits for frames and wakes the viewers, which live in an event loop.
+
+    Parameters
+    ----------
+    acquisition
+        Gives the running acquisition; None while there is none.
+    """
+
+    def __init__(self, acquisition: Callable[[], Acquisition | None]) -> None:
+        self._acquisition = acquisition
+        self._lock = threading.Lock()
+        self._viewers: set[tuple[asyncio.AbstractEventLoop, asyncio.Event]] = set()
+        self._latest: Newest | None = None
+        self._packed: dict[int | None, tuple[Newest, bytes]] = {}  # by quality
+        self._packing: dict[int | None, threading.Lock] = {}
+        self._told: tuple[Sight | None, str] = (None, sight_text(None))
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="live view", daemon=True)
+        self._thread.start()
+
+    @property
+    def latest(self) -> Newest | None:
+        """The newest frame; None before the first one of a camera."""
+        return self._latest
+
+    @property
+    def viewers(self) -> int:
+        """How many watch."""
+        return len(self._viewers)
+
+    def packed(self, newest: Newest, quality: int | None) -> bytes:
+        """A frame as `packet`, made once for all who watch in that quality, whichever threads they ask in."""
+        with self._packing.setdefault(quality, threading.Lock()):
+            held = self._packed.get(quality)
+            if held is not None and held[0] is newest:
+                return held[1]
+            came_ms = (newest.arrival.arrived_s + time.time() - time.monotonic()) * 1000.0
+            made = packet(newest.arrival, number=newest.number, came_ms=came_ms, jpeg_quality=quality)
+            self._packed[quality] = newest, made
+            return made
+
+    def text(self, sight: Sight | None) -> str:
+        """What a frame shows as `sight_text`, made once for all who watch."""
+        told = self._told
+        if told[0] is not sight:
+            self._told = told = sight, sight_text(sight)
+        return told[1]
+
+    @contextmanager
+    def watched(self) -> Iterator[asyncio.Event]:
+        """Watch: the event is set at each new frame. To be entered in the viewer's event loop."""
+        event = asyncio.Event()
+        with self._lock:
+            self._viewers.add((asyncio.get_running_loop(), event))
+        if self._latest is not None:
+            event.set()
+        try:
+            yield event
+        finally:
+            self._leave(event)
+
+    def _leave(self, event: asyncio.Event) -> None:
+        with self._lock:
+            self._viewers = {each for each in self._viewers if each[1] is not event}
+            if not self._viewers:
+                self._packed.clear()
+
+    def close(self) -> None:
+        """End the thread."""
+        self._closing.set()
+        self._thread.join(timeout=2.0)
+
+    def _run(self) -> None:
+        followed: Acquisition | None = None
+        place = 0
+        while not self._closing.is_set():
+            acquisition = self._acquisition()
+            if acquisition is not followed:
+                followed, place, self._latest = acquisition, 0, None
+            if acquisition is None or (acquisition.ring.closed and acquisition.ring.end <= place):
+                self._closing.wait(REST_S)
+            elif acquisition.ring.wait(place, WAIT_S):
+                place = acquisition.ring.end
+                arrival = acquisition.latest()
+                if arrival is not None:
+                    self._latest = Newest(arrival=arrival, number=place)
+                    self._wake()
+
+    def _wake(self) -> None:
+        with self._lock:
+            viewers = list(self._viewers)
+        for loop, event in viewers:
+            try:
+                loop.call_soon_threadsafe(event.set)
+            except RuntimeError:  # its loop has ended
+                self._leave(event)

@@ -1,0 +1,107 @@
+"""The WebSocket of the live view: a frame, its acknowledgement, the next frame."""
+
+from __future__ import annotations
+
+import asyncio
+import ipaddress
+import logging
+from asyncio import to_thread
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from starlette.websockets import WebSocketDisconnect
+
+from tsis.console.live._hub import is_as_shown
+
+if TYPE_CHECKING:
+    from starlette.websockets import WebSocket
+
+    from tsis.console.live._hub import LiveHub
+    from tsis.console.services import Bench
+
+
+REMOTE_QUALITY = 85  # of JPEG for viewers on other machines
+PATIENCE_S = 10.0  # without an acknowledgement a viewer counts as gone
+TRY_AGAIN, FAILED = 1013, 1011  # codes with which a WebSocket is closed
+_log = logging.getLogger(__name__)
+
+
+async def live_view(socket: WebSocket, *, bench: Bench, hub: LiveHub, patience_s: float = PATIENCE_S) -> None:
+    """Send the latest frame and what it shows each time that the viewer has drawn the one before.
+
+    ``?jpeg=70`` asks for pictures of that quality, ``?jpeg=0`` for raw pixels; by default viewers on this machine get
+    raw pixels and others pictures. Whatever the viewer sends counts as an acknowledgement.
+
+    Parameters
+    ----------
+    socket
+        Not yet accepted.
+    bench
+        Tells what the frames show.
+    hub
+        Brings the frames.
+    patience_s
+        How long an acknowledgement is waited for, s; then the socket is closed.
+    """
+    await socket.accept()
+    drawn = asyncio.Event()
+    sending = asyncio.create_task(_send(socket, bench, hub, drawn, patience_s))
+    try:
+        while (await socket.receive())["type"] != "websocket.disconnect":
+            drawn.set()
+    finally:
+        sending.cancel()
+        await asyncio.gather(sending, return_exceptions=True)
+
+
+async def _send(socket: WebSocket, bench: Bench, hub: LiveHub, drawn: asyncio.Event, patience_s: float) -> None:
+    """Send frames until the viewer is gone or too slow."""
+    code = TRY_AGAIN
+    try:
+        with hub.watched() as news:
+            await _send_frames(socket, bench, hub, news, drawn, patience_s)
+    except (WebSocketDisconnect, RuntimeError):  # it went while something was being sent
+        return
+    except TimeoutError:
+        pass
+    except Exception:
+        _log.exception("the live view failed")
+        code = FAILED
+    with suppress(RuntimeError):
+        await socket.close(code)
+
+
+async def _send_frames(
+    socket: WebSocket, bench: Bench, hub: LiveHub, news: asyncio.Event, drawn: asyncio.Event, patience_s: float
+) -> None:
+    quality, told = _quality(socket), None
+    while True:
+        await news.wait()
+        news.clear()
+        newest, sight = hub.latest, bench.sight
+        if newest is None:
+            continue
+        if sight is not told:
+            told = sight
+            await socket.send_text(hub.text(sight))
+        at_once = quality is None and is_as_shown(newest.arrival)
+        packed = hub.packed(newest, quality) if at_once else await to_thread(hub.packed, newest, quality)
+        drawn.clear()
+        await socket.send_bytes(packed)
+        async with asyncio.timeout(patience_s):  # wait_for may lose a cancellation that comes with what it waits for
+            await drawn.wait()
+
+
+def _quality(socket: WebSocket) -> int | None:
+    asked = socket.query_params.get("jpeg", "")
+    if asked.isdecimal() and len(asked) <= 3:
+        return min(int(asked), 100) or None
+    return None if is_here(socket) else REMOTE_QUALITY
+
+
+def is_here(socket: WebSocket) -> bool:
+    """Whether the viewer is on this machine."""
+    try:
+        return socket.client is not None and ipaddress.ip_address(socket.client.host).is_loopback
+    except ValueError:
+        return False

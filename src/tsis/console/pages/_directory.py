@@ -1,0 +1,26 @@
+"""The pages by their addresses, in the order in which the shell names them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from tsis.console.pages import about, calibrate, camera, design, examine, hardness, records, study
+
+if TYPE_CHECKING:
+    from collections.abc import Awaitable, Callable
+
+
+# A page is called with the bench, the viewer, and what its address holds in braces.
+PAGES: dict[str, tuple[str, Callable[..., Awaitable[None] | None]]] = {
+    "/": ("Examine", examine.page),
+    "/camera": ("Camera", camera.page),
+    "/calibrate": ("Calibrate", calibrate.page),
+    "/calibrate/{name}": ("Calibrate", calibrate.session_page),
+    "/hardness": ("Hardness", hardness.page),
+    "/study": ("Study", study.listing),
+    "/study/{name}": ("Study", study.show_study),
+    "/records": ("Records", records.listing),
+    "/records/{number}": ("Records", records.target_page),
+    "/design": ("Design", design.page),
+    "/about": ("About", about.page),
+}

@@ -1,0 +1,176 @@
+"""How this program is cited, and on what terms it may be used."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from importlib import metadata
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.console.pages.components import CalibrationSeen, FactList, panel_title, time_words
+from tsis.console.pages.examine import KEYS
+from tsis.records import environment
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from tsis.calibration import UsableCalibration
+    from tsis.console.pages.components import Viewer
+    from tsis.console.services import Bench, BenchState
+    from tsis.records.store import Store
+
+
+TITLE = "tsis: open software for optical tactile imaging"
+AUTHORS = "the TSIS founders"
+THESIS = (
+    'J.-H. Lee, "Tactile Sensation Imaging System and Algorithms for Tumor Detection", Ph.D. dissertation, '
+    "Temple University, 2011"
+)
+LICENCE = "BSD-3-Clause"
+
+
+def citation() -> tuple[str, ...]:
+    """What to cite: the program, and the dissertation whose system it describes."""
+    return (f"{AUTHORS}, {TITLE}, version {__version__}.", f"{THESIS}.")
+
+
+def licence() -> str:
+    """The licence's whole text; its name alone where the installation came without the file."""
+    return metadata.distribution("tsis").read_text("licenses/LICENSE") or LICENCE
+
+
+Facts = tuple[tuple[str, str], ...]
+
+ALSO = ("matplotlib", "sqlalchemy", "nicegui", "fastapi", "uvicorn")  # beside those that change results
+SHORT = 16  # digits of a SHA-256 that tell one calibration from another on a page
+
+
+def version_facts() -> Facts:
+    """Of this program, of what it runs on, and of the libraries that it rests on."""
+    found = environment()
+    libraries = {**found["libraries"], **{name: metadata.version(name) for name in ALSO}}
+    return (
+        ("tsis", found["tsis"]),
+        ("Its code", f"SHA-256 {found['code_sha256'][:SHORT]}…"),
+        ("Python", f"{found['python']} on {found['machine']}"),
+        *libraries.items(),
+    )
+
+
+def calibration_facts(state: BenchState, cited: UsableCalibration | None) -> Facts:
+    """The calibration in force."""
+    if cited is None and state.camera.choice.is_virtual:
+        return (("In force", "the virtual probe's own, once it runs"),)
+    if cited is None:
+        return (("In force", "none; lengths are in pixels, and nothing can be estimated"),)
+    known = cited.known
+    dates = (
+        (("Made", "with the virtual probe; it does not age"),)
+        if known.made is None or known.expires is None
+        else (("Made", time_words(known.made)), ("Good until", time_words(known.expires)))
+    )
+    return (
+        ("In force", known.name),
+        ("Identity", f"SHA-256 {cited.identity[:SHORT]}…"),
+        *dates,
+        ("Probe", known.probe or "not written down"),
+        ("Camera", known.camera or "any; not written down"),
+    )
+
+
+def camera_facts(state: BenchState) -> Facts:
+    """The camera and the seed of the virtual one."""
+    now = state.camera
+    size = f"{now.columns} x {now.rows} pixels" if now.rows else "not known before it runs"
+    found = [
+        ("Camera", now.name or ("the virtual probe" if now.choice.is_virtual else now.choice.spec)),
+        ("Mode", now.mode or "not known before it runs"),
+        ("Picture", size),
+    ]
+    if now.choice.is_virtual:
+        found += [
+            ("Probe", now.choice.probe),
+            ("It presses", now.choice.phantom),
+            ("Seed of its errors", str(now.choice.seed)),
+        ]
+    return tuple(found)
+
+
+def place_facts(bench: Bench) -> Facts:
+    """Where things are kept, and how much."""
+    store = bench.store
+    return (
+        ("Snapshots and sequences", str(bench.terms.workspace.resolve())),
+        ("Store of records", str(store.folder.resolve())),
+        ("Its rows", "in SQLite, in that folder" if bench.terms.database is None else "in PostgreSQL"),
+        ("Its kind", f"{store.kind}s"),
+        *_counts(store),
+    )
+
+
+def _counts(store: Store) -> Facts:
+    found = store.targets()
+    return (
+        ("Targets", str(len(found))),
+        ("Presses", str(sum(each.presses for each in found))),
+        ("Estimates", str(sum(each.estimates for each in found))),
+    )
+
+
+DESCRIPTION = "/api/openapi.json"
+MOUSELESS = ("Tab, Enter", "reach and use every control without a mouse")
+FINDINGS = (
+    "Numbers and pictures here describe objects that were pressed, and how well they are known. They are no findings "
+    "about anybody's health, and no advice."
+)
+
+
+async def page(bench: Bench, viewer: Viewer) -> None:
+    """Build the page."""
+    with ui.element("div").classes("about"):
+        with _panel("Research use only"):
+            ui.label(RESEARCH_USE_ONLY).classes("strong")
+            ui.label(FINDINGS)
+        with _panel("Calibration"):
+            calibration = FactList()
+        with _panel("Camera"):
+            camera = FactList()
+        with _panel("Where things are kept"):
+            places = FactList()
+        with _panel("Versions"):
+            versions = FactList()
+        with _panel("Keys on the page Examine"):
+            FactList().show((*KEYS.items(), MOUSELESS))
+        with _panel("For scripts"):
+            _for_scripts()
+        with _panel("To cite it"):
+            for sentence in citation():
+                ui.label(sentence)
+        with _panel(f"Licence: {LICENCE}"), ui.expansion("Read it").props("dense").classes("licence"):
+            ui.label(licence()).classes("whole-text")
+
+    in_force = CalibrationSeen(bench)
+
+    def show(state: BenchState) -> None:
+        calibration.show(calibration_facts(state, in_force.of(state)))
+        camera.show(camera_facts(state))
+
+    viewer.follow(show)
+    versions.show(await viewer.attempt(version_facts) or ())
+    places.show(await viewer.attempt(place_facts, bench) or ())
+
+
+@contextmanager
+def _panel(title: str) -> Iterator[None]:
+    with ui.element("section").classes("panel"):
+        panel_title(title)
+        yield
+
+
+def _for_scripts() -> None:
+    ui.label("What pages do, scripts can do by HTTP and JSON, with the same rights and behind the same key.")
+    with ui.element("p"):
+        ui.label("The calls and their values: ")
+        ui.link(DESCRIPTION, DESCRIPTION, new_tab=True)

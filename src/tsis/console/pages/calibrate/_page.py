@@ -1,0 +1,261 @@
+"""Which calibration: one that goes on, or a new one on terms that are stated here."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+from urllib.parse import quote
+
+from nicegui import run, ui
+
+from tsis.console.live import LiveView
+from tsis.console.pages.calibrate._result import Making, Result
+from tsis.console.pages.calibrate._setup_form import TermsForm
+from tsis.console.pages.calibrate._steps import KeptFrame, StepCard
+from tsis.console.pages.components import Operated, panel_title
+from tsis.errors import TsisError
+
+if TYPE_CHECKING:
+    from collections.abc import Awaitable, Callable, Sequence
+
+    from tsis.console.pages.components import Viewer
+    from tsis.console.services import Bench, BenchState
+    from tsis.console.services.calibrating import CalibrationSession, SessionSummary, StepState
+
+
+LOOK_S = 2.0  # between two looks at the folder
+
+
+def page(bench: Bench, viewer: Viewer) -> None:
+    """Build the page."""
+    operated = Operated(viewer)
+    with ui.element("div").classes("split calibrate-choosing"):
+        with ui.element("section").classes("panel"):
+            panel_title("Sessions")
+            listed = ui.element("div").classes("stack")
+        with ui.element("section").classes("panel"):
+            panel_title("Begin a calibration")
+            form = TermsForm(bench, viewer, operated)
+            operated.why()
+    shown: list[Sequence[SessionSummary]] = []
+
+    async def look() -> None:
+        found = await run.io_bound(bench.calibrating.listed)
+        if found is None or shown == [found]:
+            return
+        shown[:] = [found]
+        listed.clear()
+        with listed:
+            session_list(found)
+
+    def show(state: BenchState) -> None:
+        form.show(state)
+        operated.show(state)
+
+    viewer.every(LOOK_S, look)
+    viewer.follow(show)
+
+
+def session_list(found: Sequence[SessionSummary]) -> None:
+    """Every session with how far it is, each a link."""
+    if not found:
+        ui.label(
+            "None yet. A calibration tells what a grey level is in newtons and a pixel in millimetres; begin one, and "
+            "it leads through its steps. It can be interrupted at any time and goes on where it was left."
+        ).classes("muted")
+        return
+    with ui.element("ul").classes("calibrate-sessions"):
+        for each in found:
+            with ui.element("li"), ui.element("div").classes("row"):
+                if each.trouble:
+                    ui.label(each.name).classes("strong")
+                    ui.label(each.trouble).classes("doubtful")
+                    continue
+                ui.link(each.title or each.name, f"/calibrate/{quote(each.name)}").classes("strong").mark(
+                    f"session {each.name}"
+                )
+                ui.label(f"{each.probe}, {each.camera}").classes("muted")
+                ui.element("div").classes("spring")
+                ui.label(progress_words(each)).classes("good" if each.made else "muted")
+
+
+def progress_words(each: SessionSummary) -> str:
+    """How far a session is."""
+    if each.made:
+        return "calibration made"
+    return f"{each.done} of {each.total} steps"
+
+
+ICONS = {"open": "radio_button_unchecked", "under way": "hourglass_top", "done": "check_circle", "left out": "remove"}
+
+
+class StepList:
+    """Lets people choose the step that they look at, and take all of them where nobody is needed.
+
+    Parameters
+    ----------
+    viewer
+        Who looks.
+    session
+        Whose steps.
+    operated
+        Takes the button.
+    choose
+        Called with the name of a step that was clicked.
+    """
+
+    def __init__(
+        self, viewer: Viewer, session: CalibrationSession, operated: Operated, choose: Callable[[str], Awaitable[None]]
+    ) -> None:
+        self._viewer, self._session, self._choose = viewer, session, choose
+        self._shown: tuple[object, ...] = ()
+        self._title = panel_title("Steps")
+        self._place = ui.element("ol").classes("calibrate-steps")
+        self._all: ui.button | None = None
+        if session.rig.by_itself:
+            self._all = ui.button("Take all open steps", icon="fast_forward", on_click=self._take_all)
+            operated.add(self._all.props("no-caps outline").classes("calibrate-all"))
+
+    def show(self, steps: Sequence[StepState], present: str | None) -> None:
+        """Show how far each is; the present one is marked."""
+        now = (present, *((state.step.name, state.status, state.frames) for state in steps))
+        if now == self._shown:
+            return
+        self._shown = now
+        done = sum(state.status == "done" for state in steps)
+        self._title.text = f"Steps: {done} of {len(steps)} done"
+        if self._all is not None:
+            self._all.set_visibility(any(state.status in ("open", "left out") for state in steps))
+        self._place.clear()
+        with self._place:
+            for state in steps:
+                self._item(state, here=state.step.name == present)
+
+    def _item(self, state: StepState, *, here: bool) -> None:
+        name = state.step.name
+        with ui.element("li"):
+            button = ui.button(on_click=partial(self._choose, name)).props("flat no-caps align=left")
+            button.classes("calibrate-step here" if here else "calibrate-step")
+            button.props["aria-label"] = f"Step {name}: {status_words(state)}"
+            if here:
+                button.props('aria-current="step"')
+            with button:
+                ui.icon(ICONS[state.status]).classes(state.status.replace(" ", "-"))
+                ui.label(name).classes("calibrate-step-name")
+                ui.label(status_words(state)).classes("muted")
+
+    async def _take_all(self) -> None:
+        await self._viewer.attempt(self._session.take_all, by=self._viewer.identity)
+
+
+def status_words(state: StepState) -> str:
+    """How far a step is."""
+    if state.status == "done":
+        return f"{state.frames} frames"
+    if state.forces_n:
+        return f"{len(state.forces_n)} forces, not kept"
+    if state.status == "open" and state.step.optional:
+        return "open, may be left out"
+    return state.status
+
+
+POLL_S = 0.3  # between two looks at the session
+
+
+async def session_page(bench: Bench, viewer: Viewer, name: str) -> None:
+    """Build the page of the session of that name."""
+    place = ui.element("div").classes("stack")
+    try:
+        session: CalibrationSession | None = await run.io_bound(bench.calibrating.open, name)
+    except TsisError as error:
+        with place, ui.element("section").classes("panel"):
+            ui.label(str(error)).classes("doubtful")
+            ui.link("To the sessions", "/calibrate")
+        return
+    if session is None:  # the console is being ended
+        return
+    with place:
+        _Guide(bench, viewer, session)
+
+
+class _Guide:
+    """The parts of a session's page, and which step is looked at."""
+
+    def __init__(self, bench: Bench, viewer: Viewer, session: CalibrationSession) -> None:
+        self._session = session
+        self._operated = Operated(viewer)
+        self._chosen: str | None = None
+        self._steps: tuple[StepState, ...] = ()
+        self._view: LiveView | None = None
+        self._state: BenchState | None = None
+        with ui.element("div").classes("row calibrate-head"):
+            ui.link("Sessions", "/calibrate")
+            panel_title(session.terms.name)
+            ui.label(terms_words(session)).classes("muted")
+        with ui.element("div").classes("calibrate-guide"):
+            with ui.element("section").classes("panel").props('aria-label="Steps"'):
+                self._list = StepList(viewer, session, self._operated, self._choose)
+            with ui.element("div").classes("stack"):
+                with ui.element("section").classes("panel stack").props('aria-label="Present step"'):
+                    self._card = StepCard(viewer, session, self._operated)
+                    self._operated.why()
+                    with ui.element("div").classes("calibrate-seen"):
+                        if not session.rig.by_itself:
+                            with ui.element("div").classes("calibrate-live"):
+                                self._view = LiveView(map_name="grey")
+                        self._frame = KeptFrame(viewer, session)
+                self._making = Making(bench, viewer, session, self._operated)
+        self._result = Result(viewer, session)
+        viewer.every(POLL_S, self._look)
+        viewer.follow(self._show)
+
+    def _show(self, state: BenchState) -> None:
+        self._state = state
+        self._operated.show(state)
+        self._making.show(state)
+        if self._view is not None:
+            self._view.tell(state)
+
+    async def _look(self) -> None:
+        session = self._session
+        found = await run.io_bound(lambda: (session.steps(), session.file))
+        if found is None:
+            return
+        self._steps, file = found
+        await self._show_step()
+        self._making.look(self._steps)
+        if self._state is not None:
+            self._operated.show(self._state)  # of controls that have come since the state was told
+        await self._result.look(file)
+        self._making.cites(self._result.identity)
+
+    async def _choose(self, name: str) -> None:
+        self._chosen = name
+        await self._show_step()
+
+    async def _show_step(self) -> None:
+        present = self._present()
+        self._list.show(self._steps, present)
+        self._card.show(self._steps, present)
+        await self._frame.show(next((state for state in self._steps if state.step.name == present), None))
+
+    def _present(self) -> str | None:
+        """The step to show: one under way, else the one that was chosen, else the first that is open."""
+        under_way = next((state.step.name for state in self._steps if state.status == "under way"), None)
+        if under_way is not None:
+            self._chosen = None
+            return under_way
+        if self._chosen is not None:
+            return self._chosen
+        return next((state.step.name for state in self._steps if state.status == "open"), None)
+
+
+def terms_words(session: CalibrationSession) -> str:
+    """The terms in one line."""
+    terms = session.terms
+    tips = ", ".join(f"{tip:g}" for tip in terms.tips_mm)
+    times = "" if terms.repeats == 1 else f", each {terms.repeats} times"
+    return (
+        f"{terms.probe}, {terms.camera}; dots every {terms.pitch_mm:g} mm, tips of {tips} mm{times}, "
+        f"gauge to {100 * terms.gauge_share:g} %"
+    )

@@ -1,0 +1,256 @@
+"""A question before something is taken away."""
+
+from __future__ import annotations
+
+import base64
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+from tsis.console.files import GREY, thumbnail_png
+from tsis.console.pages.components import (
+    FORCE,
+    ProgressBar,
+    classed,
+    field_words,
+    panel_title,
+    show_drawing,
+    typed_number,
+    unit_field,
+)
+from tsis.console.services import DONE, FAILED
+
+if TYPE_CHECKING:
+    from collections.abc import Awaitable, Callable, Sequence
+
+    from tsis.calibration.session import CalibrationStep
+    from tsis.console.pages.components import Operated, Viewer
+    from tsis.console.services import JobState
+    from tsis.console.services.calibrating import CalibrationSession, StepState
+
+
+async def asked(question: str, *, yes: str, why: str = "") -> bool:
+    """Ask, and say whether the answer was yes; no answer is no."""
+    with ui.dialog() as dialog, ui.card(), ui.element("div").classes("question"):
+        ui.label(question).classes("strong")
+        if why:
+            ui.label(why).classes("muted")
+        with ui.element("div").classes("row"):
+            ui.element("div").classes("spring")
+            ui.button("Cancel", on_click=lambda: dialog.submit(False)).props("flat no-caps")
+            ui.button(yes, on_click=lambda: dialog.submit(True)).props("unelevated no-caps")
+    answer = bool(await dialog)
+    dialog.delete()
+    return answer
+
+
+SIZE_PX = 560  # of its longer side
+
+
+class KeptFrame:
+    """The frame in the middle of a step, in loadings near the largest force.
+
+    Parameters
+    ----------
+    viewer
+        Who looks.
+    session
+        Whose frames.
+    """
+
+    def __init__(self, viewer: Viewer, session: CalibrationSession) -> None:
+        self._viewer, self._session = viewer, session
+        self._shown: str | None = None
+        with ui.element("figure").classes("calibrate-frame") as self._figure:
+            self._image = ui.element("img")
+            with ui.element("figcaption"):
+                self._caption = ui.label().classes("muted")
+        self._figure.set_visibility(False)
+
+    async def show(self, state: StepState | None) -> None:
+        """Show a frame of the step if it is done."""
+        name = None if state is None or state.status != "done" else state.step.name
+        if name == self._shown:
+            return
+        self._shown = name
+        self._figure.set_visibility(False)
+        if state is None or name is None:
+            return
+        found = await self._viewer.attempt(self._read, state.step)
+        if found is None or self._shown != name:
+            return
+        content, caption = found
+        self._caption.text = caption
+        source = f"data:image/png;base64,{base64.b64encode(content).decode()}"
+        show_drawing(self._image, source, f"Frame of step {name}")
+        self._figure.set_visibility(True)
+
+    def _read(self, step: CalibrationStep) -> tuple[bytes, str]:
+        shot = self._session.folder.middle_shot(step)
+        content = thumbnail_png(shot.image.grey, full_scale=shot.image.full_scale, size=SIZE_PX, name=GREY)
+        force = "" if shot.force_n is None else f", at {shot.force_n:.2f} N"
+        return content, f"A frame of {step.name}{force}; its mean grey level is {shot.image.grey.mean():.1f}."
+
+
+class TypedLoading:
+    """The field for the next force, and the table of those so far.
+
+    Parameters
+    ----------
+    viewer
+        Who types.
+    session, step
+        Which loading.
+    operated
+        Takes the controls.
+    """
+
+    def __init__(self, viewer: Viewer, session: CalibrationSession, operated: Operated, step: str) -> None:
+        self._viewer, self._session, self._step = viewer, session, step
+        self._shown: Sequence[float] | None = None
+        with ui.element("div").classes("stack"):
+            ui.label("Begin untouched with the force that the gauge shows then, usually 0.").classes("muted")
+            with ui.element("div").classes("row"):
+                self._force = unit_field("Force that the gauge shows", unit="N").props("autofocus")
+                self._force.on("keydown.enter", self._press)
+                take = ui.button("Take a frame", icon="photo_camera", on_click=self._press).props("no-caps unelevated")
+            self._table = ui.element("div").classes("calibrate-forces")
+            with ui.element("div").classes("row"):
+                keep = ui.button("It is back at 0: keep it", icon="check", on_click=self._keep).props("no-caps outline")
+                undo = ui.button("Remove the last", icon="undo", on_click=self._undo).props("no-caps outline")
+        for control in (self._force, take, keep, undo):
+            operated.add(control)
+
+    def show(self, forces_n: Sequence[float]) -> None:
+        """Show the forces so far."""
+        if forces_n == self._shown:
+            return
+        self._shown = forces_n
+        self._table.clear()
+        with self._table:
+            ui.label(f"{len(forces_n)} frames" if forces_n else "No frame yet.").classes("muted")
+            for force in forces_n:
+                ui.label(f"{force:g} N").classes("chip")
+
+    async def _press(self) -> None:
+        text = str(self._force.value or "")
+        if await self._viewer.attempt(self._pressed, text) is not None:
+            self._force.set_value("")
+
+    def _pressed(self, text: str) -> int:
+        force = typed_number("force", text.replace(",", "."))
+        with field_words(FORCE):
+            return self._session.press(self._step, force, by=self._viewer.identity)
+
+    async def _undo(self) -> None:
+        await self._viewer.attempt(self._session.unpress, self._step, by=self._viewer.identity)
+
+    async def _keep(self) -> None:
+        await self._viewer.attempt(self._session.keep_presses, self._step, by=self._viewer.identity)
+
+
+class StepCard:
+    """Shows the step that is looked at.
+
+    Parameters
+    ----------
+    viewer
+        Who looks.
+    session
+        Whose steps.
+    operated
+        Takes the controls.
+    """
+
+    def __init__(self, viewer: Viewer, session: CalibrationSession, operated: Operated) -> None:
+        self._viewer, self._session, self._operated = viewer, session, operated
+        self._shown: tuple[object, ...] = ()
+        self._place = ui.element("div").classes("stack")
+        self._bar = ProgressBar("Frames taken")
+        self._words = ui.label().classes("muted").props("role=status")
+        self._typed: TypedLoading | None = None
+
+    def show(self, steps: Sequence[StepState], present: str | None) -> None:
+        """Show the step of that name; what to do next when there is none."""
+        self._progress()
+        number, state = next(
+            ((place, each) for place, each in enumerate(steps, 1) if each.step.name == present), (0, None)
+        )
+        gauge = self._session.rig.has_gauge
+        now = (present, None if state is None else state.status, gauge, len(steps))
+        if now != self._shown:
+            self._shown = now
+            self._typed = None
+            self._place.clear()
+            with self._place:
+                self._build(state, number, len(steps))
+        if self._typed is not None and state is not None:
+            self._typed.show(state.forces_n)
+
+    def _build(self, state: StepState | None, number: int, total: int) -> None:
+        if state is None:
+            panel_title("Every step is done or left out.")
+            ui.label("Make the calibration below, or choose a step to repeat it.").classes("muted")
+            return
+        step = state.step
+        panel_title(f"Step {number} of {total}: {step.name}")
+        ui.label(f"{step.instruction}.").classes("calibrate-instruction")
+        if self._session.rig.by_itself and state.status != "done":
+            ui.label("This is what a person would do; the virtual bench does it by itself.").classes("muted")
+        with ui.element("div").classes("row"):
+            if state.status == "under way":
+                self._under_way(state)
+            elif state.status == "done":
+                ui.label(f"Done: {state.frames} frames are kept.").classes("good")
+                self._button("Repeat this step", "replay", self._repeat, step.name, outline=True)
+            elif step.is_loading and not self._session.rig.has_gauge:
+                self._typed = TypedLoading(self._viewer, self._session, self._operated, step.name)
+            else:
+                words = "Begin the loading" if step.is_loading else f"Take {step.frames} frames"
+                self._button(words, "photo_camera", self._take, step.name)
+            if step.optional and state.status == "open":
+                self._button("Leave it out", "skip_next", self._leave_out, step.name, outline=True)
+
+    def _under_way(self, state: StepState) -> None:
+        if state.step.is_loading and not self._session.rig.by_itself:
+            ui.label("Load now, slowly, and back to 0.").classes("strong")
+            self._button("It is back at 0: keep it", "check", self._end_loading, state.step.name)
+        self._button("End without keeping", "stop", self._end, state.step.name, outline=True)
+
+    def _button(
+        self, words: str, icon: str, act: Callable[[str], Awaitable[None]], name: str, *, outline: bool = False
+    ) -> None:
+        button = ui.button(words, icon=icon, on_click=lambda: act(name))
+        self._operated.add(button.props("no-caps outline" if outline else "no-caps unelevated"))
+
+    def _progress(self) -> None:
+        """How far the frames of a step are, and what became of the last step."""
+        job = self._session.job
+        state = None if job is None else job.state()
+        self._bar.show(state)
+        self._words.text = "" if state is None else frames_words(state)
+        classed(self._words, "doubtful", state is not None and state.status == FAILED)
+
+    async def _take(self, name: str) -> None:
+        await self._viewer.attempt(self._session.take, name, by=self._viewer.identity)
+
+    async def _leave_out(self, name: str) -> None:
+        await self._viewer.attempt(self._session.leave_out, name, by=self._viewer.identity)
+
+    async def _end_loading(self, _: str) -> None:
+        await self._viewer.attempt(self._session.end_loading, by=self._viewer.identity)
+
+    async def _end(self, _: str) -> None:
+        await self._viewer.attempt(self._session.end_step, by=self._viewer.identity)
+
+    async def _repeat(self, name: str) -> None:
+        question = f"Remove the frames of step {name!r} and take it again?"
+        if await asked(question, yes="Remove and repeat", why="A calibration that was made from them is set aside."):
+            await self._viewer.attempt(self._session.repeat, name, by=self._viewer.identity)
+
+
+def frames_words(job: JobState) -> str:
+    """How far the frames of a step are, or why they are not kept."""
+    if job.running:
+        return f"{job.done} of {job.total} frames" if job.total else f"{job.done} frames"
+    return "" if job.status == DONE else job.sentence

@@ -1,0 +1,171 @@
+"""The camera in use: its name, whether it runs, and its mode."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+from tsis.console.pages.camera._panels import CalibrationPanel, GaugePanel, VirtualPanel, choose_and_start
+from tsis.console.pages.components import ChoiceField, Operated, ProgressBar, RunButton, cell, panel_title, rows_under
+from tsis.console.services import DONE, CameraChoice
+
+if TYPE_CHECKING:
+    from tsis.console.pages.components import Viewer
+    from tsis.console.services import Bench, BenchState, CameraState, JobState
+    from tsis.instrument import CameraInfo, CameraListing
+
+
+class ChosenPanel:
+    """What is looked through now.
+
+    Parameters
+    ----------
+    bench
+        Whose camera it is.
+    viewer
+        Who looks.
+    operated
+        Takes the controls.
+    """
+
+    def __init__(self, bench: Bench, viewer: Viewer, operated: Operated) -> None:
+        self._bench, self._viewer = bench, viewer
+        with ui.element("div").classes("row"):
+            with ui.element("div"):
+                panel_title("Camera in use")
+                self._name = ui.label()
+                self._how = ui.label().classes("muted")
+            ui.element("div").classes("spring")
+            select = ui.select({}, label="Mode").props("dense outlined").classes("mode")
+            self._mode = ChoiceField(viewer, select, self._in_mode)
+            self._run = RunButton(bench, viewer)
+            ui.link("Examine", "/")
+        operated.add(select)
+        operated.add(self._run.element)
+
+    def show(self, state: BenchState) -> None:
+        """Show the camera's state."""
+        camera = state.camera
+        self._name.text = camera_words(camera)
+        self._how.text = how_words(camera)
+        self._mode.show(camera.mode or None, {label: label for label in camera.modes})
+        self._mode.element.set_visibility(bool(camera.modes))
+        self._run.show(camera)
+
+    def _in_mode(self, label: str) -> None:
+        choose_and_start(self._bench, replace(self._bench.desk.choice, mode=label), by=self._viewer.identity)
+
+
+def camera_words(camera: CameraState) -> str:
+    """Its name, or what was chosen before it was connected."""
+    if camera.name:
+        return camera.name
+    choice = camera.choice
+    return f"virtual probe {choice.probe} on {choice.phantom}" if choice.is_virtual else choice.spec
+
+
+def how_words(camera: CameraState) -> str:
+    """Whether frames come."""
+    if not camera.running:
+        return "stopped"
+    if camera.lost:
+        return f"away: {camera.failure}" if camera.failure else "away"
+    return f"runs at {camera.frames_per_s:.0f} frames/s, {camera.columns} x {camera.rows} pixels"
+
+
+class FoundPanel:
+    """Search, and use one of those that were found.
+
+    Parameters
+    ----------
+    bench, viewer, operated
+        As of `ChosenPanel`.
+    """
+
+    def __init__(self, bench: Bench, viewer: Viewer, operated: Operated) -> None:
+        self._bench, self._viewer, self._operated = bench, viewer, operated
+        self._shown: tuple[str, str] | None = None
+        with ui.element("section").classes("panel stack tight"):
+            with ui.element("div").classes("row"):
+                panel_title("Cameras")
+                ui.element("div").classes("spring")
+                self._search = ui.button("Search", icon="search", on_click=self._begin).props("no-caps outline")
+            self._bar = ProgressBar("Search")
+            self._said = ui.label().classes("muted").props("role=status")
+            self._place = ui.element("div").classes("stack")
+
+    def show(self, _: BenchState) -> None:
+        """Show the last search, whoever began it."""
+        job = self._bench.search.state()
+        self._bar.show(job)
+        self._search.set_enabled(job is None or not job.running)
+        self._said.text = search_words(job)
+        now = None if job is None else (job.identity, job.status)
+        if now != self._shown:
+            self._shown = now
+            self._place.clear()
+            findings = self._bench.search.findings
+            if job is not None and job.status == DONE and findings is not None:
+                with self._place:
+                    self._show_found(findings)
+
+    async def _begin(self) -> None:
+        await self._viewer.attempt(self._bench.search.begin)
+
+    def _show_found(self, findings: CameraListing) -> None:
+        if findings.found:
+            with ui.element("div").classes("scroll"), rows_under(("Camera", "Source", "About it", "")):
+                for camera in findings.found:
+                    self._line(camera)
+        if findings.missing:
+            with ui.expansion(f"{len(findings.missing)} sources could not look").props("dense").classes("missing"):
+                for source, sentence in findings.missing.items():
+                    with ui.element("p"):
+                        ui.label(source).classes("strong")
+                        ui.label(sentence).classes("muted")
+
+    def _line(self, camera: CameraInfo) -> None:
+        with ui.element("tr"):
+            cell(" ".join(filter(None, (camera.maker, camera.model))) or camera.identity)
+            cell(camera.source)
+            cell(", ".join(filter(None, (camera.identity, camera.note)))).classes("muted")
+            with ui.element("td"):
+                use = ui.button("Use", on_click=partial(self._use, camera)).props("no-caps outline dense")
+                use.props["aria-label"] = f"Use {camera.identity}"
+                self._operated.add(use)
+
+    async def _use(self, camera: CameraInfo) -> None:
+        await self._viewer.attempt(
+            choose_and_start, self._bench, CameraChoice(spec=camera.spec), by=self._viewer.identity
+        )
+
+
+def search_words(job: JobState | None) -> str:
+    """How far a search is."""
+    if job is None:
+        return "Nobody has searched yet. A search asks every source and takes some seconds."
+    return "Asking every source; this takes some seconds." if job.running else job.sentence
+
+
+def page(bench: Bench, viewer: Viewer) -> None:
+    """Build the page."""
+    operated = Operated(viewer)
+    with ui.element("div").classes("panel stack"):
+        chosen = ChosenPanel(bench, viewer, operated)
+        operated.why()
+    with ui.element("div").classes("camera-columns"):
+        with ui.element("div").classes("stack"):
+            virtual = VirtualPanel(bench, viewer, operated)
+            calibration = CalibrationPanel(bench, viewer, operated)
+        with ui.element("div").classes("stack"):
+            found = FoundPanel(bench, viewer, operated)
+            gauge = GaugePanel(bench, viewer, operated)
+
+    def show(state: BenchState) -> None:
+        for part in (chosen, virtual, found, calibration, gauge, operated):
+            part.show(state)
+
+    viewer.follow(show)

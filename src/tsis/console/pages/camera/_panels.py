@@ -1,0 +1,259 @@
+"""Another camera in place of the present one: chosen and started in one act."""
+
+from __future__ import annotations
+
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+from nicegui import run, ui
+
+from tsis.calibration import parse_usable_calibration
+from tsis.calibration.file import LARGEST_BYTES
+from tsis.catalog import list_phantoms, list_probes, list_spheres
+from tsis.console.pages.components import (
+    CalibrationSeen,
+    field_words,
+    loading,
+    one_file,
+    panel_title,
+    shown_number,
+    time_words,
+    typed_number,
+    unit_field,
+)
+from tsis.console.services import CameraChoice
+from tsis.errors import GaugeError
+from tsis.instrument.gauge import BAUD, connected_gauge, find_ports
+from tsis.model import LARGEST_SEED, require_integer
+
+if TYPE_CHECKING:
+    from nicegui.events import UploadEventArguments
+
+    from tsis.calibration import UsableCalibration
+    from tsis.console.pages.components import Operated, Viewer
+    from tsis.console.services import Bench, BenchState
+
+
+def choose_and_start(bench: Bench, choice: CameraChoice, *, by: str) -> None:
+    """Take another camera and start it; when it does not start it stays chosen, and the error says why.
+
+    Raises
+    ------
+    ControlError
+        When somebody else holds the camera, or a sequence is being recorded.
+    TsisError
+        When it does not start.
+    """
+    bench.choose(choice, by=by)
+    bench.start(by=by)
+
+
+SHORT = 12
+
+
+class CalibrationPanel:
+    """Show and change the calibration in force.
+
+    Parameters
+    ----------
+    bench, viewer, operated
+        As of `ChosenPanel`.
+    """
+
+    def __init__(self, bench: Bench, viewer: Viewer, operated: Operated) -> None:
+        self._bench, self._viewer, self._calibration = bench, viewer, CalibrationSeen(bench)
+        with ui.element("section").classes("panel stack tight"):
+            panel_title("Calibration in force")
+            self._name = ui.label()
+            self._identity = ui.label().classes("muted wordy")
+            refused = f"a calibration file must end in .json and hold at most {LARGEST_BYTES // 2**20} MiB"
+            self._upload = one_file(
+                viewer, "Calibration file", accept=".json", refused=refused, most_bytes=LARGEST_BYTES
+            )
+            self._upload.on_upload(self._given)
+            self._none = ui.button("Use none", on_click=self._forgotten).props("no-caps outline")
+            operated.add(self._upload)
+            operated.add(self._none)
+
+    def show(self, state: BenchState) -> None:
+        """Show which it is."""
+        own = state.camera.choice.is_virtual
+        self._name.text = state.calibration or ("the virtual probe's own, once it runs" if own else "none")
+        known = self._calibration.of(state)
+        self._identity.text = "" if known is None and own else calibration_words(known)
+        self._none.text = "Use the virtual probe's own" if own else "Use none"
+
+    async def _given(self, event: UploadEventArguments) -> None:
+        content = await event.file.read()
+        self._upload.reset()
+        done = await self._viewer.attempt(self._used, content, event.file.name)
+        if done is not None:
+            self._viewer.tell(f"The calibration {done} is in force.")
+
+    def _used(self, content: bytes, name: str) -> str:
+        known = parse_usable_calibration(content, name)
+        self._bench.use_calibration(known, by=self._viewer.identity)
+        return known.known.name
+
+    async def _forgotten(self) -> None:
+        await self._viewer.attempt(self._bench.use_calibration, None, by=self._viewer.identity)
+
+
+def calibration_words(known: UsableCalibration | None) -> str:
+    """Its identity and dates."""
+    if known is None:
+        return "Without one presses are kept, but nothing can be estimated from them."
+    made, expires = known.known.made, known.known.expires
+    when = "" if made is None else f", made {time_words(made)}"
+    until = "" if expires is None else f", expires {time_words(expires)}"
+    left = "" if expires is None else f" ({max(0, (expires - datetime.now(UTC)).days)} days left)"
+    return f"{known.identity[:SHORT]}{when}{until}{left}"
+
+
+ITS_OWN = "as it sends"
+UNITS = (ITS_OWN, "N", "mN", "kN", "gf", "kgf", "lbf", "ozf")
+FASTEST = 4_000_000
+
+
+class GaugePanel:
+    """Connect a gauge and let go of it; only there for real cameras.
+
+    Parameters
+    ----------
+    bench, viewer, operated
+        As of `ChosenPanel`.
+    """
+
+    def __init__(self, bench: Bench, viewer: Viewer, operated: Operated) -> None:
+        self._bench, self._viewer = bench, viewer
+        with ui.element("section").classes("panel stack tight") as self._panel:
+            panel_title("Force gauge")
+            self._in_use = ui.label().props("role=status")
+            with ui.element("div").classes("row"):
+                self._port = ui.select([], label="Serial port", with_input=True, new_value_mode="add-unique")
+                self._unit = ui.select(list(UNITS), value=ITS_OWN, label="Unit")
+                self._baud = unit_field("Bits per second", str(BAUD), keys="numeric")
+            self._sends = ui.switch("It sends on its own and is not to be asked")
+            with ui.element("div").classes("row"):
+                self._connect = ui.button("Connect", on_click=self._begin).props("no-caps outline")
+                leave = ui.button("Use no gauge", on_click=self._left).props("no-caps outline")
+            for each in (self._port, self._unit, self._baud):
+                operated.add(each.props("dense outlined"))
+            for control in (self._sends, self._connect, leave):
+                operated.add(control)
+        self._panel.set_visibility(False)
+        ui.timer(0.0, self._ports, once=True)
+
+    def show(self, state: BenchState) -> None:
+        """Be there for real cameras, and say what is connected."""
+        self._panel.set_visibility(not state.camera.choice.is_virtual)
+        self._in_use.text = (
+            f"Forces are read from the {state.gauge}." if state.gauge else "Forces are typed, or not known."
+        )
+
+    async def _ports(self) -> None:
+        try:
+            ports = await run.io_bound(find_ports) or ()
+        except GaugeError as error:
+            self._viewer.complain(str(error))
+            return
+        self._port.set_options([port.device for port in ports], value=ports[0].device if ports else None)
+
+    async def _begin(self) -> None:
+        with loading(self._connect):
+            await self._viewer.attempt(self._connected)
+
+    def _connected(self) -> None:
+        baud = require_integer(
+            "baud", typed_number("baud", str(self._baud.value or "")), 50, FASTEST, hint="bits per second"
+        )
+        unit = None if self._unit.value == ITS_OWN else str(self._unit.value)
+        self._bench.control.require(self._viewer.identity)
+        log = connected_gauge(str(self._port.value or ""), unit=unit, baud=baud, sends=bool(self._sends.value))
+        try:
+            self._bench.use_gauge(log, by=self._viewer.identity)
+        except Exception:
+            log.stop()
+            raise
+
+    async def _left(self) -> None:
+        await self._viewer.attempt(self._bench.use_gauge, None, by=self._viewer.identity)
+
+
+CHANGED = {"diameter_mm": ("Diameter", "mm"), "depth_mm": ("Depth", "mm"), "young_kpa": ("Modulus", "kPa")}
+
+
+class VirtualPanel:
+    """Choose what the virtual probe is and presses; it is used once the button says so.
+
+    Parameters
+    ----------
+    bench, viewer, operated
+        As of `ChosenPanel`.
+    """
+
+    def __init__(self, bench: Bench, viewer: Viewer, operated: Operated) -> None:
+        self._bench, self._viewer = bench, viewer
+        choice = bench.desk.choice
+        with ui.element("section").classes("panel stack tight"):
+            panel_title("Virtual probe")
+            ui.label("No hardware: mechanics, light and camera are calculated.").classes("muted")
+            with ui.element("div").classes("row"):
+                self._probe = ui.select(list(list_probes()), value=choice.probe, label="Probe")
+                self._phantom = ui.select(things(), value=choice.phantom, label="Pressed object")
+                self._phantom.on_value_change(self._bare)
+                self._seed = unit_field("Seed", str(choice.seed), keys="numeric").classes("seed")
+            self._changes = ui.element("div").classes("row")
+            with self._changes:
+                ui.label("Inclusion other than the catalog's:").classes("muted whole-line")
+                self._values = {
+                    name: unit_field(label, shown_number(getattr(choice, name)), unit=unit).classes("number-field")
+                    for name, (label, unit) in CHANGED.items()
+                }
+            for select in (self._probe, self._phantom):
+                operated.add(select).props("dense outlined")
+            for field in (self._seed, *self._values.values()):
+                operated.add(field)
+            self._use = ui.button("Use the virtual probe", on_click=self._chosen).props("no-caps unelevated")
+            operated.add(self._use)
+        self._bare()
+
+    def show(self, state: BenchState) -> None:
+        """Say whether it is the one in use."""
+        self._use.text = "Use it so" if state.camera.choice.is_virtual else "Use the virtual probe"
+
+    def _bare(self) -> None:
+        """Spheres have no inclusion."""
+        self._changes.set_visibility(self._phantom.value not in list_spheres())
+
+    async def _chosen(self) -> None:
+        with loading(self._use):
+            await self._viewer.attempt(self._taken)
+
+    def _taken(self) -> None:
+        changed = dict.fromkeys(CHANGED) if self._phantom.value in list_spheres() else self._changed()
+        with field_words({name: label.lower() for name, (label, _) in CHANGED.items()}):
+            choice = CameraChoice(
+                probe=self._probe.value,
+                phantom=self._phantom.value,
+                seed=require_integer("seed", typed_number("seed", str(self._seed.value or "")), 0, LARGEST_SEED),
+                diameter_mm=changed["diameter_mm"],
+                depth_mm=changed["depth_mm"],
+                young_kpa=changed["young_kpa"],
+            )
+        choose_and_start(self._bench, choice, by=self._viewer.identity)
+
+    def _changed(self) -> dict[str, float | None]:
+        return {name: _optional(name, field) for name, field in self._values.items()}
+
+
+def things() -> dict[str, str]:
+    """What the virtual probe can press, in words."""
+    return {name: name for name in list_phantoms()} | {
+        name: f"{name} (sphere, for hardness)" for name in list_spheres()
+    }
+
+
+def _optional(name: str, field: ui.input) -> float | None:
+    text = str(field.value or "").strip()
+    return typed_number(CHANGED[name][0].lower(), text) if text else None

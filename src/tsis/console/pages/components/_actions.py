@@ -1,0 +1,157 @@
+"""A button that turns while what it began is under way, and cannot be clicked meanwhile."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, TypeVar
+
+from nicegui import ui
+
+from tsis.console.services import estimate_title
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from nicegui.elements.mixins.disableable_element import DisableableElement
+
+    from tsis.console.pages.components._viewer import Viewer
+    from tsis.console.services import Bench, BenchState, CameraState, JobState
+
+
+@contextmanager
+def loading(button: ui.button) -> Iterator[None]:
+    """Have a button turn until this is over, however it ends."""
+    button.props(add="loading")
+    try:
+        yield
+    finally:
+        button.props(remove="loading")
+
+
+PATIENT = 2  # states that may still be from before
+
+
+class JustDone:
+    """Remembers the value that was replaced.
+
+    Examples
+    --------
+    >>> last = JustDone()
+    >>> last.replaced(1)
+    >>> last.is_old(1), last.is_old(1), last.is_old(1)
+    (True, True, False)
+    >>> last.replaced(1)
+    >>> last.is_old(2), last.is_old(1)
+    (False, False)
+    """
+
+    def __init__(self) -> None:
+        self._before: object = None
+        self._left = 0
+
+    def replaced(self, before: object) -> None:
+        """Take note that this value was replaced now."""
+        self._before, self._left = before, PATIENT
+
+    def is_old(self, value: object) -> bool:
+        """Whether a state with this value is probably from before; at most `PATIENT` times in a row."""
+        if self._left and value == self._before:
+            self._left -= 1
+            return True
+        self._left = 0
+        return False
+
+
+Control = TypeVar("Control", bound="DisableableElement")
+
+
+class Operated:
+    """The controls of one page.
+
+    Parameters
+    ----------
+    viewer
+        Who looks at the page.
+    """
+
+    def __init__(self, viewer: Viewer) -> None:
+        self._viewer = viewer
+        self._controls: list[DisableableElement] = []
+        self._judged = False  # before the first look nothing that controls say is true yet
+
+    def add(self, control: Control) -> Control:
+        """Hold a control back from those who watch."""
+        self._controls.append(control)
+        control.set_enabled(self._judged and self._viewer.acts)
+        return control
+
+    def why(self) -> None:
+        """Place the sentence that says why controls do nothing; it is there only while they do not."""
+        self._sentence = ui.label().classes("muted watching").props("role=status")
+
+    def show(self, _: BenchState) -> None:
+        """Enable the controls for who holds the camera."""
+        acts, self._judged = self._viewer.acts, True
+        self._controls = [control for control in self._controls if not control.is_deleted]
+        for control in self._controls:
+            if control.enabled != acts:
+                control.set_enabled(acts)
+        self._sentence.set_visibility(not acts)
+        self._sentence.text = "You watch: take the camera, at the top of the page, to use what is grey here."
+
+
+class ProgressBar:
+    """The share of a job that is done; there only while it is under way.
+
+    Parameters
+    ----------
+    label
+        What the bar is to readers of the screen.
+    """
+
+    def __init__(self, label: str) -> None:
+        self._bar = ui.linear_progress(0.0, show_value=False, size="6px").props("instant-feedback")
+        self._bar.props["aria-label"] = label
+
+    def show(self, job: JobState | None) -> None:
+        """Show how far the job is; None is one that was never begun."""
+        self._bar.set_visibility(job is not None and job.running)
+        if job is not None and job.running:
+            self._bar.value = job.share
+            self._bar.props(remove="indeterminate") if job.share else self._bar.props(add="indeterminate")
+
+
+class RunButton:
+    """Start or Stop.
+
+    Parameters
+    ----------
+    bench
+        Whose camera.
+    viewer
+        Who clicks.
+    """
+
+    def __init__(self, bench: Bench, viewer: Viewer) -> None:
+        self._bench, self._viewer = bench, viewer
+        self._runs: bool | None = None  # as the button says; None before anything is known
+        self.element = ui.button("Start", on_click=self._clicked).props("no-caps outline").classes("run")
+
+    def show(self, camera: CameraState) -> None:
+        """Say what a click would do."""
+        self._runs = camera.running
+        self.element.text = "Stop" if self._runs else "Start"
+        self.element.set_icon("stop" if self._runs else "play_arrow")
+
+    async def _clicked(self) -> None:
+        if self._runs is None:
+            return
+        act = self._bench.stop if self._runs else self._bench.start  # a second click on Start starts nothing more
+        with loading(self.element):
+            await self._viewer.attempt(act, by=self._viewer.identity)
+
+
+def estimate_job(state: BenchState) -> JobState | None:
+    """The newest estimate of the present target, under way or over; None when there was none."""
+    title = estimate_title(state.target)
+    return next((job for job in reversed(state.jobs) if job.title == title), None)

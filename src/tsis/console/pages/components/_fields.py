@@ -1,0 +1,220 @@
+"""What is wrong with a field, in the words that stand beside it and not in those of the program."""
+
+from __future__ import annotations
+
+import re
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+from tsis.console.pages.components._actions import JustDone
+from tsis.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+
+    from nicegui.elements.choice_element import ChoiceElement
+    from nicegui.events import ValueChangeEventArguments
+
+    from tsis.console.pages.components._viewer import Viewer
+
+
+FORCE = {"force_n": "force"}
+
+
+def in_words(sentence: str, words: Mapping[str, str]) -> str:
+    """A sentence with a page's words for the parameters that it names.
+
+    Examples
+    --------
+    >>> in_words("radius_mm must lie in [1, 50]; got 0 (millimetres)", {"radius_mm": "radius of the object"})
+    'radius of the object must lie in [1, 50]; got 0 (millimetres)'
+    """
+    return re.sub(r"\w+", lambda found: words.get(found[0], found[0]), sentence)
+
+
+@contextmanager
+def field_words(words: Mapping[str, str]) -> Iterator[None]:
+    """Say an `InputError` about these parameters in these words."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(in_words(str(error), words)) from error
+
+
+_NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)
+
+
+def typed_number(name: str, text: str) -> float:
+    """The number that somebody typed, infinite where it is too large for one.
+
+    Raises
+    ------
+    InputError
+        When it is none.
+
+    Examples
+    --------
+    >>> typed_number("force", " 0.5 ")
+    0.5
+    >>> typed_number("force", "half")
+    Traceback (most recent call last):
+    tsis.errors.InputError: force must be a number, as 2 or 0.5; got 'half'
+    """
+    if not _NUMBER.fullmatch(text.strip()):
+        raise InputError(f"{name} must be a number, as 2 or 0.5; got {text.strip()!r:.40}")
+    return float(text)
+
+
+def shown_number(value: float | None) -> str:
+    """A number as a field shows it; nothing where there is none."""
+    if value is None:
+        return ""
+    return str(int(value)) if float(value).is_integer() and abs(value) < 1e9 else f"{value:.5g}"
+
+
+def unit_field(label: str, value: str = "", *, unit: str = "", keys: str = "decimal") -> ui.input:
+    """Place a field that is read when a button is clicked.
+
+    Parameters
+    ----------
+    label, value
+        What it is, and what is in it at first.
+    unit
+        Shown behind what is typed.
+    keys
+        Of a telephone: ``"decimal"``, ``"numeric"`` or ``"text"``.
+    """
+    field = ui.input(label, value=value).props("dense outlined hide-bottom-space autocomplete=off")
+    field.props["inputmode"] = keys
+    if unit:
+        with field.add_slot("append"):
+            ui.label(unit).classes("unit")
+    return field
+
+
+class NumberField:
+    """A field for one number of the bench.
+
+    What is typed but not yet done stays as it is, whatever the bench says meanwhile; Escape gives it up. What is no
+    number, or is refused, is said in a sentence, and the field shows the bench's number again.
+
+    Parameters
+    ----------
+    viewer
+        Who types.
+    label
+        What it is.
+    act
+        Done with the number, away from the event loop; its errors are told.
+    unit
+        Of the number, shown behind it.
+    emptied
+        Done when the field is left empty; nothing is accepted but a number when None.
+    """
+
+    def __init__(
+        self,
+        viewer: Viewer,
+        label: str,
+        act: Callable[[float], object],
+        *,
+        unit: str = "",
+        emptied: Callable[[], object] | None = None,
+    ) -> None:
+        self._viewer, self._label, self._act, self._emptied = viewer, label, act, emptied
+        self._value: float | None = None
+        self._typing, self._just_done = False, JustDone()
+        self.element = unit_field(label, unit=unit).classes("number-field")
+        self.element.on("update:model-value", self._typed)
+        self.element.on("blur", self._done)
+        self.element.on("keydown.enter", self._done)
+        self.element.on("keydown.esc", self._give_up)
+
+    def show(self, value: float | None) -> None:
+        """Show the bench's number, unless another one is being typed."""
+        if self._just_done.is_old(value):
+            return
+        self._value = value
+        self._typing = self._typing and self.element.enabled  # who may not change it any more has not typed it
+        if not self._typing:
+            self.element.set_value(shown_number(value))
+
+    def _typed(self) -> None:
+        self._typing = True
+
+    def _give_up(self) -> None:
+        self._typing = False
+        self.show(self._value)
+
+    async def _done(self) -> None:
+        if not self._typing:
+            return
+        text = str(self.element.value or "").strip()
+        if text == shown_number(self._value):
+            self._give_up()
+            return
+        self._typing = False
+        before = self._value
+        await self._viewer.attempt(self._taken, text)
+        if not self._typing:
+            self.element.set_value(shown_number(self._value))
+        if self._value != before:
+            self._just_done.replaced(before)
+
+    def _taken(self, text: str) -> None:
+        if not text and self._emptied is not None:
+            self._emptied()
+            self._value = None
+            return
+        value = typed_number(self._label.lower(), text)
+        self._act(value)
+        self._value = value
+
+
+class ChoiceField:
+    """Keeps a select or a toggle in step with the bench.
+
+    Parameters
+    ----------
+    viewer
+        Who chooses.
+    element
+        The select or toggle.
+    act
+        Done with what was chosen, away from the event loop; when it fails, its sentence is told and the bench's choice
+        is shown again.
+    """
+
+    def __init__(self, viewer: Viewer, element: ChoiceElement, act: Callable[[str], object]) -> None:
+        self._viewer, self.element, self._act = viewer, element, act
+        self._shown: str | None = element.value
+        self._under_way, self._just_done = False, JustDone()
+        element.on_value_change(self._chosen)
+
+    def show(self, value: str | None, options: Mapping[str, str] | None = None) -> None:
+        """Show the bench's choice and what may be chosen, unless another choice is being made."""
+        if self._just_done.is_old(value):
+            return
+        if options is not None and self.element.options != dict(options):
+            self._shown = value
+            self.element.set_options(dict(options), value=value)
+        if not self._under_way and self.element.value != value:
+            self._shown = value
+            self.element.set_value(value)
+        elif not self._under_way:
+            self._shown = value
+
+    async def _chosen(self, event: ValueChangeEventArguments[str]) -> None:
+        before = self._shown
+        if event.value == before or self._under_way:
+            return
+        self._under_way = True
+        try:
+            done = await self._viewer.attempt(lambda: (self._act(event.value), True)[1])
+        finally:
+            self._under_way = False
+        self.show(event.value if done else before)
+        if done:
+            self._just_done.replaced(before)

@@ -1,0 +1,152 @@
+"""A class of a style sheet that an element has or has not."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+from tsis.report import address
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from nicegui.element import Element
+    from nicegui.elements.label import Label
+
+    from tsis.report import Card, Page, Picture, Table
+
+
+def classed(element: Element, name: str, wanted: bool) -> None:
+    """Give an element a class, or take it."""
+    if wanted:
+        element.classes(add=name)
+    else:
+        element.classes(remove=name)
+
+
+def panel_title(text: str, *, level: int = 2) -> Label:
+    """The title of a panel."""
+    title = ui.label(text).classes("panel-title").props("role=heading")
+    title.props["aria-level"] = level
+    return title
+
+
+class FactList:
+    """A list of terms with their values; empty at first."""
+
+    def __init__(self) -> None:
+        self._list = ui.element("dl").classes("facts")
+        self._shown: tuple[tuple[str, str], ...] = ()
+
+    def show(self, found: Iterable[tuple[str, str]]) -> None:
+        """Show these facts in place of those before."""
+        facts = tuple(found)
+        if facts == self._shown:
+            return
+        self._shown = facts
+        self._list.clear()
+        with self._list:
+            for term, value in facts:
+                with ui.element("dt"):
+                    ui.label(term)
+                with ui.element("dd"):
+                    ui.label(value)
+
+
+def sentence_list(sentences: Iterable[str] = ()) -> Element:
+    """Place a list with these sentences; others can be `listed` in it."""
+    with ui.element("ul").classes("sentences") as place:
+        for sentence in sentences:
+            listed(sentence)
+    return place
+
+
+def listed(sentence: str, look: str = "") -> None:
+    """Place a sentence in a list."""
+    with ui.element("li"):
+        ui.label(sentence).classes(look)
+
+
+def rows_under(headings: Iterable[str], *, caption: str = "", label: str = "", look: str = "table") -> Element:
+    """Place a table, its ``label`` unseen; what is made in what this gives becomes its rows."""
+    with ui.element("table").classes(look) as table:
+        if label:
+            table.props["aria-label"] = label
+        if caption:
+            with ui.element("caption"):
+                ui.label(caption)
+        with ui.element("thead"), ui.element("tr"):
+            for heading in headings:
+                with ui.element("th").props("scope=col"):
+                    ui.label(heading)
+        return ui.element("tbody")
+
+
+def row(cells: Iterable[str]) -> None:
+    """Place a row of text."""
+    with ui.element("tr"):
+        for text in cells:
+            cell(text)
+
+
+def cell(text: str) -> ui.label:
+    """Place a cell with a text."""
+    with ui.element("td"):
+        return ui.label(text)
+
+
+def drawings(page: Page) -> tuple[str, ...]:
+    """The figures of a page as data addresses, in their order; drawing takes a while, so not in the event loop."""
+    return tuple(address(picture) for picture in page.pictures)
+
+
+def report_parts(page: Page, sources: Iterable[str]) -> None:
+    """Show a whole report: cards, what to know, pictures as `drawings` made them ready, tables."""
+    cards(page.cards)
+    for note in page.notes:
+        ui.label(note).classes("muted")
+    with ui.element("div").classes("grid"):
+        for picture, source in zip(page.pictures, sources, strict=True):
+            figure(picture, source)
+    for each in page.tables:
+        table(each)
+
+
+def cards(found: Iterable[Card]) -> None:
+    """The numbers that the reader came for."""
+    with ui.element("div").classes("cards"):
+        for card in found:
+            with ui.element("div").classes("card doubtful" if card.doubtful else "card"):
+                ui.label(card.title).classes("muted")
+                ui.label(card.value).classes("number")
+                ui.label(card.detail).classes("muted")
+
+
+def figure(picture: Picture, source: str) -> None:
+    """A figure, drawn before, with its caption, and words for those who do not see it."""
+    with ui.element("figure").classes("plot wide" if picture.wide else "plot"):
+        panel_title(picture.title, level=3)
+        show_drawing(drawing(), source, picture.alt)
+        if picture.caption:
+            with ui.element("figcaption").classes("muted"):
+                ui.label(picture.caption)
+
+
+def drawing() -> Element:
+    """A place for drawings: inside the page, the names of a drawing's parts would be those of every other's."""
+    return ui.element("img").classes("drawing")
+
+
+def show_drawing(image: Element, source: str, alt: str) -> None:
+    """Show a drawing, of this data address, in a place for drawings."""
+    image.props["src"], image.props["alt"] = source, alt
+
+
+def table(found: Table) -> None:
+    """Rows of text under headings."""
+    with ui.element("section"):
+        panel_title(found.title, level=3)
+        with ui.element("div").classes("scroll"), rows_under(found.headings):
+            for each in found.rows:
+                row(each)

@@ -1,0 +1,130 @@
+"""What every page says in the same words: a force, a time, a press."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections import OrderedDict
+from typing import TYPE_CHECKING, Any, Generic, TypeVar, cast
+
+from nicegui import run
+
+from tsis.records import ROLE_WORDS
+from tsis.report.target import time_text
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from datetime import datetime
+
+    from tsis.console.services import Bench, BenchState
+    from tsis.records import StoredPress
+
+
+def force_words(force_n: float | None) -> str:
+    """A force, also one that nobody knows.
+
+    Examples
+    --------
+    >>> force_words(0.7), force_words(None)
+    ('0.7 N', 'force not measured')
+    """
+    return "force not measured" if force_n is None else f"{force_n:.3g} N"
+
+
+def time_words(when: datetime) -> str:
+    """A time where nothing else says that it is in UTC."""
+    return f"{time_text(when)} UTC"
+
+
+def press_words(press: StoredPress) -> str:
+    """A press: what was pressed, how hard, when."""
+    return f"{ROLE_WORDS[press.role]}, {force_words(press.force_n)}, {time_words(press.taken)}"
+
+
+FRESH_S = 0.2  # for which a look at the state serves every page
+ENTRIES_FRESH_S = 0.4  # for which one at the store does
+Seen = TypeVar("Seen")
+
+
+class Glance:
+    """Looks at a bench in a thread, for a camera may take its time to tell its settings; used in one event loop.
+
+    Parameters
+    ----------
+    bench
+        What is looked at.
+    """
+
+    def __init__(self, bench: Bench) -> None:
+        self._state = _Shared(lambda: bench.state(), FRESH_S)
+        self._entries = _Shared(lambda: bench.store.entries(), ENTRIES_FRESH_S)
+
+    async def state(self) -> BenchState | None:
+        """The state as it was at most 0.2 s ago, the same object for all who ask meanwhile; None at the very end."""
+        return await self._state.seen()
+
+    async def entries(self) -> int | None:
+        """How many entries the store's audit had at most 0.4 s ago, which grow with every change of whatever program.
+
+        None at the very end; errors as of the store.
+        """
+        return await self._entries.seen()
+
+
+class _Shared(Generic[Seen]):
+    """One look for all who ask at the same time, and for a moment longer."""
+
+    def __init__(self, look: Callable[[], Seen], fresh_s: float) -> None:
+        self._look, self._fresh_s = look, fresh_s
+        self._latest: Seen | None = None
+        self._looked_s = 0.0
+        self._looking: asyncio.Task[None] | None = None
+
+    async def seen(self) -> Seen | None:
+        if self._latest is None or time.monotonic() - self._looked_s > self._fresh_s:
+            if self._looking is None or self._looking.done():
+                self._looking = asyncio.ensure_future(self._take())
+            await asyncio.shield(self._looking)
+        return self._latest
+
+    async def _take(self) -> None:
+        self._latest = await run.io_bound(self._look)
+        self._looked_s = time.monotonic()
+
+
+NAMED = 1000  # tabs; more than anybody opens while a console runs
+KEPT = 50  # things that pages keep, whose results may be large
+Thing = TypeVar("Thing")
+
+
+class Tabs:
+    """Of each tab the same name, and the same things, when its page is loaded anew; the first ones are forgotten.
+
+    Examples
+    --------
+    >>> tabs = Tabs()
+    >>> tabs.name("tab a"), tabs.name("tab b"), tabs.name("tab a")
+    ('browser 1', 'browser 2', 'browser 1')
+    """
+
+    def __init__(self) -> None:
+        self._names: OrderedDict[str, str] = OrderedDict()
+        self._kept: OrderedDict[tuple[str, type[Any]], Any] = OrderedDict()
+        self._given = 0
+
+    def name(self, identity: str) -> str:
+        """What a browser without a login is called."""
+        if identity not in self._names:
+            self._given += 1
+            self._names[identity] = f"browser {self._given}"
+            if len(self._names) > NAMED:
+                self._names.popitem(last=False)
+        return self._names[identity]
+
+    def kept(self, identity: str, kind: type[Thing]) -> Thing:
+        """What a tab keeps of this kind; a new one at first, and when many others were looked for since."""
+        found = self._kept.pop((identity, kind), None) or kind()
+        self._kept[identity, kind] = found
+        if len(self._kept) > KEPT:
+            self._kept.popitem(last=False)
+        return cast("Thing", found)

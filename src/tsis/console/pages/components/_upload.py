@@ -1,0 +1,80 @@
+"""Names for the parts of an upload field: its library gives them icons alone."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+from nicegui.elements.upload import Upload
+
+if TYPE_CHECKING:
+    from tsis.console.pages.components._viewer import Viewer
+
+
+_NAME = """
+(function name(left) {
+  const field = getHtmlElement(%d);
+  const parts = field ? field.querySelectorAll("a.q-btn, input[type=file]") : [];
+  parts.forEach((part) => part.setAttribute("aria-label", %s));
+  if (!parts.length && left) setTimeout(() => name(left - 1), 100);
+})(50);
+"""  # the field may come a moment after this
+
+
+def name_parts(upload: Upload, words: str) -> None:
+    """Give the field's button and input a name for readers of the screen.
+
+    Parameters
+    ----------
+    upload
+        The field.
+    words
+        What is chosen with it.
+    """
+    upload.client.run_javascript(_NAME % (upload.id, json.dumps(words)))
+
+
+LARGEST_MIB = 31  # what the gate lets pass, less what is around a file
+
+
+class FileField(Upload):
+    """As `nicegui.ui.upload`.
+
+    FastAPI remembers the last few thousand functions that ever answered an address, those of deleted fields with them,
+    and through what a field calls each would keep the whole page of its browser's tab.
+    """
+
+    def _handle_delete(self) -> None:
+        super()._handle_delete()
+        for handlers in (self._begin_upload_handlers, self._upload_handlers, self._multi_upload_handlers):
+            handlers.clear()
+
+
+def one_file(
+    viewer: Viewer, label: str, *, accept: str, refused: str, most_bytes: int = LARGEST_MIB * 2**20
+) -> FileField:
+    """A field that takes one file at a time, as soon as it is chosen.
+
+    Parameters
+    ----------
+    viewer
+        Who chooses.
+    label
+        What kind of file it is.
+    accept
+        Ends of names that the browser offers, as ``".csv,text/csv"``.
+    refused
+        Said of a file of another kind or size.
+    most_bytes
+        Its largest size.
+    """
+    field = FileField(
+        label=label,
+        auto_upload=True,
+        max_files=1,
+        max_file_size=most_bytes,
+        on_rejected=lambda: viewer.complain(refused),
+    ).props("flat bordered")
+    field.props["accept"] = accept
+    name_parts(field, f"Choose: {label}")
+    return field

@@ -1,0 +1,185 @@
+"""One open page: who looks, what he may do, and how he is told what went wrong."""
+
+from __future__ import annotations
+
+import logging
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
+
+from nicegui import run, ui
+
+from tsis.console.auth import visitor_of
+from tsis.errors import TsisError
+
+if TYPE_CHECKING:
+    from collections.abc import Awaitable, Callable
+
+    from nicegui.client import Client
+
+    from tsis.calibration import UsableCalibration
+    from tsis.console.pages.components._summary import Glance, Tabs
+    from tsis.console.services import Bench, BenchState
+
+
+EVERY_S = 0.3  # between two looks at the bench's state
+TOLD_MS = 8000  # for which a sentence stays
+_log = logging.getLogger(__name__)
+Given = ParamSpec("Given")
+Made = TypeVar("Made")
+Thing = TypeVar("Thing")
+
+
+class Viewer:
+    """Who looks at a page.
+
+    Parameters
+    ----------
+    client
+        The open page.
+    bench
+        What it shows.
+    glance
+        The bench's state, looked at for all pages together.
+    tabs
+        What browsers are called, and what their tabs keep.
+
+    Attributes
+    ----------
+    visible
+        Whether the page can be seen now, and is not behind another tab.
+    """
+
+    def __init__(self, client: Client, bench: Bench, glance: Glance, tabs: Tabs) -> None:
+        self._client, self._bench, self._glance, self._tabs = client, bench, glance, tabs
+        self.visible = True
+
+    @property
+    def identity(self) -> str:
+        """Of the browser's tab: it stays the same when the page is loaded anew."""
+        return f"tab {self._client.tab_id or self._client.id}"
+
+    @property
+    def name(self) -> str:
+        """What other people see."""
+        return visitor_of(self._client.request).name or self._tabs.name(self.identity)
+
+    @property
+    def logged_in(self) -> bool:
+        """Whether the name is that of a login, and not one that a browser was given."""
+        return bool(visitor_of(self._client.request).name)
+
+    def kept(self, kind: type[Thing]) -> Thing:
+        """What this tab keeps of this kind while it looks at other pages, and when it is loaded anew."""
+        return self._tabs.kept(self.identity, kind)
+
+    @property
+    def acts(self) -> bool:
+        """Whether he holds the camera."""
+        holder = self._bench.control.holder()
+        return holder is not None and holder.identity == self.identity
+
+    async def attempt(self, act: Callable[Given, Made], *given: Given.args, **named: Given.kwargs) -> Made | None:
+        """Do something that may take a while, away from the event loop; say why when it fails, and give None then."""
+        try:
+            return await run.io_bound(act, *given, **named)
+        except TsisError as error:
+            self.complain(str(error))
+        except Exception as error:
+            _log.exception("an act of a page failed")
+            self.complain(f"this failed for a reason that nobody foresaw: {type(error).__name__}: {error}")
+        return None
+
+    def complain(self, sentence: str) -> None:
+        """Say what went wrong."""
+        with self._client:
+            ui.notify(sentence, type="negative", multi_line=True, timeout=TOLD_MS, close_button="Close")
+
+    def tell(self, sentence: str) -> None:
+        """Say what was done."""
+        with self._client:
+            ui.notify(sentence, type="positive", multi_line=True)
+
+    async def entries(self) -> int | None:
+        """How often the store was changed, by whom ever: what of it is shown is read anew when this is another number.
+
+        None while the program ends; errors as of the store.
+        """
+        return await self._glance.entries()
+
+    def every(self, seconds: float, look: Callable[[], Awaitable[None]]) -> None:
+        """Look now and again and again, while the present part of the page is there; never again while nobody sees it.
+
+        Parameters
+        ----------
+        seconds
+            Between two looks; the next one waits for the one before.
+        look
+            What is done.
+        """
+        begun = False
+
+        async def seen() -> None:
+            nonlocal begun
+            if begun and not self.visible:
+                return
+            begun = True
+            await look()
+
+        ui.timer(seconds, seen)
+
+    def follow(self, show: Callable[[BenchState], Any]) -> None:
+        """Show the bench's state now and whenever it has changed, while the present part of the page is there.
+
+        A page that nobody sees, because another tab is before it, is not changed until it is seen again.
+        """
+        shown: list[BenchState] = []
+
+        async def look() -> None:
+            state = await self._glance.state()
+            if state is None or (shown and (shown[0] is state or shown[0] == state)):
+                return
+            shown[:] = [state]
+            show(state)
+
+        self.every(EVERY_S, look)
+
+
+class CalibrationSeen:
+    """Remembers the calibration of the last state, because the bench judges it by the camera whenever it is asked.
+
+    Parameters
+    ----------
+    bench
+        Where it is in force.
+    """
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench = bench
+        self._known: UsableCalibration | None = None
+
+    def of(self, state: BenchState) -> UsableCalibration | None:
+        """The calibration that the state names; None without one, and when another came in force since."""
+        if self._known is None or self._known.identity != state.calibration_identity:
+            self._known = self._bench.calibration if state.calibration_identity else None
+        known = self._known
+        return known if known is not None and known.identity == state.calibration_identity else None
+
+
+CHANGES_EVERY_S = 1.0
+_changes_log = logging.getLogger(__name__)
+
+
+def follow_store(viewer: Viewer, changed: Callable[[], Awaitable[None]]) -> None:
+    """Call ``changed`` now and after every change of the store, while the present part of the page is seen."""
+    seen: list[int | None] = []
+
+    async def look() -> None:
+        try:
+            entries = await viewer.entries()
+        except TsisError as error:  # a page that is shown needs no sentence every second
+            _changes_log.debug("the store was not read: %s", error)
+            entries = -1
+        if seen != [entries]:
+            seen[:] = [entries]
+            await changed()
+
+    viewer.every(CHANGES_EVERY_S, look)

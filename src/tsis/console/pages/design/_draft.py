@@ -1,0 +1,269 @@
+"""Fields that are judged as they are typed, each group with the sentences about it below."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+from tsis.catalog import load_probe
+from tsis.console.pages.components import FORCE, field_words, in_words, shown_number, typed_number
+from tsis.errors import InputError
+from tsis.inclusion.design import MOST_EVALUATIONS, MOST_FRAMES
+from tsis.model import Layer, Led, Probe, require_integer
+from tsis.report import QUICK, DesignQuestion
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping
+
+    from tsis.console.services import Job
+
+
+class Sentences:
+    """What is wrong with the fields of a group; nothing is shown while all are right."""
+
+    def __init__(self) -> None:
+        self._said: dict[str, str] = {}
+        self._place = ui.element("div").classes("faults").props('role="status"')
+
+    def say(self, field: str, sentence: str) -> None:
+        """Say what is wrong with a field; an empty sentence takes back what was said."""
+        if self._said.get(field, "") == sentence:
+            return
+        self._said[field] = sentence
+        self._place.clear()
+        with self._place:
+            for each in dict.fromkeys(filter(None, self._said.values())):
+                ui.label(each)
+
+
+def typed_field(
+    label: str,
+    text: str,
+    take: Callable[[str], None],
+    fault: Callable[[], str],
+    sentences: Sentences,
+    *,
+    shown: bool = True,
+    empty: str = "",
+) -> None:
+    """A field for a number.
+
+    Parameters
+    ----------
+    label
+        What it is; its name for readers of the screen where it is not shown.
+    text
+        What is in it.
+    take
+        Told what was typed.
+    fault
+        Says then what is wrong with it; empty when nothing is.
+    sentences
+        Where that is said.
+    shown
+        Whether the label is shown in the field.
+    empty
+        What holds when nothing is typed.
+    """
+
+    def judge(typed: str | None) -> str | None:
+        take(typed or "")
+        wrong = fault()
+        sentences.say(label, wrong)
+        element.props["aria-invalid"] = "true" if wrong else "false"
+        return wrong or None
+
+    element = ui.input(label if shown else None, value=text, validation=judge)
+    element.props("dense outlined hide-bottom-space inputmode=decimal no-error-icon autocomplete=off debounce=150")
+    if empty:
+        element.props("stack-label").props["placeholder"] = empty
+    if not shown:
+        element.props["aria-label"] = label
+
+
+LAYER = {"thickness_mm": "thickness", "young_kpa": "modulus", "poisson": "Poisson's ratio", "refractive_index": "index"}
+LAMP = {"height_mm": "height", "aim_deg": "aim", "half_angle_deg": "half-angle"}
+DOME = "radius of the dome"
+WORDS = {**LAYER, **LAMP, "radius_mm": "radius", "face_curvature_mm": DOME}
+MOST_LAYERS, MOST_LAMPS = 12, 36
+ANY_LAYER = {"thickness_mm": 1.0, "young_kpa": 1.0, "poisson": 0.4, "refractive_index": 1.4}
+NEW_LAYER = {"thickness_mm": "2", "young_kpa": "50", "poisson": "0.49", "refractive_index": "1.41"}
+
+
+@dataclass(slots=True)
+class ProbeDraft:
+    """What is in the fields of the probe.
+
+    Parameters
+    ----------
+    start
+        The probe of the catalog that the fields were filled from.
+    """
+
+    start: Probe
+    radius_mm: str = ""
+    domed: bool = False
+    curvature_mm: str = ""
+    layers: list[dict[str, str]] = field(default_factory=list)
+    lamps: str = ""
+    lamp: dict[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        probe, led = self.start, self.start.leds[0]
+        self.radius_mm = shown_number(probe.radius_mm)
+        self.domed = probe.face_curvature_mm is not None
+        self.curvature_mm = shown_number(probe.face_curvature_mm or 40.0)
+        self.layers = [{name: shown_number(getattr(layer, name)) for name in LAYER} for layer in probe.layers]
+        self.lamps = str(len(probe.leds))
+        self.lamp = {
+            "height_mm": shown_number(probe.led_height_mm(led)),
+            "aim_deg": shown_number(led.aim_deg),
+            "half_angle_deg": shown_number(led.half_angle_deg),
+        }
+
+    def probe(self) -> Probe:
+        """The probe that the fields describe; the one of the catalog, with its name, when nothing was changed.
+
+        Raises
+        ------
+        InputError
+            When a field holds no number, or one outside its range.
+        """
+        with field_words(WORDS):
+            made = replace(
+                self.start,
+                radius_mm=typed_number("radius", self.radius_mm),
+                face_curvature_mm=typed_number(DOME, self.curvature_mm) if self.domed else None,
+                layers=tuple(
+                    Layer(**{name: typed_number(words, texts[name]) for name, words in LAYER.items()})
+                    for texts in self.layers
+                ),
+                leds=self._leds(),
+            )
+        return self.start if made == self.start else replace(made, name=f"{self.start.name} (changed)")
+
+    def _leds(self) -> tuple[Led, ...]:
+        """The lamps as typed, at equal angles; those of the start when nothing was changed."""
+        before = ProbeDraft(self.start)
+        if (self.lamps, self.lamp) == (before.lamps, before.lamp):
+            return self.start.leds
+        count = typed_number("lamps", self.lamps)
+        if not count.is_integer() or not 1 <= count <= MOST_LAMPS:
+            raise InputError(f"lamps must be a whole number in [1, {MOST_LAMPS}]; got {self.lamps.strip()}")
+        values = {name: typed_number(words, self.lamp[name]) for name, words in LAMP.items()}
+        first = self.start.leds[0]
+        return tuple(replace(first, azimuth_deg=360.0 * number / count, **values) for number in range(int(count)))
+
+    # The sentence beside a field, as it is typed
+
+    def layer_fault(self, texts: Mapping[str, str], name: str) -> str:
+        """What is wrong with one field of a layer; empty when nothing is."""
+        return sentence(lambda: Layer(**{**ANY_LAYER, name: typed_number(LAYER[name], texts[name])}))
+
+    def lamp_fault(self, name: str) -> str:
+        """What is wrong with one field of the lamps; empty when nothing is."""
+        if name == "lamps":
+            return sentence(partial(typed_number, "lamps", self.lamps)) or sentence(self._leds)
+        return sentence(lambda: Led(**{name: typed_number(LAMP[name], self.lamp[name])}))
+
+    def face_fault(self, name: str) -> str:
+        """What is wrong with ``"radius_mm"`` or ``"curvature_mm"``; empty when nothing is."""
+        thick = Probe(radius_mm=5.0, layers=(Layer(thickness_mm=200.0, young_kpa=50.0),))  # under any dome
+        wrong = sentence(lambda: replace(thick, radius_mm=typed_number("radius", self.radius_mm)))
+        if name == "radius_mm":
+            return wrong
+        curvature = partial(typed_number, DOME, self.curvature_mm)
+        if wrong or not self.domed:
+            return sentence(curvature) if self.domed else ""
+        radius = typed_number("radius", self.radius_mm)
+        return sentence(lambda: replace(thick, radius_mm=radius, face_curvature_mm=curvature()))
+
+    def field_faults(self) -> Iterator[str]:
+        """What is wrong with each field by itself; empty where nothing is."""
+        yield from (self.layer_fault(texts, name) for texts in self.layers for name in LAYER)
+        yield from (self.lamp_fault(name) for name in ("lamps", *LAMP))
+        yield from (self.face_fault(name) for name in ("radius_mm", "curvature_mm"))
+
+    def fault(self) -> str:
+        """What is wrong with the probe as a whole; empty when nothing is."""
+        return sentence(self.probe)
+
+
+def sentence(make: Callable[[], object]) -> str:
+    """Why something cannot be made, in the words of the page; empty when it can."""
+    try:
+        make()
+    except InputError as error:
+        return in_words(str(error), WORDS)
+    return ""
+
+
+def draft_of(name: str) -> ProbeDraft:
+    """A draft filled from a probe of the catalog."""
+    return ProbeDraft(load_probe(name))
+
+
+COMPARED = {
+    "softness": "softer and stiffer layers",
+    "layers": "one modulus; layers in reverse",
+    "dome": "flat face, other domes",
+    "forces": "other forces",
+    "frames": "more frames of each press",
+    "reference": "with and without a reference",
+}
+CRITERIA = {"all": "all three together", "diameter_mm": "diameter", "depth_mm": "depth", "young_kpa": "modulus"}
+MOST_FORCES = 8
+
+
+@dataclass(slots=True)
+class AskedDraft:
+    """What is in the fields of presses and question."""
+
+    forces: str = ""
+    frames: str = "1"
+    with_reference: bool = True
+    compared: set[str] = field(default_factory=lambda: set(QUICK))
+    criterion: str = "all"
+    traced: bool = False
+    search: bool = False
+    evaluations: str = str(MOST_EVALUATIONS)
+
+    def question(self, probe: Probe) -> DesignQuestion:
+        """The question about a probe; `InputError` when a field holds what cannot be asked."""
+        with field_words(FORCE):
+            return DesignQuestion(
+                probe=probe,
+                forces_n=self.forces_n(),
+                with_reference=self.with_reference,
+                frames_each=require_integer("frames", typed_number("frames", self.frames), 1, MOST_FRAMES),
+                compared=tuple(aspect for aspect in COMPARED if aspect in self.compared),
+                criterion=self.criterion,
+                traced=self.traced,
+                evaluations=self._evaluations() if self.search else None,
+            )
+
+    def _evaluations(self) -> int:
+        name = "stacks to try"
+        return require_integer(name, typed_number(name, self.evaluations), 1, MOST_EVALUATIONS)
+
+    def forces_n(self) -> tuple[float, ...]:
+        """Forces as typed with commas or spaces between them; none when the field is empty."""
+        parts = self.forces.replace(",", " ").replace(";", " ").split()
+        if len(parts) > MOST_FORCES:
+            raise InputError(f"forces must be at most {MOST_FORCES}; got {len(parts)}")
+        return tuple(typed_number("force", part) for part in parts)
+
+
+FIRST = "tsis-domed"
+
+
+@dataclass(slots=True)
+class DrawingDesk:
+    """Drafts, and the job that judges them or did so last."""
+
+    probe: ProbeDraft = field(default_factory=lambda: draft_of(FIRST))
+    asked: AskedDraft = field(default_factory=AskedDraft)
+    job: Job | None = None

@@ -1,0 +1,278 @@
+"""The fields of presses and question."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+from tsis.catalog import list_probes
+from tsis.console.pages.components import cell, panel_title, rows_under
+from tsis.console.pages.design._draft import (
+    COMPARED,
+    CRITERIA,
+    LAYER,
+    MOST_LAYERS,
+    NEW_LAYER,
+    AskedDraft,
+    Sentences,
+    draft_of,
+    sentence,
+    typed_field,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from nicegui.events import ValueChangeEventArguments
+
+    from tsis.console.pages.design._draft import DrawingDesk, ProbeDraft
+
+
+class AskedForm:
+    """How one would press, what to compare with, and what a good design is.
+
+    Parameters
+    ----------
+    desk
+        What is filled.
+    """
+
+    def __init__(self, desk: DrawingDesk) -> None:
+        self._desk, draft = desk, desk.asked
+        panel_title("Presses")
+        self._presses(draft)
+        panel_title("Compare with", level=3).classes("below")
+        with ui.element("div").classes("choices"):
+            for aspect, words in COMPARED.items():
+                ui.checkbox(words, value=aspect in draft.compared, on_change=partial(self._compare, aspect)).props(
+                    "dense"
+                )
+        panel_title("Judge by", level=3).classes("below")
+        with ui.element("div").classes("fields"):
+            ui.select(CRITERIA, value=draft.criterion, label="The expected error of").props(
+                "dense outlined options-dense"
+            ).bind_value_to(draft, "criterion")
+            ui.switch("Light by the lamps, traced", value=draft.traced).props("dense").bind_value_to(draft, "traced")
+        with ui.element("div").classes("fields"):
+            search = ui.switch("Search better layers and forces, for minutes", value=draft.search).props("dense")
+            search.bind_value_to(draft, "search")
+            tries = ui.element("div")
+        sentences = Sentences()
+        with tries:
+            typed_field(
+                "Stacks to try",
+                draft.evaluations,
+                self._evaluations,
+                lambda: self._fault(AskedDraft(evaluations=draft.evaluations, search=True)),
+                sentences,
+            )
+        tries.bind_visibility_from(draft, "search")
+
+    def _presses(self, draft: AskedDraft) -> None:
+        fields = ui.element("div").classes("fields")
+        sentences = Sentences()
+        with fields:
+            typed_field(
+                "Forces / N",
+                draft.forces,
+                self._forces,
+                lambda: self._fault(AskedDraft(forces=draft.forces)),
+                sentences,
+                empty="1; on a dome 0.5, 1",
+            )
+            typed_field(
+                "Frames of each",
+                draft.frames,
+                self._frames,
+                lambda: self._fault(AskedDraft(frames=draft.frames)),
+                sentences,
+            )
+            ui.switch("Press plain tissue too", value=draft.with_reference).props("dense").bind_value_to(
+                draft, "with_reference"
+            )
+
+    def _fault(self, alone: AskedDraft) -> str:
+        """What is wrong with one field, the others being as they are at first."""
+        return sentence(lambda: alone.question(self._desk.probe.start))
+
+    def _forces(self, text: str) -> None:
+        self._desk.asked.forces = text
+
+    def _frames(self, text: str) -> None:
+        self._desk.asked.frames = text
+
+    def _evaluations(self, text: str) -> None:
+        self._desk.asked.evaluations = text
+
+    def _compare(self, aspect: str, event: ValueChangeEventArguments[bool]) -> None:
+        if event.value:
+            self._desk.asked.compared.add(aspect)
+        else:
+            self._desk.asked.compared.discard(aspect)
+
+
+HEADINGS = ("Layer", "Thickness / mm", "Modulus / kPa", "Poisson", "Index", "Order")
+
+
+class LayerTable:
+    """A row a layer, with buttons that move, take out and add one.
+
+    Parameters
+    ----------
+    draft
+        Whose layers.
+    changed
+        Called after each change.
+    """
+
+    def __init__(self, draft: ProbeDraft, changed: Callable[[], object]) -> None:
+        self._draft, self._changed = draft, changed
+        self._place = ui.element("div").classes("stack")
+        self._fill()
+
+    def _fill(self) -> None:
+        self._place.clear()
+        layers = self._draft.layers
+        with self._place:
+            body = rows_under(HEADINGS, label="Layers, from the tissue up", look="layers")
+            sentences = Sentences()
+            with body:
+                for at in range(len(layers)):
+                    self._row(at, sentences)
+            if len(layers) < MOST_LAYERS:
+                ui.button("Add a layer at the glass", icon="add", on_click=self._add).props("dense no-caps flat")
+
+    def _row(self, at: int, sentences: Sentences) -> None:
+        texts, number = self._draft.layers[at], at + 1
+        with ui.element("tr"):
+            cell(str(number))
+            for name, words in LAYER.items():
+                with ui.element("td"):
+                    typed_field(
+                        f"Layer {number}, {words}",
+                        texts[name],
+                        partial(self._typed, texts, name),
+                        partial(self._fault, number, texts, name),
+                        sentences,
+                        shown=False,
+                    )
+            with ui.element("td").classes("order"):
+                last = len(self._draft.layers) - 1
+                self._order("arrow_upward", f"Move layer {number} to the tissue", at > 0, partial(self._move, at, -1))
+                self._order(
+                    "arrow_downward", f"Move layer {number} to the glass", at < last, partial(self._move, at, 1)
+                )
+                self._order("delete", f"Take layer {number} out", last > 0, partial(self._take_out, at))
+
+    def _order(self, icon: str, words: str, useful: bool, act: Callable[[], None]) -> None:
+        button = ui.button(icon=icon, on_click=act).props("dense flat round size=sm")
+        button.props["aria-label"] = words
+        button.set_enabled(useful)
+
+    def _fault(self, number: int, texts: dict[str, str], name: str) -> str:
+        wrong = self._draft.layer_fault(texts, name)
+        return wrong and f"Layer {number}: {wrong}"
+
+    def _typed(self, texts: dict[str, str], name: str, text: str) -> None:
+        texts[name] = text
+        self._changed()
+
+    def _add(self) -> None:
+        self._draft.layers.append(dict(NEW_LAYER))
+        self._fill()
+        self._changed()
+
+    def _move(self, at: int, by: int) -> None:
+        layers = self._draft.layers
+        layers[at], layers[at + by] = layers[at + by], layers[at]
+        self._fill()
+        self._changed()
+
+    def _take_out(self, at: int) -> None:
+        del self._draft.layers[at]
+        self._fill()
+        self._changed()
+
+
+LAMP_LABELS = {"height_mm": "Height / mm", "aim_deg": "Aim / °", "half_angle_deg": "Half-angle / °"}
+
+
+class ProbeForm:
+    """All fields of the probe, filled from a probe of the catalog.
+
+    Parameters
+    ----------
+    desk
+        What they fill.
+    changed
+        Called after each change.
+    """
+
+    def __init__(self, desk: DrawingDesk, changed: Callable[[], object]) -> None:
+        self._desk, self._changed = desk, changed
+        panel_title("Probe")
+        ui.select(list(list_probes()), value=desk.probe.start.name, label="Start from", on_change=self._start).props(
+            "dense outlined options-dense"
+        ).classes("start")
+        self._place = ui.element("div").classes("stack")
+        self._fill()
+
+    def _start(self, event: ValueChangeEventArguments[str]) -> None:
+        self._desk.probe = draft_of(event.value)
+        self._fill()
+        self._changed()
+
+    def _fill(self) -> None:
+        self._place.clear()
+        with self._place:
+            self._face()
+            panel_title("Layers, from the tissue up", level=3)
+            LayerTable(self._desk.probe, self._changed)
+            self._lamps()
+
+    def _face(self) -> None:
+        draft = self._desk.probe
+
+        def radius(text: str) -> None:
+            draft.radius_mm = text
+            self._changed()
+
+        def curvature(text: str) -> None:
+            draft.curvature_mm = text
+            self._changed()
+
+        def domed(event: ValueChangeEventArguments[bool | None]) -> None:
+            draft.domed = bool(event.value)
+            self._fill()
+            self._changed()
+
+        panel_title("Face", level=3)
+        fields = ui.element("div").classes("fields")
+        sentences = Sentences()
+        with fields:
+            typed_field("Radius / mm", draft.radius_mm, radius, partial(draft.face_fault, "radius_mm"), sentences)
+            ui.switch("Domed", value=draft.domed, on_change=domed).props("dense")
+            if draft.domed:
+                fault = partial(draft.face_fault, "curvature_mm")
+                typed_field("Radius of the dome / mm", draft.curvature_mm, curvature, fault, sentences)
+
+    def _lamps(self) -> None:
+        draft = self._desk.probe
+
+        def lamps(text: str) -> None:
+            draft.lamps = text
+            self._changed()
+
+        def lamp(name: str, text: str) -> None:
+            draft.lamp[name] = text
+            self._changed()
+
+        panel_title("Lamps around the side", level=3)
+        fields = ui.element("div").classes("fields four")
+        sentences = Sentences()
+        with fields:
+            typed_field("How many", draft.lamps, lamps, partial(draft.lamp_fault, "lamps"), sentences)
+            for name, label in LAMP_LABELS.items():
+                typed_field(label, draft.lamp[name], partial(lamp, name), partial(draft.lamp_fault, name), sentences)

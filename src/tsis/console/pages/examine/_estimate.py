@@ -1,0 +1,155 @@
+"""What is kept of this target, and what it tells: diameter, depth and modulus with their doubt, or hardness."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from nicegui import run, ui
+
+from tsis.console.pages.components import (
+    ProgressBar,
+    cards,
+    classed,
+    estimate_job,
+    force_words,
+    panel_title,
+    row,
+    rows_under,
+    sentence_list,
+)
+from tsis.console.pages.examine._press import Recorded, recorded
+from tsis.console.services import FAILED
+from tsis.errors import TsisError
+from tsis.records import ROLE_WORDS
+from tsis.report import estimate_cards, estimate_sentences
+from tsis.report.target import count_of, time_text
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from tsis.console.pages.components import Viewer
+    from tsis.console.services import Bench, BenchState, JobState
+    from tsis.records import StoredEstimate, StoredPress
+
+
+LOOK_S = 1.0  # between two looks into the store
+
+
+class EstimatePanel:
+    """Presses of the target, the button, and what came out.
+
+    Parameters
+    ----------
+    bench, viewer
+        As of `PressPanel`.
+    """
+
+    def __init__(self, bench: Bench, viewer: Viewer) -> None:
+        self._bench, self._viewer = bench, viewer
+        self._state: BenchState | None = None
+        self._shown: tuple[object, ...] | None = None
+        with ui.element("div").classes("row"):
+            self._title = panel_title("Target")
+            ui.element("div").classes("spring")
+            self._report = ui.link("Report", "/records")
+            self._hardness = ui.link("Hardness of this object", "/hardness")
+            self._begin = ui.button("Estimate", icon="analytics", on_click=self._estimate).props("no-caps outline")
+        self._bar = ProgressBar("Progress of the estimate")
+        self._said = ui.label().classes("muted wordy").props("role=status")
+        self._place = ui.element("div").classes("stack")
+        viewer.every(LOOK_S, self._look)
+
+    def show(self, state: BenchState) -> None:
+        """Show how far the estimate is."""
+        self._state = state
+        job = estimate_job(state)
+        sphere = state.camera.choice.is_sphere  # its estimate asks for more than presses
+        self._hardness.set_visibility(sphere)
+        self._begin.set_visibility(not sphere)
+        self._begin.set_enabled(job is None or not job.running)
+        self._bar.show(job)
+        self._said.text = job_words(job)
+        classed(self._said, "doubtful", job is not None and job.status == FAILED)
+
+    async def _estimate(self) -> None:
+        await self._viewer.attempt(self._bench.estimate, self._bench.state().target)
+
+    async def _look(self) -> None:
+        """Read what is kept when it may have changed: here, in another tab or by a script."""
+        state = self._state
+        if state is None:
+            return
+        try:
+            now = (await self._viewer.entries(), state.target)
+            if now == self._shown:
+                return
+            found = await run.io_bound(recorded, self._bench.store, state.target)
+        except TsisError as error:
+            self._tell(str(error))
+            return
+        if found is None or self._state is None or self._state.target != found.number:  # it ends, or look again
+            return
+        self._shown = now
+        self._show_recorded(found)
+
+    def _tell(self, sentence: str) -> None:
+        if self._shown == (sentence,):
+            return
+        self._shown = (sentence,)
+        self._place.clear()
+        with self._place:
+            ui.label(sentence).classes("doubtful")
+
+    def _show_recorded(self, found: Recorded) -> None:
+        name = f": {found.target.name}" if found.target is not None and found.target.name else ""
+        self._title.text = f"Target {found.number}{name}"
+        self._report.set_visibility(found.target is not None)
+        self._report.props["href"] = f"/records/{found.number}"
+        self._place.clear()
+        with self._place:
+            for stored in found.estimates:
+                told(stored, {} if found.target is None else found.target.truth)
+            for sentence in found.damaged:
+                ui.label(f"Left out: {sentence}.").classes("doubtful")
+            presses(found)
+
+
+def told(stored: StoredEstimate, truth: Mapping[str, float]) -> None:
+    """Cards and sentences of an estimate."""
+    cards(estimate_cards(stored, truth))
+    sentence_list(estimate_sentences(stored))
+
+
+def presses(found: Recorded) -> None:
+    """The newest presses, one line each."""
+    if not found.count:
+        ui.label("Nothing is kept of this target yet. Press it and keep a snapshot: the space bar does.").classes(
+            "muted"
+        )
+        return
+    more = "" if found.count <= len(found.presses) else f", the last {len(found.presses)}"
+    with rows_under(
+        ("Pressed", "Force", "Kept at (UTC)", "Against it"), caption=f"{count_of(found.count, 'press')}{more}"
+    ):
+        for press in found.presses:
+            row(press_cells(press))
+
+
+def press_cells(press: StoredPress) -> tuple[str, ...]:
+    """What the list of presses says of one."""
+    return (
+        ROLE_WORDS[press.role],
+        force_words(press.force_n),
+        time_text(press.taken),
+        ", ".join(press.flags),
+    )
+
+
+def job_words(job: JobState | None) -> str:
+    """How far it is, or why it failed."""
+    if job is None:
+        return ""
+    if job.running:
+        share = f", {job.done} of {job.total} steps" if job.total else ""
+        return f"Estimating{share}; the mechanics of a probe are solved once and kept."
+    return job.sentence if job.status == FAILED else ""

@@ -1,0 +1,161 @@
+"""Keys of the page Examine: space, the arrows and F."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from nicegui import ui
+from nicegui.element import Element
+
+from tsis.console.live import Histogram, LiveView, SurfaceView
+from tsis.console.pages.components import Operated, classed
+from tsis.console.pages.examine._estimate import EstimatePanel
+from tsis.console.pages.examine._press import PressPanel, SequencePanel
+from tsis.console.pages.examine._reading import Flags, ForceLine
+from tsis.console.pages.examine._settings import SettingsPanel
+
+if TYPE_CHECKING:
+    from collections.abc import Awaitable, Callable
+
+    from nicegui.events import ValueChangeEventArguments
+
+    from tsis.console.pages.components import Viewer
+    from tsis.console.services import Bench, BenchState, CameraState
+
+
+KEYS = {"Space": "keep a snapshot", "←": "target before", "→": "target after", "F": "live image alone, and back"}
+
+
+class Keys(Element, component="keys.js"):
+    """Hears keys wherever the page has the focus but in a field.
+
+    Parameters
+    ----------
+    snapshot
+        Called at space.
+    step
+        Called with -1 or 1 at the arrows.
+    alone
+        What F shows alone, over the whole screen.
+    """
+
+    def __init__(
+        self, *, snapshot: Callable[[], Awaitable[Any]], step: Callable[[int], Awaitable[Any]], alone: Element
+    ) -> None:
+        super().__init__()
+        self._props["alone"] = alone.html_id
+        self.on("snapshot", lambda: snapshot())
+        self.on("step", lambda event: step(1 if event.args == 1 else -1))
+
+
+def show_alone(button: ui.button) -> None:
+    """Have a button do what F does; in the browser, for only at a click a page may fill the screen."""
+    button.on("click", js_handler="() => document.dispatchEvent(new CustomEvent('tsis-alone'))")
+
+
+def key_help() -> None:
+    """The keys and what they do."""
+    with ui.element("dl").classes("keys"):
+        for key, does in KEYS.items():
+            with ui.element("dt"), ui.element("kbd").classes("key"):
+                ui.label(key)
+            with ui.element("dd"):
+                ui.label(does)
+
+
+FIRST_MAP = "viridis"
+MAPS = ("grey", "cividis", "inferno", "viridis")
+
+
+class LivePanel:
+    """What the camera sees, for everybody who looks."""
+
+    def __init__(self) -> None:
+        self._map = FIRST_MAP
+        self._surface: SurfaceView | None = None
+        with ui.element("div").classes("panel live-panel") as self.alone:
+            self._tools()
+            with ui.element("div").classes("live-pair") as self._pair:
+                self.view = LiveView(map_name=FIRST_MAP)
+                self._surface_place = ui.element("div").classes("surface-place")
+            self._surface_place.set_visibility(False)
+            self._camera = ui.label().classes("muted camera-line")
+        with ui.element("div").classes("panel histogram-panel"):
+            self.histogram = Histogram()
+
+    def _tools(self) -> None:
+        with ui.element("div").classes("row tools"):
+            ui.select(list(MAPS), value=FIRST_MAP, label="Colours", on_change=self._colour).props(
+                "dense outlined"
+            ).classes("colours")
+            ui.switch("Contact", value=True, on_change=lambda event: self.view.overlay(bool(event.value)))
+            ui.switch("3-D", value=False, on_change=self._three)
+            ui.element("div").classes("spring")
+            show_alone(ui.button(icon="fullscreen").props('flat dense round aria-label="Full screen"'))
+            with ui.button(icon="keyboard").props('flat dense round aria-label="Keys"'), ui.menu():
+                key_help()
+
+    def show(self, state: BenchState) -> None:
+        """Show how the camera is; the frames come by a way of their own."""
+        self.view.tell(state)
+        self.histogram.tell(state)
+        if self._surface is not None:
+            self._surface.tell(state)
+        self._camera.text = f"{state.busy.capitalize()} …" if state.busy else camera_line(state.camera)
+
+    def _colour(self, event: ValueChangeEventArguments[str]) -> None:
+        self._map = event.value
+        self.view.colour(event.value)
+        if self._surface is not None:
+            self._surface.colour(event.value)
+
+    def _three(self, event: ValueChangeEventArguments[bool | None]) -> None:
+        self._surface_place.set_visibility(bool(event.value))
+        classed(self._pair, "two", bool(event.value))
+        self._surface_place.clear()
+        self._surface = None
+        if event.value:
+            with self._surface_place:
+                self._surface = SurfaceView(map_name=self._map)
+
+
+def camera_line(camera: CameraState) -> str:
+    """Name, rate, losses and size, as the camera brings them."""
+    if not camera.running:
+        return "The camera is stopped."
+    size = f", {camera.columns} x {camera.rows} pixels" if camera.columns else ""
+    times = "once" if camera.interruptions == 1 else f"{camera.interruptions} times"
+    breaks = f", interrupted {times}" if camera.interruptions else ""
+    return f"{camera.name}: {camera.frames_per_s:.0f} frames/s, {camera.missed} dropped{breaks}{size}"
+
+
+def page(bench: Bench, viewer: Viewer) -> None:
+    """Build the page."""
+    operated = Operated(viewer)
+    with ui.element("div").classes("split examine"):
+        with ui.element("section").classes("stack").props('aria-label="Live image"'):
+            live = LivePanel()
+        with ui.element("section").classes("stack").props('aria-label="Press, estimate and camera"'):
+            with ui.element("div").classes("panel stack tight"):
+                press = PressPanel(bench, viewer, operated)
+                with press.force_row:
+                    force = ForceLine()
+                flags = Flags()
+                operated.why()
+            with ui.element("div").classes("panel under-tabs"):
+                with ui.tabs().props("dense no-caps align=left") as tabs:
+                    told, set_up, recorded = ui.tab("Estimate"), ui.tab("Settings"), ui.tab("Sequence")
+                with ui.tab_panels(tabs, value=told).props("keep-alive").classes("plain-panels"):
+                    with ui.tab_panel(told):
+                        estimate = EstimatePanel(bench, viewer)
+                    with ui.tab_panel(set_up):
+                        settings = SettingsPanel(bench, viewer, operated)
+                    with ui.tab_panel(recorded):
+                        sequence = SequencePanel(bench, viewer, operated)
+    Keys(snapshot=press.snapshot, step=press.step, alone=live.alone)
+
+    def show(state: BenchState) -> None:
+        for part in (live, press, force, flags, estimate, settings, sequence, operated):
+            part.show(state)
+
+    viewer.follow(show)

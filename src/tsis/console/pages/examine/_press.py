@@ -1,0 +1,225 @@
+"""What the store holds of the target under examination, read when it may have changed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+from tsis.console.pages.components import (
+    FORCE,
+    ChoiceField,
+    NumberField,
+    ProgressBar,
+    RunButton,
+    field_words,
+    force_words,
+    shown_number,
+    typed_number,
+    unit_field,
+)
+from tsis.console.services import MOST_FRAMES
+from tsis.files import LARGEST_TARGET
+from tsis.model import require_integer
+from tsis.records import ROLE_WORDS
+from tsis.records.importing import numbered
+
+if TYPE_CHECKING:
+    from tsis.console.pages.components import Operated, Viewer
+    from tsis.console.services import Bench, BenchState, JobState, Kept
+    from tsis.records import StoredEstimate, StoredPress, Target
+    from tsis.records.store import Store
+
+
+SHOWN = 8  # presses, the newest
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Recorded:
+    """A target's number with what is kept of it.
+
+    Attributes
+    ----------
+    number
+        Of the target.
+    target
+        None while nothing is kept of it.
+    count
+        How many presses there are in all.
+    presses
+        The newest ones, the newest first.
+    estimates
+        Those in force.
+    damaged
+        A sentence for each thing that cannot be shown.
+    """
+
+    number: int
+    target: Target | None = None
+    count: int = 0
+    presses: tuple[StoredPress, ...] = ()
+    estimates: tuple[StoredEstimate, ...] = ()
+    damaged: tuple[str, ...] = ()
+
+
+def recorded(store: Store, number: int) -> Recorded:
+    """Read the target; errors as of the store."""
+    target = numbered(store, number)
+    if target is None:
+        return Recorded(number=number)
+    count = store.press_count(target)
+    dossier = store.dossier(target, limit=SHOWN, offset=max(0, count - SHOWN))
+    return Recorded(
+        number=number,
+        target=target,
+        count=count,
+        presses=dossier.presses[::-1],
+        estimates=dossier.in_force,
+        damaged=dossier.damaged,
+    )
+
+
+class PressPanel:
+    """What the operator does with a press.
+
+    Parameters
+    ----------
+    bench
+        Whose press it is.
+    viewer
+        Who looks.
+    operated
+        Takes the controls.
+    """
+
+    def __init__(self, bench: Bench, viewer: Viewer, operated: Operated) -> None:
+        self._bench, self._viewer, self._keeping = bench, viewer, False
+        with ui.element("div").classes("row"):
+            self._run = RunButton(bench, viewer)
+            self._keep = ui.button("Snapshot", icon="photo_camera", on_click=self.snapshot).props("no-caps unelevated")
+            with ui.element("div").classes("stepper"):
+                back = self._stepper("remove", "Target before", -1)
+                self._target = NumberField(viewer, "Target", self._set_target)
+                on = self._stepper("add", "Target after", 1)
+        with ui.element("div").classes("row"):
+            choice = ui.toggle({}, value=None).props("no-caps unelevated toggle-color=primary").classes("roles")
+            choice.props('role=group aria-label="Pressed on"')
+            self._role = ChoiceField(viewer, choice, lambda role: bench.hold(role=role, by=viewer.identity))
+        with ui.element("div").classes("row") as self.force_row:
+            self._force = NumberField(
+                viewer, "Force", self._hold, unit="N", emptied=lambda: bench.forget_force(by=viewer.identity)
+            )
+        for control in (self._run.element, self._keep, back, on, self._target.element, choice, self._force.element):
+            operated.add(control)
+
+    def show(self, state: BenchState) -> None:
+        """Show the bench's press."""
+        self._run.show(state.camera)
+        self._target.show(state.target)
+        self._role.show(state.role, {role: ROLE_WORDS[role] for role in state.roles})
+        self._force.show(state.force_n)
+
+    async def snapshot(self) -> None:
+        """Keep the press; a second key while the first is being kept does nothing."""
+        if self._keeping:
+            return
+        self._keeping = True
+        try:
+            kept: Kept | None = await self._viewer.attempt(self._bench.snapshot, by=self._viewer.identity)
+        finally:
+            self._keeping = False
+        if kept is not None:
+            self._viewer.tell(kept_words(kept))
+
+    async def step(self, by: int) -> None:
+        """Go to the target before or after."""
+        await self._viewer.attempt(self._bench.step_target, by, by=self._viewer.identity)
+
+    def _set_target(self, number: float) -> None:
+        whole = require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target")
+        self._bench.set_target(whole, by=self._viewer.identity)
+
+    def _hold(self, force_n: float) -> None:
+        with field_words(FORCE):
+            self._bench.hold(force_n=force_n, by=self._viewer.identity)
+
+    def _stepper(self, icon: str, label: str, by: int) -> ui.button:
+        button = ui.button(icon=icon, on_click=lambda: self.step(by)).props("flat dense round")
+        button.props["aria-label"] = label
+        return button
+
+
+def kept_words(kept: Kept) -> str:
+    """What a snapshot says of itself."""
+    press = kept.press
+    against = f"; flagged {', '.join(press.flags)}" if press.flags else ""
+    notes = "".join(f" {note}." for note in kept.notes)
+    return (
+        f"Kept for target {kept.target.number}: {ROLE_WORDS[press.role]}, {force_words(press.force_n)}{against}.{notes}"
+    )
+
+
+SECONDS, FRAMES = "seconds", "frames"
+FIRST_LENGTH = 10.0
+
+
+class SequencePanel:
+    """Begin and end a sequence.
+
+    Parameters
+    ----------
+    bench, viewer, operated
+        As of `PressPanel`.
+    """
+
+    def __init__(self, bench: Bench, viewer: Viewer, operated: Operated) -> None:
+        self._bench, self._viewer = bench, viewer
+        with ui.element("div").classes("row"):
+            self._length = unit_field("Length", shown_number(FIRST_LENGTH)).classes("number-field")
+            self._unit = ui.toggle([SECONDS, FRAMES], value=SECONDS).props("no-caps unelevated toggle-color=primary")
+            self._unit.props('role=group aria-label="Unit of the length"')
+            self._begin = ui.button("Record", icon="fiber_manual_record", on_click=self._record)
+            self._begin.props("no-caps outline")
+            self._end = ui.button("End", icon="stop", on_click=self._ended).props("no-caps outline")
+        self._bar = ProgressBar("Progress of the sequence")
+        self._said = ui.label().classes("muted wordy").props("role=status")
+        ui.label("Every frame is kept as it came, in the workspace; it goes on when this page is closed.").classes(
+            "muted"
+        )
+        for control in (self._length, self._unit, self._begin, self._end):
+            operated.add(control)
+
+    def show(self, state: BenchState) -> None:
+        """Show how far the sequence is."""
+        sequence = state.sequence
+        running = sequence is not None and sequence.running
+        self._begin.set_visibility(not running)
+        self._end.set_visibility(running)
+        self._bar.show(sequence)
+        self._said.text = sequence_words(sequence)
+
+    async def _record(self) -> None:
+        await self._viewer.attempt(self._recorded)
+
+    def _recorded(self) -> None:
+        length = typed_number("length", str(self._length.value or ""))
+        if self._unit.value == FRAMES:
+            self._bench.begin_sequence(
+                frames=require_integer("frames", length, 1, MOST_FRAMES), by=self._viewer.identity
+            )
+        else:
+            self._bench.begin_sequence(seconds=length, by=self._viewer.identity)
+
+    async def _ended(self) -> None:
+        await self._viewer.attempt(self._bench.end_sequence, by=self._viewer.identity)
+
+
+def sequence_words(sequence: JobState | None) -> str:
+    """How far a sequence is, or what came of it."""
+    if sequence is None:
+        return ""
+    if sequence.running:
+        share = f": {sequence.share:.0%}" if sequence.total else ""
+        return f"Recording {sequence.title}{share}"
+    return f"{sequence.title.capitalize()}: {sequence.sentence}"

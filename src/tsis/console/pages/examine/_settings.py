@@ -1,0 +1,135 @@
+"""One setting of the camera: a slider where its range is known, and a field for the exact number."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+from tsis.console.pages.components import NumberField, field_words
+from tsis.instrument import PRESETS
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from nicegui.events import GenericEventArguments
+
+    from tsis.console.pages.components import Operated, Viewer
+    from tsis.console.services import Bench, BenchState
+    from tsis.instrument import Setting
+
+
+STEPS = 200  # of a slider
+UNITS_IN_NAMES = ("_ms", "_db", "_s", "_n")
+
+
+class SettingLine:
+    """A setting as people read and change it.
+
+    Parameters
+    ----------
+    setting
+        With its range and unit.
+    adjust
+        Changes it.
+    viewer, operated
+        Who looks; takes the controls.
+    """
+
+    def __init__(self, setting: Setting, adjust: Callable[[float], object], viewer: Viewer, operated: Operated) -> None:
+        self._setting, self._adjust, self._viewer = setting, adjust, viewer
+        self._slider: ui.slider | None = None
+        self._moving = False
+        words = setting_words(setting.name)
+        with ui.element("div").classes("setting"):
+            self._field = NumberField(viewer, words, adjust, unit=setting.unit)
+            operated.add(self._field.element)
+            if math.isfinite(setting.low) and math.isfinite(setting.high) and setting.low < setting.high:
+                span = setting.high - setting.low
+                self._slider = ui.slider(min=setting.low, max=setting.high, step=span / STEPS, value=setting.value)
+                self._slider.props("dense").props["aria-label"] = words
+                self._slider.on("update:model-value", self._moved)
+                self._slider.on("change", self._released)
+                operated.add(self._slider)
+                ui.label(f"{setting.low:g} to {setting.high:.4g} {setting.unit}").classes("muted range")
+
+    def show(self, value: float) -> None:
+        """Show the camera's value, unless another one is being given."""
+        self._field.show(value)
+        if self._slider is not None and not self._moving and self._slider.value != value:
+            self._slider.set_value(value)
+
+    def _moved(self) -> None:
+        self._moving = True
+
+    async def _released(self, event: GenericEventArguments) -> None:
+        value = min(max(float(event.args), self._setting.low), self._setting.high)
+        await self._viewer.attempt(self._adjust, value)
+        self._moving = False
+
+
+def setting_words(name: str) -> str:
+    """A setting's name for people: without its unit, which stands behind the number.
+
+    Examples
+    --------
+    >>> setting_words("exposure_ms"), setting_words("frames_per_s"), setting_words("gain")
+    ('Exposure', 'Frames per s', 'Gain')
+    """
+    if name != "frames_per_s":
+        for ending in UNITS_IN_NAMES:
+            name = name.removesuffix(ending)
+    return name.replace("_", " ").capitalize()
+
+
+PRESET_WORDS = {"default": "As the camera came", "minimal": "As dark as it goes"}
+
+
+class SettingsPanel:
+    """One slider and one field a setting; what is changed elsewhere appears.
+
+    Parameters
+    ----------
+    bench, viewer, operated
+        As of `PressPanel`.
+    """
+
+    def __init__(self, bench: Bench, viewer: Viewer, operated: Operated) -> None:
+        self._bench, self._viewer, self._operated = bench, viewer, operated
+        self._lines: dict[str, SettingLine] = {}
+        self._shape: tuple[object, ...] | None = None
+        with ui.element("div").classes("row"):
+            for name in PRESETS:
+                button = ui.button(name.capitalize(), on_click=partial(self._preset, name)).props(
+                    "outline dense no-caps"
+                )
+                with operated.add(button):
+                    ui.tooltip(PRESET_WORDS[name])
+        self._place = ui.element("div").classes("settings")
+        self._none = ui.label("Start the camera to adjust it.").classes("muted")
+
+    def show(self, state: BenchState) -> None:
+        """Show the camera's settings."""
+        settings = state.camera.settings
+        shape = tuple((each.name, each.low, each.high, each.unit) for each in settings)
+        if shape != self._shape:
+            self._shape = shape
+            self._place.clear()
+            with self._place:
+                self._lines = {
+                    each.name: SettingLine(each, partial(self._adjust, each.name), self._viewer, self._operated)
+                    for each in settings
+                }
+        self._none.set_visibility(not settings)
+        self._none.text = "The camera is away." if state.camera.lost else "Start the camera to adjust it."
+        for each in settings:
+            self._lines[each.name].show(each.value)
+
+    async def _preset(self, name: str) -> None:
+        await self._viewer.attempt(self._bench.preset, name, by=self._viewer.identity)
+
+    def _adjust(self, name: str, value: float) -> None:
+        with field_words({name: setting_words(name).lower()}):
+            self._bench.adjust(name, value, by=self._viewer.identity)

@@ -1,0 +1,115 @@
+"""What is there of a measurement of hardness, and what is to be done next."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from tsis.console.services import newest_presses
+from tsis.records.importing import numbered
+
+if TYPE_CHECKING:
+    from tsis.console.services import BenchState
+    from tsis.records import StoredEstimate, StoredPress, TargetRecord
+    from tsis.records.store import Store
+
+
+HARDNESS, TARGET, BALL = "hardness", "target", "ball"
+PRESSES = 2  # at different forces, of which the second tests what the first told
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Kept:
+    """What the store holds of the object.
+
+    Attributes
+    ----------
+    number
+        Of its target.
+    dossier
+        All of it; None while there is nothing.
+    presses
+        Those that an estimate would rest on: of each force the newest.
+    estimate
+        The hardness in force; None before the first.
+    """
+
+    number: int
+    dossier: TargetRecord | None = None
+    presses: tuple[StoredPress, ...] = ()
+    estimate: StoredEstimate | None = None
+
+    @property
+    def on_object(self) -> tuple[StoredPress, ...]:
+        """Presses on the object."""
+        return tuple(press for press in self.presses if press.role == TARGET)
+
+    @property
+    def on_ball(self) -> tuple[StoredPress, ...]:
+        """Presses on the rigid ball."""
+        return tuple(press for press in self.presses if press.role == BALL)
+
+    @property
+    def is_current(self) -> bool:
+        """Whether the estimate rests on these very presses."""
+        return self.estimate is not None and set(self.estimate.presses) == {press.id for press in self.presses}
+
+
+def kept(store: Store, number: int) -> Kept:
+    """Read what is stored of a target; errors as of the store."""
+    target = numbered(store, number)
+    if target is None:
+        return Kept(number=number)
+    dossier = store.dossier(target)
+    estimate = next((stored for stored in dossier.in_force if stored.kind == HARDNESS), None)
+    return Kept(number=number, dossier=dossier, presses=newest_presses(dossier, HARDNESS), estimate=estimate)
+
+
+def next_free(store: Store, number: int) -> int:
+    """``number`` where nothing is kept of it, else the next after all."""
+    if numbered(store, number) is None:
+        return number
+    return max(each.target.number for each in store.targets()) + 1
+
+
+def lacking(state: BenchState, *, scaled: bool, responds: bool) -> tuple[str, ...]:
+    """What is to be done before a press can be estimated, one sentence each; nothing when it can be.
+
+    Parameters
+    ----------
+    state
+        Of the bench.
+    scaled, responds
+        Whether the calibration in force tells the size of a pixel, and the answer to pressure.
+    """
+    camera = state.camera
+    if camera.choice.is_virtual:
+        return () if camera.choice.is_sphere and camera.running else ("lay an object under the virtual probe.",)
+    found = []
+    if not camera.running:
+        found.append("start the camera, on the page Examine; it is stopped.")
+    elif camera.lost:
+        found.append("wait until the camera is back; it is away.")
+    if not state.calibration_identity:
+        found.append("put a calibration in force, on the page Camera; there is none (the page Calibrate makes one).")
+    elif not responds:
+        found.append(f"choose another calibration; {state.calibration!r} does not tell the answer to pressure.")
+    elif not scaled:
+        found.append(f"choose another calibration; {state.calibration!r} does not tell the size of a pixel.")
+    return tuple(found)
+
+
+def next_words(found: Kept, missing: tuple[str, ...], *, estimating: bool) -> str:
+    """What is to be done next, or what there is, in one sentence."""
+    count = len(found.on_object)
+    if estimating:
+        return "The estimate is being made."
+    if found.is_current:
+        return "Done. Press again at another force to test it, or begin with another object."
+    if missing and count < PRESSES:
+        return f"Next: {missing[0]}"
+    if count == 0:
+        return "Next: press the object, and keep the press."
+    if count < PRESSES:
+        return "Next: press it again at another force; the second press tests what the first told."
+    return "Next: estimate, now that there are presses at two forces."

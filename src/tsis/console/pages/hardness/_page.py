@@ -1,0 +1,182 @@
+"""The button of the estimate, and how far it is."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from nicegui import run, ui
+
+from tsis.console.live import LiveView
+from tsis.console.pages.components import (
+    CalibrationSeen,
+    Operated,
+    ProgressBar,
+    classed,
+    estimate_job,
+    in_words,
+    panel_title,
+)
+from tsis.console.pages.hardness._flow import BALL, HARDNESS, PRESSES, Kept, kept, lacking, next_words
+from tsis.console.pages.hardness._parts import ObjectPart, PressPart
+from tsis.console.pages.hardness._result import Result
+from tsis.console.services import FAILED
+from tsis.errors import TsisError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tsis.console.pages.components import Viewer
+    from tsis.console.pages.hardness._parts import TypedRadius
+    from tsis.console.services import Bench, BenchState, JobState
+
+
+WORDS = {
+    "radius_mm": "radius of the object",
+    "radius_sd_mm": "its standard deviation",
+    "reference_radius_mm": "radius of the ball",
+}
+
+
+class Estimating:
+    """Begins the estimate.
+
+    Parameters
+    ----------
+    bench, viewer
+        As of the page's other parts.
+    radius, ball_radius
+        Tell what was typed; `InputError` when it is none.
+    """
+
+    def __init__(
+        self, bench: Bench, viewer: Viewer, radius: Callable[[], TypedRadius], ball_radius: Callable[[], float]
+    ) -> None:
+        self._bench, self._viewer, self._radius, self._ball_radius = bench, viewer, radius, ball_radius
+        with ui.element("div").classes("panel stack tight"):
+            with ui.element("div").classes("row"):
+                panel_title("3  Estimate")
+                ui.element("div").classes("spring")
+                self._button = ui.button("Estimate", icon="analytics", on_click=self._begin)
+                self._button.props("no-caps unelevated")
+            self._bar = ProgressBar("Progress of the estimate")
+            self._said = ui.label().classes("muted").props("role=status")
+
+    def show(self, job: JobState | None, *, enough: bool, two: bool) -> None:
+        """Show whether it can begin, and how far it is."""
+        running = job is not None and job.running
+        failed = job is not None and job.status == FAILED
+        self._button.set_enabled(enough and not running)
+        self._bar.show(job)
+        if running:
+            words = "The contact of a probe that was never used before is solved once, which takes some minutes."
+        elif job is not None and failed:
+            words = in_words(job.sentence, WORDS)
+        else:
+            words = "" if two or not enough else "One press tells nearly as much, but nothing tests it."
+        self._said.text = words
+        classed(self._said, "doubtful", failed)
+
+    async def _begin(self) -> None:
+        await self._viewer.attempt(self._begun)
+
+    def _begun(self) -> object:
+        number = self._bench.state().target
+        found = kept(self._bench.store, number)
+        typed = self._radius()
+        options = {"radius_mm": typed.radius_mm, "radius_sd_mm": typed.sd_mm}
+        if any(press.role == BALL for press in found.presses):
+            options["reference_radius_mm"] = self._ball_radius()
+        return self._bench.estimate(
+            number,
+            kind=HARDNESS,
+            presses=[press.id for press in found.presses] or None,
+            options={name: value for name, value in options.items() if value is not None},
+        )
+
+
+LOOK_S = 0.5  # between two looks into the store
+
+
+def page(bench: Bench, viewer: Viewer) -> None:
+    """Build the page."""
+    _Measurement(bench, viewer)
+
+
+class _Measurement:
+    """The parts of the page, and what they show."""
+
+    def __init__(self, bench: Bench, viewer: Viewer) -> None:
+        self._bench, self._viewer, self._calibration = bench, viewer, CalibrationSeen(bench)
+        self._state: BenchState | None = None
+        self._found = Kept(number=0)
+        self._mark: object = None
+        self._trouble = ""
+        self._operated = Operated(viewer)
+        with ui.element("div").classes("split hardness"):
+            with ui.element("section").classes("panel").props('aria-label="Live image"'):
+                self._live = LiveView()
+                self._sight = ui.label().classes("muted")
+            with ui.element("section").classes("stack").props('aria-label="Steps"'):
+                with ui.element("div").classes("panel hardness-next"):
+                    self._next = ui.label().classes("strong").props("role=status")
+                    self._operated.why()
+                self._object = ObjectPart(bench, viewer, self._operated)
+                self._presses = PressPart(bench, viewer, self._operated)
+                self._estimating = Estimating(bench, viewer, self._object.radius, self._presses.ball_radius)
+        self._result = Result(viewer)
+        viewer.every(LOOK_S, self._look)
+        viewer.follow(self._show)
+
+    def _show(self, state: BenchState) -> None:
+        self._state = state
+        self._live.tell(state)
+        sight = state.sight
+        self._sight.text = "" if sight is None else "; ".join(flag.advice for flag in sight.flags)
+        classed(self._sight, "doubtful", sight is not None and bool(sight.flags))
+        self._operated.show(state)
+        self._presses.show(state)
+        self._tell(state)
+
+    async def _look(self) -> None:
+        """Read what is kept when it may have changed: here, in another tab or by a script."""
+        state = self._state
+        if state is None:
+            return
+        self._operated.show(state)  # whoever was away for a moment may hold the camera again
+        touches = not state.camera.choice.is_virtual or state.camera.choice.is_sphere
+        try:
+            now = (await self._viewer.entries(), state.target, touches)
+            if now == self._mark:
+                return
+            found = await run.io_bound(kept, self._bench.store, state.target)
+        except TsisError as error:
+            self._mark, self._trouble = None, str(error)
+            self._tell(self._state or state)
+            return
+        if found is None:  # the console is being ended
+            return
+        if not touches and found.estimate is None:  # presses on the virtual tissue tell no hardness
+            found = replace(found, presses=())
+        self._mark, self._found, self._trouble = now, found, ""
+        self._tell(self._state or state)
+        await self._result.show(found)
+
+    def _tell(self, state: BenchState) -> None:
+        """Say what is to be done next; while a target was not yet read, that it is being read."""
+        read = self._found.number == state.target
+        found = self._found if read else Kept(number=state.target)
+        self._object.show(state, found)
+        self._presses.kept(found)
+        known = self._calibration.of(state)
+        missing = lacking(
+            state,
+            scaled=known is not None and known.known.scale is not None,
+            responds=known is not None and known.known.response is not None,
+        )
+        job = estimate_job(state)
+        running = job is not None and job.running
+        words = next_words(found, missing, estimating=running) if read else f"Target {state.target} is being read."
+        self._next.text = self._trouble or words
+        self._presses.allow(not missing)
+        self._estimating.show(job, enough=len(found.on_object) >= 1, two=len(found.on_object) >= PRESSES)

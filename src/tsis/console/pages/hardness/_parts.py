@@ -1,0 +1,232 @@
+"""The object: a virtual sphere laid under the probe, or a real one with its radius, and the target that it becomes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+from tsis.catalog import list_spheres, load_probe
+from tsis.console.pages.components import (
+    FORCE,
+    field_words,
+    force_words,
+    listed,
+    loading,
+    panel_title,
+    shown_number,
+    time_words,
+    typed_number,
+    unit_field,
+)
+from tsis.console.pages.examine import kept_words
+from tsis.console.pages.hardness._flow import BALL, PRESSES, TARGET, next_free
+from tsis.console.services import BALL_MM, CameraChoice
+from tsis.errors import InputError
+from tsis.hardness import RADIUS_SD_MM, require_radius
+from tsis.model import require_number
+
+if TYPE_CHECKING:
+    from tsis.console.pages.components import Operated, Viewer
+    from tsis.console.pages.hardness._flow import Kept
+    from tsis.console.services import Bench, BenchState
+    from tsis.console.services import Kept as KeptPress
+    from tsis.records import StoredPress
+
+
+BARE = "tsis-direct"  # the probe of the catalog that touches objects without tissue between
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TypedRadius:
+    """Radius of the object and its standard deviation, mm; None where nobody measured them."""
+
+    radius_mm: float | None = None
+    sd_mm: float | None = None
+
+
+class ObjectPart:
+    """Says what is measured.
+
+    Parameters
+    ----------
+    bench, viewer, operated
+        As of the page's other parts.
+    """
+
+    def __init__(self, bench: Bench, viewer: Viewer, operated: Operated) -> None:
+        self._bench, self._viewer = bench, viewer
+        self._filled: object = None
+        with ui.element("div").classes("panel stack tight"):
+            with ui.element("div").classes("row"):
+                panel_title("1  Object")
+                ui.element("div").classes("spring")
+                self._target = ui.label().classes("chip")
+            with ui.element("div").classes("row") as self._virtual:
+                spheres = list(list_spheres())
+                self._sphere = ui.select(spheres, value=spheres[0], label="Virtual sphere").props("dense outlined")
+                self._sphere.classes("hardness-sphere")
+                self._lay = ui.button("Lay it under the probe", icon="vertical_align_bottom", on_click=self._laid)
+                operated.add(self._lay.props("no-caps unelevated"))
+            with ui.element("div").classes("row") as self._real:
+                self._name = ui.label().classes("muted")
+                again = ui.button("Another object", icon="add", on_click=self._another).props("no-caps outline")
+                operated.add(again)
+            with ui.element("div").classes("row") as self._size:
+                self._radius = unit_field("Radius of the object", unit="mm").classes("hardness-number")
+                self._sd = unit_field("Known to within (sd)", unit="mm").classes("hardness-number")
+            self._said = ui.label().classes("muted")
+
+    def show(self, state: BenchState, found: Kept) -> None:
+        """Show the bench's object; what was measured of a virtual one is filled in once."""
+        choice = state.camera.choice
+        self._virtual.set_visibility(choice.is_virtual)
+        self._real.set_visibility(not choice.is_virtual)
+        self._name.text = state.camera.name or "The camera is stopped."
+        self._target.text = f"target {state.target}"
+        stage = self._bench.desk.stage
+        written = None if stage is None else stage.written_radius_mm
+        self._size.set_visibility(written is not None or not choice.is_virtual)
+        if written is not None:
+            self._fill((choice, written), written, RADIUS_SD_MM)
+            self._said.text = f"{choice.phantom} lies under {choice.probe}; its radius is as a calliper measured it."
+        elif not choice.is_virtual:
+            self._said.text = "Leave both empty where nobody knows them; the estimate then says little."
+            options = {} if found.estimate is None else found.estimate.options
+            if "radius_mm" in options:  # as it was typed for the last estimate
+                self._fill((choice, found.number), options["radius_mm"], options.get("radius_sd_mm"))
+        else:
+            self._said.text = ""
+
+    def radius(self) -> TypedRadius:
+        """What was typed; `InputError` when it cannot be that of an object under this probe."""
+        radius_text, sd_text = str(self._radius.value or "").strip(), str(self._sd.value or "").strip()
+        if not radius_text:
+            if sd_text:
+                raise InputError("radius of the object must be given with its standard deviation; got none")
+            return TypedRadius()
+        radius = typed_number("radius of the object", radius_text)
+        known = self._bench.calibration
+        name = self._bench.desk.choice.probe if known is None or not known.known.probe else known.known.probe
+        with field_words({"radius_mm": "radius of the object"}):
+            require_radius("radius of the object", load_probe(name), radius)
+        if not sd_text:
+            return TypedRadius(radius_mm=radius)
+        sd = typed_number("its standard deviation", sd_text)
+        require_number("its standard deviation", sd, 0.0, radius / 10, hint="millimetres, up to a tenth of the radius")
+        return TypedRadius(radius_mm=radius, sd_mm=sd)
+
+    def _fill(self, which: object, radius_mm: float, sd_mm: float | None) -> None:
+        if which != self._filled:
+            self._filled = which
+            self._radius.set_value(f"{radius_mm:.3f}")
+            self._sd.set_value(shown_number(sd_mm))
+
+    async def _laid(self) -> None:
+        with loading(self._lay):
+            await self._viewer.attempt(self._lay_under, str(self._sphere.value))
+
+    def _lay_under(self, sphere: str) -> None:
+        by = self._viewer.identity
+        seed = self._bench.desk.choice.seed
+        self._bench.choose(CameraChoice(probe=BARE, phantom=sphere, seed=seed), by=by)
+        self._bench.set_target(next_free(self._bench.store, self._bench.state().target), by=by)
+        self._bench.start(by=by)
+
+    async def _another(self) -> None:
+        await self._viewer.attempt(self._other)
+
+    def _other(self) -> None:
+        number = next_free(self._bench.store, self._bench.state().target)
+        self._bench.set_target(number, by=self._viewer.identity)
+
+
+FORCES_N = ("0.7", "1.2")  # that are offered
+
+
+class PressPart:
+    """Takes presses and shows those that are kept.
+
+    Parameters
+    ----------
+    bench, viewer, operated
+        As of the page's other parts.
+    """
+
+    def __init__(self, bench: Bench, viewer: Viewer, operated: Operated) -> None:
+        self._bench, self._viewer = bench, viewer
+        self._gauge = False
+        self._offered = FORCES_N[0]
+        self._shown: tuple[str, ...] | None = None
+        with ui.element("div").classes("panel stack tight"):
+            panel_title("2  Presses")
+            self._list = ui.element("ol").classes("hardness-presses")
+            self._none = ui.label(f"None yet; {PRESSES} at different forces are best.").classes("muted")
+            with ui.element("div").classes("row") as self._row:
+                self._force = unit_field("Force", FORCES_N[0], unit="N").classes("hardness-number")
+                self._press = ui.button("Press and keep", icon="photo_camera", on_click=lambda: self._keep(TARGET))
+                operated.add(self._press.props("no-caps unelevated"))
+            self._extra = ui.expansion("Rigid ball, for a soft probe").props("dense").classes("hardness-ball")
+            with self._extra:
+                ui.label("A ball that does not give tells how much the probe itself gives.").classes("muted")
+                with ui.element("div").classes("row"):
+                    self._ball_mm = unit_field("Radius of the ball", shown_number(BALL_MM), unit="mm")
+                    self._ball_force = unit_field("Force on the ball", FORCES_N[0], unit="N")
+                    for field in (self._ball_mm, self._ball_force):
+                        field.classes("hardness-number")
+                    self._ball = ui.button("Press the ball and keep", on_click=lambda: self._keep(BALL))
+                    operated.add(self._ball.props("no-caps outline"))
+
+    def show(self, state: BenchState) -> None:
+        """Ask for forces where no gauge tells them."""
+        force = None if state.sight is None else state.sight.force
+        self._gauge = force is not None and force.source == "gauge"
+        self._force.set_visibility(not self._gauge)
+        self._ball_force.set_visibility(not self._gauge)
+
+    def kept(self, found: Kept) -> None:
+        """Show the presses that an estimate would rest on, and offer the next force."""
+        lines = tuple(press_words(press) for press in found.presses)
+        if lines != self._shown:
+            self._shown = lines
+            self._none.set_visibility(not lines)
+            self._list.clear()
+            with self._list:
+                for line in lines:
+                    listed(line)
+        offered = FORCES_N[min(len(found.on_object), 1)]
+        if self._force.value == self._offered != offered:
+            self._force.set_value(offered)
+        self._offered = offered
+
+    def allow(self, possible: bool) -> None:
+        """Say whether a press can be kept now."""
+        for part in (self._row, self._extra):
+            part.set_visibility(possible)
+
+    def ball_radius(self) -> float:
+        """What was typed; `InputError` when it is no number."""
+        return typed_number("radius of the ball", str(self._ball_mm.value or ""))
+
+    async def _keep(self, role: str) -> None:
+        button, field = (self._press, self._force) if role == TARGET else (self._ball, self._ball_force)
+        with loading(button):
+            kept: KeptPress | None = await self._viewer.attempt(self._pressed, role, str(field.value or ""))
+        if kept is not None:
+            self._viewer.tell(kept_words(kept))
+
+    def _pressed(self, role: str, text: str) -> KeptPress:
+        force_n = None if self._gauge else typed_number("force", text)
+        state = self._bench.state()
+        if (state.role, state.force_n) != (role, force_n):  # else it is held so already
+            with field_words(FORCE):
+                self._bench.hold(role=role, force_n=force_n, by=self._viewer.identity)
+        return self._bench.snapshot(by=self._viewer.identity)
+
+
+def press_words(press: StoredPress) -> str:
+    """A press in a line."""
+    where = "Object" if press.role == TARGET else "Rigid ball"
+    against = f"; against it: {', '.join(press.flags)}" if press.flags else ""
+    return f"{where}, {force_words(press.force_n)}, kept at {time_words(press.taken)}{against}"

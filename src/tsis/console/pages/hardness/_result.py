@@ -1,0 +1,86 @@
+"""What came out: the modulus with its interval, as Shore hardness, and what limits it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+from tsis.calibration import apply_calibration
+from tsis.catalog import load_probe
+from tsis.console.pages.components import cards, drawings, figure, panel_title, sentence_list, table
+from tsis.hardness import build_contact_table
+from tsis.report import hardness_page
+
+if TYPE_CHECKING:
+    from tsis.console.pages.components import Viewer
+    from tsis.console.pages.hardness._flow import Kept
+    from tsis.records import StoredEstimate, TargetRecord
+    from tsis.report import Page
+
+
+class Result:
+    """Shows the hardness in force.
+
+    Parameters
+    ----------
+    viewer
+        Who looks.
+    """
+
+    def __init__(self, viewer: Viewer) -> None:
+        self._viewer = viewer
+        self._shown: tuple[str, bool] | None = None
+        self._place = ui.element("section").classes("panel stack hardness-result").props('aria-label="Result"')
+        self._place.set_visibility(False)
+
+    async def show(self, found: Kept) -> None:
+        """Show the estimate where there is one."""
+        stored, dossier = found.estimate, found.dossier
+        now = None if stored is None else (stored.id, found.is_current)
+        if now == self._shown:
+            return
+        self._shown = now
+        self._place.clear()
+        self._place.set_visibility(False)
+        if stored is None or dossier is None:
+            return
+        made = await self._viewer.attempt(_made, dossier, stored)
+        if made is None or self._shown != now:
+            return
+        page, sources = made
+        with self._place:
+            with ui.element("div").classes("row"):
+                panel_title(page.title)
+                ui.element("div").classes("spring")
+                ui.link(f"Report and export of target {found.number}", f"/records/{found.number}")
+            if not found.is_current:
+                ui.label("Presses were kept since: estimate again to count them.").classes("doubtful")
+            with ui.element("div").classes("hardness-told"):
+                with ui.element("div").classes("stack"):
+                    cards(page.cards)
+                    for each in page.tables:
+                        table(each)
+                    sentence_list(page.notes)
+                with ui.element("div").classes("hardness-figures"):
+                    for picture, source in zip(page.pictures, sources, strict=True):
+                        figure(picture, source)
+        self._place.set_visibility(True)
+
+
+def _made(dossier: TargetRecord, stored: StoredEstimate) -> tuple[Page, tuple[str, ...]]:
+    """The estimate's page with its figures drawn."""
+    presses = [press for press in dossier.presses if press.id in stored.presses and press.role == "target"]
+    images = [dossier.image(press) for press in presses]
+    ready, _ = apply_calibration(dossier.calibrations[stored.calibration], images, identity=stored.calibration)
+    probe = load_probe(stored.probe)
+    page = hardness_page(
+        stored.estimate,
+        title=f"Hardness of target {dossier.target.number}"
+        + (f", {dossier.target.name}" if dossier.target.name else ""),
+        images=ready,
+        table=build_contact_table(probe),
+        provenance=stored.estimate.provenance,
+        truth_kpa=dossier.target.truth.get("young_kpa"),
+    )
+    return page, drawings(page)

@@ -1,0 +1,202 @@
+"""What the page of a target shows, read at once."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+from nicegui import ui
+
+from tsis.calibration.guard import FLAGS
+from tsis.console.files import target_of
+from tsis.console.pages.components import ProgressBar
+from tsis.console.services import DONE
+from tsis.errors import TsisError
+from tsis.report.target import without_identity
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tsis.console.pages.components import Viewer
+    from tsis.console.services import Bench, Job
+    from tsis.records import StoredPress, Target, TargetRecord
+    from tsis.records.store import Store
+
+
+AT_ONCE = 24  # presses of a sheet
+UNKNOWN_FLAG = "a flag that tsis does not know"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TargetSeen:
+    """A target as it is stored now.
+
+    Attributes
+    ----------
+    target
+        As it is stored.
+    dossier
+        Its estimates and calibrations as they may be shown, without presses: of a subject the pseudonym only.
+    presses, offset, total
+        A sheet of its presses, how many come before it, and how many there are.
+    """
+
+    target: Target
+    dossier: TargetRecord
+    presses: tuple[StoredPress, ...]
+    offset: int
+    total: int
+
+    @property
+    def private(self) -> bool:
+        """Whether this is a subject, of whom notes and names are shown to nobody who did not ask for them."""
+        return self.target.kind == "subject"
+
+    @property
+    def sheet(self) -> tuple[object, ...]:
+        """What is told of the presses: two that are equal look alike."""
+        return self.private, self.offset, self.total, self.presses
+
+    @property
+    def told(self) -> tuple[object, ...]:
+        """What is told of all: two that are equal look alike."""
+        known = self.dossier
+        made = tuple(each.id for each in known.estimates)
+        return self.target, self.sheet, made, tuple(known.calibrations), known.damaged
+
+
+def read_target(store: Store, number: str, offset: int) -> TargetSeen:
+    """Read a target; ``offset`` behind its presses becomes that of the last sheet.
+
+    Raises
+    ------
+    InputError
+        When there is no target of that number.
+    RecordsError
+        When the store cannot be read.
+    """
+    target = target_of(store, number)
+    total = store.press_count(target)
+    offset = min(offset, max(0, (total - 1) // AT_ONCE * AT_ONCE))
+    return TargetSeen(
+        target=target,
+        dossier=without_identity(store.dossier(target, limit=0)),
+        presses=store.presses(target, limit=AT_ONCE, offset=offset),
+        offset=offset,
+        total=total,
+    )
+
+
+def fault_of(store: Store, press: StoredPress) -> str:
+    """Why the frame of a press cannot be read; empty when it can."""
+    try:
+        store.levels(press.frame)
+    except TsisError as error:
+        return str(error)
+    return ""
+
+
+def flags_of(press: StoredPress, *, private: bool) -> tuple[str, ...]:
+    """Flags as they may be shown: of a subject only those that tsis raises."""
+    return tuple(flag if not private or flag in FLAGS else UNKNOWN_FLAG for flag in press.flags)
+
+
+class ChosenPresses(Protocol):
+    """The presses that the person has ticked."""
+
+    chosen: list[str]
+
+
+class TargetContext(Protocol):
+    """The open page of a target, as its parts see it.
+
+    Attributes
+    ----------
+    bench, viewer
+        Whose store it is, and the browser tab.
+    below, dialogs, compared
+        Where messages, dialogs and a comparison are drawn.
+    """
+
+    bench: Bench
+    viewer: Viewer
+    below: ui.element
+    dialogs: ui.element
+    compared: ui.element
+
+    @property
+    def presses(self) -> ChosenPresses:
+        """The table of presses."""
+
+    async def load(self) -> None:
+        """Read the target anew and show it."""
+
+    async def compare(self, seen: TargetSeen) -> None:
+        """Show the two chosen presses beside each other."""
+
+
+LONGEST_S = 600.0
+FETCH = """
+    const answer = await fetch(%s);
+    if (!answer.ok) return await answer.text();
+    const link = document.createElement("a");
+    const said = answer.headers.get("content-disposition") || "";
+    link.download = (said.match(/filename="([^"]+)"/) || ["", "tsis"])[1];
+    link.href = URL.createObjectURL(await answer.blob());
+    link.click();
+    setTimeout(() => URL.revokeObjectURL(link.href), 60000);
+    return "";
+"""
+CUT = "the file did not come: the connection was cut or it took too long; try again, or tsis records export"
+
+
+async def fetch_file(viewer: Viewer, address: str) -> bool:
+    """Have the browser fetch a file and keep it; False, after the reason was shown, when there is none."""
+    try:
+        sentence = await ui.run_javascript(FETCH % json.dumps(address), timeout=LONGEST_S)
+    except TimeoutError:
+        sentence = CUT
+    if sentence:
+        viewer.complain(str(sentence))
+    return not sentence
+
+
+EVERY_S = 0.3
+
+
+def follow_job(job: Job, place: ui.element, done: Callable[[], None]) -> None:
+    """Show a job in ``place`` until it is over, then clear the place and call ``done`` there, or say what went wrong.
+
+    Parameters
+    ----------
+    job
+        Under way.
+    place
+        Where it is shown; what was in it goes.
+    done
+        Shows what came out.
+    """
+    place.clear()
+    with place, ui.element("div").classes("job").props('role="status"'):
+        ui.label(job.title)
+        bar = ProgressBar(job.title)
+        count = ui.label().classes("muted")
+        ui.button("End", on_click=job.end).props("dense no-caps outline")
+
+    def look() -> None:
+        state = job.state()
+        if not state.running:
+            timer.cancel()
+            place.clear()
+            with place:
+                if state.status == DONE:
+                    done()
+                else:
+                    ui.label(state.sentence).classes("flag").props('role="alert"')
+            return
+        bar.show(state)
+        count.text = f"{state.done} of {state.total}" if state.total else "under way"
+
+    with place:
+        timer = ui.timer(EVERY_S, look)

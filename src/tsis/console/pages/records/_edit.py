@@ -1,0 +1,318 @@
+"""What a dialog says when somebody else has changed a record meanwhile."""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+from nicegui import run, ui
+
+from tsis.calibration.guard import FLAGS
+from tsis.console.pages.components import FORCE, FactList, field_words, panel_title, press_words, time_words
+from tsis.console.pages.records._context import fault_of, flags_of
+from tsis.errors import StaleRecordError
+from tsis.records import DAMAGED, ROLE_WORDS, parse_force, parse_truth
+from tsis.records.store import EDITABLE
+from tsis.report.target import SHORT, measure, parameter_label
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from tsis.console.pages.records._context import TargetContext, TargetSeen
+    from tsis.records import StoredPress, Target
+    from tsis.records.store import Store
+
+
+def show_conflict(place: ui.element, found: Edited[Any], *, take: Callable[[], Any], keep: Callable[[], Any]) -> None:
+    """Say what is there now, and let one choose: ``take`` what is there, or ``keep`` and save one's own."""
+    place.clear()
+    with place, ui.element("div").classes("conflict").props('role="alert"'):
+        ui.label(found.refused).classes("flag")
+        for difference in found.differences or ("What you edit is as it was; something else of it was changed.",):
+            ui.label(difference)
+        with ui.element("div").classes("row"):
+            ui.button("Take what is there now", on_click=take).props("dense no-caps outline")
+            ui.button("Save mine over it", on_click=keep).props("dense no-caps outline")
+
+
+MOST_SHOWN = 120  # letters of a value
+Record = TypeVar("Record")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Edited(Generic[Record]):
+    """What became of a change.
+
+    Attributes
+    ----------
+    record
+        As it is stored now, with the change or with that of somebody else.
+    refused
+        Why it was not changed; empty when it was.
+    differences
+        One sentence for each field that somebody else has changed.
+    """
+
+    record: Record
+    refused: str = ""
+    differences: tuple[str, ...] = ()
+
+
+def edit_target(store: Store, target: Target, changes: Mapping[str, Any]) -> Edited[Target]:
+    """Change a target as it was read; errors as `tsis.records.store.Store.edit_target`, but for that of being late."""
+    try:
+        return Edited(record=store.edit_target(target, **changes))
+    except StaleRecordError as error:
+        now = store.target(target.number)
+        return Edited(record=now, refused=str(error), differences=differences(target, now, EDITABLE["target"]))
+
+
+def edit_press(store: Store, target: Target, press: StoredPress, changes: Mapping[str, Any]) -> Edited[StoredPress]:
+    """Change a press as it was read; errors as `edit_target`."""
+    try:
+        return Edited(record=store.edit_press(press, **changes))
+    except StaleRecordError as error:
+        now = store.press(target, press.id)
+        return Edited(record=now, refused=str(error), differences=differences(press, now, EDITABLE["press"]))
+
+
+def differences(before: object, now: object, names: tuple[str, ...]) -> tuple[str, ...]:
+    """What was changed between two versions of a record, one sentence a field."""
+    changed = ((name, getattr(before, name), getattr(now, name)) for name in names)
+    return tuple(f"{_words(name)}: was {_said(was)}, is {_said(new)} now." for name, was, new in changed if was != new)
+
+
+def changed(record: object, wanted: Mapping[str, Any]) -> dict[str, Any]:
+    """Those of the wanted values that a record does not have already."""
+    return {name: value for name, value in wanted.items() if getattr(record, name) != value}
+
+
+def _words(name: str) -> str:
+    return {"force_n": "Force"}.get(name, name.capitalize())
+
+
+def _said(value: Any) -> str:
+    if value is None:
+        return "not measured"
+    if isinstance(value, tuple):
+        value = ", ".join(value)
+    elif not isinstance(value, (str, float)):
+        value = truth_text(value).replace("\n", ", ")
+    text = f"{value:g} N" if isinstance(value, float) else value
+    return f"“{text[:MOST_SHOWN]}”" if text else "empty"
+
+
+def truth_text(truth: Mapping[str, float]) -> str:
+    """True values as people write them, one on a line; read again they are the same to the last digit."""
+    return "\n".join(f"{name}={number_text(value)}" for name, value in truth.items())
+
+
+def number_text(value: float) -> str:
+    """A number with all its digits, and no more."""
+    return repr(value).removesuffix(".0")
+
+
+class Editing(ABC, Generic[Record]):
+    """The fields of a record in a dialog.
+
+    Parameters
+    ----------
+    page, dialog
+        Where it is open.
+    record
+        As it was read.
+    leave
+        What the button says that changes nothing.
+    """
+
+    def __init__(self, page: TargetContext, record: Record, dialog: ui.dialog, *, leave: str) -> None:
+        self._page, self._record, self._dialog = page, record, dialog
+        self._lay_out()
+        self._conflict = ui.element("div")
+        self._fill(record)
+        with ui.element("div").classes("row"):
+            ui.button("Save", on_click=self._save).props("no-caps dense unelevated")
+            ui.button(leave, on_click=dialog.close).props("no-caps dense flat")
+
+    @abstractmethod
+    def _lay_out(self) -> None:
+        """Make the fields."""
+
+    @abstractmethod
+    def _show(self, record: Record) -> None:
+        """Write a record into the fields."""
+
+    @abstractmethod
+    def _written(self) -> tuple[Any, ...]:
+        """What stands in the fields, for `_edited`."""
+
+    @abstractmethod
+    def _edited(self, *written: Any) -> Edited[Record]:
+        """Change the record in the store, away from the event loop."""
+
+    @abstractmethod
+    def _saved(self, record: Record) -> str:
+        """Say that it was saved."""
+
+    def _fill(self, record: Record) -> None:
+        self._record = record
+        self._show(record)
+        self._conflict.clear()
+
+    async def _save(self) -> None:
+        found = await self._page.viewer.attempt(self._edited, *self._written())
+        if found is None:
+            return
+        now = found.record
+        if found.refused:
+            show_conflict(self._conflict, found, take=lambda: self._fill(now), keep=lambda: self._save_over(now))
+            return
+        self._dialog.close()
+        self._page.viewer.tell(self._saved(now))
+        await self._page.load()
+
+    async def _save_over(self, now: Record) -> None:
+        self._record = now
+        await self._save()
+
+
+LARGE_PX = 768
+
+
+def open_press(page: TargetContext, seen: TargetSeen, press: StoredPress) -> None:
+    """Show a press in a dialog."""
+    with page.dialogs, ui.dialog(value=True) as dialog, ui.card().classes("asked wide"):
+        panel_title(f"Press {press_words(press)}")
+        with ui.element("div").classes("press-large"):
+            with ui.element("div").classes("stack"):
+                picture = ui.element("img").classes("press-picture")
+                picture.props["alt"] = f"Frame {press_words(press)}"
+                picture.props["src"] = f"/files/press/{seen.target.number}/{press.id}.png?size={LARGE_PX}"
+                why = ui.label().classes("flag identity").props('role="alert"')
+                picture.on("error", lambda: _tell_why(page, seen, press, why), args=[])
+                _facts(seen, press)
+            with ui.element("div").classes("stack"):
+                _PressEditing(page, seen.target, press, dialog)
+    dialog.on("hide", dialog.delete)
+
+
+async def _tell_why(page: TargetContext, seen: TargetSeen, press: StoredPress, place: ui.label) -> None:
+    """Say why the frame of a press cannot be shown; of a subject without the place, whose name may tell whose it is."""
+    sentence = await run.io_bound(fault_of, page.bench.store, press)
+    place.text = DAMAGED if seen.private and sentence else sentence
+
+
+def _facts(seen: TargetSeen, press: StoredPress) -> None:
+    """What the store knows of the press and nobody may change."""
+    known = seen.dossier.calibrations.get(press.calibration or "")
+    calibration = "none" if press.calibration is None else press.calibration[:SHORT]
+    rows = {
+        "taken": time_words(press.taken),
+        "frame": f"{press.columns} × {press.rows} px, SHA-256 {press.frame[:SHORT]}",
+        "scale": "not known"
+        if press.mm_per_pixel is None
+        else "{:.4g} × {:.4g} mm per pixel".format(*press.mm_per_pixel),
+        "probe": "not shown of a subject" if seen.private else press.probe or "not named",
+        "calibration": calibration if known is None or seen.private else f"{known.name} ({calibration})",
+        "flags": ", ".join(flags_of(press, private=seen.private)) or "none",
+        "version": f"{press.version}",
+    }
+    FactList().show(rows.items())
+
+
+class _PressEditing(Editing["StoredPress"]):
+    """The fields of a press of a target in a dialog."""
+
+    def __init__(self, page: TargetContext, target: Target, press: StoredPress, dialog: ui.dialog) -> None:
+        self._target = target
+        super().__init__(page, press, dialog, leave="Close")
+
+    def _lay_out(self) -> None:
+        self._role = ui.select(ROLE_WORDS, label="What was pressed").props("outlined dense")
+        self._force = ui.input("Force in newtons; empty where nobody knows it").props("outlined dense")
+        names = list(dict.fromkeys([*FLAGS, *self._record.flags]))
+        self._flags = ui.select(
+            names, label="What speaks against it", multiple=True, with_input=True, new_value_mode="add-unique"
+        ).props("outlined dense use-chips")
+        self._note = ui.textarea("Note").props("outlined dense autogrow")
+        ui.label("Where force or role are changed, recompute the estimates.").classes("muted")
+
+    def _show(self, record: StoredPress) -> None:
+        self._role.value, self._note.value = record.role, record.note
+        self._force.value = "" if record.force_n is None else number_text(record.force_n)
+        self._flags.value = list(record.flags)
+
+    def _written(self) -> tuple[str, dict[str, Any]]:
+        wanted = {"role": self._role.value, "flags": tuple(self._flags.value or ()), "note": self._note.value or ""}
+        return self._force.value or "", wanted
+
+    def _edited(self, *written: Any) -> Edited[StoredPress]:
+        force, wanted = written
+        force_n = parse_force(force.strip(), called="force", nothing="")
+        changes = changed(self._record, {**wanted, "force_n": force_n})
+        if not changes:
+            return Edited(record=self._record)
+        with field_words(FORCE):
+            return edit_press(self._page.bench.store, self._target, self._record, changes)
+
+    def _saved(self, record: StoredPress) -> str:
+        return f"The press is version {record.version} now."
+
+
+PSEUDONYM = "A pseudonym, never a name."
+
+
+def about_target(page: TargetContext, seen: TargetSeen) -> None:
+    """Show name, note and truth of a target; of a subject no note."""
+    target = seen.target
+    with ui.element("div").classes("row"):
+        panel_title("About this target", level=3)
+        ui.element("div").classes("spring")
+        ui.button("Edit", icon="edit", on_click=lambda: _ask(page, target)).props("dense no-caps outline")
+    rows = {
+        "name": target.name or "none",
+        "note": "not shown of a subject" if seen.private else target.note or "none",
+        **{
+            f"true {parameter_label(name)[0]}": measure(value, parameter_label(name)[1])
+            for name, value in target.truth.items()
+        },
+        "entered": time_words(target.made),
+        "version": f"{target.version}",
+    }
+    FactList().show(rows.items())
+
+
+def _ask(page: TargetContext, target: Target) -> None:
+    with page.dialogs, ui.dialog(value=True) as dialog, ui.card().classes("asked"):
+        _TargetEditing(page, target, dialog, leave="Cancel")
+    dialog.on("hide", dialog.delete)
+
+
+class _TargetEditing(Editing["Target"]):
+    """The fields of a target in a dialog."""
+
+    def _lay_out(self) -> None:
+        subject = self._record.kind == "subject"
+        panel_title(f"Edit target {self._record.number}")
+        self._name = ui.input("Name").props("outlined dense")
+        self._name.props["hint"] = PSEUDONYM if subject else ""
+        self._note = ui.textarea("Note").props("outlined dense autogrow")
+        self._truth = ui.textarea("True values, one on a line: diameter_mm=10").props("outlined dense autogrow")
+        self._truth.set_visibility(not subject)
+
+    def _show(self, record: Target) -> None:
+        self._name.value, self._note.value = record.name, record.note
+        self._truth.value = truth_text(record.truth)
+
+    def _written(self) -> tuple[str, str, str]:
+        return self._name.value or "", self._note.value or "", self._truth.value or ""
+
+    def _edited(self, *written: Any) -> Edited[Target]:
+        name, note, truth = written
+        lines = (line for line in truth.splitlines() if line.strip())
+        changes = changed(self._record, {"name": name, "note": note, "truth": parse_truth(lines)})
+        return edit_target(self._page.bench.store, self._record, changes) if changes else Edited(record=self._record)
+
+    def _saved(self, record: Target) -> str:
+        return f"Target {record.number} is version {record.version} now."

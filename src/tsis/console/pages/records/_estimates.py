@@ -1,0 +1,143 @@
+"""What was estimated of a target: the numbers in force, and all that came before them."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+from tsis.console.pages.components import cards, listed, panel_title, sentence_list, table
+from tsis.console.pages.records._context import follow_job
+from tsis.records import ESTIMATES, recompute
+from tsis.report import estimate_sentences, recomputation_notes, shift_table, stored_sentence
+from tsis.report.target import SAID, count_of, history_tables, newest_first, origin, target_cards
+
+if TYPE_CHECKING:
+    from tsis.console.pages.records._context import TargetContext, TargetSeen
+    from tsis.console.services import Job
+    from tsis.records import Recomputation
+
+
+NONE_YET = "Nothing was estimated yet. Estimate needs presses that were taken under a calibration."
+
+
+def estimates(seen: TargetSeen) -> None:
+    """Show the estimates in force, and what of the target is damaged."""
+    panel_title("Estimates in force", level=3)
+    found = newest_first(seen.dossier)
+    if found:
+        cards(target_cards(seen.dossier))
+    else:
+        ui.label(NONE_YET).classes("muted")
+    with sentence_list():
+        for stored in found:
+            for sentence in (*estimate_sentences(stored), origin(stored)):
+                listed(f"Of the {stored.kind}: {sentence}" if len(found) > 1 else sentence)
+            if stored.estimate.flags:
+                listed(f"Flags: {', '.join(stored.estimate.flags)}", "doubtful")
+        for sentence in seen.dossier.damaged:
+            listed(f"Left out: {sentence}", "flag")
+    if seen.private:
+        ui.label(SAID).classes("muted")
+
+
+def history(seen: TargetSeen) -> None:
+    """Show every estimate that was ever made."""
+    found = history_tables(seen.dossier)
+    for each in found:
+        table(each)
+    if not found:
+        panel_title("History", level=3)
+        ui.label("No estimate was made yet.").classes("muted")
+
+
+NEWEST = "the newest press of each role and force"
+
+
+def estimate_button(page: TargetContext, seen: TargetSeen) -> None:
+    """A button that asks what to estimate from, and does it."""
+    ui.button("Estimate", icon="calculate", on_click=lambda: _ask(page, seen)).props("dense no-caps outline")
+
+
+def _ask(page: TargetContext, seen: TargetSeen) -> None:
+    chosen = tuple(page.presses.chosen)
+    ways = {"newest": NEWEST, **({"chosen": f"the {count_of(len(chosen), 'press')} chosen below"} if chosen else {})}
+    with page.dialogs, ui.dialog(value=True) as dialog, ui.card().classes("asked"):
+        panel_title(f"Estimate target {seen.target.number}")
+        last = seen.dossier.estimate
+        kind = ui.select(list(ESTIMATES), value=ESTIMATES[0] if last is None else last.kind, label="What").props(
+            "outlined dense"
+        )
+        way = ui.radio(ways, value="chosen" if chosen else "newest").props("dense")
+        ui.label("All presses must be of one probe under one calibration.").classes("muted")
+
+        async def begin() -> None:
+            dialog.close()
+            await _begin(page, seen, kind.value, chosen if way.value == "chosen" else None)
+
+        with ui.element("div").classes("row"):
+            ui.button("Estimate", on_click=begin).props("no-caps dense unelevated")
+            ui.button("Cancel", on_click=dialog.close).props("no-caps dense flat")
+    dialog.on("hide", dialog.delete)
+
+
+async def _begin(page: TargetContext, seen: TargetSeen, kind: str, presses: tuple[str, ...] | None) -> None:
+    job = await page.viewer.attempt(page.bench.estimate, seen.target.number, kind=kind, presses=presses)
+    if job is not None:
+        follow_job(job, page.below, _show)
+
+
+def _show() -> None:
+    ui.label("The estimate is stored and in force.").classes("good").props('role="status"')
+
+
+EXPLAINED = (
+    "The estimates in force are made again from the stored frames. What comes out otherwise is stored as a new "
+    "estimate that says which one it takes the place of; the old one stays."
+)
+
+
+def recompute_button(page: TargetContext, seen: TargetSeen) -> None:
+    """A button that asks whether to store what comes out, and computes."""
+    button = ui.button("Recompute", icon="restart_alt", on_click=lambda: _ask_to_recompute(page, seen))
+    button.props("dense no-caps outline").set_enabled(bool(seen.dossier.estimates))
+
+
+def _ask_to_recompute(page: TargetContext, seen: TargetSeen) -> None:
+    with page.dialogs, ui.dialog(value=True) as dialog, ui.card().classes("asked"):
+        panel_title(f"Recompute target {seen.target.number}")
+        ui.label(EXPLAINED)
+        dry = ui.switch("dry run: say what would change, store nothing", value=False)
+
+        async def begin() -> None:
+            dialog.close()
+            await _begin_recomputation(page, seen, dry_run=dry.value)
+
+        with ui.element("div").classes("row"):
+            ui.button("Recompute", on_click=begin).props("no-caps dense unelevated")
+            ui.button("Cancel", on_click=dialog.close).props("no-caps dense flat")
+    dialog.on("hide", dialog.delete)
+
+
+async def _begin_recomputation(page: TargetContext, seen: TargetSeen, *, dry_run: bool) -> None:
+    store, target = page.bench.store, seen.target
+    job: Job | None = await page.viewer.attempt(
+        page.bench.jobs.begin,
+        f"recomputation of target {target.number}",
+        lambda job: recompute(store, target, dry_run=dry_run, progress=job.advance),
+    )
+    if job is not None:
+        follow_job(job, page.below, lambda: _show_recomputation(page, job))
+
+
+def _show_recomputation(page: TargetContext, job: Job) -> None:
+    found: tuple[Recomputation, ...] = job.result
+    with ui.element("div").classes("told").props('role="status"'):
+        for each in found:
+            ui.label(f"{each.before.kind.capitalize()}: {each.sentence}").classes("good" if each.same else "doubtful")
+            for note in recomputation_notes(each):
+                ui.label(note).classes("muted")
+            if not each.same:
+                table(shift_table(each))
+                ui.label(stored_sentence(each))
+        ui.button("Close", on_click=page.below.clear).props("dense no-caps flat")

@@ -1,0 +1,228 @@
+"""Which targets a list shows: those that were searched for, in the order and on the sheet that was asked for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+from nicegui import ui
+
+from tsis.console.pages.components import follow_store, panel_title
+from tsis.console.pages.records._transfer import import_button, verify_button
+from tsis.report.target import count_of, time_text
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from nicegui.events import GenericEventArguments
+
+    from tsis.console.pages.components import Viewer
+    from tsis.console.services import Bench
+    from tsis.records.store import TargetSummary
+
+
+ALL, ESTIMATED, NOT_ESTIMATED = "all", "estimated", "not estimated"
+KINDS = (ALL, ESTIMATED, NOT_ESTIMATED)
+SHEETS = (25, 50, 100)  # rows of a sheet that one may choose
+NEVER = datetime.min.replace(tzinfo=UTC)
+KEYS: dict[str, Callable[[TargetSummary], Any]] = {
+    "number": lambda each: each.target.number,
+    "name": lambda each: each.target.name.casefold(),
+    "presses": lambda each: each.presses,
+    "estimates": lambda each: each.estimates,
+    "last": lambda each: each.last or NEVER,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Order:
+    """What was asked for.
+
+    Attributes
+    ----------
+    search
+        Part of a name, or how a number begins; case does not matter.
+    kind
+        ``"all"``, ``"estimated"`` or ``"not estimated"``.
+    column, descending
+        By what to sort, and in which direction.
+    sheet, rows
+        Which sheet, from 1, and rows of one.
+    """
+
+    search: str = ""
+    kind: str = ALL
+    column: str = "number"
+    descending: bool = False
+    sheet: int = 1
+    rows: int = SHEETS[1]
+
+    @classmethod
+    def asked(cls, pagination: Mapping[str, Any], *, search: str, kind: str) -> Order:
+        """What the table in a browser asks for; anything odd in it becomes what a new page shows."""
+        column, sheet, rows = (pagination.get(name) for name in ("sortBy", "page", "rowsPerPage"))
+        return cls(
+            search=search,
+            kind=kind if kind in KINDS else ALL,
+            column=column if isinstance(column, str) and column in KEYS else "number",
+            descending=pagination.get("descending") is True,
+            sheet=sheet if isinstance(sheet, int) and sheet > 0 else 1,
+            rows=next((each for each in SHEETS if each == rows), SHEETS[1]),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sheet:
+    """A sheet of a list: its targets, its number, and how many targets all sheets hold."""
+
+    targets: tuple[TargetSummary, ...]
+    sheet: int
+    found: int
+
+
+def sheet_of(targets: Sequence[TargetSummary], order: Order) -> Sheet:
+    """The targets to show; a sheet behind the last one is the last one."""
+    wanted = order.search.strip().casefold()
+    found = [each for each in targets if _is_wanted(each, wanted, order.kind)]
+    found.sort(key=lambda each: each.target.number)
+    found.sort(key=KEYS[order.column], reverse=order.descending)  # stable: equal ones stay by number
+    sheet = min(order.sheet, max(1, -(-len(found) // order.rows)))
+    begin = (sheet - 1) * order.rows
+    return Sheet(targets=tuple(found[begin : begin + order.rows]), sheet=sheet, found=len(found))
+
+
+def _is_wanted(each: TargetSummary, wanted: str, kind: str) -> bool:
+    if kind != ALL and (each.estimates > 0) != (kind == ESTIMATED):
+        return False
+    return wanted in each.target.name.casefold() or str(each.target.number).startswith(wanted)
+
+
+COLUMNS = (
+    ("number", "Number", "left"),
+    ("name", "Name", "left"),
+    ("presses", "Presses", "right"),
+    ("estimates", "Estimates", "right"),
+    ("last", "Last press (UTC)", "left"),
+)
+LINK = '<q-td :props="props"><a class="link" :href="props.row.address">{{ props.value }}</a></q-td>'
+BEGIN = (
+    "Nothing is kept yet. Start the camera on the page Examine and take a snapshot: it becomes the first press of a "
+    "target. A bundle of another store can be imported here. On the command line, tsis demo --keep fills a store."
+)
+
+
+def listing(bench: Bench, viewer: Viewer) -> None:
+    """Build the list."""
+    with ui.element("section").classes("panel stack"):
+        with ui.element("div").classes("row"):
+            panel_title("Targets")
+            told = ui.label().classes("muted")
+            ui.element("div").classes("spring")
+            buttons = ui.element("div").classes("row")
+        below = ui.element("div")
+        with buttons:
+            verify_button(bench, viewer, below)
+            import_button(bench, viewer, below)
+        found = _Found(bench, viewer, told)
+    follow_store(viewer, found.load)
+
+
+class _Found:
+    """The table of targets, and what was asked of it."""
+
+    def __init__(self, bench: Bench, viewer: Viewer, told: ui.label) -> None:
+        self._bench, self._viewer, self._told = bench, viewer, told
+        self._targets: tuple[TargetSummary, ...] = ()
+        self._order = Order()
+        with ui.element("div").classes("row") as self._asking:
+            self._search = ui.input("Search number or name", on_change=self._asked).props(
+                "dense outlined clearable debounce=200"
+            )
+            self._kind = (
+                ui.select(list(KINDS), value=KINDS[0], label="Show", on_change=self._asked)
+                .props("dense outlined")
+                .classes("asked-kind")
+            )
+        self._empty = ui.label(BEGIN).classes("muted")
+        self._table = ui.table(
+            rows=[],
+            columns=[_column(*each) for each in COLUMNS],
+            row_key="number",
+            pagination=self._pages(sheet_of((), self._order)),  # else it asks for a sheet of its own making
+        )
+        self._table.props(
+            f'flat dense :rows-per-page-options="{list(SHEETS)}" rows-per-page-label="Targets on a sheet"'
+        ).classes("targets")
+        for name in ("number", "name"):
+            self._table.add_slot(f"body-cell-{name}", LINK)
+        self._table.on("request", self._turned)
+        self._table.on_pagination_change(self._told_back)
+        for part in (self._asking, self._empty, self._table):
+            part.set_visibility(False)
+
+    async def load(self) -> None:
+        """Read the list anew."""
+        targets = await self._viewer.attempt(self._bench.store.targets)
+        if targets is None:
+            return
+        self._targets = targets
+        presses = sum(each.presses for each in targets)
+        kind = self._bench.store.kind
+        self._told.text = f"{count_of(len(targets), 'target')} ({kind}s), {count_of(presses, 'press')}"
+        self._empty.set_visibility(not targets)
+        self._asking.set_visibility(bool(targets))
+        self._table.set_visibility(bool(targets))
+        self._show()
+
+    def _asked(self) -> None:
+        self._order = Order(
+            search=self._search.value or "",
+            kind=self._kind.value,
+            column=self._order.column,
+            descending=self._order.descending,
+            rows=self._order.rows,
+        )
+        self._show()
+
+    def _turned(self, event: GenericEventArguments) -> None:
+        pagination = event.args.get("pagination") if isinstance(event.args, dict) else None
+        wanted: dict[str, Any] = pagination if isinstance(pagination, dict) else {}
+        self._order = Order.asked(wanted, search=self._order.search, kind=self._order.kind)
+        self._show()
+
+    def _told_back(self) -> None:
+        """A browser that was slow tells how many there were: what is known here stands."""
+        pages = self._pages(sheet_of(self._targets, self._order))
+        if self._table.pagination != pages:
+            self._table.pagination = pages
+
+    def _show(self) -> None:
+        sheet = sheet_of(self._targets, self._order)
+        self._table.rows = [_row(each) for each in sheet.targets]
+        self._table.pagination = self._pages(sheet)
+
+    def _pages(self, sheet: Sheet) -> dict[str, Any]:
+        """What the table in the browser is told of the sheet that it shows."""
+        return {
+            "sortBy": self._order.column,
+            "descending": self._order.descending,
+            "page": sheet.sheet,
+            "rowsPerPage": self._order.rows,
+            "rowsNumber": sheet.found,
+        }
+
+
+def _column(name: str, label: str, align: str) -> dict[str, Any]:
+    return {"name": name, "label": label, "field": name, "align": align, "sortable": True}
+
+
+def _row(each: TargetSummary) -> dict[str, Any]:
+    return {
+        "number": each.target.number,
+        "name": each.target.name or "(no name)",
+        "presses": each.presses,
+        "estimates": each.estimates,
+        "last": "never" if each.last is None else time_text(each.last),
+        "address": f"/records/{each.target.number}",
+    }

@@ -1,0 +1,187 @@
+"""Presses of a target as small pictures, a sheet at a time; some of them chosen."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+from tsis.console.pages.components import drawings, figure, force_words, panel_title, press_words, table, time_words
+from tsis.console.pages.records._context import AT_ONCE, TargetSeen, flags_of
+from tsis.console.pages.records._edit import open_press
+from tsis.records import ROLE_WORDS
+from tsis.report import comparison
+from tsis.report.target import count_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from nicegui.events import ValueChangeEventArguments
+
+    from tsis.console.pages.records._context import TargetContext
+    from tsis.records import StoredPress, Target
+    from tsis.records.store import Store
+    from tsis.report import Page
+
+
+SMALL_PX = 240
+TWO = 2
+NO_PICTURE = "This frame cannot be shown: open the press to see why."
+
+
+class Presses:
+    """The presses on the page of a target.
+
+    Parameters
+    ----------
+    page
+        Whose they are.
+    place
+        Where they are shown.
+    """
+
+    def __init__(self, page: TargetContext, place: ui.element) -> None:
+        self._page, self._place = page, place
+        self.offset = 0
+        self.chosen: list[str] = []
+        self._sheet: tuple[object, ...] = ()
+        self._compare: ui.button | None = None
+
+    def show(self, seen: TargetSeen) -> None:
+        """Show a sheet of presses.
+
+        A sheet that shows them already stays: who is just choosing one would click on a box that is being replaced.
+        """
+        self.offset = seen.offset
+        if self._sheet != seen.sheet:
+            self._sheet = seen.sheet
+            self._draw(seen)
+        self._tell()
+
+    def _draw(self, seen: TargetSeen) -> None:
+        self._place.clear()
+        with self._place:
+            with ui.element("div").classes("row"):
+                panel_title("Presses", level=3)
+                ui.label(_range(seen)).classes("muted")
+                ui.element("div").classes("spring")
+                self._compare = ui.button(
+                    "Compare two", icon="compare", on_click=lambda: self._page.compare(seen)
+                ).props("dense no-caps outline")
+                if seen.total > AT_ONCE:
+                    self._turners(seen)
+            if not seen.presses:
+                ui.label("Nothing was recorded yet: snapshots on the page Examine become presses.").classes("muted")
+            with ui.element("div").classes("presses"):
+                for press in seen.presses:
+                    self._press(press, seen)
+
+    def _turners(self, seen: TargetSeen) -> None:
+        earlier = ui.button("Earlier", icon="chevron_left", on_click=lambda: self._turn(-AT_ONCE))
+        later = ui.button("Later", icon="chevron_right", on_click=lambda: self._turn(AT_ONCE))
+        for button in (earlier, later):
+            button.props("dense no-caps outline")
+        earlier.set_enabled(seen.offset > 0)
+        later.set_enabled(seen.offset + AT_ONCE < seen.total)
+
+    async def _turn(self, by: int) -> None:
+        self.offset = max(0, self.offset + by)
+        await self._page.load()
+
+    def _press(self, press: StoredPress, seen: TargetSeen) -> None:
+        words = press_words(press)
+        flags = flags_of(press, private=seen.private)
+        with ui.element("figure").classes("press"):
+            with (
+                ui.element("button")
+                .classes("press-open")
+                .props("type=button")
+                .on("click", lambda: open_press(self._page, seen, press)) as frame
+            ):
+                frame.props["aria-label"] = f"Open the press {words}"
+                picture = ui.element("img").props("loading=lazy").classes("press-picture")
+                picture.props["alt"], picture.props["src"] = f"Frame {words}", _address(seen, press)
+                picture.on("error", lambda: _leave_out(frame), args=[])
+            with ui.element("figcaption"):
+                with ui.element("div").classes("press-line"):
+                    ui.label(ROLE_WORDS[press.role]).classes("press-role")
+                    ui.label(force_words(press.force_n))
+                ui.label(time_words(press.taken)).classes("muted")
+                for flag in flags:
+                    ui.label(flag).classes("press-flag")
+                choose = ui.checkbox(
+                    "choose", value=press.id in self.chosen, on_change=lambda event: self._choose(press, event)
+                )
+                choose.props("dense").props["aria-label"] = f"Choose the press {words}"
+
+    def _choose(self, press: StoredPress, event: ValueChangeEventArguments[bool]) -> None:
+        self.chosen = [each for each in self.chosen if each != press.id] + ([press.id] if event.value else [])
+        self._tell()
+
+    def _tell(self) -> None:
+        if self._compare is not None:
+            self._compare.set_enabled(len(self.chosen) == TWO)
+            self._compare.text = f"Compare two ({len(self.chosen)} chosen)"
+
+
+def _range(seen: TargetSeen) -> str:
+    if seen.total <= AT_ONCE:
+        return count_of(seen.total, "press")
+    return f"{seen.offset + 1} to {seen.offset + len(seen.presses)} of {seen.total}"
+
+
+def _leave_out(frame: ui.element) -> None:
+    """Say in place of a picture that there is none; the press itself tells why."""
+    frame.clear()
+    with frame:
+        ui.label(NO_PICTURE).classes("press-damaged")
+
+
+def _address(seen: TargetSeen, press: StoredPress) -> str:
+    return f"/files/press/{seen.target.number}/{press.id}.png?size={SMALL_PX}"
+
+
+async def compare(page: TargetContext, seen: TargetSeen, *, same_light: bool = False) -> None:
+    """Show the two chosen presses, what differs, and the features of each."""
+    place, chosen = page.compared, tuple(page.presses.chosen)
+    place.set_visibility(True)
+    place.clear()
+    with place:
+        ui.label("Reading and drawing ...").classes("muted").props('role="status"')
+    found = await page.viewer.attempt(_compared, page.bench.store, seen.target, chosen, same_light=same_light)
+    place.clear()
+    if found is None:
+        place.set_visibility(False)
+        return
+    told, sources = found
+    with place:
+        with ui.element("div").classes("row"):
+            panel_title(told.title, level=3)
+            ui.element("div").classes("spring")
+            ui.switch(
+                "bring both to the same light",
+                value=same_light,
+                on_change=lambda event: compare(page, seen, same_light=event.value),
+            ).props("dense")
+            ui.button(icon="close", on_click=lambda: place.set_visibility(False)).props(
+                'flat dense round aria-label="Close the comparison"'
+            )
+        with ui.element("div").classes("compared"):
+            for picture, source in zip(told.pictures, sources, strict=True):
+                figure(picture, source)
+        for note in told.notes:
+            ui.label(note)
+        for each in told.tables:
+            table(each)
+
+
+def _compared(store: Store, target: Target, chosen: Sequence[str], *, same_light: bool) -> tuple[Page, tuple[str, ...]]:
+    """The comparison, and its pictures drawn."""
+    presses = [store.press(target, each) for each in chosen]
+    dossier = replace(store.dossier(target, limit=0), presses=tuple(presses))
+    names = [press_words(press) for press in presses]
+    names = names if len(set(names)) == len(names) else [f"{name} ({at})" for at, name in enumerate(names, 1)]
+    one, other = (replace(dossier.image(press), name=name) for press, name in zip(presses, names, strict=True))
+    told = comparison(one, other, same_light=same_light)
+    return told, drawings(told)

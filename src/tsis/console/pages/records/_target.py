@@ -1,0 +1,120 @@
+"""What can be done with a target: report, estimate, compute again, export."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from nicegui import run, ui
+
+from tsis.console.pages.components import follow_store, panel_title
+from tsis.console.pages.records._context import TargetSeen, read_target
+from tsis.console.pages.records._edit import about_target
+from tsis.console.pages.records._estimates import estimate_button, estimates, history, recompute_button
+from tsis.console.pages.records._presses import Presses, compare
+from tsis.console.pages.records._transfer import export_button
+from tsis.errors import TsisError
+
+if TYPE_CHECKING:
+    from tsis.console.pages.components import Viewer
+    from tsis.console.pages.records._context import TargetContext
+    from tsis.console.services import Bench
+
+
+def acts(page: TargetContext, seen: TargetSeen) -> None:
+    """Show the name of the target, the way back, and the buttons."""
+    target = seen.target
+    name = f": {target.name}" if target.name else ""
+    ui.link("All targets", "/records").classes("link")
+    panel_title(f"{'Subject, target' if seen.private else 'Target'} {target.number}{name}").classes("target-title")
+    ui.element("div").classes("spring")
+    estimate_button(page, seen)
+    recompute_button(page, seen)
+    export_button(page, seen)
+    ui.link("Report", f"/files/report/{target.number}.html", new_tab=True).classes("link button")
+    ui.link("PDF", f"/files/report/{target.number}.pdf").classes("link button").props("download")
+
+
+def target_page(bench: Bench, viewer: Viewer, number: str) -> None:
+    """Build the page of the target whose number stands in the address."""
+    follow_store(viewer, TargetPage(bench, viewer, number).load)
+
+
+class TargetPage:
+    """The open page of a target.
+
+    Parameters
+    ----------
+    bench, viewer
+        Whose store it is, and who looks.
+    number
+        As it stands in the address, whatever that is.
+    """
+
+    def __init__(self, bench: Bench, viewer: Viewer, number: str) -> None:
+        self.bench, self.viewer, self.number = bench, viewer, number
+        with ui.element("div").classes("stack"):
+            with ui.element("section").classes("panel"):
+                self._head = ui.element("div").classes("row")
+                self.below = ui.element("div")
+            with ui.element("div").classes("split records-split") as self._parts:
+                with ui.element("div").classes("stack"):
+                    presses = ui.element("section").classes("panel")
+                    self.compared = ui.element("section").classes("panel")
+                    self._history = ui.element("section").classes("panel")
+                with ui.element("div").classes("stack"):
+                    self._estimates = ui.element("section").classes("panel")
+                    self._about = ui.element("section").classes("panel")
+            self.dialogs = ui.element("div")
+        self._wanted = 0
+        self._told: tuple[object, ...] = ()
+        self.presses = Presses(self, presses)
+        self.compared.set_visibility(False)
+        self._parts.set_visibility(False)
+
+    async def load(self) -> None:
+        """Read the target anew; of several readings at once the last to be asked for is shown."""
+        self._wanted += 1
+        turn = self._wanted
+        seen: TargetSeen | None = None
+        refusal = ""
+        try:
+            seen = await run.io_bound(read_target, self.bench.store, self.number, self.presses.offset)
+        except TsisError as error:
+            refusal = str(error)
+        if turn != self._wanted:
+            return
+        if refusal:
+            self._refuse(refusal)
+        elif seen is not None:  # which it is when the program ends
+            self._show(seen)
+
+    def _show(self, seen: TargetSeen) -> None:
+        if self._told == seen.told:  # a change of another target; a button that is being replaced hears no click
+            return
+        self._told = seen.told
+        self._parts.set_visibility(True)
+        self._head.clear()
+        with self._head:
+            acts(self, seen)
+        self.presses.show(seen)
+        for place in (self._estimates, self._about, self._history):
+            place.clear()
+        with self._estimates:
+            estimates(seen)
+        with self._about:
+            about_target(self, seen)
+        with self._history:
+            history(seen)
+
+    def _refuse(self, sentence: str) -> None:
+        self._told = ()
+        self._parts.set_visibility(False)
+        self._head.clear()
+        with self._head:
+            panel_title("Target")
+            ui.label(sentence).classes("flag").props('role="alert"')
+            ui.link("All targets", "/records").classes("link")
+
+    async def compare(self, seen: TargetSeen) -> None:
+        """Show the two chosen presses beside each other."""
+        await compare(self, seen)

@@ -1,0 +1,156 @@
+"""What everybody must know: trouble, said at once; who holds the camera, said when there is time."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+from nicegui.element import Element
+
+from tsis.console.pages.components import panel_title
+from tsis.errors import ControlError
+
+if TYPE_CHECKING:
+    from nicegui.events import GenericEventArguments
+
+    from tsis.console.pages.components import Viewer
+    from tsis.console.services import Bench, BenchState, Holder
+
+
+class Notices:
+    """The banner below the header; empty when all is well.
+
+    Parameters
+    ----------
+    viewer
+        Who reads it.
+    """
+
+    def __init__(self, viewer: Viewer) -> None:
+        self._viewer = viewer
+        self._trouble = ui.element("div").classes("banner").props('role="alert"').mark("banner")
+        self._calm = ui.element("div").classes("banner").props('role="status"').mark("watching")
+        self._said: tuple[tuple[str, ...], str] = ((), "")
+
+    def show(self, now: BenchState) -> None:
+        """Say what has changed; what stays is not said again."""
+        watching = ""
+        if now.holder is not None and now.holder.identity != self._viewer.identity:
+            watching = f"{now.holder.name} holds the camera; you watch."
+        trouble, before = self._said
+        if trouble != now.trouble:
+            self._trouble.clear()
+            with self._trouble:
+                for sentence in now.trouble:
+                    ui.label(sentence)
+        if before != watching:
+            self._calm.clear()
+            with self._calm:
+                if watching:
+                    ui.label(watching).classes("calm")
+        self._said = (now.trouble, watching)
+
+
+class Presence(Element, component="presence.js"):
+    """Tells the viewer when his page comes into sight and when it goes.
+
+    Parameters
+    ----------
+    viewer
+        Who is told.
+    """
+
+    def __init__(self, viewer: Viewer) -> None:
+        super().__init__()
+
+        def seen(event: GenericEventArguments) -> None:
+            viewer.visible = event.args is not False
+
+        self.on("seen", seen)
+
+
+TAKE, RELEASE = "Take the camera", "Release the camera"
+TOLD_MS = 0  # for which the sentence to who lost the camera stays: until it is closed
+
+
+class Holding:
+    """A button that takes the camera and one that gives it back; the other is asked for, and told.
+
+    They are two, so that a click does what the button said when it was clicked, whatever changes meanwhile.
+
+    Parameters
+    ----------
+    bench
+        Whose camera.
+    viewer
+        Who takes it.
+    """
+
+    def __init__(self, bench: Bench, viewer: Viewer) -> None:
+        self._bench, self._viewer = bench, viewer
+        self._gave_back = self._held = False
+        self._take = ui.button(TAKE, on_click=self._asked_for).props("flat dense no-caps")
+        self._release = ui.button(RELEASE, on_click=self._given_back).props("flat dense no-caps")
+        self._release.set_visibility(False)
+        with (
+            ui.dialog().props('role="alertdialog" aria-label="Take the camera over?"') as self._dialog,
+            ui.element("div").classes("panel question"),
+        ):
+            panel_title("Take the camera over?")
+            self._question = ui.label()
+            with ui.element("div").classes("row"):
+                ui.button("Take it over", on_click=self._take_over).props("dense no-caps")
+                ui.button("Leave it", on_click=self._dialog.close).props("dense no-caps outline")
+
+    def show(self, now: BenchState) -> None:
+        """Show the button that makes sense; tell when somebody else has taken the camera."""
+        mine = now.holder is not None and now.holder.identity == self._viewer.identity
+        self._take.set_visibility(not mine)
+        self._release.set_visibility(mine)
+        if self._held and now.holder is not None and not mine:
+            ui.notify(
+                f"{now.holder.name} took the camera over; you watch now.",
+                type="warning",
+                timeout=TOLD_MS,
+                close_button="Close",
+            )
+        self._held = mine
+
+    def heard(self) -> None:
+        """Say that this page is open; a camera that nobody holds is its, unless it was given back here."""
+        control, viewer = self._bench.control, self._viewer
+        if not ui.context.client.has_socket_connection:
+            return
+        if viewer.visible and not self._gave_back and control.holder() is None:
+            with suppress(ControlError):  # somebody has taken it meanwhile
+                control.take(viewer.identity, viewer.name)
+        control.heard_of(viewer.identity)
+
+    async def _asked_for(self) -> None:
+        holder = self._bench.control.holder()
+        if holder is None or holder.identity == self._viewer.identity:
+            await self._taken(over=False)
+        else:
+            self._question.text = _question(holder)
+            self._dialog.open()
+
+    def _given_back(self) -> None:
+        self._bench.control.release(self._viewer.identity)
+        self._gave_back, self._held = True, False
+
+    async def _take_over(self) -> None:
+        self._dialog.close()
+        await self._taken(over=True)
+
+    async def _taken(self, *, over: bool) -> None:
+        """Take the camera; from somebody who holds it only when that was asked for and answered."""
+        self._gave_back = False
+        await self._viewer.attempt(self._bench.control.take, self._viewer.identity, self._viewer.name, over=over)
+
+
+def _question(holder: Holder) -> str:
+    return (
+        f"{holder.name} holds the camera and may be in the middle of something. They are told that you took it, and "
+        "watch from then on."
+    )

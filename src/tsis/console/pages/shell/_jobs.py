@@ -1,0 +1,106 @@
+"""Longer work under way, in the header: how far it is, what came of the last, and how to end it."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+from tsis.console.pages.components import ProgressBar
+from tsis.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Awaitable, Callable
+
+    from tsis.console.pages.components import Viewer
+    from tsis.console.services import Bench, BenchState, JobState
+
+
+SHOWN = 8  # the newest
+
+
+class JobList:
+    """A button that says whether anything is under way, and a list behind it.
+
+    Parameters
+    ----------
+    bench
+        Whose jobs.
+    viewer
+        Who looks; whoever holds the camera may end jobs.
+    """
+
+    def __init__(self, bench: Bench, viewer: Viewer) -> None:
+        self._bench, self._viewer = bench, viewer
+        self._rows: dict[str, _Row] = {}
+        self._button = ui.button("Jobs").props('flat dense no-caps aria-haspopup="true"')
+        with self._button, ui.menu().props('anchor="bottom right" self="top right"'):
+            self._list = ui.element("ul").classes("job-list").props('aria-label="Jobs, the newest first"')
+            with self._list:
+                self._none = ui.element("li").classes("muted")
+                with self._none:
+                    ui.label("Nothing was begun yet.")
+
+    def show(self, now: BenchState) -> None:
+        """Show the newest jobs."""
+        states = now.jobs[: -SHOWN - 1 : -1]
+        self._button.text = _summary([state for state in now.jobs if state.running])
+        self._none.set_visibility(not states)
+        wanted = {state.identity for state in states}
+        for identity in [each for each in self._rows if each not in wanted]:
+            self._rows.pop(identity).item.delete()
+        for place, state in enumerate(states):
+            if state.identity not in self._rows:
+                with self._list:
+                    self._rows[state.identity] = _Row(state, self._end)
+                self._rows[state.identity].item.move(target_index=place)
+            self._rows[state.identity].show(state)
+
+    async def _end(self, identity: str) -> None:
+        if not self._viewer.acts:
+            self._viewer.complain("whoever holds the camera may end jobs; take the camera first")
+            return
+        await self._viewer.attempt(self._ended, identity)
+
+    def _ended(self, identity: str) -> None:
+        with suppress(InputError):  # it was forgotten meanwhile
+            self._bench.end_job(identity, by=self._viewer.identity)
+
+
+class _Row:
+    """One job."""
+
+    def __init__(self, state: JobState, end: Callable[[str], Awaitable[None]]) -> None:
+        self._shown: JobState | None = None
+        with ui.element("li").classes("job-line") as self.item:
+            with ui.element("div").classes("row"):
+                ui.label(state.title).classes("strong")
+                ui.element("div").classes("spring")
+                self._words = ui.label().classes("muted")
+                self._end = ui.button("End", on_click=lambda: end(state.identity)).props("flat dense no-caps")
+                self._end.props["aria-label"] = f"End {state.title}"
+            self._bar = ProgressBar(f"Progress of {state.title}")
+            self._sentence = ui.label().classes("muted")
+
+    def show(self, state: JobState) -> None:
+        """Show how far it is."""
+        if state == self._shown:
+            return
+        self._shown = state
+        self._words.text = _share(state) or ("under way" if state.running else state.status)
+        self._end.set_visibility(state.running)
+        self._bar.show(state)
+        self._sentence.text = state.sentence
+        self._sentence.set_visibility(bool(state.sentence))
+
+
+def _summary(running: list[JobState]) -> str:
+    if not running:
+        return "Jobs"
+    share = _share(running[-1]) if len(running) == 1 else ""
+    return f"Jobs: {share or len(running)}"
+
+
+def _share(state: JobState) -> str:
+    return f"{100 * state.share:.0f} %" if state.total and state.running else ""

@@ -1,0 +1,193 @@
+"""Light, dark, or as the system has it: chosen in the browser and remembered there, nowhere else."""
+
+from __future__ import annotations
+
+import logging
+from functools import partial
+from typing import TYPE_CHECKING, Final
+from urllib.parse import urlsplit
+
+from nicegui import ui
+from nicegui.element import Element
+from nicegui.translations import translations
+
+from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.console.auth import LOGOUT, visitor_of
+from tsis.console.pages._directory import PAGES
+from tsis.console.pages.components import Glance, Tabs, Viewer
+from tsis.console.pages.shell._control import Holding, Notices, Presence
+from tsis.console.pages.shell._jobs import JobList
+
+if TYPE_CHECKING:
+    from nicegui.elements.label import Label
+
+    from tsis.console.services import Bench, BenchState
+
+
+REMEMBERED = "tsis-colours"  # key in the browser's local storage; theme.js has it too
+AT_ONCE = f"""<script>
+(() => {{
+  let chosen = null;
+  try {{ chosen = localStorage.getItem("{REMEMBERED}"); }} catch {{ /* storage is refused: as the system has it */ }}
+  const dark = chosen === "dark" || (chosen !== "light" && matchMedia("(prefers-color-scheme: dark)").matches);
+  document.documentElement.classList.toggle("dark", dark);
+}})();
+</script>"""
+"""Colours the page before anything is on it, so that a dark room sees no white flash."""
+
+
+class ThemeChoice(Element, component="theme.js"):
+    """A button that goes through light, dark and as the system has it."""
+
+
+_log = logging.getLogger(__name__)
+
+
+class Subpages(ui.sub_pages):
+    """Pages by address; an address without a page, or a page that fails, gives a sentence and a way out."""
+
+    def _render_404(self) -> None:
+        _instead("There is no page at this address. The links above lead to all there are.")
+
+    def _render_error(self, _: Exception) -> None:
+        _log.exception("a page could not be built")
+        _instead("This page could not be built. What was kept is safe; the other pages work. Try to load it anew.")
+
+
+def _instead(sentence: str) -> None:
+    with ui.element("section").classes("panel"):
+        ui.label(sentence)
+        ui.link("To the live image", "/")
+
+
+class Leaving:
+    """Says as whom one is in, and logs out; whoever came with the console's key sees nothing of it."""
+
+    def __init__(self) -> None:
+        name = visitor_of(ui.context.client.request).name
+        if not name:
+            return
+        with ui.element("form").props(f'method="post" action="{LOGOUT}"').classes("leaving"):
+            ui.label(f"You are in as {name}.")
+            with ui.element("button").props('type="submit"'):
+                ui.label("Log out")
+
+
+LANGUAGE: Final = "en-GB"
+WORDS = {
+    "connection_lost": "The connection to the console is lost.",
+    "trying_to_reconnect": "Trying again. What was kept is safe; a sequence or job under way goes on meanwhile.",
+    "message_too_long": "This was too much for one message.",
+    "message_too_long_body": "It was not done. Try again with less of it.",
+}
+
+
+def say_lost() -> None:
+    """Have the library of the pages say it in these words, in every page from now on."""
+    translations[LANGUAGE] = {**translations["en-US"], **WORDS}
+
+
+NOWHERE = "No such page"
+
+
+class Navigation:
+    """Links to the pages, of which the one that is open is marked."""
+
+    def __init__(self) -> None:
+        router = ui.context.client.sub_pages_router
+        self._heading: Label | None = None
+        with ui.element("nav").props('aria-label="Pages"').classes("tabs"):
+            self._links = {
+                address: ui.link(title, address).classes("tab")
+                for address, (title, _) in PAGES.items()
+                if "{" not in address
+            }
+        self._path = router.current_path
+        router.on_path_changed(self._moved)
+        self._mark()
+
+    def heading(self) -> None:
+        """The page's first heading: readers of the screen begin with it, the eye has the marked link."""
+        self._heading = ui.label(title_of(self._path)).props('role="heading" aria-level="1"').classes("unseen")
+
+    def _moved(self, path: str) -> None:
+        self._path = path
+        self._mark()
+        if self._heading is not None:
+            self._heading.text = title_of(path)
+
+    def _mark(self) -> None:
+        here = address_of(self._path)
+        for address, link in self._links.items():
+            if address == here:
+                link.classes(add="here").props('aria-current="page"')
+            else:
+                link.classes(remove="here").props(remove="aria-current")
+        ui.page_title(f"{title_of(self._path)} · tsis console")
+
+
+def address_of(path: str) -> str:
+    """The address in the navigation that a path belongs to: of ``/records/7?x=1`` it is ``/records``."""
+    return "/" + urlsplit(path).path.strip("/").partition("/")[0]
+
+
+def title_of(path: str) -> str:
+    """What the page of a path is called."""
+    return PAGES[address_of(path)][0] if address_of(path) in PAGES else NOWHERE
+
+
+HEARD_S = 2.0  # between two signs that a page is still open
+MAIN = "page"  # identity of the element that holds the page, for the link that skips to it
+
+
+class Shell:
+    """Builds the page of every tab of a console.
+
+    Parameters
+    ----------
+    bench
+        What the pages show.
+    """
+
+    def __init__(self, bench: Bench) -> None:
+        self._bench, self._glance, self._tabs = bench, Glance(bench), Tabs()
+
+    def build(self) -> None:
+        """Build the page of the tab that opens now."""
+        viewer = Viewer(ui.context.client, self._bench, self._glance, self._tabs)
+        with ui.header(elevated=False).classes("bar"):
+            ui.link("Skip to the page", f"#{MAIN}").classes("skip")
+            ui.label("tsis").classes("brand")
+            navigation = Navigation()
+            ui.element("div").classes("spring")
+            camera = ui.label().classes("chip").mark("camera state")
+            jobs = JobList(self._bench, viewer)
+            holding = Holding(self._bench, viewer)
+            ThemeChoice()
+        notices = Notices(viewer)
+        with ui.element("div").classes("content").props(f'id="{MAIN}" tabindex="-1"'):
+            navigation.heading()
+            Subpages({address: partial(build, self._bench, viewer) for address, (_, build) in PAGES.items()})
+        with ui.footer(elevated=False).classes("foot"):
+            ui.label(RESEARCH_USE_ONLY)
+            Leaving()
+        Presence(viewer)
+
+        def show(now: BenchState) -> None:
+            camera.text = _camera_words(now)
+            camera.classes(replace="chip bad" if now.camera.lost else "chip")
+            jobs.show(now)
+            holding.show(now)
+            notices.show(now)
+
+        viewer.follow(show)
+        ui.timer(HEARD_S, holding.heard)
+
+
+def _camera_words(state: BenchState) -> str:
+    camera = state.camera
+    if not camera.running:
+        return "camera stopped"
+    if camera.lost:
+        return "camera away"
+    return f"{camera.frames_per_s:.0f} frames/s, {camera.missed} dropped"

@@ -1,0 +1,136 @@
+"""What a page shows of a study, read at once; of its truth nothing while it is blind."""
+
+from __future__ import annotations
+
+from collections import Counter, OrderedDict
+from dataclasses import dataclass
+from threading import Lock
+from typing import TYPE_CHECKING, Protocol
+
+from tsis.console.pages.components import unit_field
+from tsis.console.studies import has_report
+from tsis.report import address
+from tsis.report.study import study_page, targets_table
+from tsis.study.analysis import analyse
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from nicegui import ui
+
+    from tsis.console.pages.components import Viewer
+    from tsis.console.services import Jobs
+    from tsis.console.studies import StudyShelf
+    from tsis.report import Page, Table
+    from tsis.study import Study
+
+
+KEPT = 4  # studies whose numbers are kept
+_kept: OrderedDict[tuple[Path, str], Told] = OrderedDict()
+_one = Lock()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviceSeen:
+    """How far a device is: readings of one operator, of all that he is to make."""
+
+    device: str
+    operator: str
+    read: int
+    wanted: int
+    undecided: int
+    threshold: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Told:
+    """What an unblinded study says: its report, the picture of its curves drawn, every target with its truth."""
+
+    page: Page
+    curves: str
+    targets: Table
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StudySeen:
+    """A study at one moment."""
+
+    study: Study
+    devices: tuple[DeviceSeen, ...]
+    reported: bool
+
+
+def seen(shelf: StudyShelf, name: str) -> StudySeen:
+    """Read a study; errors as `StudyShelf.study`."""
+    study = shelf.study(name)
+    made = Counter((each.device, each.operator) for each in study.readings)
+    undecided = Counter((each.device, each.operator) for each in study.readings if each.undecided)
+    wanted = len(study.plan.codes) * study.plan.repeats
+    devices = [
+        DeviceSeen(
+            device=device,
+            operator=operator,
+            read=count,
+            wanted=wanted,
+            undecided=undecided[device, operator],
+            threshold=study.threshold_of(device),
+        )
+        for (device, operator), count in made.items()
+    ]
+    return StudySeen(study=study, devices=tuple(devices), reported=has_report(study))
+
+
+def told(study: Study) -> Told:
+    """What an unblinded study says; kept, for it takes a while and stays the same until the log grows."""
+    key = (study.folder.resolve(), study.chain.head)
+    with _one:
+        if key not in _kept:
+            _kept[key] = _told(study)
+            while len(_kept) > KEPT:
+                _kept.popitem(last=False)
+        return _kept[key]
+
+
+def _told(study: Study) -> Told:
+    analysis = analyse(study)
+    page = study_page(analysis)
+    drawn = any(one.curve is not None for one in analysis.devices)
+    return Told(page=page, curves=address(page.pictures[0]) if drawn else "", targets=targets_table(analysis))
+
+
+class StudyContext(Protocol):
+    """The open page of a study, as its parts see it.
+
+    Attributes
+    ----------
+    jobs, viewer, shelf
+        What runs, the browser tab, and the folder of studies.
+    name
+        As it stands in the address, whatever that is.
+    """
+
+    jobs: Jobs
+    viewer: Viewer
+    shelf: StudyShelf
+    name: str
+
+
+def who_field(viewer: Viewer, label: str, before: str = "") -> ui.input:
+    """Place a field for the name, with that of the viewer in it; of a login it cannot be another.
+
+    Parameters
+    ----------
+    viewer
+        Who looks.
+    label
+        What he would be.
+    before
+        Who was it before, for whom this may be gone on with.
+    """
+    field = unit_field(label, viewer.name if viewer.logged_in else before or viewer.name, keys="text")
+    return field.props("readonly") if viewer.logged_in else field
+
+
+def name_in(viewer: Viewer, field: ui.input) -> str:
+    """The name to enter; a browser may send what it likes, so a login's is taken from the login."""
+    return viewer.name if viewer.logged_in else (field.value or "").strip()

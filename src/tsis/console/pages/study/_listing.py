@@ -1,0 +1,243 @@
+"""Every target by its code, in the order of reading: what is read and what is left, and after the end what is true."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from nicegui import ui
+
+from tsis.catalog import list_probes
+from tsis.console.pages.components import cell, field_words, loading, panel_title, rows_under, typed_number, unit_field
+from tsis.console.pages.study._context import name_in, who_field
+from tsis.console.studies import StudyShelf
+from tsis.errors import InputError
+from tsis.model import LARGEST_SEED, require_integer
+from tsis.study import TARGETS, printed_targets, random_targets
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from tsis.console.pages.components import Viewer
+    from tsis.console.pages.study._context import StudySeen, Told
+    from tsis.console.services import Bench
+    from tsis.console.studies import StudyGlimpse
+    from tsis.study import Study, TargetTruth
+
+
+SHEETS = (20, 50, 200)
+
+
+class CodeTable:
+    """The table of targets."""
+
+    def __init__(self) -> None:
+        panel_title("Targets")
+        self._table = ui.table(rows=[], columns=[], row_key="number", pagination=SHEETS[0]).classes("targets")
+        self._table.props(
+            f'flat dense wrap-cells :rows-per-page-options="{list(SHEETS)}" rows-per-page-label="Targets on a sheet"'
+        )
+
+    def show(self, found: StudySeen, told: Told | None) -> None:
+        """Show codes with what is read, or with the truth where the study says it."""
+        if told is None:
+            headings, rows = _progress(found.study)
+        else:
+            headings, rows = told.targets.headings, list(told.targets.rows)
+        self._table.columns = [_column(at, words) for at, words in enumerate(("order", *headings))]
+        self._table.rows = [
+            {"number": number, **{f"c{at}": text for at, text in enumerate((str(number), *row))}}
+            for number, row in enumerate(rows, start=1)
+        ]
+        self._table.update()
+
+
+def _column(at: int, words: str) -> dict[str, Any]:
+    return {"name": f"c{at}", "label": words, "field": f"c{at}", "align": "left"}
+
+
+def _progress(study: Study) -> tuple[tuple[str, ...], list[tuple[str, ...]]]:
+    """Codes, and for each device whether it has read them; the virtual probe's first."""
+    devices = tuple(dict.fromkeys((study.plan.device, *study.devices)))
+    most: dict[tuple[str, str], dict[str, int]] = defaultdict(lambda: defaultdict(int))
+    for reading in study.readings:
+        most[reading.code, reading.device][reading.operator] += 1
+    rows = [
+        (code, *(_state(max(most[code, device].values(), default=0), study.plan.repeats) for device in devices))
+        for code in study.plan.codes
+    ]
+    return ("code", *devices), rows
+
+
+def _state(read: int, repeats: int) -> str:
+    if read >= repeats:
+        return "read"
+    return f"read {read} of {repeats}" if read else "left"
+
+
+LIKE = {"printed": "like the printed study", "random": "drawn by chance"}
+WORDS = {"present": "targets with an inclusion", "blank": "blanks", "forces_n": "forces"}
+MOST_FORCES = 16
+MOST_REPEATS = 1000
+
+
+@dataclass(slots=True)
+class StudyDraft:
+    """What is in the fields of a new study."""
+
+    name: str = ""
+    like: str = "printed"
+    present: str = "8"
+    blank: str = "8"
+    forces: str = ""
+    probe: str = "tsis-domed"
+    with_reference: bool = True
+    repeats: str = "1"
+    threshold: str = "0.5"
+    seed: str = ""
+
+    def make(self, shelf: StudyShelf, *, actor: str) -> str:
+        """Make the study, and return its name; `InputError` when a field holds what cannot be."""
+        name = self.name.strip()
+        with field_words(WORDS):
+            shelf.make(
+                name,
+                self._targets(),
+                seed=self._whole("seed", self.seed, 0, LARGEST_SEED) if self.seed.strip() else None,
+                probe=self.probe,
+                forces_n=self._forces(),
+                with_reference=self.with_reference,
+                repeats=self._whole("repeats", self.repeats, 1, MOST_REPEATS),
+                threshold=typed_number("threshold", self.threshold),
+                actor=actor,
+            )
+        return name
+
+    def _targets(self) -> Sequence[TargetTruth] | Callable[[int], Sequence[TargetTruth]]:
+        present = int(typed_whole(WORDS["present"], self.present))
+        blank = int(typed_whole(WORDS["blank"], self.blank))
+        if self.like == "random":
+            return lambda seed: random_targets(present, blank, rng=np.random.default_rng([seed, TARGETS]))
+        return printed_targets(present, blank)
+
+    def _forces(self) -> tuple[float, ...] | None:
+        parts = self.forces.replace(",", " ").replace(";", " ").split()
+        if len(parts) > MOST_FORCES:
+            raise InputError(f"forces must be at most {MOST_FORCES}; got {len(parts)}")
+        return tuple(typed_number("force", part) for part in parts) or None
+
+    @staticmethod
+    def _whole(name: str, text: str, low: int, high: int) -> int:
+        return require_integer(name, typed_whole(name, text), low, high)
+
+
+def typed_whole(name: str, text: str) -> int:
+    """The whole number that somebody typed; `InputError` when it is none."""
+    value = typed_number(name, text)
+    if not value.is_integer():
+        raise InputError(f"{name} must be a whole number; got {text.strip()!r:.40}")
+    return int(value)
+
+
+EVERY_S = 1.0
+HEADINGS = ("Study", "Targets", "Readings", "State")
+NONE_YET = (
+    "There is no study yet. Make one here: its targets get codes, in an order by chance, and what they are is sealed."
+)
+MEANT = (
+    "Codes and order follow from the seed. Whoever knows it can read the truth; left empty it is drawn, and sealed "
+    "with the truth. Targets, probe, forces and threshold are fixed once the study is made."
+)
+
+
+def listing(bench: Bench, viewer: Viewer) -> None:
+    """Build the page."""
+    shelf = StudyShelf(bench.terms.workspace)
+    with ui.element("div").classes("split"):
+        with ui.element("section").classes("panel stack"):
+            panel_title("Studies")
+            found = ui.element("div").classes("scroll")
+        with ui.element("section").classes("panel stack"):
+            _NewStudy(shelf, viewer)
+    seen: list[object] = []
+
+    async def look() -> None:
+        stamps = await viewer.attempt(shelf.stamps)
+        if stamps is None or seen == [stamps]:
+            return
+        seen[:] = [stamps]
+        glimpses = await viewer.attempt(shelf.glimpses)
+        if glimpses is not None:
+            found.clear()
+            with found:
+                _show(glimpses)
+
+    viewer.every(EVERY_S, look)
+
+
+def _show(glimpses: tuple[StudyGlimpse, ...]) -> None:
+    if not glimpses:
+        ui.label(NONE_YET).classes("muted")
+        return
+    with rows_under(HEADINGS, label="Studies"):
+        for each in glimpses:
+            if each.trouble:
+                with ui.element("tr"):
+                    cell(each.name)
+                    with ui.element("td").props("colspan=3"):
+                        ui.label(each.trouble).classes("flag wordy")
+                continue
+            with ui.element("tr"):
+                with ui.element("td"):
+                    ui.link(each.name, f"/study/{each.name}").classes("link")
+                cell(str(each.targets))
+                cell(str(each.readings))
+                cell(f"unblinded {each.unblinded}" if each.unblinded else "blinded").classes("wordy")
+
+
+class _NewStudy:
+    """The form of a new study."""
+
+    def __init__(self, shelf: StudyShelf, viewer: Viewer) -> None:
+        self._shelf, self._viewer = shelf, viewer
+        start = StudyDraft()
+        panel_title("New study")
+        with ui.element("div").classes("study-fields"):
+            self._name = unit_field("Name", keys="text").props("maxlength=200")
+            self._who = who_field(viewer, "Made by")
+            self._present = unit_field("With an inclusion", start.present, keys="numeric")
+            self._blank = unit_field("Blanks", start.blank, keys="numeric")
+            self._like = ui.select(LIKE, value=start.like, label="Targets")
+            self._like.props("dense outlined options-dense").classes("study-wide")
+            self._probe = ui.select(list(list_probes()), value=start.probe, label="Probe")
+            self._probe.props("dense outlined options-dense")
+            self._forces = unit_field("Forces", start.forces, unit="N", keys="text")
+            self._forces.props("stack-label").props["placeholder"] = "usual of the probe"
+            self._repeats = unit_field("Repeats", start.repeats, keys="numeric")
+            self._threshold = unit_field("Threshold", start.threshold)
+            self._seed = unit_field("Seed", start.seed, keys="numeric")
+            self._seed.props("stack-label").props["placeholder"] = "drawn and sealed"
+        self._reference = ui.checkbox("Press plain tissue nearby for comparison", value=start.with_reference)
+        ui.label(MEANT).classes("muted")
+        with ui.element("div").classes("row"):
+            self._button = ui.button("Make the study", icon="add", on_click=self._make).props("no-caps")
+
+    async def _make(self) -> None:
+        draft = StudyDraft(
+            name=self._name.value or "",
+            like=str(self._like.value),
+            present=self._present.value or "",
+            blank=self._blank.value or "",
+            forces=self._forces.value or "",
+            probe=str(self._probe.value),
+            with_reference=bool(self._reference.value),
+            repeats=self._repeats.value or "",
+            threshold=self._threshold.value or "",
+            seed=self._seed.value or "",
+        )
+        with loading(self._button):
+            made = await self._viewer.attempt(draft.make, self._shelf, actor=name_in(self._viewer, self._who))
+        if made is not None:
+            ui.navigate.to(f"/study/{made}")

@@ -1,0 +1,194 @@
+"""What an unblinded study says: its numbers with their intervals, its curves, and the way to the report."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from nicegui import ui
+
+from tsis.console.pages.components import cards, figure, listed, loading, panel_title, sentence_list, unit_field
+from tsis.console.pages.study._context import name_in, told, who_field
+from tsis.console.studies import begin_publishing, unread
+from tsis.report.target import count_of
+from tsis.study import verify_study
+
+if TYPE_CHECKING:
+    from tsis.console.pages.study._context import StudyContext, StudySeen, Told
+    from tsis.study import Study, StudyVerification
+
+
+class Outcome:
+    """A panel that is there once the study is unblinded.
+
+    Parameters
+    ----------
+    page
+        Of the study.
+    """
+
+    def __init__(self, page: StudyContext) -> None:
+        self._page = page
+        self._panel = ui.element("section").classes("panel stack").props('aria-label="What the study says"')
+        self._panel.set_visibility(False)
+
+    async def show(self, found: StudySeen) -> Told | None:
+        """Show the numbers, and give them; None while the study is blind, or when they cannot be told."""
+        if found.study.unblinded is None:
+            return None
+        self._panel.set_visibility(True)
+        self._panel.clear()
+        with self._panel:
+            ui.label("Setting the readings beside the truth ...").classes("muted").props('role="status"')
+        said = await self._page.viewer.attempt(told, found.study)
+        self._panel.clear()
+        with self._panel:
+            self._head(found)
+            if said is None:
+                ui.label("The numbers cannot be told; Verify says what is wrong.").classes("flag")
+            else:
+                self._body(said)
+        return said
+
+    def _head(self, found: StudySeen) -> None:
+        with ui.element("div").classes("row"):
+            panel_title("What the study says")
+            ui.element("div").classes("spring")
+            if found.reported:
+                place = f"/files/study/{self._page.name}/report"
+                ui.link("Report", f"{place}.html", new_tab=True).classes("link button")
+                ui.link("PDF", f"{place}.pdf").classes("link button").props("download")
+            else:
+                ui.label("No report was written yet: Analyse again writes it.").classes("muted")
+
+    def _body(self, said: Told) -> None:
+        cards(said.page.cards)
+        with ui.element("div").classes("study-outcome"):
+            if said.curves:
+                figure(said.page.pictures[0], said.curves)
+            with ui.element("div"):
+                panel_title("To know", level=3)
+                with ui.element("div").classes("wordy"):
+                    sentence_list(said.page.notes)
+
+
+MOST_SHOWN = 5  # faults
+MEANT = (
+    "The seal is opened: from then on the codes stand beside what they are, and no reading is taken any more. Who "
+    "did it and when is entered in the log of the study, once, and cannot be taken back. Then the readings are "
+    "analysed and the report is written."
+)
+FAULTY = "The study is not as it was written; that is entered too:"
+
+
+class Unblinding:
+    """The button, and its dialog.
+
+    Parameters
+    ----------
+    page
+        Of the study.
+    """
+
+    def __init__(self, page: StudyContext) -> None:
+        self._page, self._blind = page, True
+        self._place = ui.element("div")
+        self._button = ui.button("Unblind and analyse", icon="visibility", on_click=self._clicked)
+        self._button.props("dense no-caps outline")
+
+    def show(self, found: StudySeen) -> None:
+        """Say what a click would do."""
+        self._blind = found.study.unblinded is None
+        self._button.text = "Unblind and analyse" if self._blind else "Analyse again"
+
+    async def _clicked(self) -> None:
+        page = self._page
+        with loading(self._button):
+            found = await page.viewer.attempt(
+                lambda: (page.shelf.study(page.name), verify_study(page.shelf.place(page.name)))
+            )
+        if found is not None:
+            self._ask(*found)
+
+    def _ask(self, study: Study, found: StudyVerification) -> None:
+        page, left = self._page, unread(study)
+        blind = study.unblinded is None
+        with self._place, ui.dialog(value=True) as dialog, ui.card().classes("asked study-asked"):
+            panel_title(f"{'Unblind' if blind else 'Analyse'} study {study.plan.name}")
+            if blind:
+                ui.label(f"{MEANT} The study has {count_of(len(study.readings), 'reading')}.")
+            if found.faults:
+                ui.label(FAULTY).classes("flag")
+                sentence_list(str(fault) for fault in found.faults[:MOST_SHOWN])
+            although = ui.checkbox("although incomplete").props("dense")
+            although.set_visibility(blind and bool(left))
+            if blind:
+                for device, lacking in left:
+                    ui.label(f"{device} lacks {lacking} of {count_of(len(study.plan.codes), 'target')}.").classes(
+                        "flag"
+                    )
+            who = who_field(page.viewer, "Done by")
+
+            async def begin() -> None:
+                with loading(act):
+                    job = await page.viewer.attempt(
+                        begin_publishing,
+                        page.jobs,
+                        page.shelf,
+                        page.name,
+                        by=name_in(page.viewer, who),
+                        although_incomplete=bool(although.value),
+                    )
+                if job is not None:
+                    dialog.close()
+
+            with ui.element("div").classes("row"):
+                act = ui.button("Unblind and analyse" if blind else "Analyse", on_click=begin)
+                act.props("no-caps dense unelevated")
+                ui.button("Cancel", on_click=dialog.close).props("no-caps dense flat")
+        dialog.on("hide", dialog.delete)
+
+
+MOST_FAULTS_SHOWN = 100  # faults; a study that has more has one cause
+VERIFICATION_MEANING = (
+    "Lines that were cut off the end of the log, and a log that was written anew, show only beside a head that was "
+    "kept elsewhere."
+)
+
+
+def verify_button(page: StudyContext, place: ui.element) -> None:
+    """A button that compares plan, seal, reports and log, and shows in ``place`` what was found."""
+
+    async def begin(head: str = "") -> None:
+        with loading(button):
+            found = await page.viewer.attempt(
+                lambda: verify_study(page.shelf.place(page.name), head=head.strip() or None)
+            )
+        if found is not None:
+            place.clear()
+            with place:
+                show(found, head)
+
+    def show(found: StudyVerification, head: str) -> None:
+        with ui.element("section").classes("told").props('role="status"'):
+            panel_title("Verification", level=3)
+            ui.label(verdict(found)).classes("good" if found.sound else "flag")
+            with sentence_list():
+                for fault in found.faults[:MOST_FAULTS_SHOWN]:
+                    listed(str(fault), "doubtful")
+            if len(found.faults) > MOST_FAULTS_SHOWN:
+                ui.label(f"and {len(found.faults) - MOST_FAULTS_SHOWN} more (tsis study verify shows all)")
+            ui.label(f"Head of the log: {found.head}").classes("muted identity")
+            with ui.element("div").classes("row"):
+                kept = unit_field("Head that was kept elsewhere", head, keys="text").classes("study-head")
+                ui.button("Compare", on_click=lambda: begin(kept.value or "")).props("dense no-caps outline")
+                ui.button("Close", on_click=place.clear).props("dense no-caps flat")
+            ui.label(VERIFICATION_MEANING).classes("muted")
+
+    button = ui.button("Verify", icon="verified_user", on_click=lambda: begin()).props("dense no-caps outline")
+
+
+def verdict(found: StudyVerification) -> str:
+    """Whether the study can be believed."""
+    if found.sound:
+        return f"The study is as it was written, all {count_of(found.lines, 'line')} of its log."
+    return f"The study is NOT as it was written: it differs in {count_of(len(found.faults), 'place')}."

@@ -1,0 +1,125 @@
+"""The page of a study."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from nicegui import run, ui
+
+from tsis.console.pages.components import FactList, panel_title
+from tsis.console.pages.study._context import StudySeen, seen
+from tsis.console.pages.study._listing import CodeTable
+from tsis.console.pages.study._outcome import Outcome, Unblinding, verify_button
+from tsis.console.pages.study._reading import JobSeen, Running, import_button, show_devices
+from tsis.console.studies import StudyShelf, unblinded_words
+from tsis.errors import TsisError
+
+if TYPE_CHECKING:
+    from tsis.console.pages.components import Viewer
+    from tsis.console.services import Bench
+
+
+EVERY_S = 0.5
+
+
+def show_study(bench: Bench, viewer: Viewer, name: str) -> None:
+    """Build the page of the study whose name stands in the address."""
+    viewer.every(EVERY_S, OneStudy(bench, viewer, name).look)
+
+
+class OneStudy:
+    """The open page of a study.
+
+    Parameters
+    ----------
+    bench, viewer
+        Whose jobs, and who looks.
+    name
+        As it stands in the address, whatever that is.
+    """
+
+    def __init__(self, bench: Bench, viewer: Viewer, name: str) -> None:
+        self.jobs, self.viewer, self.name = bench.jobs, viewer, name
+        self.shelf = StudyShelf(bench.terms.workspace)
+        self._seen: tuple[int, int] | None = None
+        with ui.element("div").classes("stack"):
+            with ui.element("section").classes("panel stack"):
+                with ui.element("div").classes("row"):
+                    ui.link("All studies", "/study").classes("link")
+                    self._title = panel_title("Study").classes("target-title")
+                    ui.element("div").classes("spring")
+                    self._acts = ui.element("div").classes("row")
+                self._job = JobSeen(self)
+                self._refusal = ui.label().classes("flag wordy").props('role="alert"')
+                self._below = ui.element("div")
+            self._outcome = Outcome(self)
+            with ui.element("div").classes("split") as self._parts:
+                with ui.element("section").classes("panel stack"):
+                    self._codes = CodeTable()
+                with ui.element("div").classes("stack"):
+                    with ui.element("section").classes("panel stack") as self._run:
+                        self._running = Running(self)
+                    with ui.element("section").classes("panel stack"):
+                        panel_title("Devices")
+                        self._devices = ui.element("div").classes("stack tight")
+                    with ui.element("section").classes("panel stack"):
+                        panel_title("Plan")
+                        self._plan = FactList()
+        with self._acts:
+            self._import = import_button(self)
+            verify_button(self, self._below)
+            self._unblinding = Unblinding(self)
+        for part in (self._parts, self._acts, self._refusal):
+            part.set_visibility(False)
+
+    async def look(self) -> None:
+        """Show how far the job is, and the study anew when its log has changed."""
+        self._running.allow(not self._job.look())
+        stamp = self.shelf.stamp(self.name) if self.name.isascii() else (0, 0)
+        if stamp != self._seen:
+            self._seen = stamp
+            await self._load()
+
+    async def _load(self) -> None:
+        found: StudySeen | None = None
+        refusal = ""
+        try:
+            found = await run.io_bound(seen, self.shelf, self.name)
+        except TsisError as error:
+            refusal = str(error)
+        self._refusal.text = refusal
+        self._refusal.set_visibility(bool(refusal))
+        for part in (self._parts, self._acts):
+            part.set_visibility(found is not None)
+        if found is not None:  # which it is not when the program ends
+            await self._show(found)
+
+    async def _show(self, found: StudySeen) -> None:
+        study, blind = found.study, found.study.unblinded is None
+        self._title.text = f"Study {study.plan.name}"
+        self._run.set_visibility(blind)
+        self._import.set_visibility(blind)
+        self._running.show(found)
+        self._unblinding.show(found)
+        self._plan.show(_facts(found))
+        self._devices.clear()
+        with self._devices:
+            show_devices(self, found)
+        told = await self._outcome.show(found)
+        self._codes.show(found, told)
+
+
+def _facts(found: StudySeen) -> tuple[tuple[str, str], ...]:
+    plan, head = found.study.plan, found.study.chain.head
+    forces = ", ".join(f"{force:g}" for force in plan.forces_n)
+    return (
+        ("State", f"unblinded {unblinded_words(found.study)}" if found.study.unblinded else "blinded"),
+        ("Targets", str(len(plan.codes))),
+        ("Repeats", str(plan.repeats)),
+        ("Threshold", f"{plan.threshold:g}, fixed beforehand"),
+        ("Virtual probe", f"{plan.probe}, {forces} N{', plain tissue too' if plan.with_reference else ''}"),
+        ("Seed", "in the seal" if plan.seed is None else str(plan.seed)),
+        ("Made", f"{plan.made:%Y-%m-%d %H:%M} UTC"),
+        ("Sealed truth", f"SHA-256 {plan.commitment[:16]}"),
+        ("Head of the log", head[:16]),
+    )

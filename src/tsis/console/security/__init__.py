@@ -1,1 +1,0 @@
-"""Who may talk to the console: a token or a login, known hosts, own pages."""

@@ -1,0 +1,342 @@
+"""The camera's settings as they are, read in a thread: drivers take their time, and people change them elsewhere."""
+
+from __future__ import annotations
+
+import threading
+import time
+from functools import partial
+from typing import TYPE_CHECKING
+
+from tsis.console.services._subject import VirtualStage
+from tsis.errors import CameraError, ControlError, InputError, TsisError
+from tsis.instrument import LATE_FRAMES, connect, preset
+from tsis.instrument.acquisition import LOST_AFTER_S, Acquisition
+from tsis.model import require_number, require_one_of
+from tsis.virtual import FORCE, LARGEST_FORCE_N
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tsis.console.services._subject import CameraChoice
+    from tsis.instrument import Camera, Setting
+    from tsis.instrument.acquisition import ReceivedFrame
+
+
+EVERY_S = 1.0
+LOOK_S = 1.0  # that a look waits for another one, which may be stuck in a driver
+
+
+class SettingsSeen:
+    """Knows what can be adjusted now, without asking the camera each time that somebody wants to know.
+
+    The force of the virtual probe is left out: no camera has such a setting.
+
+    Parameters
+    ----------
+    acquisition
+        Gives the running acquisition; None while there is none.
+    changed
+        Called when a setting has another value than at the last look.
+    every_s
+        Time between two looks, s.
+    """
+
+    def __init__(
+        self, acquisition: Callable[[], Acquisition | None], changed: Callable[[], None], *, every_s: float = EVERY_S
+    ) -> None:
+        self._acquisition, self._changed, self._every_s = acquisition, changed, every_s
+        self._one_look = threading.Lock()
+        self._seen: tuple[Acquisition | None, tuple[Setting, ...]] = (None, ())
+        self._values: dict[str, float] = {}
+        self._closing = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="settings of the camera", daemon=True)
+        self._thread.start()
+
+    def now(self) -> tuple[Setting, ...]:
+        """What can be adjusted; empty while the camera is stopped or away. It never waits."""
+        acquisition = self._acquisition()
+        of, settings = self._seen
+        return settings if acquisition is not None and acquisition is of and not acquisition.lost else ()
+
+    def look(self) -> None:
+        """Ask the camera now."""
+        if not self._one_look.acquire(timeout=LOOK_S):
+            return
+        try:
+            acquisition = self._acquisition()
+            if acquisition is None or acquisition.lost:
+                return
+            settings = tuple(each for each in acquisition.settings() if each.name != FORCE)
+            values = {each.name: each.value for each in settings}
+            differ = acquisition is self._seen[0] and values != self._values
+            self._seen, self._values = (acquisition, settings), values
+        except TsisError:  # it went this moment
+            return
+        finally:
+            self._one_look.release()
+        if differ:
+            self._changed()
+
+    def close(self) -> None:
+        """End the thread; one that is stuck in a driver is left behind."""
+        self._closing.set()
+        self._thread.join(timeout=1.0)
+
+    def _run(self) -> None:
+        while not self._closing.wait(self._every_s):
+            self.look()
+
+
+FRESH_S = 5.0  # within which a frame must come, or within some frames of a slow camera
+# Frames after a change that may be of before it: of the virtual camera the one under way; of others those that wait
+# in camera and driver too, and of exposures that cameras change one or two frames later.
+UNDER_WAY, IN_CAMERAS = 1, 3
+MOST_TYPED_N = 1000.0
+PATIENT_S = 60.0  # the virtual probe is never unplugged: its silence is a busy computer's
+
+
+class CameraDesk:
+    """Holds one camera at a time, and knows what is pressed.
+
+    Acts come one at a time, as `Acts` lets them; everything can be read, and `close` called, from any thread meanwhile.
+
+    Parameters
+    ----------
+    choice
+        What to begin with; nothing is connected before `start`.
+    changed
+        Called when a setting of the camera was changed, here or elsewhere.
+    connect_to
+        Gives a live camera by its name, as `tsis.instrument.connect`.
+
+    Attributes
+    ----------
+    choice
+        Which camera.
+    stage
+        The virtual probe; None before its first start and for other cameras.
+    acquisition
+        The running camera; None while it is stopped.
+    role, force_n
+        What is pressed, and how hard: as the virtual probe holds it or as a person says, None where nobody does.
+    """
+
+    def __init__(
+        self,
+        choice: CameraChoice,
+        *,
+        changed: Callable[[], None] = lambda: None,
+        connect_to: Callable[[str], Camera] = connect,
+    ) -> None:
+        self.choice, self.role, self.force_n = choice, choice.roles[0], choice.touch_n
+        self.stage: VirtualStage | None = None
+        self.acquisition: Acquisition | None = None
+        self._beginning: Acquisition | None = None
+        self._connect_to, self._told = connect_to, changed
+        self._as_it_came: tuple[Setting, ...] = ()
+        self._wanted: dict[str, float] = {}
+        self._change: tuple[Acquisition | None, int, float] = (None, 0, 0.0)
+        self._closed = False
+        self._settings = SettingsSeen(lambda: self.acquisition, self._changed)
+
+    @property
+    def running(self) -> bool:
+        """Whether frames are wanted, though the camera may be away."""
+        return self.acquisition is not None
+
+    @property
+    def name(self) -> str:
+        """The camera's name; empty while it is stopped."""
+        acquisition = self.acquisition
+        return "" if acquisition is None else acquisition.name
+
+    @property
+    def roles(self) -> tuple[str, ...]:
+        """What may be pressed."""
+        return self.choice.roles
+
+    def choose(self, choice: CameraChoice) -> None:
+        """Let go of the camera, and take another one; it is not yet started."""
+        self.stop()
+        self.choice, self.stage = choice, None
+        self.role, self.force_n = choice.roles[0], choice.touch_n
+        self._as_it_came, self._wanted = (), {}
+
+    def start(self) -> None:
+        """Connect and begin to stream; when it runs already, nothing happens.
+
+        Raises
+        ------
+        TsisError
+            As `Acquisition.start`; it can be started again.
+        """
+        if self.acquisition is not None:
+            return
+        connector = self._connector()
+        acquisition = Acquisition(
+            connector,
+            mode=self.choice.mode,
+            settings=self._wanted,
+            lost_after_s=PATIENT_S if self.choice.is_virtual else LOST_AFTER_S,
+        )
+        self._beginning = acquisition
+        try:
+            self._require_open()
+            acquisition.start()
+            self._require_open()
+            self.acquisition = acquisition
+        except InputError:  # e.g. a setting that this camera does not take: the next start shall not ask for it
+            self._wanted = {}
+            raise
+        except ControlError:
+            acquisition.stop()
+            raise
+        finally:
+            self._beginning = None
+        self._settings.look()
+        if not self._as_it_came:
+            self._as_it_came = self.settings()
+
+    def stop(self) -> None:
+        """End the stream; settings are remembered for the next start."""
+        acquisition, self.acquisition = self.acquisition, None
+        if acquisition is not None:
+            acquisition.stop()
+
+    def close(self) -> None:
+        """Let go of the camera for good, also of one that is being started."""
+        self._closed = True
+        beginning = self._beginning
+        self.stop()
+        if beginning is not None:
+            beginning.stop()
+        self._settings.close()
+
+    def settings(self) -> tuple[Setting, ...]:
+        """What can be adjusted, at most a second old; empty while the camera is stopped or away. It never waits."""
+        return self._settings.now()
+
+    def look(self) -> None:
+        """Ask the camera for its settings now."""
+        self._settings.look()
+
+    def adjust(self, name: str, value: float) -> None:
+        """Change a setting now and after each reconnection; errors as `Acquisition.adjust`."""
+        acquisition = self._streaming()
+        if present := self.settings():
+            require_one_of("setting", name, [each.name for each in present])
+        acquisition.adjust(name, value)
+        self._wanted[name] = float(value)
+        self._changed()
+        self._settings.look()
+
+    def preset(self, name: str) -> None:
+        """Make all settings of a preset: as the camera came, or as low as they go."""
+        for setting, value in preset(name, self._as_it_came).items():
+            self.adjust(setting, value)
+
+    def wanted(self, role: str | None, force_n: float | None, *, forget: bool = False) -> tuple[str, float | None]:
+        """Role and force that somebody means who names only what changes.
+
+        Parameters
+        ----------
+        role, force_n
+            What is to be pressed, and the force in newtons; None for those at present.
+        forget
+            Whether nobody knows the force any more.
+
+        Raises
+        ------
+        InputError
+            When a force is given and to be forgotten, or that of the virtual probe is to be forgotten.
+        """
+        if forget and force_n is not None:
+            raise InputError(f"force_n must be given or forgotten, not both; got {force_n!r:.40} and forget")
+        if forget and self.choice.is_virtual:
+            raise InputError("force_n must be a number for the virtual probe, whose force is always known; got none")
+        present = None if forget else self.force_n
+        return self.role if role is None else role, present if force_n is None else force_n
+
+    def hold(self, role: str, force_n: float | None) -> None:
+        """Say what is pressed and how hard, or that nobody knows it; the virtual probe is moved there.
+
+        Raises
+        ------
+        InputError
+            When there is nothing of that role, or the force lies outside its range.
+        MechanicsError
+            When the tissue cannot be pressed so hard; the press is as it was.
+        """
+        require_one_of("role", role, self.roles)
+        if self.choice.is_virtual or force_n is not None:
+            most = LARGEST_FORCE_N if self.choice.is_virtual else MOST_TYPED_N
+            force_n = require_number("force_n", force_n, 0.0, most, hint="newtons")
+        if self.stage is not None and force_n is not None:
+            self.stage.hold(role, force_n)
+        self.role, self.force_n = role, force_n
+        self._mark()
+
+    def fresh(self) -> ReceivedFrame:
+        """The newest frame that was begun after the last change.
+
+        Raises
+        ------
+        CameraError
+            When the camera is stopped or away, or brings none in time.
+        """
+        acquisition = self._streaming()
+        period_s = _period_s(acquisition)
+        of, end, change_s = self._change
+        skipped = UNDER_WAY if self.choice.is_virtual else IN_CAMERAS
+        # Frames that waited for this computer come in one go: not only so many, but so much later.
+        place, after_s = (end + skipped, change_s + (skipped - 1) * period_s) if of is acquisition else (0, 0.0)
+        patience_s = max(FRESH_S, 2 * LATE_FRAMES * period_s)
+        until_s = time.monotonic() + patience_s
+        while (left_s := until_s - time.monotonic()) > 0:
+            if acquisition.lost or acquisition.ring.closed:
+                raise CameraError(f"{acquisition.name} is away; nothing was saved (wait until it is back)")
+            if not acquisition.ring.wait(place, min(left_s, 0.1)):
+                continue
+            place, arrival = acquisition.ring.end, acquisition.latest()
+            if arrival is None or arrival.connection != acquisition.connection:
+                continue  # of before it was lost
+            if arrival.arrived_s >= after_s:
+                return arrival
+        raise CameraError(f"{acquisition.name} must bring a frame within {patience_s:g} s; got none (is it running?)")
+
+    def _changed(self) -> None:
+        self._mark()
+        self._told()
+
+    def _mark(self) -> None:
+        """Remember when the last change was, and how many frames had come."""
+        acquisition = self.acquisition
+        if acquisition is not None:
+            self._change = acquisition, acquisition.ring.end, time.monotonic()
+
+    def _streaming(self) -> Acquisition:
+        acquisition = self.acquisition
+        if acquisition is None:
+            raise CameraError("the camera must run for this; it is stopped (start it)")
+        return acquisition
+
+    def _require_open(self) -> None:
+        if self._closed:
+            raise ControlError("the console is being ended; the camera was not started (start the console again)")
+
+    def _connector(self) -> Callable[[], Camera]:
+        if not self.choice.is_virtual:
+            return partial(self._connect_to, self.choice.spec)
+        stage = VirtualStage(self.choice) if self.stage is None else self.stage
+        assert self.force_n is not None
+        if self.stage is None:
+            # Solved before it streams: a camera that brings no frame for seconds counts as lost.
+            stage.hold(self.role, self.force_n)
+            self.stage = stage
+        return stage.connect
+
+
+def _period_s(acquisition: Acquisition) -> float:
+    """Seconds from frame to frame as its mode says; 0 where it does not."""
+    rate = None if acquisition.mode is None else acquisition.mode.frames_per_s
+    return 1.0 / rate if rate else 0.0

@@ -1,0 +1,243 @@
+"""Who holds the camera: one operator acts, everybody else watches."""
+
+from __future__ import annotations
+
+import threading
+import time
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from tsis.console.services._jobs import RUNNING
+from tsis.errors import ControlError, InputError
+from tsis.model import require_number, require_type
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from tsis.console.services._jobs import Job
+
+
+HELD_S = 10.0  # a holder who was not heard of for so long has gone
+SHORTEST_HELD_S, LONGEST_HELD_S = 1.0, 3600.0
+LONGEST_NAME = 60
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Holder:
+    """Who holds the camera.
+
+    Attributes
+    ----------
+    identity
+        Of the tab of a browser, or of a script.
+    name
+        What other people see.
+    """
+
+    identity: str
+    name: str
+
+
+class Control:
+    """Gives the camera to one at a time; safe for several threads.
+
+    Parameters
+    ----------
+    clock
+        Seconds, monotonic.
+
+    Examples
+    --------
+    >>> control = Control()
+    >>> control.take("tab 1", "Ann")
+    >>> control.require("tab 2")
+    Traceback (most recent call last):
+    tsis.errors.ControlError: the camera is held by Ann; watch, or take it over
+    """
+
+    def __init__(self, *, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock, self._lock = clock, threading.Lock()
+        self._holder: Holder | None = None
+        self._heard_s, self._held_s = 0.0, HELD_S
+        self._taken_from = self._acting = ""
+
+    def holder(self) -> Holder | None:
+        """Who holds the camera now; None when nobody does."""
+        with self._lock:
+            return self._present()
+
+    def take(self, identity: str, name: str, *, over: bool = False, held_s: float = HELD_S) -> None:
+        """Hold the camera from now on; ``over`` takes it from whoever holds it.
+
+        It is held until nothing was heard of the holder for ``held_s`` seconds, in [1, 3600].
+
+        Raises
+        ------
+        ControlError
+            When somebody else holds it.
+        InputError
+            When the name cannot be shown, or the time lies outside its range.
+        """
+        require_type("identity", identity, str)
+        require_type("name", name, str)
+        if not name.strip() or not name.isprintable() or len(name) > LONGEST_NAME:
+            raise InputError(f"name must be 1 to {LONGEST_NAME} characters that can be shown; got {name!r:.80}")
+        require_number("held_s", held_s, SHORTEST_HELD_S, LONGEST_HELD_S, hint="seconds")
+        with self._lock:
+            held = self._present()
+            other = held is not None and held.identity != identity
+            if held is not None and other and not over:
+                raise self._held_by(held, identity)
+            self._taken_from = held.identity if held is not None and other else self._taken_from
+            self._holder, self._held_s = Holder(identity=identity, name=name), held_s
+            self._heard_s = self._clock()
+
+    def heard_of(self, identity: str) -> None:
+        """Say that the holder is still there; of anybody else it changes nothing."""
+        with self._lock:
+            held = self._present()
+            if held is not None and held.identity == identity:
+                self._heard_s = self._clock()
+
+    def release(self, identity: str) -> None:
+        """Give the camera back; of anybody but the holder it changes nothing."""
+        with self._lock:
+            if self._holder is not None and self._holder.identity == identity:
+                self._holder = None
+
+    def require(self, identity: str) -> None:
+        """Refuse an act of who does not hold the camera, with `ControlError`."""
+        with self._lock:
+            held = self._present()
+            if held is None:
+                raise ControlError("nobody holds the camera; take it first")
+            if held.identity != identity:
+                raise self._held_by(held, identity)
+            self._heard_s = self._clock()
+
+    @contextmanager
+    def acting(self, identity: str) -> Iterator[None]:
+        """Do inside what may last longer than a holder may be silent; refusals as `require`."""
+        self.require(identity)
+        self._acting = identity
+        try:
+            yield
+        finally:
+            with self._lock:
+                self._acting = ""
+                if self._holder is not None and self._holder.identity == identity:
+                    self._heard_s = self._clock()
+
+    def _present(self) -> Holder | None:
+        """Whoever acts is there, however long nothing else was heard."""
+        silent = self._clock() - self._heard_s > self._held_s
+        if silent and self._holder is not None and self._holder.identity != self._acting:
+            self._holder = None
+        return self._holder
+
+    def _held_by(self, holder: Holder, identity: str) -> ControlError:
+        if identity == self._taken_from:
+            return ControlError(f"{holder.name} has taken the camera over; watch, or take it back")
+        return ControlError(f"the camera is held by {holder.name}; watch, or take it over")
+
+
+PATIENCE_S = 2.0  # for which an act waits for the one before
+LONG_S = 10.0  # after which is told how long an act has lasted, as while mechanics are solved for the first time
+SEQUENCE_S = 5.0  # for which a sequence that was asked to end is waited for
+
+
+class Acts:
+    """Lets one act at a time pass; an act that lasts is named to those who come meanwhile.
+
+    Parameters
+    ----------
+    control
+        Says who holds the camera.
+    patience_s
+        How long an act waits for the one before, s.
+    clock
+        Tells the time, s.
+
+    Attributes
+    ----------
+    sequence
+        The job of the sequence under way or of the last one; None before the first.
+
+    Examples
+    --------
+    >>> from tsis.console.services import Control
+    >>> control = Control()
+    >>> control.take("tab 1", "Ann")
+    >>> acts = Acts(control)
+    >>> with acts.act("tab 1", "moving the probe"):
+    ...     acts.busy
+    'moving the probe'
+    """
+
+    def __init__(
+        self, control: Control, *, patience_s: float = PATIENCE_S, clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._control, self._patience_s, self._clock = control, patience_s, clock
+        self._one = threading.Lock()
+        self._doing: tuple[str, float] | None = None  # what, and since when
+        self._closed = False
+        self.sequence: Job | None = None
+
+    @property
+    def busy(self) -> str:
+        """What is being done now, as ``"moving the probe (12 s so far)"``; empty when nothing is."""
+        now = self._doing
+        if now is None:
+            return ""
+        doing, since_s = now
+        lasted_s = self._clock() - since_s
+        return doing if lasted_s < LONG_S else f"{doing} ({lasted_s:.0f} s so far)"
+
+    @contextmanager
+    def act(self, by: str, doing: str, *, instead: str = "") -> Iterator[None]:
+        """Do something inside, as who holds the camera, and as nobody else does anything.
+
+        Parameters
+        ----------
+        by
+            Identity of who acts.
+        doing
+            What is done, as others read it after "the bench is busy".
+        instead
+            What a sequence under way forbids, as "another camera can be chosen"; empty where it forbids nothing.
+
+        Raises
+        ------
+        ControlError
+            When somebody else holds the camera, another act lasts, a sequence forbids it, or the bench was closed.
+        """
+        self._control.require(by)
+        if not self._one.acquire(timeout=self._patience_s):
+            raise ControlError(f"the bench is busy {self.busy or 'with something else'}; try again when that is over")
+        try:
+            self._require_open()
+            with self._control.acting(by):  # or somebody has taken the camera over while this act waited
+                if instead:
+                    self.require_no_sequence(instead)
+                self._doing = doing, self._clock()
+                yield
+        finally:
+            self._doing = None
+            self._one.release()
+
+    def require_no_sequence(self, instead: str) -> None:
+        """Refuse, with `ControlError`, what would spoil a sequence under way."""
+        if self.sequence is not None and self.sequence.state().status == RUNNING:
+            raise ControlError(f"a sequence is being recorded; {instead} when it is over (or end it)")
+
+    def close(self) -> None:
+        """Let no further act pass; one that is under way goes on, and a sequence is ended as a whole one."""
+        self._closed = True
+        if self.sequence is not None:
+            self.sequence.end()
+            self.sequence.wait(SEQUENCE_S)
+
+    def _require_open(self) -> None:
+        if self._closed:
+            raise ControlError("the console is being ended; nothing can be done any more (start it again)")

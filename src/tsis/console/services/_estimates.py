@@ -1,0 +1,146 @@
+"""An estimate from stored presses of a target, made and kept as a job."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from tsis.errors import InputError, RecordsError
+from tsis.files import LARGEST_TARGET
+from tsis.model import require_integer, require_one_of
+from tsis.records import ESTIMATES, REFERENCES, EstimationRequest, environment, estimate_stored, require_options
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from tsis.console.services._jobs import Job, Jobs
+    from tsis.records import StoredEstimate, StoredPress, TargetRecord
+    from tsis.records.store import Store
+
+
+def estimate_target(
+    store: Store,
+    number: int,
+    *,
+    kind: str,
+    presses: Sequence[str] | None = None,
+    options: Mapping[str, Any] | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> StoredEstimate:
+    """Estimate from presses of a target and store what was found.
+
+    Parameters
+    ----------
+    store
+        Where the target is.
+    number
+        Of the target.
+    kind
+        ``"inclusion"`` or ``"hardness"``.
+    presses
+        Identities of the presses to use; those of `newest_presses` when None.
+    options
+        As of `tsis.records.EstimationRequest`.
+    progress
+        Told (done, all) while the mechanics of a new probe are solved, and (1, 1) before the answer is stored; what it
+        raises ends the estimate, and nothing is stored.
+
+    Raises
+    ------
+    RecordsError
+        When the target has no press to estimate from, or one that was named is none of it.
+    InputError, CalibrationError, NotCalibratedError
+        As the estimates themselves.
+    """
+    dossier = store.dossier(store.target(number))
+    chosen = newest_presses(dossier, kind) if presses is None else _named(dossier, presses)
+    probe, calibration = _terms(chosen, number)
+    answer = estimate_stored(
+        dossier,
+        EstimationRequest(kind=kind, probe=probe, presses=chosen, calibration=calibration, options=options or {}),
+        progress=progress,
+    )
+    if progress is not None:
+        progress(1, 1)
+    return store.add_estimate(
+        dossier.target,
+        answer.estimate,
+        kind=kind,
+        presses=chosen,
+        probe=probe,
+        calibration=dossier.calibrations[calibration],
+        options=answer.options,
+        environment=environment(),
+    )
+
+
+def begin_estimate(
+    jobs: Jobs,
+    store: Store,
+    number: int,
+    *,
+    kind: str,
+    presses: Sequence[str] | None = None,
+    options: Mapping[str, Any] | None = None,
+) -> Job:
+    """Estimate in the background; parameters as of `estimate_target`, errors as `require_estimable`."""
+    require_estimable(store, number, kind=kind, presses=presses, options=options or {})
+    return jobs.begin(
+        estimate_title(number),
+        lambda job: estimate_target(store, number, kind=kind, presses=presses, options=options, progress=job.advance),
+    )
+
+
+def require_estimable(
+    store: Store, number: int, *, kind: str, presses: Sequence[str] | None, options: Mapping[str, Any]
+) -> None:
+    """Refuse what no estimate can be begun with; parameters as of `estimate_target`, `InputError` says why."""
+    require_one_of("kind of estimate", kind, ESTIMATES)
+    require_options(kind, options)
+    if presses is not None and not (len(presses) > 0 and all(isinstance(each, str) for each in presses)):
+        raise InputError(f"presses must be identities of presses, one at least; got {presses!r:.80}")
+    store.target(require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target"))
+
+
+def estimate_title(number: int) -> str:
+    """What the job of an estimate is called; by it pages find the one of their target."""
+    return f"estimate of target {number}"
+
+
+def newest_presses(dossier: TargetRecord, kind: str) -> tuple[StoredPress, ...]:
+    """Of each role and force the newest press, of those with the probe and the calibration of the newest one.
+
+    Presses whose force nobody wrote down are all taken: the force line tells them apart. Those at 0 N touch nothing,
+    and no estimate can use them.
+    """
+    roles = ("target", REFERENCES[kind])
+    used = [press for press in dossier.presses if press.role in roles and press.force_n != 0]
+    on_target = [press for press in used if press.role == "target"]
+    if not on_target:
+        return ()
+    terms = (on_target[-1].probe, on_target[-1].calibration)
+    newest: dict[object, StoredPress] = {}
+    for press in used:
+        if (press.probe, press.calibration) == terms:
+            newest[press.id if press.force_n is None else (press.role, press.force_n)] = press
+    return tuple(press for press in used if press in newest.values())
+
+
+def _named(dossier: TargetRecord, identities: Sequence[str]) -> tuple[StoredPress, ...]:
+    held = {press.id: press for press in dossier.presses}
+    for identity in identities:
+        if identity not in held:
+            raise RecordsError(f"presses must be those of target {dossier.target.number}; {identity!r:.40} is none")
+    return tuple(held[identity] for identity in identities)
+
+
+def _terms(presses: Sequence[StoredPress], number: int) -> tuple[str, str]:
+    """The probe and the calibration that all presses share."""
+    if not presses:
+        raise RecordsError(f"target {number} must have a press on the target to be estimated; it has none (take one)")
+    found = {(press.probe, press.calibration) for press in presses}
+    if len(found) > 1:
+        raise RecordsError("presses must be of one probe under one calibration; these are of several (choose fewer)")
+    probe, calibration = found.pop()
+    if calibration is None:
+        raise RecordsError("presses must have been taken under a calibration to be estimated; these were not")
+    return probe, calibration

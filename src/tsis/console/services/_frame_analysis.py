@@ -1,0 +1,186 @@
+"""What one frame shows: contact, grey levels, exposure, and what speaks against the press."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+
+from tsis.imaging import segment
+from tsis.model import TactileImage
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.calibration.guard import GuardFlag, PressWatch, WatchState
+    from tsis.calibration.settling import Settling
+    from tsis.instrument import Frame
+
+
+BINS = 64  # of the histogram
+OUTLINE_POINTS = 96
+LARGEST_SIDE_PX = 192  # to which a frame is thinned out before its contact is looked for
+CLIPPED, DIM = 0.001, 0.15  # shares: of pixels at full scale, and of the scale that the brightest hundredth reaches
+BRIGHT_QUANTILE = 0.99
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ForceSeen:
+    """A force and where it is known from: ``"gauge"``, ``"virtual"`` or ``"typed"``."""
+
+    value_n: float
+    source: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Seen:
+    """The contact in a frame, in its pixels.
+
+    Attributes
+    ----------
+    centroid_px
+        Mean position (x, y) weighted by the signal.
+    outline_px
+        Points (x, y) of its boundary.
+    """
+
+    centroid_px: tuple[float, float]
+    outline_px: tuple[tuple[float, float], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sight:
+    """What the newest frame shows.
+
+    Attributes
+    ----------
+    number
+        How many frames had come when it was looked at.
+    flags
+        What speaks against the press.
+    force
+        That of the press; None where nobody knows it.
+    still
+        ``"settled"``, ``"moving"``, ``"wait 4 s"``, or empty where nobody can tell.
+    contact
+        None when nothing stands out.
+    histogram
+        Pixels in `BINS` equal bins of grey levels from 0 to full scale.
+    clipped_share
+        Of the pixels at full scale.
+    warnings
+        One sentence for each thing that is wrong with the exposure.
+    """
+
+    number: int
+    flags: tuple[GuardFlag, ...]
+    force: ForceSeen | None
+    still: str
+    contact: Seen | None
+    histogram: tuple[int, ...]
+    clipped_share: float
+    warnings: tuple[str, ...]
+
+
+def look(
+    watch: PressWatch,
+    state: WatchState,
+    frame: Frame,
+    *,
+    number: int,
+    force: ForceSeen | None,
+    untouched: NDArray[np.float64] | None,
+) -> tuple[Sight, WatchState]:
+    """Look at a frame.
+
+    Parameters
+    ----------
+    watch, state
+        The press guard, and what it remembers.
+    frame
+        As the camera delivered it.
+    number
+        How many frames have come.
+    force
+        Of the press.
+    untouched
+        Grey levels of the untouched probe, `thinned`; None when nobody knows them.
+    """
+    flags, after = watch.step(state, frame, None if force is None else force.value_n)
+    counts = histogram(frame)
+    clipped = float(np.count_nonzero(frame.pixels >= frame.full_scale) / frame.pixels.size)
+    sight = Sight(
+        number=number,
+        flags=flags,
+        force=force,
+        still=stillness(after.settling),
+        contact=None if any(flag.name == "no-contact" for flag in flags) else contact(frame, untouched),
+        histogram=tuple(counts.tolist()),
+        clipped_share=clipped,
+        warnings=exposure_warnings(counts, clipped),
+    )
+    return sight, after
+
+
+def histogram(frame: Frame) -> NDArray[np.int64]:
+    """Pixels in equal bins of grey levels from 0 to full scale, shape (BINS,)."""
+    levels = np.asarray(frame.pixels)
+    if levels.dtype not in (np.uint8, np.uint16):
+        levels = levels.astype(np.float32)
+    counts = cv2.calcHist([levels], [0], None, [BINS], [0.0, frame.full_scale + 1.0])
+    return np.asarray(counts.ravel(), dtype=np.int64)
+
+
+def exposure_warnings(counts: NDArray[np.int64], clipped_share: float) -> tuple[str, ...]:
+    """What is wrong with the exposure, and the cure."""
+    bright = int(np.searchsorted(np.cumsum(counts), BRIGHT_QUANTILE * counts.sum())) / BINS
+    if clipped_share > CLIPPED:
+        return (f"{clipped_share:.1%} of the pixels are at full scale: shorten the exposure or lower the gain",)
+    if bright < DIM:
+        return (f"the frame uses {bright:.0%} of the scale: lengthen the exposure, or press",)
+    return ()
+
+
+def thinned(levels: NDArray[Any]) -> NDArray[np.float64]:
+    """A frame made so small that its contact is found quickly: means over equal areas, `LARGEST_SIDE_PX` at most."""
+    shrink = max(1.0, max(levels.shape) / LARGEST_SIDE_PX)
+    size = (max(3, round(levels.shape[1] / shrink)), max(3, round(levels.shape[0] / shrink)))
+    grey = np.asarray(levels, dtype=np.float32)  # OpenCV would round the means of whole numbers
+    return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.float64)
+
+
+def contact(frame: Frame, untouched: NDArray[np.float64] | None) -> Seen | None:
+    """The contact, looked for in a `thinned` frame; None when nothing stands out."""
+    small = thinned(frame.pixels)
+    if untouched is not None and untouched.shape == small.shape:
+        small -= untouched
+    patch = segment(TactileImage(grey=small, full_scale=frame.full_scale))
+    if not patch.found:
+        return None
+    weight = np.where(patch.mask, np.maximum(small - patch.background_grey, 0.0), 0.0)
+    total = float(weight.sum())
+    if total <= 0.0:
+        return None
+    across, down = (np.arange(count, dtype=float) for count in (small.shape[1], small.shape[0]))
+    rows, columns = frame.pixels.shape
+    back = columns / small.shape[1], rows / small.shape[0]
+
+    def full_size(x: float, y: float) -> tuple[float, float]:
+        return round((x + 0.5) * back[0] - 0.5, 2), round((y + 0.5) * back[1] - 0.5, 2)
+
+    step = max(1, len(patch.contour_px) // OUTLINE_POINTS)
+    return Seen(
+        centroid_px=full_size(float(weight.sum(axis=0) @ across) / total, float(weight.sum(axis=1) @ down) / total),
+        outline_px=tuple(full_size(float(x), float(y)) for x, y in patch.contour_px[::step]),
+    )
+
+
+def stillness(settling: Settling | None) -> str:
+    """Whether the press has settled, in a word or two."""
+    if settling is None:
+        return ""
+    if settling.settled:
+        return "settled"
+    return "moving" if settling.wait_s is None else f"wait {settling.wait_s:.0f} s"

@@ -1,0 +1,300 @@
+"""The instrument as one program holds it, whoever looks: camera, target, calibration and store."""
+
+from __future__ import annotations
+
+from contextlib import ExitStack
+from typing import TYPE_CHECKING
+
+from tsis.calibration import read_usable_calibration
+from tsis.console.services._active_calibration import CalibrationInForce
+from tsis.console.services._camera import CameraDesk
+from tsis.console.services._control import Acts, Control
+from tsis.console.services._estimates import begin_estimate
+from tsis.console.services._jobs import Jobs
+from tsis.console.services._reading import StoreInPlace, force_at, gauge_force, trouble
+from tsis.console.services._search import CameraSearch
+from tsis.console.services._sequences import SequenceTerms, begin_sequence
+from tsis.console.services._snapshots import keep_press, press_taken
+from tsis.console.services._state import BenchState, camera_state
+from tsis.console.services._watcher import Watcher
+from tsis.console.services.calibrating import CalibrationSessions
+from tsis.files import LARGEST_TARGET
+from tsis.imaging import COLOUR_MAPS
+from tsis.instrument import connect
+from tsis.model import require_integer, require_one_of
+from tsis.records.store import open_store
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+    from typing import Any, Self
+
+    from tsis.calibration import UsableCalibration
+    from tsis.console.services._frame_analysis import ForceSeen, Sight
+    from tsis.console.services._jobs import Job
+    from tsis.console.services._snapshots import Kept
+    from tsis.console.services._subject import CameraChoice
+    from tsis.console.services._terms import BenchTerms
+    from tsis.instrument import Camera
+    from tsis.instrument.acquisition import ReceivedFrame
+    from tsis.instrument.gauge import ForceLog
+    from tsis.records.store import Store
+
+
+class Bench:
+    """Camera, target, calibration and store; safe for several threads.
+
+    Whoever acts gives an identity, ``by``, and must hold the camera: `Control.take` gives it. Acts come one at a time.
+    Each raises `ControlError` when somebody else holds the camera, or another act lasts for seconds.
+
+    Parameters
+    ----------
+    terms
+        Where things are kept, and what it begins with.
+    connect_to
+        Gives a live camera by its name, as `tsis.instrument.connect`.
+
+    Raises
+    ------
+    TsisError
+        When the calibration cannot be used or the store cannot be opened.
+    """
+
+    def __init__(self, terms: BenchTerms, *, connect_to: Callable[[str], Camera] = connect) -> None:
+        # What can fail comes first, so that nothing is left running then.
+        given = None if terms.calibration is None else read_usable_calibration(terms.calibration)
+        self.store: Store = open_store(terms.store, kind=terms.kind, database=terms.database)
+        self.control, self.jobs, self._place = Control(), Jobs(), StoreInPlace(self.store)
+        self._acts, self.search = Acts(self.control), CameraSearch(self.jobs)
+        self.terms, self._target = terms, 1
+        self._gauge: ForceLog | None = None
+        self.desk = CameraDesk(terms.choice, changed=lambda: self._watcher.begin_anew(), connect_to=connect_to)
+        self._in_force = CalibrationInForce(self.desk, given)
+        self.calibrating = CalibrationSessions(
+            terms.workspace / "calibrations",
+            control=self.control,
+            jobs=self.jobs,
+            desk=self.desk,
+            gauge=lambda: self._gauge,
+        )
+        self._watcher = Watcher(lambda: self.desk.acquisition, lambda: self._in_force.now().compared, self._force)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Let go of camera, gauge and store; a sequence under way is ended as a whole one. Again it does nothing."""
+        with ExitStack() as left:  # the last first, and each whatever becomes of the others
+            left.callback(self.store.close)
+            if self._gauge is not None:
+                left.callback(self._gauge.stop)
+            left.callback(self.desk.close)
+            left.callback(self._watcher.close)
+            left.callback(self.jobs.close)
+            left.callback(self._acts.close)
+
+    @property
+    def calibration(self) -> UsableCalibration | None:
+        """The one in force: that which was given, else the virtual probe's own; None while it does not fit."""
+        return self._in_force.now().known
+
+    @property
+    def sight(self) -> Sight | None:
+        """What the newest frame shows; None while none is looked at."""
+        return self._watcher.sight
+
+    def state(self) -> BenchState:
+        """Everything that pages show; it never waits for the camera nor for an act."""
+        in_force, gauge, sequence = self._in_force.now(), self._gauge, self._acts.sequence
+        known, camera = in_force.known, camera_state(self.desk, in_force.scale)
+        return BenchState(
+            camera=camera,
+            target=self._target,
+            role=self.desk.role,
+            roles=self.desk.roles,
+            force_n=self.desk.force_n,
+            calibration="" if known is None else known.known.name,
+            calibration_identity="" if known is None else known.identity,
+            sight=self.sight,
+            holder=self.control.holder(),
+            sequence=None if sequence is None else sequence.state(),
+            jobs=self.jobs.states(),
+            trouble=trouble(camera, gauge, in_force.why, self._watcher.failure, store_gone=self._place.trouble()),
+            busy=self._acts.busy,
+            gauge="" if gauge is None else gauge.name,
+        )
+
+    def choose(self, choice: CameraChoice, *, by: str) -> None:
+        """Take another camera, not yet started; a calibration that was given stays in force where it fits."""
+        with self._acts.act(by, "choosing a camera", instead="another camera can be chosen"):
+            self.desk.choose(choice)
+            self._watcher.begin_anew()
+
+    def start(self, *, by: str) -> None:
+        """Start the camera; errors as `CameraDesk.start`. When it runs already, nothing happens."""
+        with self._acts.act(by, "starting the camera"):
+            self.desk.start()
+
+    def stop(self, *, by: str) -> None:
+        """Stop the camera."""
+        with self._acts.act(by, "stopping the camera", instead="the camera can be stopped"):
+            self.desk.stop()
+
+    def adjust(self, name: str, value: float, *, by: str) -> None:
+        """Change a setting of the camera; errors as `Acquisition.adjust`."""
+        with self._acts.act(by, "changing a setting"):
+            self.desk.adjust(name, value)
+
+    def preset(self, name: str, *, by: str) -> None:
+        """Make all settings of a preset: ``"default"`` or ``"minimal"``."""
+        with self._acts.act(by, "changing settings"):
+            self.desk.preset(name)
+
+    def set_target(self, number: int, *, by: str) -> None:
+        """Choose the target that snapshots go to, in [1, 99999]."""
+        with self._acts.act(by, "choosing a target"):
+            self._target = require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target")
+
+    def step_target(self, many: int, *, by: str) -> None:
+        """Choose the target so many after the present one, whichever that is when it is done; before where negative."""
+        with self._acts.act(by, "choosing a target"):
+            self._target = require_integer(
+                "target", self._target + many, 1, LARGEST_TARGET, hint="number of the target"
+            )
+
+    def hold(self, *, role: str | None = None, force_n: float | None = None, forget: bool = False, by: str) -> None:
+        """Say what is pressed and how hard; the virtual probe is lifted and held there. As of `CameraDesk.wanted`.
+
+        Raises
+        ------
+        InputError, MechanicsError
+            When it cannot be pressed so; the press is as it was.
+        ControlError
+            When it would be another role than that of the sequence under way.
+        """
+        with self._acts.act(by, "moving the probe" if self.desk.choice.is_virtual else "noting the press"):
+            wanted, force_n = self.desk.wanted(role, force_n, forget=forget)
+            if wanted != self.desk.role:
+                self._acts.require_no_sequence("something else can be pressed")
+            self.desk.hold(wanted, force_n)
+            self._watcher.begin_anew()
+
+    def forget_force(self, *, by: str) -> None:
+        """Say that nobody knows the force any more; that of the virtual probe, which stays, is always known."""
+        self.control.require(by)
+        if not self.desk.choice.is_virtual:
+            self.hold(forget=True, by=by)
+
+    def use_calibration(self, known: UsableCalibration | None, *, by: str) -> None:
+        """Put a calibration in force; None for the virtual probe's own, or none.
+
+        Raises
+        ------
+        CalibrationError
+            When it is expired, or of another probe, camera, setting or size of frames than what runs.
+        """
+        with self._acts.act(by, "putting a calibration in force", instead="another calibration can be put in force"):
+            self._in_force.use(known)
+            self._watcher.begin_anew()
+
+    def use_gauge(self, log: ForceLog | None, *, by: str) -> None:
+        """Read forces from a started gauge, which is stopped when the next one is given; None for no gauge."""
+        with self._acts.act(by, "changing the gauge", instead="another gauge can be used"):
+            before, self._gauge = self._gauge, log
+            if before is not None and before is not log:
+                before.stop()
+
+    def snapshot(self, *, by: str, map_name: str = "viridis") -> Kept:
+        """Keep the press as it is seen now: its files and the press in the store.
+
+        Raises
+        ------
+        CameraError
+            When no frame comes.
+        GaugeError
+            When there is a gauge and it does not tell the force.
+        FileInputError
+            When the files cannot be written; nothing is kept then.
+        RecordsError
+            When the store does not take the press, whose files stay then.
+        """
+        require_one_of("colour map", map_name, COLOUR_MAPS)
+        with self._acts.act(by, "keeping a press"):
+            self.desk.look()  # somebody may have changed a setting elsewhere
+            arrival, gauge = self.desk.fresh(), self._gauge
+            force = self._force(arrival) if gauge is None else gauge_force(gauge, arrival)
+            return keep_press(
+                press_taken(arrival, desk=self.desk, in_force=self._in_force.now(), force=force),
+                number=self._target,
+                workspace=self.terms.workspace,
+                store=self.store,
+                map_name=map_name,
+            )
+
+    def begin_sequence(self, *, seconds: float | None = None, frames: int | None = None, by: str) -> Job:
+        """Record every frame until so many have come or so much time has passed; it goes on when the browser closes.
+
+        Raises
+        ------
+        InputError, CameraError, FileInputError
+            As `SequenceTerms` and `begin_sequence`.
+        ControlError
+            When a sequence is under way.
+        """
+        with self._acts.act(by, "beginning a sequence", instead="another sequence can begin"):
+            self._acts.sequence = sequence = begin_sequence(
+                self.jobs,
+                self.desk.acquisition,
+                SequenceTerms(target=self._target, seconds=seconds, frames=frames),
+                workspace=self.terms.workspace,
+                gauge=self._gauge,
+                typed_n=lambda: self.desk.force_n,
+                about=self._about,
+            )
+            return sequence
+
+    def end_sequence(self, *, by: str) -> None:
+        """End the sequence under way; what was recorded stays. Without one nothing happens."""
+        self.control.require(by)
+        if self._acts.sequence is not None:
+            self._acts.sequence.end()
+
+    def end_job(self, identity: str, *, by: str) -> Job:
+        """Ask a job to end: what follows the camera is ended by who holds it, other work by anybody.
+
+        Raises
+        ------
+        InputError
+            When there is no such job.
+        ControlError
+            When somebody else holds the camera that it follows.
+        """
+        job = self.jobs.get(identity)
+        if job.follows_camera:
+            self.control.require(by)
+        job.end()
+        return job
+
+    def estimate(
+        self,
+        number: int,
+        *,
+        kind: str = "inclusion",
+        presses: Sequence[str] | None = None,
+        options: Mapping[str, Any] | None = None,
+    ) -> Job:
+        """Estimate a stored target in the background; the job's result is the `StoredEstimate`. It needs no camera.
+
+        Parameters as of `estimate_target`; `InputError` when there is no such target or kind, or an option is unknown.
+        """
+        return begin_estimate(self.jobs, self.store, number, kind=kind, presses=presses, options=options)
+
+    def _about(self) -> dict[str, Any]:
+        """What is recorded, as the camera is set now."""
+        self.desk.look()  # somebody may have changed a setting elsewhere
+        return {"role": self.desk.role, **self._in_force.now().told()}
+
+    def _force(self, arrival: ReceivedFrame) -> ForceSeen | None:
+        return force_at(arrival, self._gauge, self.desk.force_n)

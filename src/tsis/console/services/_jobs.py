@@ -1,0 +1,300 @@
+"""Work that takes longer than a click: done in a thread, told of in shares, ended when asked."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+import uuid
+from collections import OrderedDict, deque
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from tsis.errors import ControlError, InputError, TsisError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+AT_ONCE, REMEMBERED = 2, 50
+RESULTS = 10  # that are kept of jobs which are over: some hold pictures and samples
+CLOSE_S = 3.0  # for which jobs are waited for that were asked to end
+LONGEST_SENTENCE = 600
+RUNNING, DONE, FAILED, ENDED = "running", "done", "failed", "ended"
+_log = logging.getLogger(__name__)
+
+
+class Ended(Exception):  # noqa: N818 - no error, but how work that was asked to end leaves its loops
+    """Raised inside work when somebody asked it to end."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class JobState:
+    """How far a job is.
+
+    Attributes
+    ----------
+    identity, title
+        Its own, and what people see.
+    status
+        ``"running"``, also while it waits for its turn, ``"done"``, ``"failed"`` or ``"ended"``.
+    done, total
+        Steps done, and in all; 0 in all where nobody can tell.
+    sentence
+        Why it failed, or what came out.
+    """
+
+    identity: str
+    title: str
+    status: str
+    done: int = 0
+    total: int = 0
+    sentence: str = ""
+
+    @property
+    def running(self) -> bool:
+        """Whether it is under way, or waits for its turn."""
+        return self.status == RUNNING
+
+    @property
+    def share(self) -> float:
+        """Of the steps that are done, in [0, 1]; 0 also where nobody can tell."""
+        return self.done / self.total if self.total else 0.0
+
+
+class Job:
+    """One piece of work under way or done; safe for several threads.
+
+    Parameters
+    ----------
+    title
+        What people see.
+    follows_camera
+        Whether it takes frames, so that who holds the camera alone may end it.
+    after
+        Called once it is over, however it ended, also before its first step.
+    """
+
+    def __init__(self, title: str, *, follows_camera: bool = False, after: Callable[[], object] = lambda: None) -> None:
+        self.identity, self.title, self.follows_camera = uuid.uuid4().hex, title, follows_camera
+        self._after = after
+        self._lock, self._finished, self._ending = threading.Lock(), threading.Event(), threading.Event()
+        self._status, self._done, self._total, self._sentence = RUNNING, 0, 0, ""
+        self._result: Any = None
+
+    def state(self) -> JobState:
+        """How far it is."""
+        with self._lock:
+            return JobState(
+                identity=self.identity,
+                title=self.title,
+                status=self._status,
+                done=self._done,
+                total=self._total,
+                sentence=self._sentence,
+            )
+
+    @property
+    def result(self) -> Any:
+        """What it returned; None before it is done."""
+        return self._result
+
+    def without_result(self) -> Job:
+        """The same job that is over, for those who ask for it later; what it returned is with those who hold it."""
+        told = Job(self.title, follows_camera=self.follows_camera)
+        state, told.identity = self.state(), self.identity
+        told._status, told._done, told._total, told._sentence = state.status, state.done, state.total, state.sentence
+        told._finished.set()
+        return told
+
+    @property
+    def ending(self) -> bool:
+        """Whether somebody asked it to end."""
+        return self._ending.is_set()
+
+    def end(self) -> None:
+        """Ask it to end; it does so at its next step, and before its first when it has not begun."""
+        self._ending.set()
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait until it is over; False when the time is."""
+        return self._finished.wait(timeout_s)
+
+    def tell(self, done: int, total: int) -> None:
+        """Tell (steps done, steps in all)."""
+        with self._lock:
+            self._done, self._total = done, total
+
+    def say(self, sentence: str) -> None:
+        """Tell what came out, for people."""
+        with self._lock:
+            self._sentence = sentence
+
+    def advance(self, done: int, total: int) -> None:
+        """Tell (steps done, steps in all), and leave when it was asked to end: the ``progress`` of calls.
+
+        Raises
+        ------
+        Ended
+            When somebody asked it to end.
+        """
+        self.tell(done, total)
+        if self._ending.is_set():
+            raise Ended
+
+    def run(self, work: Callable[[Job], Any]) -> None:
+        """Do the work, before `finish`; an error of whatever kind becomes its sentence."""
+        status = DONE
+        sentence: str | None = None
+        try:
+            self.advance(0, 0)
+            self._result = work(self)
+        except Ended:
+            status, sentence = ENDED, f"{self.title}: ended as you asked"
+        except TsisError as error:
+            status, sentence = FAILED, _words(error)
+        except BaseException as error:  # whatever it was, nobody else would ever hear of it
+            _log.exception("a job failed: %s", self.title)
+            status, sentence = FAILED, f"{self.title} failed: {type(error).__name__}: {_words(error)}"
+        try:
+            self._after()
+        except Exception:
+            _log.exception("what follows a job failed: %s", self.title)
+        with self._lock:
+            self._status = status
+            self._sentence = self._sentence if sentence is None else sentence
+
+    def finish(self) -> None:
+        """Let those go on who wait for it."""
+        self._finished.set()
+
+
+class Jobs:
+    """The jobs of a console: few at once, the last ones remembered, of fewer what they returned; for several threads.
+
+    Threads of jobs do not keep the program from ending: what they store is whole or absent whenever that happens.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._jobs: OrderedDict[str, Job] = OrderedDict()
+        self._waiting: deque[tuple[Job, Callable[[Job], Any]]] = deque()
+        self._returned: deque[str] = deque()  # identities of those whose results are kept, the last to end at the end
+        self._working = 0
+        self._closed = False
+
+    def begin(
+        self,
+        title: str,
+        work: Callable[[Job], Any],
+        *,
+        at_once: bool = False,
+        after: Callable[[], object] = lambda: None,
+    ) -> Job:
+        """Begin work that gets its `Job`.
+
+        Parameters
+        ----------
+        title
+            What people see.
+        work
+            What is done; what it returns becomes the job's result.
+        at_once
+            Whether it follows the camera: it begins now, whatever is under way, and is of who holds the camera.
+        after
+            Called once it is over, however it ended; never where it was not begun.
+
+        Raises
+        ------
+        ControlError
+            When too much waits already, or the console is being ended.
+        """
+        job = Job(title, follows_camera=at_once, after=after)
+        with self._lock:
+            if self._closed:
+                raise ControlError("the console is being ended; nothing can be begun any more (start it again)")
+            running = sum(each.state().running for each in self._jobs.values())
+            if not at_once and running >= REMEMBERED:
+                raise ControlError(f"at most {REMEMBERED} jobs may wait at once; wait until one is done")
+            self._jobs[job.identity] = job
+            self._forget()
+            if at_once:
+                _thread(self._run, job, work)
+            else:
+                self._waiting.append((job, work))
+                if self._working < AT_ONCE:
+                    self._working += 1
+                    _thread(self._work)
+        return job
+
+    def get(self, identity: str) -> Job:
+        """The job of that identity; `InputError` when there is none."""
+        with self._lock:
+            job = self._jobs.get(identity)
+        if job is None:
+            raise InputError(f"job must be one of this console's last {REMEMBERED}; got {identity!r:.40}")
+        return job
+
+    def states(self) -> tuple[JobState, ...]:
+        """All that are remembered, the newest last."""
+        with self._lock:
+            jobs = list(self._jobs.values())
+        return tuple(job.state() for job in jobs)
+
+    def close(self, *, patience_s: float = CLOSE_S) -> None:
+        """Ask all to end, take no more, and wait a while for those that are under way."""
+        with self._lock:
+            self._closed = True
+            jobs = list(self._jobs.values())
+            waiting, self._waiting = self._waiting, deque()
+        for job in jobs:
+            job.end()
+        for job, work in waiting:
+            self._run(job, work)  # which ends before its first step
+        until_s = time.monotonic() + patience_s
+        for job in jobs:
+            job.wait(max(0.0, until_s - time.monotonic()))
+
+    def _work(self) -> None:
+        """Do what waits, and go when nothing does."""
+        while True:
+            with self._lock:
+                if not self._waiting:
+                    self._working -= 1
+                    return
+                job, work = self._waiting.popleft()
+            self._run(job, work)
+
+    def _run(self, job: Job, work: Callable[[Job], Any]) -> None:
+        job.run(work)
+        if job.result is not None:
+            self._keep_result(job)
+        job.finish()  # not before: what is begun after this one ends after it
+
+    def _keep_result(self, job: Job) -> None:
+        with self._lock:
+            self._returned.append(job.identity)
+            while len(self._returned) > RESULTS:
+                old = self._returned.popleft()
+                if old in self._jobs:
+                    self._jobs[old] = self._jobs[old].without_result()
+
+    def _forget(self) -> None:
+        for identity, job in list(self._jobs.items()):
+            if len(self._jobs) <= REMEMBERED:
+                return
+            if not job.state().running:
+                del self._jobs[identity]
+
+
+def _thread(target: Callable[..., None], *given: object) -> None:
+    threading.Thread(target=target, args=given, name="job", daemon=True).start()
+
+
+def _words(error: BaseException) -> str:
+    """What an error says, in one line; errors of libraries may say nothing, too much, or fail to say it."""
+    try:
+        words = " ".join(str(error).split())
+    except Exception:
+        words = ""
+    return words[:LONGEST_SENTENCE] or "it did not say why"

@@ -1,0 +1,100 @@
+"""What instruments say at a frame, and what is wrong with them."""
+
+from __future__ import annotations
+
+import time
+from typing import TYPE_CHECKING
+
+from tsis.console.services._frame_analysis import ForceSeen
+from tsis.files import printable_path
+from tsis.virtual import FORCE
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tsis.console.services._state import CameraState
+    from tsis.instrument.acquisition import ReceivedFrame
+    from tsis.instrument.gauge import ForceLog
+    from tsis.records.store import Store
+
+
+HOLDS_S = 1.0  # a reading older than this tells nothing of the press now
+GAUGE_WAIT_S = 1.0
+STORE_LOOKED_AT_S = 1.0  # the state is asked for often, and the disk need not be
+
+
+def force_at(arrival: ReceivedFrame, log: ForceLog | None, typed_n: float | None) -> ForceSeen | None:
+    """The force of a press that is looked at: the newest reading, for a live view does not wait for the next one."""
+    if log is not None:
+        readings = log.readings(since_s=arrival.arrived_s - HOLDS_S)
+        return ForceSeen(value_n=max(0.0, readings[-1].force_n), source="gauge") if readings else None
+    if arrival.frame.settings.get("source") == "virtual" and FORCE in arrival.frame.settings:
+        return ForceSeen(value_n=float(arrival.frame.settings[FORCE]), source="virtual")
+    return None if typed_n is None else ForceSeen(value_n=typed_n, source="typed")
+
+
+def gauge_force(log: ForceLog, arrival: ReceivedFrame, *, wait_s: float = GAUGE_WAIT_S) -> ForceSeen:
+    """The gauge's force at a frame that is kept, once the reading after it has come; `GaugeError` when none comes."""
+    log.wait_until(arrival.arrived_s, timeout_s=wait_s)
+    return ForceSeen(value_n=max(0.0, log.at(arrival.arrived_s).force_n), source="gauge")
+
+
+class StoreInPlace:
+    """Looks now and then whether the store is still where it was opened.
+
+    Parameters
+    ----------
+    store
+        Which one.
+    clock
+        Tells the time, s.
+    """
+
+    def __init__(self, store: Store, *, clock: Callable[[], float] = time.monotonic) -> None:
+        self._store, self._clock = store, clock
+        self._seen = (clock(), False)
+
+    def trouble(self) -> str:
+        """Where it is gone from; empty while it is there."""
+        now, (seen_s, gone) = self._clock(), self._seen
+        if now - seen_s >= STORE_LOOKED_AT_S:
+            gone = self._store.database.moved()
+            self._seen = now, gone
+        return printable_path(self._store.folder) if gone else ""
+
+
+def trouble(
+    camera: CameraState, log: ForceLog | None, unfit: str, watching: str, *, store_gone: str = ""
+) -> tuple[str, ...]:
+    """One sentence for each thing that people must know, the most urgent first.
+
+    Parameters
+    ----------
+    camera
+        How it is.
+    log
+        The gauge in use; None without one.
+    unfit
+        Why the calibration is not in force; empty where it is, or none is wanted.
+    watching
+        Why frames cannot be looked at; empty where they can.
+    store_gone
+        Where the store is gone from; empty while it is there.
+    """
+    found = []
+    if store_gone:
+        found.append(
+            f"The store in {store_gone} was moved or replaced since it was opened, and nothing can be kept: "
+            "put it back, or start anew."
+        )
+    if camera.lost:
+        why = f": {camera.failure}" if camera.failure else ""
+        found.append(f"The camera is away{why}. It is being connected anew; what was kept is safe.")
+    gauge = None if log is None else log.state()
+    if gauge is not None and not gauge.running:
+        found.append(f"The gauge is away: {gauge.error or 'its readings were ended'}.")
+    if unfit:
+        found.append(f"The calibration is not in force, and presses are kept without one: {unfit}.")
+    if watching:
+        found.append(f"The press cannot be judged: {watching}.")
+    return tuple(found)

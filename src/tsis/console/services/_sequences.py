@@ -1,0 +1,170 @@
+"""A sequence of frames onto the disk, as a job that outlives the page that began it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+from tsis.console.services._reading import force_at, gauge_force
+from tsis.errors import CameraError, FileInputError, GaugeError, InputError
+from tsis.files import target_folder
+from tsis.instrument.recording import FrameFolder, FurtherColumns, record
+from tsis.model import require_integer, require_number
+from tsis.report import free_folder
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from pathlib import Path
+
+    from tsis.console.services._jobs import Job, Jobs
+    from tsis.instrument.acquisition import Acquisition, ReceivedFrame
+    from tsis.instrument.gauge import ForceLog
+
+
+SHORTEST_S, LONGEST_S, MOST_FRAMES = 0.1, 3600.0, 200_000
+TENTHS = 10
+GAUGE_WAIT_S = 0.25
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SequenceTerms:
+    """What is to be recorded.
+
+    Parameters
+    ----------
+    target
+        Number of the target.
+    seconds, frames
+        Its one end: after so long, in [0.1, 3600] s, or so many frames, in [1, 200000].
+
+    Raises
+    ------
+    InputError
+        When neither or both ends are given, or one lies outside its range.
+    """
+
+    target: int
+    seconds: float | None = None
+    frames: int | None = None
+
+    def __post_init__(self) -> None:
+        if (self.seconds is None) == (self.frames is None):
+            raise InputError("a sequence must have one end: give seconds or frames")
+        if self.seconds is not None:
+            require_number("seconds", self.seconds, SHORTEST_S, LONGEST_S, hint="seconds")
+        if self.frames is not None:
+            object.__setattr__(self, "frames", require_integer("frames", self.frames, 1, MOST_FRAMES))
+
+
+def begin_sequence(
+    jobs: Jobs,
+    acquisition: Acquisition | None,
+    terms: SequenceTerms,
+    *,
+    workspace: Path,
+    gauge: ForceLog | None,
+    typed_n: Callable[[], float | None],
+    about: Callable[[], Mapping[str, Any]],
+) -> Job:
+    """Begin to record; the job's result is a mapping of ``folder`` and the report of the recording.
+
+    Beside each frame the index says the force, where one is known: of the gauge, the virtual probe, or as typed.
+
+    Parameters
+    ----------
+    jobs
+        Where it is done.
+    acquisition
+        The running camera.
+    terms
+        What is to be recorded.
+    workspace
+        Holds the targets' folders; the sequence gets a new one in its target's.
+    gauge, typed_n
+        As of `force_at`; the typed force is asked for at each frame, for it may be typed anew meanwhile.
+    about
+        Asked at the beginning what else the report's file should hold, and again at the end: what differs then, as a
+        calibration that another setting has put out of force, is told beside it as ``..._at_end``.
+
+    Raises
+    ------
+    CameraError
+        When the camera does not run.
+    FileInputError
+        When the folder cannot be made.
+    """
+    if acquisition is None:
+        raise CameraError("the camera must run to record a sequence; it is stopped (start it)")
+    if acquisition.lost:
+        raise CameraError(f"{acquisition.name} is away; no sequence was begun (wait until it is back)")
+    begun = about()
+    folder = _made(workspace / target_folder(terms.target) / "sequence")
+    forces = _Forces(gauge, typed_n)
+
+    def about_all() -> dict[str, Any]:
+        told = {} if gauge is None else {"gauge": {"frames_without_force": forces.without, **asdict(gauge.state())}}
+        differing = {f"{name}_at_end": value for name, value in about().items() if value != begun[name]}
+        return {"target": terms.target, **begun, **differing, **told}
+
+    def work(job: Job) -> dict[str, Any]:
+        report = record(
+            acquisition,
+            FrameFolder(folder),
+            folder,
+            frames=terms.frames,
+            seconds=terms.seconds,
+            stopped=lambda: job.ending,
+            progress=lambda kept, passed_s: _tell(job, terms, kept, passed_s),
+            beside=FurtherColumns(names=forces.NAMES, of=forces.of),
+            about=about_all,
+        )
+        if report.kept == 0:
+            raise CameraError(f"nothing was recorded: {report.ended_by or 'no frame came'}")
+        missing = f"; {report.missed} lost on the way, {report.overrun} that the disk did not take"
+        early = f"; ended early: {report.ended_by}" if report.ended_by else ""
+        job.say(f"{report.kept} frames in {report.seconds:.1f} s{missing}{early}: {folder}")
+        return {"folder": str(folder.resolve()), "report": asdict(report)}
+
+    return jobs.begin(f"sequence of target {terms.target}", work, at_once=True)
+
+
+class _Forces:
+    """Force at each frame, newtons, and where it is known from; empty where nobody knows it."""
+
+    NAMES = ("force_n", "force_source")
+
+    def __init__(self, gauge: ForceLog | None, typed_n: Callable[[], float | None]) -> None:
+        self._gauge, self._typed_n = gauge, typed_n
+        self._wait_s, self.without = GAUGE_WAIT_S, 0
+
+    def of(self, arrival: ReceivedFrame) -> tuple[str, str]:
+        """The columns of a frame."""
+        if self._gauge is None:
+            seen = force_at(arrival, None, self._typed_n())
+            return ("", "") if seen is None else (f"{seen.value_n:.6f}", seen.source)
+        try:
+            found = gauge_force(self._gauge, arrival, wait_s=self._wait_s)
+        except GaugeError:
+            self._wait_s = 0.0  # a gauge that is silent must not hold up the frames
+            self.without += 1
+            return "", ""
+        self._wait_s = GAUGE_WAIT_S
+        return f"{found.value_n:.6f}", found.source
+
+
+def _made(wanted: Path) -> Path:
+    folder = free_folder(wanted)
+    try:
+        folder.mkdir(parents=True)
+    except OSError as error:
+        raise FileInputError(
+            f"{str(folder)!r:.120} must be a folder that can be made; got: {error.strerror or error} (free some space)"
+        ) from error
+    return folder
+
+
+def _tell(job: Job, terms: SequenceTerms, kept: int, passed_s: float) -> None:
+    if terms.frames is not None:
+        job.tell(kept, terms.frames)
+    elif terms.seconds is not None:
+        job.tell(int(TENTHS * min(passed_s, terms.seconds)), int(TENTHS * terms.seconds))

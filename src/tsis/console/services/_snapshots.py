@@ -1,0 +1,213 @@
+"""A press kept: its files in the workspace, and the press in the store of records."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING, Any
+
+from tsis.calibration.guard import check_press
+from tsis.errors import ControlError, InputError, RecordsError, TsisError
+from tsis.imaging import colour_map
+from tsis.instrument import save_snapshot
+from tsis.records.importing import new_target, numbered, truth_note
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tsis.calibration import UsableCalibration
+    from tsis.calibration.guard import GuardFlag, GuardReference
+    from tsis.console.services._active_calibration import InForce
+    from tsis.console.services._camera import CameraDesk
+    from tsis.console.services._frame_analysis import ForceSeen
+    from tsis.instrument import Frame, Snapshot
+    from tsis.instrument.acquisition import ReceivedFrame
+    from tsis.model import TactileImage
+    from tsis.records import StoredPress, Target
+    from tsis.records.store import Store
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PressTaken:
+    """A press about to be kept.
+
+    Attributes
+    ----------
+    frame
+        As the camera gave it.
+    when
+        When it came, with the zone of this place.
+    image
+        The same with scale and force.
+    force
+        That of the press; None where nobody knows it.
+    role
+        What was pressed.
+    probe
+        Name of the probe; empty where nobody said.
+    calibration
+        In force; None without one.
+    reference
+        What the press guard compares with.
+    name, truth
+        Of a new target.
+    virtual
+        Whether the virtual probe pressed it.
+    """
+
+    frame: Frame
+    when: datetime
+    image: TactileImage
+    force: ForceSeen | None
+    role: str
+    probe: str
+    calibration: UsableCalibration | None
+    reference: GuardReference
+    name: str
+    truth: Mapping[str, float]
+    virtual: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Kept:
+    """A press that is on the disk and in the store.
+
+    Attributes
+    ----------
+    files
+        Its files in the workspace.
+    target, press
+        In the store.
+    flags
+        What spoke against it.
+    notes
+        What to know of it.
+    """
+
+    files: Snapshot
+    target: Target
+    press: StoredPress
+    flags: tuple[GuardFlag, ...]
+    notes: tuple[str, ...]
+
+
+def keep_press(taken: PressTaken, *, number: int, workspace: Path, store: Store, map_name: str) -> Kept:
+    """Keep a press under the number of a target, which is entered when there is none.
+
+    Raises
+    ------
+    ControlError
+        When the virtual probe is on another phantom than the target, or the store is of subjects; nothing is kept then.
+    FileInputError
+        When the files cannot be written; nothing is left of them then.
+    RecordsError
+        When the store does not take the press. Its files stay, for nobody can press the same again; the sentence names
+        them, and ``tsis records import`` enters them.
+    """
+    if taken.virtual:  # which can press the same again; a press of a real probe is kept whatever is known of its target
+        _require_same_phantom(store, taken, number)
+    flags = check_press(taken.image, reference=taken.reference)
+    files = save_snapshot(
+        taken.frame,
+        workspace,
+        target=number,
+        when=taken.when,
+        colour=lambda frame: _coloured(frame, map_name),
+        about=_about(taken, flags),
+    )
+    try:
+        target, notes = _target(store, taken, number)
+        press = store.add_press(
+            target,
+            taken.image,
+            role=taken.role,
+            taken=taken.when.astimezone(UTC),
+            probe=taken.probe,
+            calibration=None if taken.calibration is None else taken.calibration.known,
+            flags=tuple(flag.name for flag in flags),
+        )
+    except TsisError as error:
+        raise RecordsError(
+            f"the files are in {files.raw.parent}, but the press could not be kept in the store: {error} "
+            f"(when that is mended, enter it with: tsis records import {files.sidecar})"
+        ) from error
+    return Kept(files=files, target=target, press=press, flags=flags, notes=notes)
+
+
+def press_taken(arrival: ReceivedFrame, *, desk: CameraDesk, in_force: InForce, force: ForceSeen | None) -> PressTaken:
+    """A frame that came as a press of what the desk holds, under the calibration in force."""
+    stage = desk.stage
+    return PressTaken(
+        frame=arrival.frame,
+        when=_moment(arrival),
+        image=arrival.frame.tactile_image(
+            mm_per_pixel=in_force.scale, force_n=None if force is None else force.value_n
+        ),
+        force=force,
+        role=desk.role,
+        probe=in_force.probe,
+        calibration=in_force.known,
+        reference=in_force.reference,
+        name="" if stage is None else stage.name,
+        truth={} if stage is None else stage.truth,
+        virtual=stage is not None,
+    )
+
+
+def _moment(arrival: ReceivedFrame) -> datetime:
+    """When a frame came, with the zone of this place."""
+    return datetime.now().astimezone() - timedelta(seconds=max(0.0, time.monotonic() - arrival.arrived_s))
+
+
+def _target(store: Store, taken: PressTaken, number: int) -> tuple[Target, tuple[str, ...]]:
+    """The target of that number, entered where there is none, and what to know of it."""
+    truth = taken.truth if store.kind == "phantom" else {}
+    target = numbered(store, number)
+    if target is None:
+        try:
+            return new_target(store, [taken.image], number=number, name=taken.name, truth=truth), ()
+        except InputError:
+            target = numbered(store, number)  # somebody else has entered it this moment
+            if target is None:
+                raise
+    return target, tuple(truth_note(truth, target))
+
+
+def _require_same_phantom(store: Store, taken: PressTaken, number: int) -> None:
+    """Refuse, with `ControlError`, what would mix presses of several phantoms, or of a phantom with those of people."""
+    if store.kind != "phantom":
+        raise ControlError(
+            f"the virtual probe presses phantoms, which a store of {store.kind}s does not keep: start the console with "
+            "--kind phantom, or choose a camera"
+        )
+    target = numbered(store, number)
+    if target is not None and target.truth and dict(target.truth) != dict(taken.truth):
+        raise ControlError(
+            f"target {number} is of {_phantom_words(target.name, target.truth)}; the virtual probe is on "
+            f"{_phantom_words(taken.name, taken.truth)} now: choose another target with + or type its number"
+        )
+
+
+def _phantom_words(name: str, truth: Mapping[str, float]) -> str:
+    """A phantom by its name and what is in it, for two may have the same name."""
+    values = ", ".join(f"{each} {value:g}" for each, value in sorted(truth.items()))
+    return f"{name or 'another phantom'} ({values or 'no inclusion'})"
+
+
+def _about(taken: PressTaken, flags: tuple[GuardFlag, ...]) -> dict[str, Any]:
+    return {
+        "role": taken.role,
+        "probe": taken.probe,
+        "calibration": None if taken.calibration is None else taken.calibration.citation(),
+        "force": None if taken.force is None else {"force_n": taken.force.value_n, "source": taken.force.source},
+        "flags": [asdict(flag) for flag in flags],
+    }
+
+
+def _coloured(frame: Frame, map_name: str) -> NDArray[np.uint8]:
+    return colour_map(frame.tactile_image(), name=map_name)

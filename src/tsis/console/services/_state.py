@@ -1,0 +1,147 @@
+"""How the camera is, as one value."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from tsis.console.services._subject import UNTOUCHED
+
+if TYPE_CHECKING:
+    from tsis.console.services._camera import CameraDesk
+    from tsis.console.services._control import Holder
+    from tsis.console.services._frame_analysis import Sight
+    from tsis.console.services._jobs import JobState
+    from tsis.console.services._subject import CameraChoice
+    from tsis.instrument import Setting
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraState:
+    """How the camera is.
+
+    Attributes
+    ----------
+    choice, name, mode, modes
+        Which, and its modes by their labels; empty while it is stopped.
+    running, lost
+        Whether frames are wanted; whether they stay away nevertheless.
+    failure
+        Why they stayed away last; empty when they never did.
+    received, missed, interruptions, frames_per_s
+        As `tsis.instrument.acquisition.Account`.
+    rows, columns, full_scale
+        Of a frame; 0 before the first.
+    mm_per_pixel
+        Size (x, y) of a pixel on the face; None when nobody knows it.
+    settings
+        What can be adjusted now.
+    """
+
+    choice: CameraChoice
+    name: str = ""
+    mode: str = ""
+    modes: tuple[str, ...] = ()
+    running: bool = False
+    lost: bool = False
+    failure: str = ""
+    received: int = 0
+    missed: int = 0
+    interruptions: int = 0
+    frames_per_s: float = 0.0
+    rows: int = 0
+    columns: int = 0
+    full_scale: float = 0.0
+    mm_per_pixel: tuple[float, float] | None = None
+    settings: tuple[Setting, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BenchState:
+    """How the bench is.
+
+    Attributes
+    ----------
+    camera
+        The camera.
+    target
+        Number of the target that snapshots go to.
+    role, roles
+        What is pressed, and what may be.
+    force_n
+        As typed, or that of the virtual probe, which for "untouched" is kept for the next press; None where nobody
+        typed one.
+    calibration, calibration_identity
+        Name and SHA-256 of the one in force; empty without one, and while the one that was given does not fit the
+        camera as it is set, of which ``trouble`` tells.
+    sight
+        What the newest frame shows.
+    holder
+        Who holds the camera.
+    sequence
+        The sequence under way or the last one; None before the first.
+    jobs
+        Longer work, the newest last.
+    trouble
+        One sentence for each thing that people must know; most urgent first.
+    busy
+        What is being done now that others must wait for, as ``"starting the camera"``; empty when nothing is.
+    gauge
+        Name of the gauge that forces are read from; empty without one.
+    """
+
+    camera: CameraState
+    target: int
+    role: str
+    roles: tuple[str, ...]
+    force_n: float | None
+    calibration: str
+    calibration_identity: str
+    sight: Sight | None
+    holder: Holder | None
+    sequence: JobState | None
+    jobs: tuple[JobState, ...]
+    trouble: tuple[str, ...]
+    busy: str = ""
+    gauge: str = ""
+
+    @property
+    def lifted(self) -> bool:
+        """Whether the virtual probe touches nothing: its force is 0 then, whatever is kept for the next press."""
+        return self.camera.choice.is_virtual and self.role == UNTOUCHED
+
+
+def camera_state(desk: CameraDesk, mm_per_pixel: tuple[float, float] | None) -> CameraState:
+    """How the camera on a desk is; it never waits for the camera.
+
+    Parameters
+    ----------
+    desk
+        Where it is.
+    mm_per_pixel
+        Size (x, y) of a pixel on the face; None when nobody knows it.
+    """
+    # Asked once: it may be stopped, or be another one, the moment after.
+    acquisition, choice = desk.acquisition, desk.choice
+    if acquisition is None:
+        return CameraState(choice=choice, mm_per_pixel=mm_per_pixel)
+    account, latest, mode, failure = acquisition.account(), acquisition.latest(), acquisition.mode, acquisition.failure
+    rows, columns = (0, 0) if latest is None else latest.frame.pixels.shape[:2]
+    return CameraState(
+        choice=choice,
+        name=acquisition.name,
+        mode="" if mode is None else mode.label,
+        modes=tuple(each.label for each in acquisition.modes),
+        running=True,
+        lost=acquisition.lost or acquisition.ended,
+        failure="" if failure is None else str(failure),
+        received=account.received,
+        missed=account.missed,
+        interruptions=len(account.interruptions),
+        frames_per_s=account.frames_per_s,
+        rows=rows,
+        columns=columns,
+        full_scale=0.0 if latest is None else latest.frame.full_scale,
+        mm_per_pixel=mm_per_pixel,
+        settings=desk.settings(),
+    )

@@ -1,0 +1,255 @@
+"""Which camera a bench looks through, as a person chose it."""
+
+from __future__ import annotations
+
+import re
+import threading
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.calibration import UsableCalibration
+from tsis.calibration.file import ProbeCalibration, calibration_sha256
+from tsis.calibration.guard import GuardReference
+from tsis.catalog import list_phantoms, list_probes, list_spheres, load_probe, load_sphere, phantom_variant
+from tsis.errors import InputError, MechanicsError
+from tsis.imaging import Sensor
+from tsis.instrument import LIVE_SOURCES, STORED_SOURCES
+from tsis.model import (
+    LARGEST_SEED,
+    Phantom,
+    SoftSphere,
+    TactileImage,
+    require_integer,
+    require_number,
+    require_one_of,
+    require_type,
+)
+from tsis.records import ROLES
+from tsis.virtual import LARGEST_FORCE_N, USUAL_MS, DirectContactRig, VirtualCamera, VirtualProbe, virtual_mode
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from numpy.typing import NDArray
+
+
+VIRTUAL, OPENCV = "virtual", "opencv"
+OPENCV_SPEC = re.compile("opencv(:[0-9]{0,4})?")  # without a number it is the first
+TARGET, PLAIN, BALL, UNTOUCHED = "target", "plain", "ball", "untouched"  # roles of presses
+TISSUE_N, SPHERE_N = 1.0, 0.7  # forces with which the virtual probe begins
+LONGEST_SPEC = 200
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CameraChoice:
+    """A camera and its mode; of the virtual probe also what it presses.
+
+    Parameters
+    ----------
+    spec
+        ``"virtual"``, or ``SOURCE:ID`` of a live camera as `tsis.instrument.find_cameras` names it.
+    mode
+        Label of the mode to start in; the camera's first when None.
+    probe
+        Name in the catalog: of the virtual probe, and of the probe before the camera where no calibration tells.
+    phantom
+        What the virtual probe presses: a phantom of the catalog, or a sphere of it for hardness.
+    diameter_mm, depth_mm, young_kpa
+        Of the phantom's inclusion instead of the catalog's.
+    seed
+        Of the virtual probe's errors.
+
+    Raises
+    ------
+    InputError
+        When a name is unknown or a value outside its range.
+    """
+
+    spec: str = VIRTUAL
+    mode: str | None = None
+    probe: str = "tsis-domed"
+    phantom: str = "hardness-100"
+    diameter_mm: float | None = None
+    depth_mm: float | None = None
+    young_kpa: float | None = None
+    seed: int = 4
+
+    def __post_init__(self) -> None:
+        require_type("spec", self.spec, str)
+        self._require_live()
+        if self.mode is not None:
+            require_type("mode", self.mode, str)
+            if self.is_virtual:  # whose modes are known before it runs
+                require_one_of("mode", self.mode, [virtual_mode(Sensor()).label])
+        require_one_of("probe", self.probe, list_probes())
+        require_one_of("phantom", self.phantom, (*list_phantoms(), *list_spheres()))
+        changed = (self.diameter_mm, self.depth_mm, self.young_kpa)
+        if not self.is_sphere:
+            phantom_variant(self.phantom, *changed)
+        elif any(value is not None for value in changed):
+            raise InputError(f"diameter_mm, depth_mm and young_kpa are of phantoms; {self.phantom} is a sphere")
+        require_integer("seed", self.seed, 0, LARGEST_SEED)
+
+    def _require_live(self) -> None:
+        source = self.spec.partition(":")[0]
+        if source in STORED_SOURCES:
+            raise InputError(
+                f"camera must be a live one; got {self.spec!r:.80}, which is stored (estimate from stored frames with "
+                "tsis examine, or enter them with tsis records import)"
+            )
+        require_one_of("camera source", source, (VIRTUAL, *LIVE_SOURCES))
+        if source == VIRTUAL and self.spec != VIRTUAL:
+            raise InputError(f"the virtual probe is called virtual and nothing more; got {self.spec!r:.80}")
+        if source == OPENCV and not OPENCV_SPEC.fullmatch(self.spec):
+            raise InputError(f"opencv cameras go by their number, as in opencv:0; got {self.spec!r:.80}")
+        if len(self.spec) > LONGEST_SPEC or not self.spec.isprintable():
+            raise InputError(
+                f"camera must be at most {LONGEST_SPEC} characters that can be shown; got {self.spec!r:.80}"
+            )
+
+    @property
+    def is_virtual(self) -> bool:
+        """Whether there is no hardware."""
+        return self.spec == VIRTUAL
+
+    @property
+    def is_sphere(self) -> bool:
+        """Whether the bare virtual probe touches an object, for its hardness."""
+        return self.phantom in list_spheres()
+
+    @property
+    def roles(self) -> tuple[str, ...]:
+        """What may be pressed with it; a press begins on the first."""
+        if not self.is_virtual:
+            return ROLES
+        return (TARGET, BALL if self.is_sphere else PLAIN, UNTOUCHED)
+
+    @property
+    def touch_n(self) -> float | None:
+        """Force with which the virtual probe begins, N; None for other cameras, of which nobody knows."""
+        if not self.is_virtual:
+            return None
+        return SPHERE_N if self.is_sphere else TISSUE_N
+
+
+RIGID_KPA = 1e6  # of a ball that does not give
+BALL_MM = 3.0
+TRUTHS = ("diameter_mm", "depth_mm", "young_kpa")
+
+
+class VirtualStage:
+    """A virtual rig with what lies before it, by the role of a press on it.
+
+    Parameters
+    ----------
+    choice
+        Probe, phantom or sphere, and seed.
+
+    Raises
+    ------
+    InputError
+        When the phantom's values lie outside their ranges.
+    """
+
+    def __init__(self, choice: CameraChoice) -> None:
+        self._rng, self._roles = np.random.default_rng(choice.seed), choice.roles
+        self.probe = load_probe(choice.probe)
+        self._rig: VirtualProbe | DirectContactRig
+        self._objects: dict[str, Phantom | SoftSphere]
+        self.written_radius_mm: float | None = None
+        if choice.is_sphere:
+            rig = DirectContactRig(self.probe, rng=self._rng)
+            sphere = load_sphere(choice.phantom)
+            ball = SoftSphere(radius_mm=BALL_MM, young_kpa=RIGID_KPA, name="rigid ball")
+            self._rig, self._objects = rig, {TARGET: sphere, BALL: ball}
+            self.written_radius_mm = rig.written_radius_mm(sphere)
+            self.truth: Mapping[str, float] = {"young_kpa": sphere.young_kpa}
+        else:
+            phantom = phantom_variant(choice.phantom, choice.diameter_mm, choice.depth_mm, choice.young_kpa)
+            self._rig = VirtualProbe(self.probe, rng=self._rng)
+            self._objects = {TARGET: phantom, PLAIN: phantom.without_inclusion()}
+            lump = phantom.inclusion
+            self.truth = {} if lump is None else {name: getattr(lump, name) for name in TRUTHS}
+        self.name = self._objects[TARGET].name
+        self.role, self.force_n = choice.roles[0], choice.touch_n or 0.0
+        self._light_of: Callable[..., NDArray[np.float64]] = self._rig.light
+        self._light: NDArray[np.float64] | None = None
+        self._camera: VirtualCamera | None = None
+        self._one_at_a_time = threading.Lock()
+        self.calibration = self._own_calibration()
+
+    @property
+    def roles(self) -> tuple[str, ...]:
+        """What the probe can be held on."""
+        return self._roles
+
+    @property
+    def mm_per_pixel(self) -> tuple[float, float]:
+        """Size (x, y) of a pixel on the face, mm."""
+        return self._rig.sensor.mm_per_pixel
+
+    def guard_reference(self) -> GuardReference:
+        """What the press guard compares with: the untouched probe, whose every level is known."""
+        sensor = self._rig.sensor
+        untouched = TactileImage(
+            grey=np.full((sensor.rows, sensor.columns), sensor.background_grey),
+            mm_per_pixel=sensor.mm_per_pixel,
+            full_scale=sensor.full_scale,
+        )
+        return GuardReference(
+            untouched=untouched, face_radius_mm=self.probe.radius_mm, dark_grey=sensor.background_grey
+        )
+
+    def connect(self) -> VirtualCamera:
+        """A camera that looks at the press as it is held; connected anew it is the same press."""
+        camera = VirtualCamera(
+            self._rig,
+            self._lying(self.role),
+            rng=self._rng,
+            force_n=_pressed_n(self.role, self.force_n),
+            paced=True,
+            light=self._light,
+        )
+        self._camera = camera
+        return camera
+
+    def hold(self, role: str, force_n: float) -> None:
+        """Lift the probe and hold it on something, or again; it shows once the mechanics are solved: on return.
+
+        Raises
+        ------
+        InputError
+            When there is nothing of that role, or the force lies outside its range.
+        MechanicsError
+            When the tissue cannot be pressed so hard; the press is as it was.
+        """
+        require_one_of("role", role, self.roles)
+        require_number("force_n", force_n, 0.0, LARGEST_FORCE_N, hint="newtons")
+        with self._one_at_a_time:
+            lies, pressed_n = self._lying(role), _pressed_n(role, force_n)
+            try:
+                light = self._light_of(lies, force_n=pressed_n)
+            except MechanicsError as error:
+                if error.largest_n is None:
+                    raise
+                # The one cure that whoever holds this probe has: less force.
+                raise MechanicsError(f"{error.problem}: choose a force of at most {error.largest_n:.2g} N") from error
+            if self._camera is not None:
+                self._camera.hold_on(lies, force_n=pressed_n, light=light)
+            self.role, self.force_n, self._light = role, force_n, light
+
+    def _own_calibration(self) -> UsableCalibration:
+        """What is known of the rig, which holds at the camera's usual settings."""
+        response, sensor = self._rig.calibration, self._rig.sensor
+        settings = {"exposure_ms": USUAL_MS, "gain": 0.0, "brightness": sensor.background_grey}
+        known = ProbeCalibration(name=response.name, probe=self.probe.name, settings=settings, response=response)
+        return UsableCalibration(known=known, identity=calibration_sha256(known))
+
+    def _lying(self, role: str) -> Phantom | SoftSphere:
+        return self._objects[TARGET if role == UNTOUCHED else role]
+
+
+def _pressed_n(role: str, force_n: float) -> float:
+    return 0.0 if role == UNTOUCHED else force_n

@@ -1,0 +1,116 @@
+"""Looks at the newest frame a few times a second, for everybody who watches."""
+
+from __future__ import annotations
+
+import logging
+import threading
+from typing import TYPE_CHECKING
+
+from tsis.calibration.guard import FrameShape, PressWatch, WatchState
+from tsis.console.services._frame_analysis import look, thinned
+from tsis.errors import TsisError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from tsis.calibration.guard import GuardReference
+    from tsis.console.services._frame_analysis import ForceSeen, Sight
+    from tsis.instrument.acquisition import Acquisition, ReceivedFrame
+
+
+EVERY_S = 0.15  # often enough for the eye, and a small part of a core
+WAIT_S = 0.25
+_log = logging.getLogger(__name__)
+
+
+class Watcher:
+    """A thread that looks at frames until it is closed.
+
+    Parameters
+    ----------
+    acquisition
+        Gives the running acquisition; None while there is none.
+    reference
+        Gives what the press guard compares frames with, and their scale (x, y) in mm per pixel or None.
+    force
+        Gives the force at a frame.
+    """
+
+    def __init__(
+        self,
+        acquisition: Callable[[], Acquisition | None],
+        reference: Callable[[], tuple[GuardReference, tuple[float, float] | None]],
+        force: Callable[[ReceivedFrame], ForceSeen | None],
+    ) -> None:
+        self._acquisition, self._reference, self._force = acquisition, reference, force
+        self._sight: Sight | None = None
+        self._failure = ""
+        self._anew, self._closing = threading.Event(), threading.Event()
+        self._thread = threading.Thread(target=self._run, name="watcher of presses", daemon=True)
+        self._thread.start()
+
+    @property
+    def sight(self) -> Sight | None:
+        """What the newest frame that was looked at shows; None while there is none."""
+        return self._sight
+
+    @property
+    def failure(self) -> str:
+        """Why frames cannot be looked at; empty when they can."""
+        return self._failure
+
+    def begin_anew(self) -> None:
+        """Forget the press so far: camera, calibration or what is pressed has changed."""
+        self._anew.set()
+
+    def close(self) -> None:
+        """End the thread."""
+        self._closing.set()
+        self._thread.join(timeout=2.0)
+
+    def _run(self) -> None:
+        watch: PressWatch | None = None
+        state, untouched, place = WatchState(), None, 0
+        followed: Acquisition | None = None
+        while not self._closing.wait(EVERY_S):
+            acquisition = self._acquisition()
+            away = acquisition is not None and (acquisition.lost or acquisition.ended)
+            if acquisition is not followed or away or self._anew.is_set():
+                self._anew.clear()
+                followed, watch, state, place = acquisition, None, WatchState(), 0
+                self._sight, self._failure = None, ""
+            if acquisition is not None and away:
+                place = acquisition.ring.end  # those before are of a press that nobody sees any more
+                continue
+            if acquisition is None or not acquisition.ring.wait(place, WAIT_S):
+                continue
+            arrival, place = acquisition.latest(), acquisition.ring.end
+            if arrival is None:
+                continue
+            try:
+                if watch is None:
+                    watch, untouched = self._guard(arrival)
+                self._sight, state = look(
+                    watch, state, arrival.frame, number=place, force=self._force(arrival), untouched=untouched
+                )
+                self._failure = ""
+            except TsisError as error:  # e.g. a calibration of another size; the live view goes on without flags
+                self._sight, self._failure = None, str(error)
+            except Exception as error:
+                self._fail(error)
+
+    def _fail(self, error: Exception) -> None:
+        """Go on with the live view; the log is told once."""
+        sentence = f"frames cannot be judged for a reason that nobody foresaw: {type(error).__name__}: {error}"
+        if sentence != self._failure:
+            _log.exception("a frame could not be judged")
+        self._sight, self._failure = None, sentence
+
+    def _guard(self, arrival: ReceivedFrame) -> tuple[PressWatch, NDArray[np.float64] | None]:
+        reference, scale = self._reference()
+        shape = FrameShape.of(arrival.frame.tactile_image(mm_per_pixel=scale))
+        known = reference.untouched
+        return PressWatch(shape, reference=reference), None if known is None else thinned(known.grey)

@@ -1,0 +1,368 @@
+"""How far a step of a calibration is."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from tsis.calibration.file import calibration_sha256
+from tsis.calibration.session import archive_calibration, calibrate, save_calibration, saved_calibration
+from tsis.console.services._jobs import RUNNING, Ended
+from tsis.errors import CalibrationError, ControlError, TsisError
+from tsis.model import require_integer, require_number, require_one_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Sequence
+    from pathlib import Path
+
+    from tsis.calibration.file import ProbeCalibration
+    from tsis.calibration.session import CalibrationFrame, CalibrationStep, SessionFolder, SessionResult, SessionSetup
+    from tsis.console.services._control import Control
+    from tsis.console.services._jobs import Job, Jobs
+    from tsis.console.services.calibrating._rig import Rig
+
+
+OPEN, UNDER_WAY, DONE, LEFT_OUT = "open", "under way", "done", "left out"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StepState:
+    """A step as people see it.
+
+    Attributes
+    ----------
+    step
+        What is done.
+    status
+        ``"open"``, ``"under way"``, ``"done"`` or ``"left out"``.
+    frames
+        How many are kept.
+    forces_n
+        Forces that were typed so far in a loading which is not done, newtons.
+    """
+
+    step: CalibrationStep
+    status: str
+    frames: int = 0
+    forces_n: tuple[float, ...] = ()
+
+
+MOST_TYPED = 100  # presses of one loading
+MOST_TYPED_BYTES = 2**30  # of the frames of all loadings that were typed and not kept, which wait in memory
+
+
+class TypedLoadings:
+    """The presses of each loading, by the name of its step; changed by one thread at a time, read by any.
+
+    Parameters
+    ----------
+    most_bytes
+        Of all frames together.
+    """
+
+    def __init__(self, *, most_bytes: int = MOST_TYPED_BYTES) -> None:
+        self._most_bytes = most_bytes
+        self._shots: dict[str, list[CalibrationFrame]] = {}
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing waits to be kept."""
+        return not self._shots
+
+    def shots(self, step: str) -> tuple[CalibrationFrame, ...]:
+        """The presses of a step so far, in the order in which they were taken."""
+        return tuple(self._shots.get(step, ()))
+
+    def forces_n(self, step: str) -> tuple[float, ...]:
+        """Their forces, newtons."""
+        return tuple(shot.force_n or 0.0 for shot in self.shots(step))
+
+    def require_room(self, step: str) -> None:
+        """Refuse, with `InputError`, a press more than a loading may have."""
+        require_integer("presses of a loading", len(self.shots(step)) + 1, 1, MOST_TYPED, hint="keep what there is")
+
+    def add(self, step: str, shot: CalibrationFrame) -> int:
+        """Add a press, and say how many there are.
+
+        Raises
+        ------
+        InputError
+            When the loading has too many.
+        CalibrationError
+            When the frames would take too much memory.
+        """
+        self.require_room(step)
+        held = sum(each.image.grey.nbytes for shots in self._shots.values() for each in shots)
+        if held + shot.image.grey.nbytes > self._most_bytes:
+            raise CalibrationError(
+                f"presses that are not kept yet may take at most {self._most_bytes / 2**20:.0f} MiB; this one would "
+                "take more (keep the loadings that are complete)"
+            )
+        self._shots.setdefault(step, []).append(shot)
+        return len(self._shots[step])
+
+    def forget_last(self, step: str) -> None:
+        """Forget the last press of a step; without one nothing happens."""
+        shots = self._shots.get(step, [])
+        if shots:
+            shots.pop()
+        if not shots:
+            self.forget(step)
+
+    def forget(self, step: str) -> None:
+        """Forget a step's presses."""
+        self._shots.pop(step, None)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MadeCalibration:
+    """A calibration that was made from a session's frames, with what stands behind it and its file."""
+
+    known: ProbeCalibration
+    findings: SessionResult
+    identity: str
+    file: Path
+
+
+class CalibrationSession:
+    """A session at the bench; safe for several threads. One step is taken at a time.
+
+    Parameters
+    ----------
+    folder
+        Of its frames.
+    rig
+        Takes them.
+    control, jobs
+        Of the bench.
+
+    Attributes
+    ----------
+    job, making
+        The steps that are taken or were taken last; the calibration that is made. None before.
+    made
+        What was made from the frames as they are, while this program runs; its `file` stays longer.
+    """
+
+    def __init__(self, folder: SessionFolder, *, rig: Rig, control: Control, jobs: Jobs) -> None:
+        self.folder, self.rig = folder, rig
+        self.terms: SessionSetup = folder.terms()
+        self._control, self._jobs = control, jobs
+        self._plan = folder.plan()
+        self._lock = threading.RLock()
+        self._over = threading.Event()
+        self._left_out: set[str] = set()
+        self._taking = ""
+        self._typed = TypedLoadings()
+        self.job: Job | None = None
+        self.making: Job | None = None
+        self.made: MadeCalibration | None = None
+
+    @property
+    def name(self) -> str:
+        """Of its folder."""
+        return self.folder.path.name
+
+    @property
+    def busy(self) -> bool:
+        """Whether a step is being taken, or the calibration made."""
+        return any(job is not None and job.state().status == RUNNING for job in (self.job, self.making))
+
+    @property
+    def idle(self) -> bool:
+        """Whether nothing would be lost with it that is not in its folder, but for what was left out."""
+        return self._typed.is_empty and not self.busy
+
+    @property
+    def file(self) -> Path | None:
+        """The calibration made from the frames as they are; None before."""
+        return saved_calibration(self.folder)
+
+    def steps(self) -> tuple[StepState, ...]:
+        """How far each step is, in order."""
+        taking = self._taking if self.job is not None and self.job.state().status == RUNNING else ""
+        return tuple(self._state(step, taking) for step in self._plan)
+
+    def missing(self) -> tuple[str, ...]:
+        """Steps that no calibration can be made without and that are not done."""
+        return self.folder.missing()
+
+    def take(self, name: str, *, by: str) -> Job:
+        """Take the frames of a step in the background; all of them are kept, or none.
+
+        Raises
+        ------
+        ControlError
+            When another step is being taken, or somebody else holds the camera.
+        CalibrationError, CameraError
+            When the step is done, or the camera is not that of the session.
+        """
+        return self._begin([self._open(name)], by)
+
+    def take_all(self, *, by: str) -> Job:
+        """Take every step that is open, one after the other; of rigs that need nobody."""
+        if not self.rig.by_itself:
+            raise CalibrationError("all steps at once need the virtual bench; a camera needs a person (take each step)")
+        steps = [state.step for state in self.steps() if state.status in (OPEN, LEFT_OUT)]
+        if not steps:
+            raise CalibrationError("every step is done; there is none to take (repeat one, or make the calibration)")
+        return self._begin(steps, by)
+
+    def end_loading(self, *, by: str) -> None:
+        """Say that a loading by the gauge is back at 0: what was taken is kept."""
+        self._control.require(by)
+        self._over.set()
+
+    def end_step(self, *, by: str) -> None:
+        """End the step that is being taken; none of its frames is kept. Without one nothing happens."""
+        self._control.require(by)
+        if self.job is not None:
+            self.job.end()
+
+    def press(self, name: str, force_n: float, *, by: str) -> int:
+        """Take the next frame of a loading at a typed force, and say how many there are now.
+
+        Raises
+        ------
+        InputError, CameraError, ControlError, CalibrationError
+            When the force is none, no frame comes, or the step cannot be taken; what was typed before is as it was.
+        """
+        step = self._open(name)
+        if not step.is_loading:
+            raise CalibrationError(f"forces belong to loadings; step {name!r} is none (take its frames)")
+        with self._lock:
+            self._require(by)
+            self._typed.require_room(name)
+            return self._typed.add(name, self.rig.one(force_n))
+
+    def unpress(self, name: str, *, by: str) -> None:
+        """Forget the last press of a loading whose forces are typed; without one nothing happens."""
+        with self._lock:
+            self._require(by)
+            self._typed.forget_last(name)
+
+    def keep_presses(self, name: str, *, by: str) -> int:
+        """Keep the presses that were typed as the step's frames, and say how many."""
+        step = self._open(name)
+        with self._lock:
+            self._require(by)
+            shots = self._typed.shots(name)
+            if not shots:
+                raise CalibrationError("a loading must hold presses to be kept; it has none (type the first force)")
+            return self._keep(step, shots)
+
+    def leave_out(self, name: str, *, by: str) -> None:
+        """Leave out a step that a calibration can be made without; taking it later is possible."""
+        self._control.require(by)
+        if not self._open(name).optional:
+            raise CalibrationError(f"step {name!r} cannot be left out: no calibration can be made without it")
+        self._left_out.add(name)
+
+    def repeat(self, name: str, *, by: str) -> None:
+        """Remove the frames of a step, so that it is open again; a calibration made from them is set aside."""
+        step = self._step(name)
+        with self._lock:
+            self._require(by)
+            archive_calibration(self.folder)
+            self.made = None
+            self.folder.forget(step)
+            self._left_out.discard(name)
+
+    def make(self, *, days: float) -> Job:
+        """Make the calibration in the background and keep its file; the job's result is the `MadeCalibration`."""
+        require_number("days", days, 1, 3650)
+
+        def work(job: Job) -> MadeCalibration:
+            known, findings = calibrate(self.folder, days=days, progress=job.advance)
+            file = save_calibration(self.folder, known)
+            self.made = MadeCalibration(known=known, findings=findings, identity=calibration_sha256(known), file=file)
+            job.say(f"The calibration is in {file}")
+            return self.made
+
+        with self._lock:
+            self._require_idle()
+            self.making = self._jobs.begin(f"calibration {self.name}", work)
+            return self.making
+
+    def _begin(self, steps: Sequence[CalibrationStep], by: str) -> Job:
+        with self._lock:
+            self._require(by)
+            self.rig.require()
+            self._over.clear()
+            self._taking = steps[0].name
+            what = steps[0].name if len(steps) == 1 else f"{len(steps)} steps"
+            self.job = self._jobs.begin(
+                f"calibration {self.name}: {what}",
+                lambda job: self._take(job, steps),
+                at_once=not self.rig.by_itself,  # a person stands before the camera and loads
+            )
+            return self.job
+
+    def _take(self, job: Job, steps: Sequence[CalibrationStep]) -> int:
+        total = sum(self.rig.frames(step) for step in steps)
+        kept = 0
+        for step in steps:
+            self._taking = step.name
+            try:
+                kept += self._keep(step, self._told(job, step, kept, total))
+            except TsisError as error:
+                raise CalibrationError(f"step {step.name!r} is not kept, those before it are: {error}") from error
+            self._left_out.discard(step.name)
+        job.say(f"{kept} frames kept")
+        return kept
+
+    def _told(self, job: Job, step: CalibrationStep, before: int, total: int) -> Iterator[CalibrationFrame]:
+        """The step's frames, each told; asked to end, the job leaves, and nothing of the step is kept."""
+
+        def over() -> bool:
+            if job.ending:
+                raise Ended
+            return self._over.is_set()
+
+        for number, shot in enumerate(self.rig.shots(step, over), start=1):
+            job.advance(before + number, total)
+            yield shot
+
+    def _keep(self, step: CalibrationStep, shots: Iterable[CalibrationFrame]) -> int:
+        kept = self.folder.keep(step, self._then_set_aside(shots))
+        self._typed.forget(step.name)
+        return kept
+
+    def _then_set_aside(self, shots: Iterable[CalibrationFrame]) -> Iterator[CalibrationFrame]:
+        """A step's frames; before the step counts as done, the calibration made from fewer frames is set aside."""
+        yield from shots
+        archive_calibration(self.folder)
+        self.made = None
+
+    def _state(self, step: CalibrationStep, taking: str) -> StepState:
+        frames = self.folder.count(step)
+        if step.name == taking:
+            status = UNDER_WAY
+        elif self.folder.done(step):
+            status = DONE
+        else:
+            status = LEFT_OUT if step.name in self._left_out else OPEN
+        return StepState(step=step, status=status, frames=frames, forces_n=self._typed.forces_n(step.name))
+
+    def _step(self, name: str) -> CalibrationStep:
+        return {step.name: step for step in self._plan}[
+            require_one_of("step", name, [step.name for step in self._plan])
+        ]
+
+    def _open(self, name: str) -> CalibrationStep:
+        step = self._step(name)
+        if self.folder.done(step):
+            raise CalibrationError(f"step {name!r} is done; its frames are kept (repeat it to take others)")
+        return step
+
+    def _require(self, by: str) -> None:
+        self._control.require(by)
+        self._require_idle()
+
+    def _require_idle(self) -> None:
+        if self.busy:
+            what = (
+                "being made" if self.making is not None and self.making.state().status == RUNNING else "taking a step"
+            )
+            raise ControlError(f"calibration {self.name!r} is {what}; wait until that is over (or end it)")

@@ -1,0 +1,200 @@
+"""The calibration sessions of a workspace: begun, listed, gone on with."""
+
+from __future__ import annotations
+
+import threading
+from collections import OrderedDict
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+from weakref import WeakValueDictionary
+
+import numpy as np
+
+from tsis.calibration.session import SessionFolder, saved_calibration
+from tsis.catalog import load_probe
+from tsis.console.services.calibrating._rig import CameraRig, Rig, VirtualRig
+from tsis.console.services.calibrating._session import CalibrationSession
+from tsis.errors import CameraError, InputError, TsisError
+from tsis.virtual import VirtualBench, bench_seed
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from tsis.calibration.session import SessionSetup
+    from tsis.console.services._camera import CameraDesk
+    from tsis.console.services._control import Control
+    from tsis.console.services._jobs import Jobs
+    from tsis.instrument.gauge import ForceLog
+
+
+LONGEST_FOLDER = 60
+IDLE = 4  # sessions that nobody looks at, and that are held nevertheless with what was made in them
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SessionSummary:
+    """A session as a list shows it.
+
+    Attributes
+    ----------
+    name
+        Of its folder.
+    title, probe, camera
+        As its terms say; empty where they cannot be read.
+    done, total
+        Steps done, and in all.
+    made
+        Whether a calibration was made from its frames.
+    trouble
+        Why it cannot go on; empty where it can.
+    """
+
+    name: str
+    title: str = ""
+    probe: str = ""
+    camera: str = ""
+    done: int = 0
+    total: int = 0
+    made: bool = False
+    trouble: str = ""
+
+
+class CalibrationSessions:
+    """The sessions in a folder; safe for several threads.
+
+    Of those that are opened the last ones are held, and all with work under way or presses that wait to be kept; others
+    live as long as a page shows them.
+
+    Parameters
+    ----------
+    folder
+        Holds a folder for each; made with the first.
+    control, jobs, desk
+        Of the bench.
+    gauge
+        Tells the gauge in use; None without one.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        control: Control,
+        jobs: Jobs,
+        desk: CameraDesk,
+        gauge: Callable[[], ForceLog | None],
+    ) -> None:
+        self._folder, self._control, self._jobs, self._desk, self._gauge = folder, control, jobs, desk, gauge
+        self._lock = threading.Lock()
+        self._held: OrderedDict[str, CalibrationSession] = OrderedDict()
+        self._opened: WeakValueDictionary[str, CalibrationSession] = WeakValueDictionary()
+
+    def listed(self) -> tuple[SessionSummary, ...]:
+        """Every session, in the order of names; one that is damaged says so."""
+        return tuple(_summary(SessionFolder(path)) for path in self._folders())
+
+    def begin(self, terms: SessionSetup, *, by: str) -> CalibrationSession:
+        """Begin a session; its folder is called after it.
+
+        Parameters
+        ----------
+        terms
+            As a person states them; ``camera`` is `bench_name` of a seed, or anything else for the camera that runs,
+            which tells its name and settings itself.
+        by
+            Who does so.
+
+        Raises
+        ------
+        ControlError
+            When somebody else holds the camera.
+        CameraError
+            When the camera does not run.
+        FileInputError, InputError
+            When there is such a session already, or it cannot be written.
+        """
+        self._control.require(by)
+        folder = SessionFolder(self._folder / folder_name(terms.name))
+        if folder.path.exists():
+            raise InputError(
+                f"name must be new; a session in {folder.path.name!r} exists already (go on with it, or choose another)"
+            )
+        folder.begin(self._virtual(terms) if bench_seed(terms.camera) is not None else self._seen(terms))
+        return self.open(folder.path.name)
+
+    def open(self, name: str) -> CalibrationSession:
+        """The session in the folder of that name, as it was left; errors as `SessionFolder.terms`."""
+        with self._lock:
+            session = self._opened.get(name)
+            if session is None or not session.folder.begun:
+                session = self._read(name)
+            self._held[name] = self._opened[name] = session
+            self._held.move_to_end(name)
+            self._let_go()
+            return session
+
+    def _folders(self) -> list[Path]:
+        """Those that hold a session, in the order of names."""
+        try:
+            return sorted(path for path in self._folder.iterdir() if SessionFolder(path).begun)
+        except OSError:  # none was begun yet
+            return []
+
+    def _read(self, name: str) -> CalibrationSession:
+        if name not in (path.name for path in self._folders()):
+            raise InputError(f"a calibration session must be one of the list; got {name!r:.80} (begin it first)")
+        folder = SessionFolder(self._folder / name)
+        return CalibrationSession(folder, rig=self._rig(folder), control=self._control, jobs=self._jobs)
+
+    def _let_go(self) -> None:
+        for name in [name for name, session in self._held.items() if session.idle][:-IDLE]:
+            del self._held[name]
+
+    def _rig(self, folder: SessionFolder) -> Rig:
+        terms = folder.terms()
+        seed = bench_seed(terms.camera)
+        if seed is None:
+            return CameraRig(terms, self._desk, self._gauge)
+        return VirtualRig(terms, seed, before=sum(folder.done(step) for step in folder.plan()))
+
+    def _virtual(self, terms: SessionSetup) -> SessionSetup:
+        bench = VirtualBench(load_probe(terms.probe), rng=np.random.default_rng(0))
+        return replace(terms, patch_px=bench.patch_px)
+
+    def _seen(self, terms: SessionSetup) -> SessionSetup:
+        acquisition = self._desk.acquisition
+        if acquisition is None or acquisition.lost:
+            raise CameraError("the camera must run when a session begins, which remembers its settings (start it)")
+        settings = {setting.name: setting.value for setting in acquisition.settings()}
+        began = datetime.now(UTC).replace(microsecond=0)
+        return replace(terms, camera=acquisition.name, settings=settings, began=began)
+
+
+def folder_name(title: str) -> str:
+    """A folder for a session of that name: letters, digits, points and lines alone.
+
+    Examples
+    --------
+    >>> folder_name("May, bench 2/left"), folder_name("../..")
+    ('May-bench-2-left', 'session')
+    """
+    kept = "".join(letter if letter.isascii() and (letter.isalnum() or letter in "._") else " " for letter in title)
+    return "-".join(kept.split()).strip("._-")[:LONGEST_FOLDER] or "session"
+
+
+def _summary(folder: SessionFolder) -> SessionSummary:
+    try:
+        terms, plan = folder.terms(), folder.plan()
+    except TsisError as error:
+        return SessionSummary(name=folder.path.name, trouble=str(error))
+    return SessionSummary(
+        name=folder.path.name,
+        title=terms.name,
+        probe=terms.probe,
+        camera=terms.camera,
+        done=sum(folder.done(step) for step in plan),
+        total=len(plan),
+        made=saved_calibration(folder) is not None,
+    )

@@ -1,0 +1,184 @@
+"""The newest report of a study, as its log knows it."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from tsis.console._statuses import AbsentError
+from tsis.errors import InputError, RecordsError, TsisError
+from tsis.files import one_line, read_bytes
+from tsis.report.study import PAGE, PAPER
+from tsis.study import ANALYSED, LOG_FILE, PLAN, is_one_name, new_study, open_study
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from pathlib import Path
+    from typing import Any
+
+    from tsis.study import Study, TargetTruth
+
+
+FORMS = {"html": PAGE, "pdf": PAPER}
+LARGEST_BYTES = 128 * 2**20
+
+
+def has_report(study: Study) -> bool:
+    """Whether a report of it was written into its folder."""
+    return _newest(study) is not None
+
+
+def report_bytes(study: Study, form: str) -> bytes:
+    """A file of the newest report.
+
+    Parameters
+    ----------
+    study
+        Whose.
+    form
+        A name in `FORMS`.
+
+    Raises
+    ------
+    AbsentError
+        When there is no report.
+    RecordsError
+        When the file was changed since, so that it may hold anything.
+    FileInputError
+        When it cannot be read.
+    """
+    newest = _newest(study)
+    if newest is None:
+        raise AbsentError(f"study {study.plan.name} must be analysed before it has a report; it is not")
+    folder, told = newest
+    content = read_bytes(study.folder / folder / FORMS[form], most=LARGEST_BYTES)
+    if told.get(FORMS[form]) != hashlib.sha256(content).hexdigest():
+        raise RecordsError(
+            f"{FORMS[form]} must be as it was written; it was changed (verify the study, and analyse it again)"
+        )
+    return content
+
+
+def _newest(study: Study) -> tuple[str, dict[str, str]] | None:
+    """Folder below the study's, and hashes of its files by their names."""
+    if study.unblinded is None:
+        return None
+    for entry in reversed(study.chain.entries):
+        folder, files = entry.content.get("folder"), entry.content.get("files")
+        if entry.action == ANALYSED and is_one_name(folder) and isinstance(files, dict):
+            return folder, files
+    return None
+
+
+FOLDER = "studies"
+NAME = re.compile(r"[A-Za-z0-9_-]{1,60}", re.ASCII)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudyGlimpse:
+    """A study in a list.
+
+    Attributes
+    ----------
+    name
+        Of its folder.
+    targets, readings
+        How many.
+    unblinded
+        When and by whom; empty while it is blind.
+    trouble
+        Why it cannot be read; empty where it can.
+    """
+
+    name: str
+    targets: int = 0
+    readings: int = 0
+    unblinded: str = ""
+    trouble: str = ""
+
+
+class StudyShelf:
+    """The studies below a workspace.
+
+    Parameters
+    ----------
+    workspace
+        Of the console.
+    """
+
+    def __init__(self, workspace: Path) -> None:
+        self._folder = workspace / FOLDER
+
+    def names(self) -> tuple[str, ...]:
+        """Of the studies that are there, in the order of the alphabet."""
+        try:
+            found = sorted(each.name for each in self._folder.iterdir() if (each / PLAN).is_file())
+        except FileNotFoundError:
+            return ()
+        except OSError as error:
+            raise RecordsError(f"the folder of studies must be readable; got: {error.strerror or error}") from error
+        return tuple(name for name in found if NAME.fullmatch(name))
+
+    def place(self, name: str) -> Path:
+        """Folder of the study of that name; `AbsentError` when there is none."""
+        if not NAME.fullmatch(name):
+            raise AbsentError(
+                f"name of a study must be 1 to 60 letters, digits, dashes and underscores; got {name!r:.80}"
+            )
+        if not (self._folder / name / PLAN).is_file():
+            raise AbsentError(f"study must be one of this console's; there is none of the name {name!r}")
+        return self._folder / name
+
+    def study(self, name: str) -> Study:
+        """The study of that name as it is now; errors as `place` and `tsis.study.open_study`."""
+        return open_study(self.place(name))
+
+    def make(
+        self, name: str, targets: Sequence[TargetTruth] | Callable[[int], Sequence[TargetTruth]], **terms: Any
+    ) -> Study:
+        """Make a study; ``terms`` and errors as of `tsis.study.new_study`."""
+        if not NAME.fullmatch(name):
+            raise InputError(f"name must be 1 to 60 letters, digits, dashes and underscores; got {name!r:.80}")
+        if (self._folder / name).exists():
+            raise InputError(f"name must be a new one; there is {name!r} already (choose another)")
+        try:
+            self._folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise RecordsError(f"the folder of studies must be writable; got: {error.strerror or error}") from error
+        return new_study(self._folder / name, targets, **terms)
+
+    def glimpses(self) -> tuple[StudyGlimpse, ...]:
+        """All studies; one that cannot be read says why."""
+        return tuple(self._glimpse(name) for name in self.names())
+
+    def stamp(self, name: str) -> tuple[int, int]:
+        """Another pair of numbers whenever the log of a study has changed; zeros where there is none."""
+        try:
+            found = (self._folder / name / LOG_FILE).stat()
+        except OSError:
+            return 0, 0
+        return found.st_mtime_ns, found.st_size
+
+    def stamps(self) -> tuple[tuple[str, tuple[int, int]], ...]:
+        """The same of all studies, by their names."""
+        return tuple((name, self.stamp(name)) for name in self.names())
+
+    def _glimpse(self, name: str) -> StudyGlimpse:
+        try:
+            study = self.study(name)
+        except TsisError as error:
+            return StudyGlimpse(name=name, trouble=one_line(error))
+        return StudyGlimpse(
+            name=name,
+            targets=len(study.plan.codes),
+            readings=len(study.readings),
+            unblinded=unblinded_words(study),
+        )
+
+
+def unblinded_words(study: Study) -> str:
+    """When and by whom a study was unblinded; empty while it is blind."""
+    entry = study.unblinded
+    return "" if entry is None else one_line(f"{entry.moment[:16].replace('T', ' ')} UTC by {entry.actor}")

@@ -1,0 +1,131 @@
+"""What takes long with a study: the virtual probe reads it, or it is unblinded and analysed; one at a time each."""
+
+from __future__ import annotations
+
+import threading
+from functools import partial
+from typing import TYPE_CHECKING
+
+from tsis.errors import ControlError, InputError, RecordsError
+from tsis.report.study import publish_study
+from tsis.study import open_study, press_study, require_short_name
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tsis.console.services import Job, Jobs, JobState
+    from tsis.console.studies._library import StudyShelf
+    from tsis.study import Study
+
+
+PREPARING = "The probe is prepared; that is kept for next time."
+READING = "The probe reads."
+_begin = threading.Lock()  # between a look at what is under way and the beginning of more
+
+
+def reading_title(name: str) -> str:
+    """What people see of a run."""
+    return f"readings of study {name}"
+
+
+def publishing_title(name: str) -> str:
+    """What people see of an analysis."""
+    return f"analysis of study {name}"
+
+
+def job_of(jobs: Jobs, name: str) -> JobState | None:
+    """The newest job of a study, under way or over; None when there was none."""
+    titles = (reading_title(name), publishing_title(name))
+    return next((state for state in reversed(jobs.states()) if state.title in titles), None)
+
+
+def begin_reading(jobs: Jobs, shelf: StudyShelf, name: str, *, operator: str) -> Job:
+    """Have the virtual probe read what an operator has still to read.
+
+    Raises
+    ------
+    InputError
+        When the operator has no name, or there is no such study.
+    RecordsError
+        When the study is unblinded.
+    ControlError
+        When something is under way with it.
+    """
+    require_short_name("operator", operator)
+    with _begin:
+        _require_free(jobs, name)
+        study = shelf.study(name)
+        if study.unblinded is not None:
+            raise RecordsError("readings must come before a study is unblinded; this one is")
+        return jobs.begin(reading_title(name), partial(_read, study.folder, operator))
+
+
+def begin_publishing(jobs: Jobs, shelf: StudyShelf, name: str, *, by: str, although_incomplete: bool = False) -> Job:
+    """Unblind a study where it is blind still, analyse it and write its report.
+
+    Raises
+    ------
+    InputError
+        When who does it has no name, there is no such study, or targets are unread and nobody said although.
+    RecordsError
+        When it has no reading.
+    ControlError
+        When something is under way with it.
+    """
+    require_short_name("name", by)
+    with _begin:
+        _require_free(jobs, name)
+        study = shelf.study(name)
+        _require_readings(study, although_incomplete)
+        return jobs.begin(publishing_title(name), partial(_publish, study.folder, by, although_incomplete))
+
+
+def unread(study: Study) -> tuple[tuple[str, int], ...]:
+    """Devices that have read some targets and not all, with the number of those they lack."""
+    found = []
+    for device in study.devices:
+        read = {reading.code for reading in study.readings if reading.device == device}
+        found.append((device, len(study.plan.codes) - len(read)))
+    return tuple((device, left) for device, left in found if left)
+
+
+def _require_free(jobs: Jobs, name: str) -> None:
+    now = job_of(jobs, name)
+    if now is not None and now.running:
+        raise ControlError(f"one thing at a time may be done with a study; {now.title} is under way (end it, or wait)")
+
+
+def _require_readings(study: Study, although_incomplete: bool) -> None:
+    if not study.readings:
+        raise RecordsError("a study must have a reading before it is unblinded; this one has none")
+    if study.unblinded is None and not although_incomplete:
+        for device, left in unread(study):
+            raise InputError(
+                f"every target must be read before a study is unblinded; {device!r:.60} lacks {left} of "
+                f"{len(study.plan.codes)} (read on, or tick “although incomplete”)"
+            )
+
+
+def _read(folder: Path, operator: str, job: Job) -> None:
+    def preparing(done: int, total: int) -> None:
+        job.say(PREPARING)
+        job.advance(done, total)
+
+    def progress(done: int, total: int) -> None:
+        job.say(READING)
+        job.tell(done, total)
+
+    job.say(PREPARING)
+    done = press_study(
+        open_study(folder), operator=operator, preparing=preparing, progress=progress, ended=lambda: job.ending
+    )
+    said = f"{done.entered} readings entered, {done.undecided} of them undecided; {done.left} left."
+    job.say(f"{said} What was read is kept: run it again to go on." if done.left else said)
+
+
+def _publish(folder: Path, by: str, although_incomplete: bool, job: Job) -> None:
+    job.say("The readings are set beside the truth.")
+    study = open_study(folder)
+    _require_readings(study, although_incomplete)  # others may have entered some while it waited
+    publish_study(study, by=by, progress=job.advance)
+    job.say("Analysed; the report is written.")

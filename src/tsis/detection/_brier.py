@@ -1,0 +1,250 @@
+"""How good probabilities are: the Brier score and the parts that Murphy takes it apart into."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.detection._bootstrap import DRAWS, batches, checked_draws, percentiles
+from tsis.detection._inputs import LEVEL, Interval, checked_level, choice, scored
+from tsis.detection._proportions import Proportion
+from tsis.errors import InputError
+from tsis.model import require_integer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import ArrayLike, NDArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BrierScore:
+    """Mean square of probability less truth, 0 at best, with its parts.
+
+    ``score = reliability - resolution + uncertainty + within``.
+
+    Attributes
+    ----------
+    score
+        In [0, 1].
+    reliability
+        Mean square by which the probability of a group misses its share of inclusions; 0 is best.
+    resolution
+        Mean square by which the shares of groups differ from that of all; larger is better.
+    uncertainty
+        Score of who always says the share of all.
+    within
+        What is lost by taking probabilities that differ for one group; 0 where each probability is its own.
+    """
+
+    score: float
+    reliability: float
+    resolution: float
+    uncertainty: float
+    within: float
+
+
+def brier_score(probabilities: ArrayLike, present: ArrayLike, *, groups: ArrayLike | None = None) -> BrierScore:
+    """Brier score of probabilities, in Murphy's parts.
+
+    Parameters
+    ----------
+    probabilities
+        That each target holds an inclusion, shape (targets,), in [0, 1].
+    present
+        Whether it does, booleans of shape (targets,).
+    groups
+        Whole numbers of shape (targets,), equal where targets belong together; None groups equal probabilities, which
+        says little where hardly two are equal.
+
+    Raises
+    ------
+    InputError
+        When a probability is none, the truth no booleans, or the lengths differ.
+
+    Examples
+    --------
+    >>> parts = brier_score([0.8, 0.8, 0.8, 0.2, 0.2], [True, True, False, False, False])
+    >>> round(parts.score, 3), round(parts.reliability, 3), round(parts.resolution, 3), round(parts.uncertainty, 3)
+    (0.16, 0.027, 0.107, 0.24)
+    """
+    values, truth = probabilities_and_truth(probabilities, present)
+    together = values if groups is None else np.asarray(groups)
+    if together.shape != values.shape:
+        raise InputError(f"groups must have one number a target, {len(values)} in all; got shape {together.shape}")
+    place = np.unique(together, return_inverse=True)[1]
+    sizes = np.bincount(place)
+    said, seen = (np.bincount(place, weights=one) / sizes for one in (values, truth.astype(float)))
+    share = float(truth.mean())
+    # Stephenson, Coelho and Jolliffe, Weather Forecast. 23 (2008) 752: variance and covariance inside the groups.
+    apart = values - said[place]
+    return BrierScore(
+        score=float(np.mean((values - truth) ** 2)),
+        reliability=float(np.average((said - seen) ** 2, weights=sizes)),
+        resolution=float(np.average((seen - share) ** 2, weights=sizes)),
+        uncertainty=share * (1 - share),
+        within=float(np.mean(apart**2) - 2 * np.mean(apart * (truth - seen[place]))),
+    )
+
+
+def brier_interval(
+    probabilities: ArrayLike,
+    present: ArrayLike,
+    *,
+    rng: np.random.Generator,
+    level: float = LEVEL,
+    draws: int = DRAWS,
+    progress: Callable[[int, int], None] | None = None,
+) -> Interval:
+    """Percentile interval of the Brier score from targets drawn anew; too narrow where they are few.
+
+    Parameters
+    ----------
+    probabilities, present
+        As for `brier_score`.
+    rng
+        Source of the draws.
+    level
+        Confidence, in (0, 1).
+    draws
+        How many studies are drawn, 100 or more.
+    progress
+        Called with (done, total) after each batch.
+
+    Raises
+    ------
+    InputError
+        When the input is bad, or all targets miss by as much, which says nothing of the spread.
+
+    Examples
+    --------
+    >>> truth = [True, True, False, False, True]
+    >>> low, high = brier_interval([0.9, 0.6, 0.3, 0.1, 0.4], truth, rng=np.random.default_rng(0))
+    >>> low < 0.126 < high
+    True
+    """
+    values, truth = probabilities_and_truth(probabilities, present)
+    checked_level(level)
+    draws = checked_draws(rng, draws)
+    squares = (values - truth) ** 2
+    if np.ptp(squares) == 0:
+        raise InputError(
+            f"probabilities must miss the truth by unequal amounts for an interval; got {len(squares)} equal squares "
+            f"of {squares[0]:g}: add targets"
+        )
+    drawn = np.empty(draws)
+    for start, stop in batches(draws, len(squares)):
+        picked = rng.multinomial(len(squares), np.full(len(squares), 1 / len(squares)), stop - start)
+        drawn[start:stop] = picked @ squares / len(squares)
+        if progress is not None:
+            progress(stop, draws)
+    return percentiles(drawn, level)
+
+
+def probabilities_and_truth(probabilities: ArrayLike, present: ArrayLike) -> tuple[NDArray[Any], NDArray[np.bool_]]:
+    """Return checked probabilities and truth, one of each a target.
+
+    Raises
+    ------
+    InputError
+        When a probability lies outside [0, 1], the truth is no booleans, or the lengths differ.
+    """
+    values, truth = scored(probabilities, present, name="probabilities")
+    outside = (values < 0) | (values > 1)
+    if outside.any():
+        raise InputError(
+            f"probabilities must lie in [0, 1]; got {values[outside][0]:g} among {np.count_nonzero(outside)} outside: "
+            "scores of another kind belong into roc"
+        )
+    return values, truth
+
+
+BINS = 10
+MOST_BINS = 10_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReliabilityBin:
+    """Targets of like probability.
+
+    Attributes
+    ----------
+    low, high
+        Ends of the bin; a probability at an inner end belongs below it.
+    probability
+        Mean of those said.
+    observed
+        How many of the targets held an inclusion; ``observed.interval()`` is Wilson's.
+    """
+
+    low: float
+    high: float
+    probability: float
+    observed: Proportion
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReliabilityCurve:
+    """Said and seen, bin by bin, without those that hold no target.
+
+    Attributes
+    ----------
+    bins
+        By rising probability.
+    brier
+        Brier score with Murphy's parts over these bins.
+    """
+
+    bins: tuple[ReliabilityBin, ...]
+    brier: BrierScore
+
+    @property
+    def expected_calibration_error(self) -> float:
+        """Mean distance of said and seen over all targets; few targets a bin raise it even where all is right."""
+        weights = [one.observed.trials for one in self.bins]
+        return float(np.average([abs(one.probability - one.observed.value) for one in self.bins], weights=weights))
+
+
+def reliability_curve(
+    probabilities: ArrayLike, present: ArrayLike, *, bins: int = BINS, widths: str = "equal-count"
+) -> ReliabilityCurve:
+    """Group probabilities and set them beside the shares that came true.
+
+    Parameters
+    ----------
+    probabilities
+        That each target holds an inclusion, shape (targets,), in [0, 1].
+    present
+        Whether it does, booleans of shape (targets,).
+    bins
+        How many, 1 or more; equal probabilities are never parted.
+    widths
+        ``"equal-count"``, ends at quantiles of the probabilities, or ``"equal-width"``.
+
+    Raises
+    ------
+    InputError
+        When a probability is none, the truth no booleans, the lengths differ, or a choice is unknown.
+
+    Examples
+    --------
+    >>> curve = reliability_curve([0.1, 0.2, 0.3, 0.7, 0.8, 0.9], [False, False, True, True, True, True], bins=2)
+    >>> [(round(one.probability, 2), one.observed.value) for one in curve.bins]
+    [(0.2, 0.3333333333333333), (0.8, 1.0)]
+    >>> round(curve.expected_calibration_error, 3)
+    0.167
+    """
+    values, truth = probabilities_and_truth(probabilities, present)
+    shares = np.linspace(0.0, 1.0, require_integer("bins", bins, 1, MOST_BINS) + 1)
+    widths = choice("widths", widths, ("equal-count", "equal-width"))
+    ends = shares if widths == "equal-width" else np.quantile(values, shares)
+    place = np.searchsorted(ends[1:-1], values)
+    found = []
+    for index in np.unique(place):
+        inside = place == index
+        observed = Proportion(successes=int(truth[inside].sum()), trials=int(inside.sum()))
+        low, high = float(ends[index]), float(ends[index + 1])
+        found.append(ReliabilityBin(low=low, high=high, probability=float(values[inside].mean()), observed=observed))
+    return ReliabilityCurve(bins=tuple(found), brier=brier_score(values, truth, groups=place))

@@ -1,0 +1,154 @@
+"""How often an inclusion was found where there was one, and none where there was none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.detection._inputs import booleans, same_length
+from tsis.detection._proportions import MOST_TRIALS, Proportion, ProportionDifference, ProportionRatio
+from tsis.errors import InputError
+from tsis.model import require_integer
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Counts:
+    """Decisions beside the truth, counted.
+
+    Each share is a `Proportion` and so brings its interval; where the study has no target that it could be a share of,
+    asking for it is an error that says which are absent.
+
+    Parameters
+    ----------
+    true_positives
+        Targets with an inclusion that was found.
+    false_positives
+        Targets without one, where one was said to be.
+    true_negatives
+        Targets without one, rightly called so.
+    false_negatives
+        Targets with an inclusion that was missed.
+
+    Raises
+    ------
+    InputError
+        When a number is not whole or negative, or all are 0.
+
+    Examples
+    --------
+    >>> printed = Counts(true_positives=6, false_negatives=2, true_negatives=7, false_positives=1)
+    >>> printed.sensitivity.value, printed.specificity.value
+    (0.75, 0.875)
+    """
+
+    true_positives: int
+    false_positives: int
+    true_negatives: int
+    false_negatives: int
+
+    def __post_init__(self) -> None:
+        for name in ("true_positives", "false_positives", "true_negatives", "false_negatives"):
+            object.__setattr__(self, name, require_integer(name, getattr(self, name), 0, MOST_TRIALS // 4))
+        if self.targets == 0:
+            raise InputError("counts must hold at least one target; got 0 of every kind")
+
+    @classmethod
+    def of(cls, decided: ArrayLike, present: ArrayLike) -> Counts:
+        """Count decisions.
+
+        Parameters
+        ----------
+        decided
+            Whether an inclusion was said to be in each target, booleans of shape (targets,).
+        present
+            Whether there was one, likewise.
+
+        Raises
+        ------
+        InputError
+            When either is empty, holds anything but booleans, or their lengths differ.
+
+        Examples
+        --------
+        >>> Counts.of([True, True, False], [True, False, False])
+        Counts(true_positives=1, false_positives=1, true_negatives=1, false_negatives=0)
+        """
+        said, truth = booleans("decided", decided), booleans("present", present)
+        same_length("decided", said, "present", truth)
+        return cls(
+            true_positives=int(np.count_nonzero(said & truth)),
+            false_positives=int(np.count_nonzero(said & ~truth)),
+            true_negatives=int(np.count_nonzero(~said & ~truth)),
+            false_negatives=int(np.count_nonzero(~said & truth)),
+        )
+
+    @property
+    def targets(self) -> int:
+        """All targets."""
+        return self.present + self.absent
+
+    @property
+    def present(self) -> int:
+        """Targets with an inclusion."""
+        return self.true_positives + self.false_negatives
+
+    @property
+    def absent(self) -> int:
+        """Targets without one."""
+        return self.true_negatives + self.false_positives
+
+    @property
+    def sensitivity(self) -> Proportion:
+        """Inclusions found among those present: equation (2.2) of the dissertation."""
+        return _share("sensitivity", self.true_positives, self.present, "target with an inclusion")
+
+    @property
+    def specificity(self) -> Proportion:
+        """Targets called empty among those that are: equation (2.3) of the dissertation."""
+        return _share("specificity", self.true_negatives, self.absent, "target without an inclusion")
+
+    @property
+    def accuracy(self) -> Proportion:
+        """Right decisions among all; it depends on how many targets hold an inclusion."""
+        return Proportion(successes=self.true_positives + self.true_negatives, trials=self.targets)
+
+    @property
+    def positive_predictive_value(self) -> Proportion:
+        """Inclusions present among those said to be; it holds for this study's share of inclusions alone."""
+        said = self.true_positives + self.false_positives
+        return _share("positive_predictive_value", self.true_positives, said, "target said to hold an inclusion")
+
+    @property
+    def negative_predictive_value(self) -> Proportion:
+        """Targets without inclusion among those called so; it holds for this study's share of inclusions alone."""
+        said = self.true_negatives + self.false_negatives
+        return _share("negative_predictive_value", self.true_negatives, said, "target said to hold no inclusion")
+
+    @property
+    def positive_likelihood_ratio(self) -> ProportionRatio:
+        """By what a finding multiplies the odds of an inclusion: sensitivity / (1 - specificity)."""
+        missed = self.specificity.trials - self.specificity.successes
+        return ProportionRatio(first=self.sensitivity, second=Proportion(successes=missed, trials=self.absent))
+
+    @property
+    def negative_likelihood_ratio(self) -> ProportionRatio:
+        """By what finding none multiplies the odds of an inclusion: (1 - sensitivity) / specificity."""
+        missed = self.sensitivity.trials - self.sensitivity.successes
+        return ProportionRatio(first=Proportion(successes=missed, trials=self.present), second=self.specificity)
+
+    @property
+    def youden(self) -> ProportionDifference:
+        """Youden's index, sensitivity + specificity - 1: 1 is faultless, 0 is chance."""
+        false = self.specificity.trials - self.specificity.successes
+        return ProportionDifference(first=self.sensitivity, second=Proportion(successes=false, trials=self.absent))
+
+
+def _share(name: str, successes: int, trials: int, wanted: str) -> Proportion:
+    if trials == 0:
+        raise InputError(f"{name} must have at least one {wanted} to be a share of; got 0: add such targets")
+    return Proportion(successes=successes, trials=trials)

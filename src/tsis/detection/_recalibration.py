@@ -1,0 +1,166 @@
+"""Are probabilities too bold, too shy, or all too high? Logistic recalibration after Cox."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.optimize import brentq
+from scipy.special import expit, logit, ndtri
+
+from tsis.detection._brier import probabilities_and_truth
+from tsis.detection._inputs import LEVEL, Interval, both_classes, checked_level
+from tsis.errors import InputError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+
+STEPS = 100
+CONVERGED = 1e-12  # of Newton's step, in logits
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FittedValue:
+    """A number that a likelihood was largest at.
+
+    Attributes
+    ----------
+    value
+        The number.
+    standard_error
+        From the curvature of the likelihood there.
+    """
+
+    value: float
+    standard_error: float
+
+    def interval(self, level: float = LEVEL) -> Interval:
+        """Wald's interval; it leans on the normal law, and is rough below some 30 targets of each kind.
+
+        Parameters
+        ----------
+        level
+            Confidence, in (0, 1).
+
+        Raises
+        ------
+        InputError
+            When the level is no probability.
+        """
+        half = float(ndtri(0.5 + checked_level(level) / 2)) * self.standard_error
+        return Interval(low=self.value - half, high=self.value + half, level=level, method="wald")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recalibration:
+    """``logit(true share) = intercept + slope * logit(probability)``.
+
+    Attributes
+    ----------
+    slope
+        1 is right; below, probabilities are too bold, above too shy.
+    intercept
+        Beside that slope; 0 is right.
+    in_the_large
+        Intercept where the slope is held at 1: positive where inclusions are more frequent than the probabilities say.
+    """
+
+    slope: FittedValue
+    intercept: FittedValue
+    in_the_large: FittedValue
+
+
+def recalibration(probabilities: ArrayLike, present: ArrayLike) -> Recalibration:
+    """Fit slope and intercept of the logits by maximum likelihood.
+
+    Parameters
+    ----------
+    probabilities
+        That each target holds an inclusion, shape (targets,), strictly between 0 and 1, not all equal.
+    present
+        Whether it does, booleans of shape (targets,), both kinds.
+
+    Raises
+    ------
+    InputError
+        When the input is bad, a class is missing, or the probabilities part both kinds without overlap, so that no
+        slope is steepest.
+
+    Examples
+    --------
+    >>> fitted = recalibration([0.01, 0.1, 0.9, 0.99, 0.9, 0.1], [False, True, True, True, False, False])
+    >>> fitted.slope.value < 1  # too bold
+    True
+    """
+    values, truth = probabilities_and_truth(probabilities, present)
+    both_classes(truth, needed_by="a recalibration")
+    certain = (values == 0) | (values == 1)
+    if certain.any():
+        raise InputError(
+            f"probabilities must lie strictly between 0 and 1 for their logits; got {np.count_nonzero(certain)} that "
+            "do not: a probability from n samples can be counted as (k + 1/2) / (n + 1)"
+        )
+    logits = logit(values)
+    _require_overlap(logits, truth)
+    scale = float(np.abs(logits).max())
+    joint, errors = _line(logits / scale, truth)
+    return Recalibration(
+        slope=FittedValue(value=joint[1] / scale, standard_error=errors[1] / scale),
+        intercept=FittedValue(value=joint[0], standard_error=errors[0]),
+        in_the_large=_shift(logits, truth),
+    )
+
+
+def _require_overlap(logits: NDArray[Any], truth: NDArray[np.bool_]) -> None:
+    """Albert and Anderson (1984): a largest likelihood exists where no cut parts both kinds, touching or not."""
+    if np.ptp(logits) == 0:
+        raise InputError("probabilities must not all be equal for a slope; got one value alone: add targets")
+    within, without = logits[truth], logits[~truth]
+    if within.min() >= without.max() or without.min() >= within.max():
+        raise InputError(
+            "probabilities of targets with and without an inclusion must overlap for a slope; got two parts that one "
+            "cut separates: add targets"
+        )
+
+
+def _line(logits: NDArray[Any], truth: NDArray[np.bool_]) -> tuple[list[float], list[float]]:
+    """Intercept and slope of the largest likelihood with standard errors, by Newton's steps, halved where too long."""
+    design = np.stack([np.ones_like(logits), logits], axis=1)
+    sign = np.where(truth, 1.0, -1.0)
+    at = np.zeros(2)
+    for _ in range(STEPS):
+        slope, curvature = design.T @ (truth - expit(design @ at)), _curvature(design, at)
+        step = np.linalg.solve(curvature, slope)
+        here = np.logaddexp(0.0, -sign * (design @ at)).sum()
+        while (
+            np.logaddexp(0.0, -sign * (design @ (at + step))).sum() > here * (1 + 1e-12)
+            and np.abs(step).max() > CONVERGED
+        ):
+            step = step / 2
+        at = at + step
+        if np.abs(step).max() < CONVERGED * (1 + np.abs(at).max()):
+            break
+    variances = np.diag(np.linalg.inv(_curvature(design, at)))
+    return [float(one) for one in at], [math.sqrt(one) for one in variances]
+
+
+def _curvature(design: NDArray[Any], at: NDArray[np.float64]) -> NDArray[np.float64]:
+    chance = expit(design @ at)
+    bent: NDArray[np.float64] = (design * (chance * (1 - chance))[:, None]).T @ design
+    return bent
+
+
+def _shift(logits: NDArray[Any], truth: NDArray[np.bool_]) -> FittedValue:
+    """What must be added to every logit for the expected number of inclusions to be the number seen."""
+    seen = int(truth.sum())
+    low, high = logit(seen / len(truth)) - logits.max(), logit(seen / len(truth)) - logits.min()
+
+    def excess(shift: float) -> float:
+        return float(expit(logits + shift).sum() - seen)
+
+    shift = float(brentq(excess, low - 1, high + 1, xtol=1e-13))
+    chance = expit(logits + shift)
+    return FittedValue(value=shift, standard_error=float(1 / np.sqrt((chance * (1 - chance)).sum())))

@@ -1,0 +1,266 @@
+"""How far readings of one operator on one target lie apart."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.special import chdtri
+
+from tsis.detection._icc import squares
+from tsis.detection._inputs import LEVEL, Interval, checked_level
+from tsis.detection._inputs import readings as checked_readings
+from tsis.errors import InputError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
+
+
+APART = 1.959963984540054 * math.sqrt(2)  # standard deviations between two readings, which 95 % do not exceed
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Repeatability:
+    """Scatter of readings within and between targets, in the unit of the readings.
+
+    Attributes
+    ----------
+    within_sd
+        Standard deviation of readings of one target.
+    between_sd
+        Standard deviation of the true values of targets; 0 where ``between_truncated``.
+    between_truncated
+        Whether the estimated variance between targets was negative, and was cut at 0.
+    degrees_of_freedom
+        On which ``within_sd`` rests: readings less targets.
+    mean
+        Of all readings.
+    """
+
+    within_sd: float
+    between_sd: float
+    between_truncated: bool
+    degrees_of_freedom: int
+    mean: float
+
+    @property
+    def coefficient(self) -> float:
+        """Repeatability coefficient: two readings of a target differ by less with a probability of 95 %; 2.77 sd."""
+        return APART * self.within_sd
+
+    def interval(self, level: float = LEVEL) -> Interval:
+        """Interval of the repeatability coefficient, exact for normal readings.
+
+        Parameters
+        ----------
+        level
+            Confidence, in (0, 1).
+
+        Raises
+        ------
+        InputError
+            When the level is no probability, or readings of a target never differ.
+        """
+        tail, free = (1 - checked_level(level)) / 2, self.degrees_of_freedom
+        if self.within_sd == 0:
+            raise InputError(
+                "readings of a target must differ for an interval; got repeats that are all equal: record more digits"
+            )
+        low, high = (self.coefficient * math.sqrt(free / float(chdtri(free, at))) for at in (tail, 1 - tail))
+        return Interval(low=low, high=high, level=level, method="chi-square")
+
+
+def repeatability(readings: Sequence[ArrayLike]) -> Repeatability:
+    """Repeatability from repeats on several targets, by the one-way analysis of variance.
+
+    Parameters
+    ----------
+    readings
+        One row of finite readings a target, at least 2 targets; rows may differ in length, and at least one holds 2.
+
+    Raises
+    ------
+    InputError
+        When a row is empty or not finite, or there are fewer than 2 targets or no repeats.
+
+    Examples
+    --------
+    >>> found = repeatability([[8.1, 8.3], [10.0, 10.3, 10.1], [6.2, 6.2]])
+    >>> round(found.within_sd, 3), round(found.coefficient, 3), [round(end, 2) for end in found.interval()]
+    (0.129, 0.358, [0.21, 1.03])
+    """
+    rows = [checked_readings(f"readings[{index}]", row, ndim=1) for index, row in enumerate(readings)]
+    sizes = np.array([len(row) for row in rows])
+    if len(rows) < 2 or sizes.max() < 2:
+        most = int(sizes.max()) if len(sizes) else 0
+        raise InputError(
+            f"readings must hold at least 2 targets, one of them read twice; got {len(rows)} of at most {most} readings"
+        )
+    together = np.concatenate(rows)
+    mean, means = float(together.mean()), np.array([row.mean() for row in rows])
+    free, total = int(sizes.sum()) - len(rows), int(sizes.sum())
+    within = squares(together - np.repeat(means, sizes), together) / free
+    between = squares(np.sqrt(sizes) * (means - mean), together) / (len(rows) - 1)
+    size = (total - float((sizes**2).sum()) / total) / (len(rows) - 1)  # of a target, for unequal numbers of readings
+    variance = (between - within) / size
+    return Repeatability(
+        within_sd=math.sqrt(within),
+        between_sd=math.sqrt(max(variance, 0.0)),
+        between_truncated=variance < 0,
+        degrees_of_freedom=free,
+        mean=mean,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Reproducibility:
+    """Scatter of a balanced study of targets, operators and repeats, in the unit of the readings.
+
+    Attributes
+    ----------
+    target_sd, operator_sd, interaction_sd, repeat_sd
+        Standard deviations of targets, of operators, of what operators do differently on each target, of repeats.
+    truncated
+        Which of the first three were cut at 0, because their estimated variance was negative.
+    mean_squares
+        Of targets, operators, interaction and repeats.
+    degrees_of_freedom
+        Of the same.
+    shape
+        Targets, operators, repeats.
+    """
+
+    target_sd: float
+    operator_sd: float
+    interaction_sd: float
+    repeat_sd: float
+    truncated: tuple[str, ...]
+    mean_squares: tuple[float, float, float, float]
+    degrees_of_freedom: tuple[int, int, int, int]
+    shape: tuple[int, int, int]
+
+    @property
+    def repeatability_coefficient(self) -> float:
+        """Two readings of a target by one operator differ by less with a probability of 95 %."""
+        return APART * self.repeat_sd
+
+    @property
+    def coefficient(self) -> float:
+        """Two readings of a target by two operators differ by less with a probability of 95 %.
+
+        From the sum of the three variances as estimated, before any is cut at 0; it cannot be negative.
+        """
+        return APART * math.sqrt(sum(weight * square for weight, square, _ in self._terms()))
+
+    def repeatability_interval(self, level: float = LEVEL) -> Interval:
+        """Interval of the repeatability coefficient, exact for normal readings.
+
+        Parameters
+        ----------
+        level
+            Confidence, in (0, 1).
+
+        Raises
+        ------
+        InputError
+            When the level is no probability, or repeats never differ.
+        """
+        tail, free = (1 - checked_level(level)) / 2, self.degrees_of_freedom[3]
+        self._require_scatter()
+        middle = self.repeatability_coefficient
+        low, high = (middle * math.sqrt(free / float(chdtri(free, at))) for at in (tail, 1 - tail))
+        return Interval(low=low, high=high, level=level, method="chi-square")
+
+    def interval(self, level: float = LEVEL) -> Interval:
+        """Interval of the coefficient between operators, by Graybill and Wang's modified large samples.
+
+        With two or three operators its upper end is far away, as it must be.
+
+        Parameters
+        ----------
+        level
+            Confidence, in (0, 1).
+
+        Raises
+        ------
+        InputError
+            When the level is no probability, or repeats never differ.
+        """
+        tail = (1 - checked_level(level)) / 2
+        self._require_scatter()
+        middle = (self.coefficient / APART) ** 2
+        below = above = 0.0
+        for weight, square, free in self._terms():
+            below += ((1 - free / float(chdtri(free, tail))) * weight * square) ** 2
+            above += ((free / float(chdtri(free, 1 - tail)) - 1) * weight * square) ** 2
+        return Interval(
+            low=APART * math.sqrt(max(middle - math.sqrt(below), 0.0)),
+            high=APART * math.sqrt(middle + math.sqrt(above)),
+            level=level,
+            method="modified large samples",
+        )
+
+    def _terms(self) -> tuple[tuple[float, float, int], ...]:
+        """Weight, mean square and degrees of freedom, of what makes up a reading on a given target."""
+        targets, _, repeats = self.shape
+        weights = (1 / (targets * repeats), (targets - 1) / (targets * repeats), (repeats - 1) / repeats)
+        return tuple(zip(weights, self.mean_squares[1:], self.degrees_of_freedom[1:], strict=True))
+
+    def _require_scatter(self) -> None:
+        if self.repeat_sd == 0:
+            raise InputError("readings must differ between repeats for an interval; got equal ones: record more digits")
+
+
+def reproducibility(readings: ArrayLike) -> Reproducibility:
+    """Reproducibility from a balanced study, by the two-way analysis of variance with interaction, all random.
+
+    Parameters
+    ----------
+    readings
+        Finite, shape (targets, operators, repeats), at least 2 of each.
+
+    Raises
+    ------
+    InputError
+        When the table is not finite or too small.
+
+    Examples
+    --------
+    >>> found = reproducibility([[[8.1, 8.3], [8.6, 8.5]], [[10.0, 10.2], [10.4, 10.6]], [[6.2, 6.1], [6.4, 6.6]]])
+    >>> round(found.repeatability_coefficient, 2), round(found.coefficient, 2), found.truncated
+    (0.34, 0.76, ('interaction',))
+    """
+    table = checked_readings("readings", readings, ndim=3)
+    n, k, r = table.shape
+    if min(n, k, r) < 2:
+        raise InputError(f"readings must have at least 2 targets, operators and repeats; got shape {table.shape}")
+    centred = table - table.mean()
+    cells = centred.mean(axis=2)
+    rows, columns = cells.mean(axis=1), cells.mean(axis=0)
+    free = (n - 1, k - 1, (n - 1) * (k - 1), n * k * (r - 1))
+    found = (
+        k * r * squares(rows, table) / free[0],
+        n * r * squares(columns, table) / free[1],
+        r * squares(cells - rows[:, None] - columns, table) / free[2],
+        squares(centred - cells[:, :, None], table) / free[3],
+    )
+    variances = {
+        "target": (found[0] - found[2]) / (k * r),
+        "operator": (found[1] - found[2]) / (n * r),
+        "interaction": (found[2] - found[3]) / r,
+    }
+    cut = {name: math.sqrt(max(variance, 0.0)) for name, variance in variances.items()}
+    return Reproducibility(
+        target_sd=cut["target"],
+        operator_sd=cut["operator"],
+        interaction_sd=cut["interaction"],
+        repeat_sd=math.sqrt(found[3]),
+        truncated=tuple(name for name, variance in variances.items() if variance < 0),
+        mean_squares=found,
+        degrees_of_freedom=free,
+        shape=(n, k, r),
+    )

@@ -1,0 +1,201 @@
+"""A classifier as a text file: what it was fitted on and how, so that whoever reads it fits it again.
+
+No file can make the reader run anything. A few probabilities are kept beside the targets, by which a reader finds out
+that another version of scikit-learn fits another classifier.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.detection.classify._classes import CLASSES, ClassSplit
+from tsis.detection.classify._classifier import (
+    MOST_TARGETS,
+    Classifier,
+    ClassifierSettings,
+    TrainingSet,
+    train_classifier,
+)
+from tsis.errors import FileInputError, InputError
+from tsis.files import as_path, printable_path, read_object, write_durably
+from tsis.model import require_array, require_integer, require_type
+
+if TYPE_CHECKING:
+    import os
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+
+FORMAT, VERSION = "tsis classifier", 1
+LARGEST_BYTES = 2 * 2**20
+COMPARED = 8  # targets whose probabilities are kept
+SAME = 1e-6  # largest difference of a probability that rounding explains
+KEYS = {"format", "version", "notice", "made_with", "split", "settings", "targets", "probabilities", "sha256"}
+
+
+def write_classifier(classifier: Classifier, path: str | os.PathLike[str]) -> Path:
+    """Write a classifier, whole or not at all.
+
+    Parameters
+    ----------
+    classifier
+        As `tsis.detection.classify.train_classifier` makes it.
+    path
+        File to write; one of that name is replaced.
+
+    Returns
+    -------
+    The file.
+
+    Raises
+    ------
+    FileInputError
+        When it cannot be written there.
+    """
+    require_type("classifier", classifier, Classifier)
+    path, training = as_path(path), classifier.training
+    content = {
+        "format": FORMAT,
+        "version": VERSION,
+        "notice": RESEARCH_USE_ONLY,
+        "made_with": _versions(),
+        "split": classifier.split.limits,
+        "settings": asdict(classifier.settings),
+        "targets": [
+            [*features, label]
+            for features, label in zip(training.features.tolist(), training.labels.tolist(), strict=True)
+        ],
+        "probabilities": _few(classifier).tolist(),
+    }
+    try:
+        write_durably(path, _spelled(content | {"sha256": classifier_sha256(content)}))
+    except OSError as error:
+        raise FileInputError(f"{printable_path(path)} must be writable; got: {error.strerror}") from error
+    return path
+
+
+def read_classifier(path: str | os.PathLike[str]) -> Classifier:
+    """Read a classifier's file and fit it again.
+
+    Parameters
+    ----------
+    path
+        As `write_classifier` wrote it; at most 2 MiB.
+
+    Returns
+    -------
+    The same classifier; its ``notes`` say so where another version of scikit-learn gives other probabilities.
+
+    Raises
+    ------
+    FileInputError
+        When it is no such file, was changed, or the versions that it was made with fit it otherwise here.
+    """
+    path = as_path(path)
+    content = read_object(path, most=LARGEST_BYTES)
+    _check_form(content, path)
+    try:
+        classifier = train_classifier(
+            _training(content["targets"]), ClassSplit(**content["split"]), ClassifierSettings(**content["settings"])
+        )
+        kept = require_array("probabilities", content["probabilities"], ndim=2)
+    except (InputError, TypeError) as error:
+        raise FileInputError(f"{printable_path(path)} must hold a classifier; {_reason(error)}") from error
+    found = _few(classifier)
+    if kept.shape != found.shape:
+        raise FileInputError(
+            f"{printable_path(path)} must hold {found.shape[0]} rows of {CLASSES} probabilities; got shape {kept.shape}"
+        )
+    apart = float(np.abs(kept - found).max())
+    if apart <= SAME:
+        return classifier
+    made, here = content["made_with"], _versions()
+    if made == here:
+        raise FileInputError(
+            f"{printable_path(path)} must give the probabilities that it holds; they differ by up to {apart:.2g}, though the "
+            "same versions made it: train the classifier again"
+        )
+    versions = ", ".join(f"{name} {made[name]} then and {here[name]} now" for name in here if made[name] != here[name])
+    note = (
+        f"Fitted again, the classifier's probabilities differ by up to {apart:.2g} from those of its file: {versions}."
+    )
+    return replace(classifier, notes=(note,))
+
+
+def _versions() -> dict[str, str]:
+    import scipy
+    import sklearn
+
+    return {
+        "tsis": __version__,
+        "scikit-learn": sklearn.__version__,
+        "numpy": np.__version__,
+        "scipy": scipy.__version__,
+    }
+
+
+def _few(classifier: Classifier) -> NDArray[np.float64]:
+    """Probabilities of a few targets, evenly through the training's."""
+    features = classifier.training.features
+    places = np.linspace(0, len(features) - 1, min(COMPARED, len(features))).round().astype(int)
+    return classifier.probabilities(features[places])
+
+
+def _spelled(content: dict[str, Any]) -> bytes:
+    return (json.dumps(content, indent=None, allow_nan=False, separators=(",", ":")) + "\n").encode()
+
+
+def classifier_sha256(content: dict[str, Any]) -> str:
+    return hashlib.sha256(_spelled(content)).hexdigest()
+
+
+def _check_form(content: dict[str, Any], path: Path) -> None:
+    if content.get("format") != FORMAT or content.get("version") != VERSION:
+        raise FileInputError(
+            f"{printable_path(path)} must be a {FORMAT!r} of version {VERSION}; got {content.get('format')!r:.40} of version "
+            f"{content.get('version')!r:.20}"
+        )
+    if set(content) != KEYS:
+        other = min(set(content) ^ KEYS)
+        raise FileInputError(
+            f"{printable_path(path)} must hold {', '.join(sorted(KEYS))}; {other!r:.40} is missing or unknown"
+        )
+    made = content["made_with"]
+    told = isinstance(made, dict) and set(made) == set(_versions())
+    if not told or not all(isinstance(one, str) and len(one) < 40 and one.isprintable() for one in made.values()):
+        raise FileInputError(f"{printable_path(path)} must name the versions it was made with; got {made!r:.80}")
+    try:
+        same = (
+            classifier_sha256({name: value for name, value in content.items() if name != "sha256"}) == content["sha256"]
+        )
+    except (ValueError, RecursionError):  # numbers that JSON has not
+        same = False
+    if not same:
+        raise FileInputError(
+            f"{printable_path(path)} must be as it was written; it does not match its own hash: it was changed"
+        )
+
+
+def _training(targets: Any) -> TrainingSet:
+    """Targets of the file, checked before they become arrays."""
+    rows = isinstance(targets, list) and 0 < len(targets) <= MOST_TARGETS
+    if not rows or not all(isinstance(row, list) and len(row) == 5 for row in targets):
+        raise InputError(f"targets must be 1 to {MOST_TARGETS} rows of 5 numbers; got something else")
+    labels = [require_integer("a target's class", row[-1], 0, CLASSES - 1) for row in targets]
+    return TrainingSet(
+        features=np.array(require_array("targets", [row[:-1] for row in targets], ndim=2)),
+        labels=np.array(labels),
+    )
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, TypeError):
+        return "its split or its settings name something unknown, or are no objects"
+    return str(error)

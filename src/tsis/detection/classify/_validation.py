@@ -1,0 +1,157 @@
+"""How well a classifier does on targets that it has not seen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.detection._proportions import Proportion
+from tsis.detection.classify._classes import CLASSES, ClassSplit
+from tsis.detection.classify._classifier import (
+    ClassifierSettings,
+    TargetEvidence,
+    TrainingSet,
+    enough,
+    train_classifier,
+)
+from tsis.errors import InputError
+from tsis.model import require_integer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.model import Inclusion
+
+
+LEAST = 1e-15  # a probability of 0 that came true would cost an infinite loss
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Validation:
+    """Probabilities of targets by classifiers that were fitted without them, beside the truth.
+
+    Attributes
+    ----------
+    split
+        The classes.
+    labels
+        What the targets are, shape (targets,).
+    probabilities
+        Means over each target's posterior, shape (targets, 3).
+    at_mean
+        Those of its posterior's mean, shape (targets, 3).
+    """
+
+    split: ClassSplit
+    labels: NDArray[np.int64]
+    probabilities: NDArray[np.float64]
+    at_mean: NDArray[np.float64]
+
+    @property
+    def decided(self) -> NDArray[np.int64]:
+        """The likeliest class of each target, shape (targets,)."""
+        return np.asarray(self.probabilities.argmax(axis=1))
+
+    @property
+    def confusion(self) -> NDArray[np.int64]:
+        """Number of targets of a class (rows) that were called one of a class (columns), shape (3, 3)."""
+        table = np.zeros((CLASSES, CLASSES), dtype=np.int64)
+        np.add.at(table, (self.labels, self.decided), 1)
+        return table
+
+    def share(self, truth: int, decided: int) -> Proportion:
+        """How many targets of class ``truth`` were called ``decided``; its ``interval()`` is Wilson's."""
+        row = self.confusion[require_integer("truth", truth, 0, CLASSES - 1)]
+        return Proportion(
+            successes=int(row[require_integer("decided", decided, 0, CLASSES - 1)]), trials=int(row.sum())
+        )
+
+    @property
+    def accuracy(self) -> Proportion:
+        """Right decisions among all; it depends on how frequent the classes are."""
+        right = int(np.count_nonzero(self.decided == self.labels))
+        return Proportion(successes=right, trials=len(self.labels))
+
+    @property
+    def log_loss(self) -> float:
+        """Mean negative log of the probability of what was there; probabilities count as 1e-15 at least."""
+        return log_loss(self.probabilities, self.labels)
+
+    @property
+    def brier(self) -> float:
+        """Mean over targets of the sum over classes of probability less truth, squared: 0 at best, 2 at worst."""
+        return brier(self.probabilities, self.labels)
+
+    @property
+    def differences(self) -> NDArray[np.float64]:
+        """Largest difference over the classes between both ways to a probability, shape (targets,)."""
+        return np.asarray(np.abs(self.probabilities - self.at_mean).max(axis=1))
+
+
+def log_loss(probabilities: NDArray[np.float64], labels: NDArray[np.int64]) -> float:
+    """Mean negative log of the probability of the true class."""
+    said = probabilities[np.arange(len(labels)), labels]
+    return float(-np.log(np.maximum(said, LEAST)).mean())
+
+
+def brier(probabilities: NDArray[np.float64], labels: NDArray[np.int64]) -> float:
+    """Brier score of several classes, in [0, 2]."""
+    return float(((probabilities - np.eye(CLASSES)[labels]) ** 2).sum(axis=1).mean())
+
+
+def cross_validate(
+    readings: Sequence[TargetEvidence],
+    truth: Sequence[Inclusion | None],
+    split: ClassSplit,
+    settings: ClassifierSettings | None = None,
+    *,
+    folds: int = 5,
+    progress: Callable[[int, int], None] | None = None,
+) -> Validation:
+    """Classify each target by a classifier that was fitted, and calibrated, without it.
+
+    Parameters
+    ----------
+    readings
+        What presses told of each target.
+    truth
+        What was there, None for nothing; as many.
+    split
+        The classes.
+    settings
+        How each classifier is fitted; its seed shuffles the parts here too.
+    folds
+        In how many parts, of like shares of the classes, targets are left out, 2 to 20.
+    progress
+        Told (parts done, parts).
+
+    Raises
+    ------
+    InputError
+        When the input is bad, or a class has too few targets for parts within parts.
+    """
+    settings = ClassifierSettings() if settings is None else settings
+    folds = require_integer("folds", folds, 2, 20)
+    training = TrainingSet.of(readings, truth, split)
+    enough(training.labels, split, -(-settings.folds * folds // (folds - 1)))  # what is left holds one a part
+    from sklearn.model_selection import StratifiedKFold
+
+    parts = StratifiedKFold(folds, shuffle=True, random_state=settings.seed)
+    mean, single = np.empty((2, len(readings), CLASSES))
+    for done, (kept, out) in enumerate(parts.split(training.features, training.labels)):
+        fitted = train_classifier(
+            TrainingSet(features=training.features[kept], labels=training.labels[kept]), split, settings
+        )
+        single[out] = fitted.probabilities(training.features[out])
+        rows = [readings[index].rows for index in out]
+        ends = np.cumsum([len(one) for one in rows])[:-1]
+        mean[out] = [one.mean(axis=0) for one in np.split(fitted.probabilities(np.concatenate(rows)), ends)]
+        if progress is not None:
+            progress(done + 1, folds)
+    if not np.isfinite(mean).all():
+        raise InputError("readings must give finite probabilities; got some that are not: check their samples")
+    return Validation(split=split, labels=training.labels, probabilities=mean, at_mean=single)

@@ -1,0 +1,308 @@
+"""Where to press to search an area: strips as in palpation, and what no position between presses can hide."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.detection.search._range import FARTHEST_MM
+from tsis.errors import InputError
+from tsis.model import require_integer, require_number, require_pair, require_type
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from tsis.detection.search._range import Reach
+
+
+AREA_MM = (1.0, 5000.0)
+RADIUS_MM = (0.5, 500.0)
+MOST_PRESSES = 100_000
+ROUNDING = 1e-12
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScanPlan:
+    """Presses over a rectangle, in strips along its height that are walked up and down in turn.
+
+    The area is cut into equal cells and each is pressed at its centre: so no place, corners included, is farther from
+    a press than half a cell's diagonal. Presses at the edge overhang the area by ``overhang_mm``.
+
+    Parameters
+    ----------
+    width_mm, height_mm
+        The area, in [1, 5000] mm.
+    strips, presses_a_strip
+        Cells across and along, 1 or more, at most 100,000 in all.
+    radius_mm
+        Of the probe's face, in [0.5, 500].
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range.
+
+    Examples
+    --------
+    >>> plan = ScanPlan(width_mm=80, height_mm=60, strips=4, presses_a_strip=4, radius_mm=12)
+    >>> plan.presses, plan.strip_spacing_mm, plan.press_spacing_mm, plan.worst_distance_mm
+    (16, 20.0, 15.0, 12.5)
+    >>> plan.positions_mm[:5].tolist()  # up the first strip, then down the second
+    [[10.0, 7.5], [10.0, 22.5], [10.0, 37.5], [10.0, 52.5], [30.0, 52.5]]
+    """
+
+    width_mm: float
+    height_mm: float
+    strips: int
+    presses_a_strip: int
+    radius_mm: float
+
+    def __post_init__(self) -> None:
+        for name in ("width_mm", "height_mm"):
+            object.__setattr__(self, name, require_number(name, getattr(self, name), *AREA_MM, hint="millimetres"))
+        object.__setattr__(self, "radius_mm", require_number("radius_mm", self.radius_mm, *RADIUS_MM))
+        for name in ("strips", "presses_a_strip"):
+            object.__setattr__(self, name, require_integer(name, getattr(self, name), 1, MOST_PRESSES))
+        if self.presses > MOST_PRESSES:
+            raise InputError(
+                f"a plan must have at most {MOST_PRESSES} presses; got {self.presses}: choose wider spacing"
+            )
+
+    @property
+    def presses(self) -> int:
+        """Number of presses."""
+        return self.strips * self.presses_a_strip
+
+    @property
+    def strip_spacing_mm(self) -> float:
+        """Distance of neighbouring strips."""
+        return self.width_mm / self.strips
+
+    @property
+    def press_spacing_mm(self) -> float:
+        """Distance of neighbouring presses along a strip."""
+        return self.height_mm / self.presses_a_strip
+
+    @property
+    def positions_mm(self) -> NDArray[np.float64]:
+        """Places (x, y) of the presses in their order, from a corner of the area, shape (presses, 2)."""
+        across = (np.arange(self.strips) + 0.5) * self.strip_spacing_mm
+        along = (np.arange(self.presses_a_strip) + 0.5) * self.press_spacing_mm
+        both = [along if index % 2 == 0 else along[::-1] for index in range(self.strips)]
+        return np.column_stack([np.repeat(across, self.presses_a_strip), np.concatenate(both)])
+
+    @property
+    def travel_mm(self) -> float:
+        """Length of the way from the first press to the last."""
+        along = self.strips * (self.presses_a_strip - 1) * self.press_spacing_mm
+        return along + (self.strips - 1) * self.strip_spacing_mm
+
+    @property
+    def worst_distance_mm(self) -> float:
+        """Distance from the nearest press of what lies worst: half a cell's diagonal."""
+        return math.hypot(self.strip_spacing_mm, self.press_spacing_mm) / 2
+
+    @property
+    def overlap(self) -> tuple[float, float]:
+        """Share of the face's diameter that neighbours overlap by, across strips and along; negative is a gap."""
+        return 1 - self.strip_spacing_mm / (2 * self.radius_mm), 1 - self.press_spacing_mm / (2 * self.radius_mm)
+
+    @property
+    def overhang_mm(self) -> tuple[float, float]:
+        """How far the face reaches over the area's edges, across and along; negative keeps inside."""
+        return self.radius_mm - self.strip_spacing_mm / 2, self.radius_mm - self.press_spacing_mm / 2
+
+    def duration_s(self, *, press_s: float, speed_mm_s: float) -> float:
+        """Time of all presses and of the way between them.
+
+        Parameters
+        ----------
+        press_s
+            One press, settling and lifting included, in [0, 3600].
+        speed_mm_s
+            Of the probe between presses, in [0.01, 1000].
+
+        Raises
+        ------
+        InputError
+            When a value lies outside its range.
+        """
+        require_number("press_s", press_s, 0.0, 3600.0, hint="seconds")
+        return self.presses * press_s + self.travel_mm / require_number("speed_mm_s", speed_mm_s, 0.01, 1000.0)
+
+
+def scan_plan(
+    width_mm: float,
+    height_mm: float,
+    *,
+    radius_mm: float,
+    spacing_mm: float | None = None,
+    overlap: float | None = None,
+) -> ScanPlan:
+    """Plan presses no farther apart than a spacing.
+
+    Parameters
+    ----------
+    width_mm, height_mm
+        The area, in [1, 5000] mm.
+    radius_mm
+        Of the probe's face, in [0.5, 500].
+    spacing_mm
+        Largest distance of neighbours, in [0.1, 1000]; or
+    overlap
+        share of the face's diameter by which they overlap at least, in [0, 0.95].
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range, or not exactly one of spacing and overlap is given.
+
+    Examples
+    --------
+    >>> scan_plan(80, 60, radius_mm=12, overlap=0.25).press_spacing_mm  # at most 18 mm
+    15.0
+    """
+    if (spacing_mm is None) == (overlap is None):
+        raise InputError(f"either spacing_mm or overlap must be given; got {spacing_mm!r:.40} and {overlap!r:.40}")
+    _check_area(width_mm, height_mm, radius_mm)
+    if overlap is not None:
+        spacing_mm = 2 * radius_mm * (1 - require_number("overlap", overlap, 0.0, 0.95))
+    widest = require_number("spacing_mm", spacing_mm, 0.1, 1000.0, hint="millimetres")
+    return ScanPlan(
+        width_mm=width_mm,
+        height_mm=height_mm,
+        strips=_cells(width_mm, widest),
+        presses_a_strip=_cells(height_mm, widest),
+        radius_mm=radius_mm,
+    )
+
+
+def widest_plan(width_mm: float, height_mm: float, *, radius_mm: float, reach_mm: float) -> ScanPlan:
+    """The plan of fewest presses in which no place is farther from a press than ``reach_mm``.
+
+    Every number of strips that could be best is tried; of equals the one whose worst place is nearest is taken.
+
+    Parameters
+    ----------
+    width_mm, height_mm
+        The area, in [1, 5000] mm.
+    radius_mm
+        Of the probe's face, in [0.5, 500].
+    reach_mm
+        How far beside the axis the wanted inclusion is still found, in [0.05, 500].
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range, or it would take more than 100,000 presses.
+
+    Examples
+    --------
+    >>> plan = widest_plan(80, 60, radius_mm=12, reach_mm=3)
+    >>> plan.strips, plan.presses_a_strip, round(plan.worst_distance_mm, 3)
+    (18, 15, 2.99)
+    """
+    _check_area(width_mm, height_mm, radius_mm)
+    widest = 2 * require_number("reach_mm", reach_mm, 0.05, FARTHEST_MM, hint="millimetres")
+    fewest_along = _cells(height_mm, widest)
+    best: tuple[int, float, int, int] | None = None
+    strips = max(1, math.ceil(width_mm / widest * (1 - ROUNDING)))
+    while best is None or strips * fewest_along <= best[0]:
+        along = math.sqrt(max(widest**2 - (width_mm / strips) ** 2, 0.0))
+        if along > 1e-6 * widest:
+            presses_a_strip = _cells(height_mm, along)
+            worst = math.hypot(width_mm / strips, height_mm / presses_a_strip)
+            found = (strips * presses_a_strip, worst, strips, presses_a_strip)
+            best = found if best is None else min(best, found)
+        strips += 1
+    if best[0] > MOST_PRESSES:
+        raise InputError(
+            f"reach_mm must be larger for this area: {reach_mm:g} would take {best[0]} presses of {MOST_PRESSES}"
+        )
+    return ScanPlan(
+        width_mm=width_mm, height_mm=height_mm, strips=best[2], presses_a_strip=best[3], radius_mm=radius_mm
+    )
+
+
+def _check_area(width_mm: float, height_mm: float, radius_mm: float) -> None:
+    require_number("width_mm", width_mm, *AREA_MM, hint="millimetres")
+    require_number("height_mm", height_mm, *AREA_MM, hint="millimetres")
+    require_number("radius_mm", radius_mm, *RADIUS_MM)
+
+
+def _cells(length_mm: float, widest_mm: float) -> int:
+    return max(1, math.ceil(length_mm / widest_mm * (1 - ROUNDING)))
+
+
+SIZES_MM = (0.5, 15.0)  # between which the smallest inclusion is looked for
+STEPS = 200
+
+
+def widest_spacing_mm(reach_mm: float) -> float:
+    """Spacing of a square grid of presses between which nothing is farther than ``reach_mm`` from one: its root 2.
+
+    Both are in mm, the reach in [0, 500]; else `InputError` is raised.
+    """
+    return math.sqrt(2) * require_number("reach_mm", reach_mm, 0.0, FARTHEST_MM, hint="millimetres")
+
+
+def smallest_found_mm(
+    plan: ScanPlan, reach: Reach, depth_mm: float, *, sizes_mm: tuple[float, float] = SIZES_MM
+) -> float | None:
+    """Diameter from which on a plan cannot miss an inclusion, wherever between the presses it lies.
+
+    "Cannot miss" means: with at least the probability that ``reach`` is for, by the nearest press alone.
+
+    Parameters
+    ----------
+    plan
+        Where is pressed.
+    reach
+        Function of diameter and depth in mm that gives the distance from the axis up to which it is found, mm.
+    depth_mm
+        Depth of its top.
+    sizes_mm
+        Diameters between which it is looked for; 200 are tried, and between two the place where it changes is found.
+
+    Returns
+    -------
+    The diameter in mm; None where the plan can miss even the largest.
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range or the reach is no number of 0 mm or more.
+    """
+    require_type("plan", plan, ScanPlan)
+    low, high = require_pair("sizes_mm", sizes_mm)
+    require_number("the low end of sizes_mm", low, 0.1, 100.0)
+    require_number("the high end of sizes_mm", high, low, 100.0)
+    checked = _checked(reach)
+    enough = plan.worst_distance_mm * (1 - ROUNDING)
+    tried = np.linspace(low, high, STEPS)
+    missed = [one for one in tried.tolist() if checked(one, depth_mm) < enough]
+    if not missed:
+        return low
+    if missed[-1] == high:
+        return None
+    return _turning(lambda size: checked(size, depth_mm) >= enough, missed[-1], missed[-1] + (high - low) / (STEPS - 1))
+
+
+def _turning(holds: Callable[[float], bool], below: float, above: float) -> float:
+    """Where a condition that fails below and holds above begins to hold."""
+    while above - below > 1e-9 * above:
+        middle = (below + above) / 2
+        below, above = (below, middle) if holds(middle) else (middle, above)
+    return above
+
+
+def _checked(reach: Reach) -> Reach:
+    def asked(diameter_mm: float, depth_mm: float) -> float:
+        return require_number("what reach gives", reach(diameter_mm, depth_mm), 0.0, FARTHEST_MM, hint="millimetres")
+
+    return asked

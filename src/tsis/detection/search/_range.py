@@ -1,0 +1,201 @@
+"""How far beside the probe's axis an inclusion may lie and still be found, by its size and depth."""
+
+from __future__ import annotations
+
+import csv
+import io
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.detection._inputs import booleans, same_length
+from tsis.errors import FileInputError, InputError
+from tsis.files import as_path, one_line, printable_path, read_bytes
+from tsis.model import INCLUSION_RANGES, require_array, require_ascending, require_number
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Callable
+
+    from numpy.typing import ArrayLike, NDArray
+
+    Reach = Callable[[float, float], float]
+
+FARTHEST_MM = 500.0
+COLUMNS = ("diameter_mm", "depth_mm", "reach_mm")
+LARGEST_BYTES = 2**20
+REACHES = Path(__file__).parent / "reach"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ReachTable:
+    """Reach over a grid of sizes and depths, linear between; what lies outside is never thought better than it is.
+
+    An inclusion smaller than the smallest, or deeper than the deepest, has no reach; one larger or shallower has that
+    of the last in the table.
+
+    Parameters
+    ----------
+    diameter_mm, depth_mm
+        Ascending, shapes (n,) and (m,).
+    reach_mm
+        Distance from the probe's axis up to which an inclusion is found with ``probability``, shape (n, m), in
+        [0, 500]; 0 where it is not found anywhere.
+    probability
+        With which it is found there, in (0, 1).
+
+    Raises
+    ------
+    InputError
+        When shapes or values are wrong.
+
+    Examples
+    --------
+    >>> table = ReachTable(diameter_mm=[4, 8], depth_mm=[4, 12], reach_mm=[[2, 0], [6, 2]], probability=0.9)
+    >>> table(6, 8), table(3, 8), table(20, 8)
+    (2.5, 0.0, 4.0)
+    """
+
+    diameter_mm: NDArray[np.float64]
+    depth_mm: NDArray[np.float64]
+    reach_mm: NDArray[np.float64]
+    probability: float
+
+    def __post_init__(self) -> None:
+        for name in ("diameter_mm", "depth_mm"):
+            object.__setattr__(self, name, require_ascending(name, getattr(self, name)))
+        reach = require_array("reach_mm", self.reach_mm, ndim=2)
+        shape = (len(self.diameter_mm), len(self.depth_mm))
+        if reach.shape != shape or reach.min() < 0 or reach.max() > FARTHEST_MM:
+            raise InputError(
+                f"reach_mm must have the shape {shape} of sizes and depths and lie in [0, {FARTHEST_MM:g}]; got shape "
+                f"{reach.shape}, {reach.min():g} to {reach.max():g}"
+            )
+        object.__setattr__(self, "reach_mm", reach)
+        object.__setattr__(self, "probability", require_number("probability", self.probability, 1e-6, 1 - 1e-6))
+
+    def __call__(self, diameter_mm: float, depth_mm: float) -> float:
+        """Reach of one inclusion, mm."""
+        diameter = require_number("diameter_mm", diameter_mm, *INCLUSION_RANGES["diameter_mm"])
+        depth = require_number("depth_mm", depth_mm, *INCLUSION_RANGES["depth_mm"])
+        if diameter < self.diameter_mm[0] or depth > self.depth_mm[-1]:
+            return 0.0
+        by_size = [float(np.interp(depth, self.depth_mm, row)) for row in self.reach_mm]
+        return float(np.interp(diameter, self.diameter_mm, by_size))
+
+
+def reach_of_trials(offset_mm: ArrayLike, found: ArrayLike, *, probability: float = 0.9) -> float:
+    """Reach by trials on inclusions of one kind at many distances from the axis.
+
+    The share of those found is fitted by a step function that does not rise with the distance (isotonic regression);
+    the reach is the farthest trial up to which it stays at ``probability`` or above. It has no interval: with few
+    trials it errs to either side.
+
+    Parameters
+    ----------
+    offset_mm
+        Distances from the axis, shape (trials,), not negative.
+    found
+        Whether the inclusion was found, booleans of shape (trials,).
+    probability
+        Wanted, in (0, 1).
+
+    Returns
+    -------
+    The reach in mm, 0 where even the nearest are found less often.
+
+    Raises
+    ------
+    InputError
+        When the input is bad.
+
+    Examples
+    --------
+    >>> reach_of_trials([0, 1, 2, 3, 4, 5], [True, True, True, False, True, False], probability=0.5)
+    4.0
+    """
+    away = require_array("offset_mm", offset_mm, ndim=1)
+    seen = booleans("found", found)
+    same_length("offset_mm", away, "found", seen)
+    if away.min() < 0:
+        raise InputError(f"offset_mm must not be negative; got {away.min():g}")
+    require_number("probability", probability, 1e-6, 1 - 1e-6)
+    from sklearn.isotonic import IsotonicRegression
+
+    fitted = IsotonicRegression(increasing=False).fit(away, seen.astype(float))
+    share = fitted.predict(np.sort(away))
+    inside = np.sort(away)[share >= probability - 1e-12]
+    return float(inside[-1]) if len(inside) else 0.0
+
+
+def read_reach(path: str | os.PathLike[str], *, probability: float = 0.9) -> ReachTable:
+    """Read a table of reaches: CSV with the columns ``diameter_mm``, ``depth_mm`` and ``reach_mm``, a row an inclusion.
+
+    Parameters
+    ----------
+    path
+        The file, at most 1 MiB; every size with every depth once.
+    probability
+        With which inclusions within their reach are found, in (0, 1).
+
+    Raises
+    ------
+    FileInputError
+        When it is no such table.
+    """
+    path = as_path(path)
+    rows = _numbers(read_bytes(path, most=LARGEST_BYTES), printable_path(path))
+    sizes, depths = (np.unique([row[axis] for row in rows]) for axis in (0, 1))
+    cells = {(row[0], row[1]): row[2] for row in rows}
+    if len(cells) != len(rows) or len(rows) != len(sizes) * len(depths):
+        raise FileInputError(
+            f"{printable_path(path)} must hold each of its {len(sizes)} sizes with each of its {len(depths)} depths once; got "
+            f"{len(rows)} rows"
+        )
+    reach = [[cells[float(size), float(depth)] for depth in depths] for size in sizes]
+    try:
+        return ReachTable(diameter_mm=sizes, depth_mm=depths, reach_mm=np.array(reach), probability=probability)
+    except InputError as error:
+        raise FileInputError(f"{printable_path(path)}: {error}") from error
+
+
+def measured_reach(probe: str) -> ReachTable | None:
+    """The reaches that a large study on the virtual probe found for a probe of the catalog; None where there was none.
+
+    Of the inclusions of a row, 90 % were found when 10 % of blank places were called ones with an inclusion, in uneven
+    tissue (``benchmarks/detection_study.py``); none lay farther than 5 mm beside the axis.
+
+    Examples
+    --------
+    >>> table = measured_reach("tsis-domed")
+    >>> table(10.0, 6.0) > table(3.0, 6.0) > 0
+    True
+    >>> measured_reach("tsis-2011") is None
+    True
+    """
+    held = {path.stem: path for path in REACHES.glob("*.csv")}
+    return read_reach(held[probe]) if probe in held else None
+
+
+def _numbers(content: bytes, name: str) -> list[tuple[float, ...]]:
+    try:
+        lines = list(csv.reader(io.StringIO(content.decode("utf-8-sig")), strict=True))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise FileInputError(f"{name} must be a readable CSV file; got: {one_line(error)}") from error
+    headings = lines[0] if lines else []  # a byte-order mark alone is no line
+    if tuple(headings) != COLUMNS:
+        raise FileInputError(f"{name} must begin with the columns {','.join(COLUMNS)}; got {','.join(headings)!r:.80}")
+    rows = []
+    for number, line in enumerate(lines[1:], start=2):
+        try:
+            row = tuple(float(cell) for cell in line)
+        except ValueError:
+            row = ()
+        if len(row) != len(COLUMNS) or not np.isfinite(row).all():
+            raise FileInputError(f"{name} must hold three finite numbers in line {number}; got {','.join(line)!r:.80}")
+        rows.append(row)
+    if not rows:
+        raise FileInputError(f"{name} must hold at least one row of numbers; got none")
+    return rows

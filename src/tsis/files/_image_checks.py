@@ -1,0 +1,272 @@
+"""Is an image file whole, and no trap? Checked by its own structure, however lenient or greedy a decoder is."""
+
+from __future__ import annotations
+
+import re
+import struct
+import zlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+MOST_ENTRIES, MOST_DIRECTORIES, MOST_NUMBER_BYTES = 4096, 16, 4 * 2**20
+SIZES = {1: 1, 2: 1, 3: 2, 4: 4, 5: 8, 6: 1, 7: 1, 8: 2, 9: 4, 10: 8, 11: 4, 12: 8, 13: 4, 16: 8, 17: 8, 18: 8}
+PLAIN_BYTES = frozenset({1, 2, 6, 7})
+DECISIVE = frozenset({256, 257, 258, 259, 262, 266, 273, 277, 278, 279, 284, 317, 322, 323, 324, 325, 339})
+WIDTH, HEIGHT, WHOLE_NUMBERS = 256, 257, frozenset({3, 4, 16})
+
+
+@dataclass(frozen=True, slots=True)
+class _Form:
+    """How offsets are written: classic files in 4 bytes, large ones in 8."""
+
+    order: str
+    large: bool
+
+    def number(self, data: bytes, place: int) -> int:
+        """An offset or count."""
+        return int(struct.unpack_from(self.order + ("Q" if self.large else "I"), data, place)[0])
+
+
+def tiff_fault(data: bytes) -> str | None:
+    """Walk the directories of a TIFF file; None when they may be given to a decoder."""
+    order = "<" if data.startswith(b"II") else ">"
+    try:
+        form = _Form(order, large=struct.unpack_from(order + "H", data, 2)[0] == 43)
+        place, seen = form.number(data, 8 if form.large else 4), 0
+        while place:
+            seen += 1
+            if seen > MOST_DIRECTORIES:
+                return f"it lists more than {MOST_DIRECTORIES} pictures"
+            entries = struct.unpack_from(order + ("Q" if form.large else "H"), data, place)[0]
+            if not 0 < entries <= MOST_ENTRIES:
+                return f"a directory of it lists {entries} entries"
+            if (broken := _directory_fault(list(_entries(data, place, entries, form)), len(data))) is not None:
+                return broken
+            place = form.number(data, place + (8 + 20 * entries if form.large else 2 + 12 * entries))
+    except (struct.error, OverflowError):  # beyond the end, or beyond any place in a file
+        return f"it is truncated: it ends at byte {len(data)} before a directory that it names"
+    return None
+
+
+def _entries(data: bytes, place: int, entries: int, form: _Form) -> Iterator[tuple[int, int, int]]:
+    """Tag, kind and count of each entry."""
+    first, step = (place + 8, 20) if form.large else (place + 2, 12)
+    for number in range(entries):
+        tag, kind = struct.unpack_from(form.order + "HH", data, first + step * number)
+        yield tag, kind, form.number(data, first + step * number + 4)
+
+
+def _directory_fault(entries: list[tuple[int, int, int]], size: int) -> str | None:
+    decisive = [tag for tag, _, _ in entries if tag in DECISIVE]  # honest programs describe a picture twice
+    if len(set(decisive)) < len(decisive):
+        return "a directory of it says twice how large or of what kind its picture is"
+    if any(tag in (WIDTH, HEIGHT) and (kind not in WHOLE_NUMBERS or count != 1) for tag, kind, count in entries):
+        return "a directory of it does not state its width and height as one whole number each"
+    texts = sum(count * SIZES.get(kind, 1) for _, kind, count in entries if kind in PLAIN_BYTES)
+    numbers = sum(count * SIZES.get(kind, 1) for _, kind, count in entries if kind not in PLAIN_BYTES)
+    if texts > size or numbers > min(size, MOST_NUMBER_BYTES):
+        return f"a directory of it lists {texts + numbers} bytes"
+    return None
+
+
+_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
+_JPEG_END, _JPEG_SCAN = 0xD9, 0xDA
+_JPEG_MARKER = re.compile(rb"\xff[\x02-\xcf\xd9-\xfe]")  # the others have no length: stuffing, restarts, fill bytes
+MOST_CHUNKS, MOST_SEGMENTS, MOST_SCANS, MOST_SCANNED = 100_000, 4000, 100, 1_000_000_000  # no encoder comes near
+_JPEG_FRAMES = frozenset({*range(0xC0, 0xD0)}) - {0xC4, 0xC8, 0xCC}
+
+
+def png_fault(data: bytes) -> str | None:
+    """Walk the chunks of a PNG file to IEND, checking each checksum; None when it is whole."""
+    position, chunks = len(_PNG_SIGNATURE), 0
+    while position + 12 <= len(data):
+        chunks += 1
+        if chunks > MOST_CHUNKS:
+            return f"it has more than {MOST_CHUNKS} chunks"
+        (length,) = struct.unpack_from(">I", data, position)
+        end = position + 8 + length
+        if end + 4 > len(data):
+            break
+        kind = data[position + 4 : position + 8]
+        if zlib.crc32(data[position + 4 : end]) != struct.unpack_from(">I", data, end)[0]:
+            return f"the checksum of its {kind.decode('latin-1')!r} chunk does not match"
+        if kind == b"IEND":
+            return None
+        position = end + 4
+    return f"it is truncated: it ends at byte {len(data)} before its IEND chunk"
+
+
+def jpeg_fault(data: bytes) -> str | None:
+    """Walk the markers of a JPEG file to its end-of-image marker; None when it is whole.
+
+    Segments are skipped by their length, so that the end marker of an embedded thumbnail is not taken for the file's.
+    """
+    position, segments, scans, pixels = 2, 0, 0, 0
+    while (found := _JPEG_MARKER.search(data, position)) is not None:
+        position, marker = found.start(), data[found.start() + 1]
+        if marker == _JPEG_END:
+            return None if scans else "it holds no image data"
+        if position + (9 if marker in _JPEG_FRAMES else 4) > len(data):
+            break
+        segments, scans = segments + 1, scans + (marker == _JPEG_SCAN)
+        if marker in _JPEG_FRAMES:
+            rows, columns = struct.unpack_from(">HH", data, position + 5)
+            pixels = max(pixels, rows * columns)
+        if segments > MOST_SEGMENTS or scans > MOST_SCANS or scans * pixels > MOST_SCANNED:
+            return f"it has {segments} segments and {scans} scans of {pixels} pixels"
+        position += 2 + int(struct.unpack_from(">H", data, position + 2)[0])
+    return f"it is truncated: it ends at byte {len(data)} before its end-of-image marker"
+
+
+def bmp_fault(data: bytes) -> str | None:
+    """Compare the size that a BMP file declares with its real one; None when it is whole."""
+    if len(data) < 26:
+        return f"it is truncated: it ends at byte {len(data)} inside its header"
+    (declared,) = struct.unpack_from("<I", data, 2)
+    if declared > len(data):
+        return f"it is truncated: it declares {declared} bytes and has {len(data)}"
+    return None
+
+
+def fault(data: bytes) -> str | None:
+    r"""Say what is missing from a picture's file, or what in it is a trap; None when it is whole or of another kind.
+
+    Of TIFF only the directories are walked: its decoder refuses a strip that lies outside the file.
+
+    Examples
+    --------
+    >>> fault(b"\xff\xd8\xff\xda\x00\x02")
+    'it is truncated: it ends at byte 6 before its end-of-image marker'
+    """
+    if data.startswith(_PNG_SIGNATURE):
+        return png_fault(data)
+    if data.startswith(b"\xff\xd8"):
+        return jpeg_fault(data)
+    if data.startswith(b"BM"):
+        return bmp_fault(data)
+    if data.startswith((b"II", b"MM")):
+        return tiff_fault(data)
+    return None
+
+
+_SIGNATURE_BYTES = 8
+_PNG_KEPT = frozenset(
+    {b"tRNS", b"acTL", b"fcTL", b"fdAT"}
+)  # beside the critical ones: they tell kind and number of pictures
+_JPEG_ADOBE, _JPEG_SCAN_START, _PICTURES = 0xEE, 0xDA, b"MPF\0"
+_JPEG_NOTES = frozenset({*range(0xE1, 0xF0), 0xFE}) - {_JPEG_ADOBE}
+
+
+def png_pixels(data: bytes) -> bytes:
+    """A whole PNG file without ancillary chunks; the same object when it has none."""
+    kept, place, kind = [data[:_SIGNATURE_BYTES]], _SIGNATURE_BYTES, b""
+    while kind != b"IEND":
+        (length,) = struct.unpack_from(">I", data, place)
+        kind, end = data[place + 4 : place + 8], place + 12 + length
+        critical = not kind[0] & 0x20  # a capital letter
+        if critical or kind in _PNG_KEPT:
+            kept.append(memoryview(data)[place:end])  # type: ignore[arg-type]  # joins as bytes do
+        place = end
+    return data if sum(map(len, kept)) == len(data) else b"".join(kept)
+
+
+def jpeg_pixels(data: bytes) -> bytes:
+    """A whole JPEG file without segments of notes before its first scan; the same object when it has none."""
+    kept, place = [data[:2]], 2
+    while True:
+        while data[place + 1] == 0xFF:  # fill bytes
+            place += 1
+        marker = data[place + 1]
+        if data[place] != 0xFF or not 0xC0 <= marker <= 0xFE or marker == _JPEG_SCAN_START or 0xD0 <= marker <= 0xD9:
+            break  # pixels, or something that the decoder shall judge
+        end = place + 2 + int(struct.unpack_from(">H", data, place + 2)[0])
+        if marker not in _JPEG_NOTES or data[place + 4 : place + 8] == _PICTURES:
+            kept.append(data[place:end])
+        place = end
+    if sum(map(len, kept)) == place:
+        return data
+    return b"".join([*kept, data[place:]])
+
+
+def pixels_alone(data: bytes) -> bytes:
+    """The file as a decoder should see it; it must have been found whole before (`tsis.files._image_checks`)."""
+    if data.startswith(b"\x89PNG"):
+        return png_pixels(data)
+    return jpeg_pixels(data) if data.startswith(b"\xff\xd8") else data
+
+
+LARGEST_PIXELS = 65_000_000  # sensors sold as 64 million have 64.1 to 64.5
+FREE_PIXELS, PIXELS_A_BYTE = 16_000_000, 24
+FREE_BYTES = 3 * LARGEST_PIXELS  # of levels: colour of 8 bits, or grey of 16
+MOST_PIXELS_A_BYTE = {"PNG": 1032, "JPEG": 512}  # deflate packs no further; a block of 64 pixels takes a bit
+_PIECE = 4096  # packed bytes, of which none becomes more than 1032
+# first column and step, first row and step of each pass
+_WHOLE = ((0, 1, 0, 1),)
+_ADAM7 = ((0, 8, 0, 8), (4, 8, 0, 8), (0, 4, 4, 8), (2, 4, 0, 4), (0, 2, 2, 4), (1, 2, 0, 2), (0, 1, 1, 2))
+_CHANNELS = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}
+
+
+def size_fault(columns: int, rows: int, file_bytes: int, *, kind: str, pixel_bytes: int) -> str | None:
+    """Why no picture of this size may be decoded from a file of so many bytes; None when it may.
+
+    Parameters
+    ----------
+    columns, rows
+        What the file declares.
+    file_bytes
+        How many bytes it has.
+    kind
+        Its format, e.g. ``"PNG"``.
+    pixel_bytes
+        What the levels of a pixel take, all channels together.
+
+    Examples
+    --------
+    >>> size_fault(8000, 8000, 64_000, kind="PNG", pixel_bytes=2)
+    >>> size_fault(8000, 8000, 64_000, kind="PNG", pixel_bytes=8)
+    'a byte for every 24 pixels beyond 16000000 pixels; it declares 8000 x 8000 in 64000 bytes'
+    """
+    pixels = columns * rows
+    if pixels > LARGEST_PIXELS:
+        return f"at most {LARGEST_PIXELS} pixels; it declares {columns} x {rows}"
+    most = MOST_PIXELS_A_BYTE.get(kind, PIXELS_A_BYTE) if pixels * pixel_bytes <= FREE_BYTES else PIXELS_A_BYTE
+    if pixels > FREE_PIXELS and pixels > most * file_bytes:
+        return (
+            f"a byte for every {most} pixels beyond {FREE_PIXELS} pixels; "
+            f"it declares {columns} x {rows} in {file_bytes} bytes"
+        )
+    return None
+
+
+def rows_missing(data: bytes) -> bool:
+    """Whether the pixels of a PNG file, already found whole, are fewer than its header declares.
+
+    Pillow fills what is missing with zeros and says nothing.
+    """
+    if not data.startswith(b"\x89PNG"):
+        return False
+    columns, rows, depth, colour = struct.unpack_from(">IIBB", data, 16)
+    bits, interlaced = _CHANNELS.get(colour, 1) * depth, data[28] == 1
+    wanted = sum(
+        high * (1 + -(-wide * bits // 8))
+        for left, across, top, down in (_ADAM7 if interlaced else _WHOLE)
+        if (wide := -(-(columns - left) // across)) > 0 and (high := -(-(rows - top) // down)) > 0
+    )
+    unpacker, place, kind, found = zlib.decompressobj(), 8, b"", 0
+    view = memoryview(data)
+    try:
+        while kind != b"IEND" and found < wanted:
+            (length,) = struct.unpack_from(">I", data, place)
+            kind, end = data[place + 4 : place + 8], place + 8 + length
+            for start in range(place + 8, end, _PIECE) if kind == b"IDAT" else ():
+                found += len(unpacker.decompress(view[start : min(start + _PIECE, end)]))
+                if unpacker.eof or found >= wanted:
+                    return bool(found < wanted)
+            place += 12 + length
+    except zlib.error:
+        return True
+    return bool(found < wanted)

@@ -1,0 +1,249 @@
+"""The bytes of a file that a user named, or one sentence that says why there are none."""
+
+from __future__ import annotations
+
+import io
+import json
+import stat
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from tsis.errors import FileInputError, InputError
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Callable, Iterator
+
+
+Parsed = TypeVar("Parsed")
+
+LARGEST_FILE_BYTES = 512 * 2**20
+LARGEST_OBJECT_BYTES = 8 * 2**20
+MOST_VALUES, DEEPEST = 200_000, 64
+_PLAIN_BYTES = 8 * 2**20  # beyond it JSON must be ASCII, as it is when tsis writes it: else a letter may take 4 bytes
+_LONGEST_SHOWN = 120
+
+
+def printable_path(path: Path) -> str:
+    """A path as messages print it: quoted, control characters escaped, long ones cut at the front.
+
+    Examples
+    --------
+    >>> printable_path(Path("frame.png"))
+    "'frame.png'"
+    """
+    text = str(path)
+    return repr(text if len(text) <= _LONGEST_SHOWN else "..." + text[-_LONGEST_SHOWN:])
+
+
+def printable_name(path: Path) -> str:
+    r"""A file's name as reports print it: what no terminal or page should be given becomes a question mark.
+
+    Examples
+    --------
+    >>> printable_name(Path("a\x1b[2Jb.png"))
+    'a?[2Jb.png'
+    """
+    return "".join(letter if letter.isprintable() else "?" for letter in path.name)
+
+
+def one_line(error: object, longest: int = 200) -> str:
+    r"""What a decoder complains of, as a part of a sentence: on one line, printable, not endless.
+
+    Examples
+    --------
+    >>> one_line(ValueError("bad header:\n\tmagic \x1b[2J"))
+    'bad header: magic ?[2J'
+    """
+    words = " ".join(str(error)[: 10 * longest].split()) or type(error).__name__
+    return "".join(letter if letter.isprintable() else "?" for letter in words)[:longest]
+
+
+def as_path(path: str | os.PathLike[str]) -> Path:
+    """Return ``path`` as a Path, refusing anything that does not name a file."""
+    try:
+        return Path(path)
+    except TypeError as error:
+        raise InputError(f"path must be the name of a file; got {path!r:.80}") from error
+
+
+def file_size(path: Path) -> int:
+    """Size in bytes of a regular, non-empty file.
+
+    Pipes, terminals and devices are refused by their kind, before anything opens them: reading one may never end.
+
+    Raises
+    ------
+    FileInputError
+        When there is no such file, it may not be read, it is no regular file, or it is empty.
+    """
+    try:
+        status = path.stat()
+    except FileNotFoundError as error:
+        raise FileInputError(f"{printable_path(path)} does not exist; check the name and the folder") from error
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise FileInputError(f"{printable_path(path)} must name a readable file; got: {reason}") from error
+    if stat.S_ISDIR(status.st_mode):
+        raise FileInputError(f"{printable_path(path)} must be a file; got a folder")
+    if not stat.S_ISREG(status.st_mode):
+        raise FileInputError(f"{printable_path(path)} must be a regular file; got a device, pipe or socket")
+    if status.st_size == 0:
+        raise FileInputError(f"{printable_path(path)} must hold data; got an empty file (0 bytes)")
+    return status.st_size
+
+
+def read_bytes(path: Path, *, most: int = LARGEST_FILE_BYTES) -> bytes:
+    """Read a whole regular file of at most ``most`` bytes, by default 512 MiB.
+
+    Raises
+    ------
+    FileInputError
+        As `file_size`, and when the file is larger than the cap or cannot be read.
+    """
+    size = file_size(path)
+    if size > most:
+        raise FileInputError(f"{printable_path(path)} must be at most {most} bytes; got {size}")
+    return _first_bytes(path, most)  # bounded: the file may have grown since its size was read
+
+
+def read_parsed(path: Path, parse: Callable[[str], Parsed], *, most: int = LARGEST_FILE_BYTES) -> Parsed:
+    """What ``parse`` makes of a file of text, which may raise `InputError`.
+
+    Raises
+    ------
+    FileInputError
+        As `read_bytes`, when the file is no text in UTF-8, and with its name before what ``parse`` says.
+    """
+    data = read_bytes(path, most=most)
+    try:
+        return parse(data.decode())
+    except InputError as error:
+        raise FileInputError(f"{printable_path(path)}: {error}") from error
+    except UnicodeDecodeError as error:
+        raise FileInputError(f"{printable_path(path)} must be text in UTF-8; it is not") from error
+
+
+def read_head(path: Path, length: int = 64) -> bytes:
+    """The first bytes of a regular file, by which its kind is told before the rest takes any memory.
+
+    Raises
+    ------
+    FileInputError
+        As `file_size`, and when the file cannot be read.
+    """
+    file_size(path)
+    return _first_bytes(path, length)
+
+
+def _first_bytes(path: Path, most: int) -> bytes:
+    try:
+        with path.open("rb") as file:
+            return file.read(most)
+    except OSError as error:
+        raise FileInputError(f"{printable_path(path)} must be readable; got: {error.strerror}") from error
+
+
+def read_object(path: Path, *, most: int = LARGEST_OBJECT_BYTES, values: int = MOST_VALUES) -> dict[str, Any]:
+    """Read a JSON file that holds one object.
+
+    Parameters
+    ----------
+    path
+        The file.
+    most
+        Bytes that it may have.
+    values
+        Values that it may hold: a byte of JSON can become a hundred of memory, so they are counted before.
+
+    Raises
+    ------
+    FileInputError
+        As `read_bytes`, and when it holds something else.
+    """
+    if not _begins_as_json(read_head(path)):
+        raise FileInputError(
+            f"{printable_path(path)} must be a readable JSON file; got something that begins otherwise"
+        )
+    return parse_object(read_bytes(path, most=most), printable_path(path), values=values)
+
+
+def parse_object(data: bytes, name: str, *, values: int = MOST_VALUES) -> dict[str, Any]:
+    """The object in the content of a JSON file; ``name`` says in errors where it came from, ``values`` as above.
+
+    Raises
+    ------
+    FileInputError
+        When it holds something else.
+    """
+    if not _begins_as_json(data[:64]):
+        raise FileInputError(f"{name} must be a readable JSON file; got something that begins otherwise")
+    if sum(map(data.count, (b"[", b"{", b","))) > values:
+        raise FileInputError(f"{name} must hold at most {values} values; it has more brackets and commas")
+    if len(data) > _PLAIN_BYTES and not data.isascii():
+        raise FileInputError(f"{name} must be ASCII where it is larger than {_PLAIN_BYTES} bytes; it is not")
+    try:
+        content = json.loads(data)
+    except (ValueError, RecursionError) as error:
+        raise FileInputError(f"{name} must be a readable JSON file; got: {one_line(error)}") from error
+    if not isinstance(content, dict):
+        raise FileInputError(f"{name} must hold a JSON object; got {type(content).__name__}")
+    if data.count(b"[") + data.count(b"{") > DEEPEST and _depth(content) > DEEPEST:
+        raise FileInputError(f"{name} must be nested at most {DEEPEST} deep; it is deeper")
+    return content
+
+
+def _begins_as_json(head: bytes) -> bool:
+    return head.lstrip(b"\xef\xbb\xbf \t\r\n").startswith((b"{", b"["))
+
+
+def _depth(content: Any) -> int:
+    """How deep lists and objects lie in each other, level by level: what is deep must not be walked by recursion."""
+    depth, level = 0, [content]
+    while level:
+        depth += 1
+        inner = (each.values() if isinstance(each, dict) else each for each in level)
+        level = [each for held in inner for each in held if isinstance(each, (dict, list))]
+    return depth
+
+
+LONGEST_LINE = 65_536
+_FEW = 10_000  # lines that may be empty or comments
+
+
+def text_lines(content: bytes, *, most: int) -> Iterator[tuple[int, str]]:
+    r"""Number, from 1, and text of each line of UTF-8, without its end.
+
+    Parameters
+    ----------
+    content
+        The whole file; lines end as on any system.
+    most
+        Lines that may say something; ten thousand more may be empty.
+
+    Raises
+    ------
+    FileInputError
+        When it is no such text, has more lines or one that is longer than 65536 bytes; the sentence does not name the
+        file.
+
+    Examples
+    --------
+    >>> list(text_lines(b"\xef\xbb\xbfx,y\r\n1,2", most=10))
+    [(1, 'x,y'), (2, '1,2')]
+    """
+    ends = content.count(b"\n")
+    if not ends:
+        content = content.replace(b"\r", b"\n")
+        ends = content.count(b"\n")
+    if ends > most + _FEW:
+        raise FileInputError(f"it must have at most {most} lines; got {ends}")
+    stream, number = io.BytesIO(content), 0
+    while line := stream.readline(LONGEST_LINE + 1):
+        number += 1
+        if len(line) > LONGEST_LINE:
+            raise FileInputError(f"line {number} must be at most {LONGEST_LINE} bytes long; it is longer")
+        try:
+            yield number, line.decode("utf-8-sig" if number == 1 else "utf-8").rstrip("\r\n")
+        except UnicodeDecodeError as error:
+            raise FileInputError(f"line {number} must be text in UTF-8; it holds other bytes") from error

@@ -1,0 +1,230 @@
+"""Which frames may be read together, and what they say of the object's size."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.compiled import one_blas_thread
+from tsis.errors import ImageMismatchError, InputError
+from tsis.hardness._exploration import HardnessPrior, RadiusPrior, explore_modulus
+from tsis.hardness._likelihood import DRIFT_SD, ContactPress, HardnessLikelihood
+from tsis.hardness._reading import BLUR_MM, read_contact
+from tsis.hardness._sphere import require_small_sphere
+from tsis.hardness._table import WIDEST_SHARE, build_contact_table
+from tsis.hardness._verdict import UNTRUSTED_FLAGS, findings, identifiability
+from tsis.model import (
+    Calibration,
+    Estimate,
+    Probe,
+    TactileImage,
+    as_images,
+    require_image_series,
+    require_number,
+    require_same_probe,
+    require_type,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from tsis.hardness._table import ContactTable
+
+
+RADIUS_SD_MM = 0.03  # of a radius that somebody measured without saying how well: a calliper's
+BALL_SD_MM = 0.003  # of a rigid ball without a stated one: bearing balls are rounder
+
+
+def require_frames_of_probe(frames: list[TactileImage], probe: Probe) -> None:
+    """Refuse frames that say they were taken with another probe."""
+    for frame in frames:
+        other = frame.settings.get("probe")
+        if other and probe.name and other != probe.name:
+            raise ImageMismatchError(
+                f"images must be of the probe {probe.name!r}; {frame.name or 'an image'!r} was taken with {other!r}"
+            )
+
+
+def radius_prior(
+    probe: Probe, frames: list[TactileImage], radius_mm: float | None, radius_sd_mm: float | None
+) -> RadiusPrior:
+    """What is known of the object's radius, by the caller or else by the frames."""
+    largest = WIDEST_SHARE * probe.radius_mm
+    if radius_mm is None:
+        radius_mm, written_sd = _written(frames)
+        radius_sd_mm = written_sd if radius_sd_mm is None else radius_sd_mm
+    if radius_mm is None:
+        return RadiusPrior(radius_mm=None, sd_mm=0.0, largest_mm=largest)
+    sd = RADIUS_SD_MM if radius_sd_mm is None else radius_sd_mm
+    require_radius("radius_mm", probe, radius_mm)
+    require_number(
+        "radius_sd_mm",
+        sd,
+        0.0,
+        radius_mm / 10,
+        hint="millimetres, up to a tenth of the radius; leave both out where it is unknown",
+    )
+    return RadiusPrior(radius_mm=radius_mm, sd_mm=sd, largest_mm=largest)
+
+
+def ball_radius(probe: Probe, balls: list[TactileImage], radius_mm: float | None) -> tuple[float, float]:
+    """Radius in mm of the rigid ball of the reference presses, and its relative standard deviation."""
+    sd_mm: float | None = None
+    if radius_mm is None:
+        radius_mm, sd_mm = _written(balls)
+    if radius_mm is None:
+        raise InputError("reference_radius_mm must be given, the radius of the rigid ball; no frame says it")
+    require_radius("reference_radius_mm", probe, radius_mm)
+    return radius_mm, (BALL_SD_MM if sd_mm is None else sd_mm) / radius_mm
+
+
+def require_radius(name: str, probe: Probe, radius_mm: float) -> None:
+    """Refuse what is no radius of an object that this probe can measure, in mm; `InputError` names it."""
+    require_number(name, radius_mm, 1.0, 50.0, hint="millimetres")
+    require_small_sphere(probe, radius_mm)
+
+
+def _written(frames: list[TactileImage]) -> tuple[float | None, float | None]:
+    """Radius and standard deviation that the frames carry, which must agree."""
+    said = {(frame.settings.get("radius_mm"), frame.settings.get("radius_sd_mm")) for frame in frames}
+    if len(said) > 1:
+        raise ImageMismatchError(
+            f"all images must be of one object; their settings say (radius_mm, radius_sd_mm) {sorted(said, key=str)}"
+        )
+    radius, sd = said.pop()
+    if radius is not None:
+        radius = require_number("radius_mm of the settings", radius, 1e-3, 1e3)
+    if sd is not None:
+        sd = require_number("radius_sd_mm of the settings", sd, 0.0, 1e3)
+    return radius, sd
+
+
+def estimate(
+    images: TactileImage | Sequence[TactileImage],
+    *,
+    probe: Probe,
+    calibration: Calibration,
+    radius_mm: float | None = None,
+    radius_sd_mm: float | None = None,
+    reference: TactileImage | Sequence[TactileImage] | None = None,
+    reference_radius_mm: float | None = None,
+    prior: HardnessPrior | None = None,
+    blur_mm: float = BLUR_MM,
+    drift_sd: float = DRIFT_SD,
+    progress: Callable[[int, int], None] | None = None,
+) -> Estimate:
+    """Estimate Young's modulus of a soft sphere that was pressed on the bare probe.
+
+    Each frame tells how wide the contact is and how much force its light carries; the gauge tells the force. A
+    finite-strain model of sphere and layered probe says how wide the contact is for a modulus, so the probe's own
+    compliance is not taken for the object's. Gain, lamps, forces, probe moduli, radius and Poisson's ratio are
+    nuisances, unknown within their stated errors and integrated out.
+
+    Two presses at different forces are best: the second tests the model. One press is accepted and flagged, for with a
+    known radius it tells the modulus nearly as well.
+
+    Parameters
+    ----------
+    images
+        Presses on one object as the camera delivered them, each with ``force_n`` and ``mm_per_pixel``.
+    probe
+        What pressed.
+    calibration
+        Answer of grey level to pressure and the sizes of the errors.
+    radius_mm
+        Radius of the object, in [1, 0.6 of the face's radius] mm; by default what the images' ``settings`` say. Where
+        nobody knows it the estimate says little, and says so.
+    radius_sd_mm
+        Its standard deviation; by default that of the ``settings``, else 0.03 mm.
+    reference
+        Presses of a RIGID ball on the same probe: they pin the probe's own compliance, which a soft probe needs.
+    reference_radius_mm
+        Radius of that ball; by default what the references' ``settings`` say.
+    prior
+        Ranges of modulus and Poisson's ratio; `HardnessPrior` by default.
+    blur_mm
+        Standard deviation of the lens's point spread on the face, in [0, 1].
+    drift_sd
+        Relative standard deviation of the lamps from press to press, in [0, 0.5].
+    progress
+        Called with (done, all) while the contact of a new probe is solved, which takes some minutes once.
+
+    Returns
+    -------
+    Estimate
+        Of ``young_kpa``, with flags for what the data cannot tell.
+
+    Raises
+    ------
+    InputError
+        When there is no image, one has no force, no scale or no contact, a contact leaves the picture or the face, or
+        the object is larger than the probe can measure.
+    NotCalibratedError
+        When no calibration is given, or that of another probe.
+    ImageMismatchError
+        When images differ in scale, shape, axis or range of values, were taken with another probe, or carry different
+        radii.
+    """
+    frames, balls = as_images("images", images), as_images("reference", reference)
+    if not frames:
+        raise InputError("images must hold at least one TactileImage; got none")
+    require_same_probe(probe, calibration)
+    prior = HardnessPrior() if prior is None else prior
+    require_type("prior", prior, HardnessPrior)
+    require_number("blur_mm", blur_mm, 0.0, 1.0, hint="millimetres")
+    require_number("drift_sd", drift_sd, 0.0, 0.5, hint="a share of one")
+    digests = require_image_series(frames + balls)
+    require_frames_of_probe(frames + balls, probe)
+    radius = radius_prior(probe, frames, radius_mm, radius_sd_mm)
+    ball_mm, ball_sd = ball_radius(probe, balls, reference_radius_mm) if balls else (None, 0.0)
+    seen = [read_contact(frame, probe=probe, calibration=calibration, blur_mm=blur_mm) for frame in frames + balls]
+    presses = [
+        ContactPress(
+            force_n=frame.force_n or 0.0,
+            seen=one,
+            ball_radius_mm=ball_mm if place >= len(frames) else None,
+            ball_radius_sd=ball_sd,
+        )
+        for place, (frame, one) in enumerate(zip(frames + balls, seen, strict=True))
+    ]
+    table = _table(probe) if progress is None else build_contact_table(probe, progress=progress)
+    with one_blas_thread():
+        likelihood = HardnessLikelihood(presses, table=table, calibration=calibration, drift_sd=drift_sd)
+        found = explore_modulus(likelihood, prior, radius)
+    said = findings(presses, likelihood, found, prior, radius)
+    return Estimate(
+        samples={"young_kpa": found.young_kpa},
+        prior_sd={"young_kpa": prior.young_sd_kpa},
+        identifiability=identifiability(found, prior),
+        prior=str(prior),
+        trusted=not UNTRUSTED_FLAGS.intersection(flag for flag, _ in said),
+        flags=tuple(flag for flag, _ in said),
+        notes=tuple(note for _, note in said),
+        provenance={
+            "notice": RESEARCH_USE_ONLY,
+            "tsis": __version__,
+            "method": "contact radius and force of a soft sphere on the layered probe at finite strain",
+            "probe": asdict(probe),
+            "calibration": _described(calibration),
+            "prior": asdict(prior),
+            "radius": asdict(radius),
+            "table": {"key": table.key, "error": table.error.tolist()},
+            "presses": [
+                {"name": frame.name, "sha256": digest, "settings": dict(frame.settings), **asdict(press)}
+                for frame, digest, press in zip(frames + balls, digests, presses, strict=True)
+            ],
+        },
+    )
+
+
+@lru_cache(maxsize=8)  # reading it from disk takes as long as an estimate
+def _table(probe: Probe) -> ContactTable:
+    return build_contact_table(probe)
+
+
+def _described(calibration: Calibration) -> dict[str, Any]:
+    """A calibration with the hash of its light instead of the map, which would be longer than all else."""
+    light = None if calibration.light is None else calibration.light.sha256
+    return asdict(replace(calibration, light=None)) | {"light": light}

@@ -1,0 +1,124 @@
+"""How likely contact radii and light are, for a sphere of given modulus, Poisson's ratio and radius."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.hardness._reading import ContactReading
+    from tsis.hardness._table import ContactTable
+    from tsis.model import Calibration
+
+
+DRIFT_SD = 0.003  # relative standard deviation of the lamps from press to press
+STEP = 0.01  # of the logarithms by which derivatives are taken
+OWN_SHARE = 0.5  # of the table's squared error that each press makes anew; the rest its sphere's presses share
+RIGID_KPA, RIGID_POISSON = 1e8, 0.3  # of a ball of steel: all of the compliance is the probe's
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContactPress:
+    """One press as gauge and camera tell it.
+
+    Attributes
+    ----------
+    force_n
+        Force by the gauge, N.
+    seen
+        What the frame says.
+    ball_radius_mm, ball_radius_sd
+        Radius of the rigid ball that was pressed, and its relative standard deviation; None for the object.
+    """
+
+    force_n: float
+    seen: ContactReading
+    ball_radius_mm: float | None = None
+    ball_radius_sd: float = 0.0
+
+
+class HardnessLikelihood:
+    """Normal errors of the logarithms of radius and light, with all nuisances but three integrated out.
+
+    The logarithm of a contact radius errs by the image, by the table, and by force and probe modulus through the
+    contact's own mechanics; that of the light by the image, the force, the lamps' drift and the gain. Gain and probe
+    modulus are common to all presses. Modulus, Poisson's ratio and radius of the sphere are arguments.
+    """
+
+    def __init__(
+        self, presses: Sequence[ContactPress], *, table: ContactTable, calibration: Calibration, drift_sd: float
+    ) -> None:
+        self.presses, self.table = tuple(presses), table
+        self._calibration, self._drift_sd = calibration, drift_sd
+        seen = [press.seen for press in presses]
+        self.log_radius = np.log([one.radius_mm for one in seen])
+        self.log_light = np.log([one.light_force_n / press.force_n for one, press in zip(seen, presses, strict=True)])
+        light = calibration.gain_sd**2 + np.zeros((len(presses), len(presses)))
+        own = np.array([one.light_force_sd**2 for one in seen]) + drift_sd**2 + calibration.force_sd**2
+        self._light = light + np.diag(own)
+
+    def __call__(self, young_kpa: Any, poisson: Any, radius_mm: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Log likelihood and squared misfit; the arguments broadcast, and the results have their shape."""
+        residual, covariance = self.residuals(young_kpa, poisson, radius_mm)
+        factor = np.linalg.cholesky(covariance)
+        white = np.linalg.solve(factor, residual[..., None])[..., 0]
+        misfit = (white**2).sum(axis=-1)
+        volume = np.log(np.diagonal(factor, axis1=-2, axis2=-1)).sum(axis=-1)
+        return -misfit / 2 - volume, misfit
+
+    def residuals(
+        self, young_kpa: Any, poisson: Any, radius_mm: Any
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Residuals of all radii, then all lights, as a last axis, and their covariance."""
+        young_kpa, poisson, radius_mm = np.broadcast_arrays(young_kpa, poisson, radius_mm)
+        shape, count = young_kpa.shape, len(self.presses)
+        residual = np.zeros((*shape, 2 * count))
+        by_force, by_probe, by_ball, error = np.zeros((4, *shape, count))
+        for place, press in enumerate(self.presses):
+            sphere = (young_kpa, poisson, radius_mm)
+            if press.ball_radius_mm is not None:
+                sphere = (
+                    np.full(shape, RIGID_KPA),
+                    np.full(shape, RIGID_POISSON),
+                    np.full(shape, press.ball_radius_mm),
+                )
+            here = self.table.log_radius(*sphere, press.force_n)
+            by_force[..., place] = (self.table.log_radius(*sphere, press.force_n * np.exp(STEP)) - here) / STEP
+            stiffer = self.table.log_radius(*sphere, press.force_n, probe_factor=np.exp(STEP))
+            by_probe[..., place] = (stiffer - here) / STEP
+            residual[..., place] = self.log_radius[place] - here
+            error[..., place] = self.table.error_at(*self.table.place(*sphere, press.force_n))
+            if press.ball_radius_mm is not None:
+                wider = self.table.log_radius(*sphere[:2], sphere[2] * np.exp(STEP), press.force_n)
+                by_ball[..., place] = press.ball_radius_sd * (wider - here) / STEP
+        residual[..., count:] = self.log_light
+        return residual, self._covariance(by_force, by_probe, by_ball, error)
+
+    def _covariance(
+        self,
+        by_force: NDArray[np.float64],
+        by_probe: NDArray[np.float64],
+        by_ball: NDArray[np.float64],
+        error: NDArray[np.float64],
+    ) -> NDArray[np.float64]:
+        count, known = len(self.presses), self._calibration
+        ball = np.array([press.ball_radius_mm is not None for press in self.presses])
+        same = ball[:, None] == ball  # presses of one body: the ball's radius and the table's error are common to them
+        image = np.array([press.seen.radius_sd**2 for press in self.presses])
+        shared = (1 - OWN_SHARE) * same + OWN_SHARE * np.eye(count)
+        radius = np.diag(image) + shared * error[..., :, None] * error[..., None, :]
+        radius = radius + known.probe_young_sd**2 * by_probe[..., :, None] * by_probe[..., None, :]
+        radius = radius + by_ball[..., :, None] * by_ball[..., None, :] * same
+        own_force = known.force_sd**2 * np.eye(count)
+        radius = radius + own_force * by_force[..., :, None] * by_force[..., None, :]
+        both = own_force * by_force[..., :, None]
+        light = np.broadcast_to(self._light, radius.shape)
+        upper = np.concatenate([radius, both], axis=-1)
+        lower = np.concatenate([np.swapaxes(both, -1, -2), light], axis=-1)
+        return np.concatenate([upper, lower], axis=-2)

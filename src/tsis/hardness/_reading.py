@@ -1,0 +1,232 @@
+"""What one frame of a direct contact says: how wide the contact is, and how much force its light carries."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.special import erfinv
+
+from tsis.errors import InputError
+from tsis.imaging import features, find_contact, radial_profile
+from tsis.model import MN_PER_N
+from tsis.optics import ERF_SLOPE
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.model import Calibration, Probe, TactileImage
+
+
+REACH = 1.35  # radii of the bright patch within which all pressure lies: a patch cut at half of the peak spans 0.87
+FURTHER_MM = 0.3  # of the ring around it that tells the stray light
+RIM_MM = 1.0  # width of the face's edge that is not looked at
+BLUR_MM = 0.05  # standard deviation of the lens's point spread on the face, where nobody measured it
+BLUR_DOUBT = 0.3  # relative standard deviation of the point spread
+STRAY_GREY = 0.01  # standard deviation in grey levels of stray light that is not even
+FULLEST, BRIGHTEST = 0.95, 0.999  # of the light of full contact: what a patch may reach, and what noise is cut at
+DARKEST = 0.05  # of the brightest light, where a division would only raise noise
+ROUNDING = 1 / 12  # variance of rounding to whole grey levels
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ContactReading:
+    """A contact as one frame shows it.
+
+    Attributes
+    ----------
+    radius_mm
+        Radius of the Hertzian contact whose pressure has the same second moment; gain and stray light leave it alone.
+    radius_sd
+        Its relative standard deviation by noise, patterns and blur.
+    light_force_n
+        Integral of the pressure that the grey levels tell, N.
+    light_force_sd
+        Its relative standard deviation by noise and patterns, without that of the gain.
+    extent_mm
+        Radius of the disc that both were read from.
+    clipped_share
+        Share of that disc's bright patch at which the camera clipped.
+    axis_ratio
+        Long over short semi-axis of the bright patch.
+    """
+
+    radius_mm: float
+    radius_sd: float
+    light_force_n: float
+    light_force_sd: float
+    extent_mm: float
+    clipped_share: float
+    axis_ratio: float
+
+
+def read_contact(image: TactileImage, *, probe: Probe, calibration: Calibration, blur_mm: float) -> ContactReading:
+    """Read the contact off a frame.
+
+    Each pixel's grey level, less the stray light of the face around the contact, becomes a pressure by the inverse of
+    ``grey = light * gain * saturation * erf(0.886 p / saturation)``.
+
+    Parameters
+    ----------
+    image
+        A frame as the camera delivered it, its scale known.
+    probe
+        What was touched.
+    calibration
+        Answer of grey level to pressure.
+    blur_mm
+        Standard deviation of the point spread on the face.
+
+    Raises
+    ------
+    InputError
+        When there is no contact, it leaves the picture or the face, or light no longer tells its pressure.
+    """
+    label = image.name or "an image"
+    level = _evened(image, calibration)
+    found = features(level)
+    if not found.contact:
+        raise InputError(f"images must show a contact; in {label!r} nothing stands out of the noise")
+    circle = None if found.cropped else find_contact(level, patch=found.patch)
+    if circle is None:
+        raise InputError(
+            f"the contact must lie inside the picture and be some pixels wide; in {label!r} it does not: centre the "
+            "object, press less or choose a lens that sees more"
+        )
+    extent = REACH * float(np.sqrt((found.area_mm2 or 0.0) / np.pi))
+    _check_place(image, probe, circle.centre_px, extent)
+    stray, stray_sd = _stray(level, probe, circle.centre_px, extent, calibration)
+    _check_light(found.peak - stray, calibration, label)
+    seen = _moments(
+        *_disc(level, circle.centre_px, extent, stray),
+        pixel_mm2=float(np.prod(image.scale())),
+        stray_sd=stray_sd,
+        calibration=calibration,
+        blur_mm=blur_mm,
+    )
+    long, short = found.semi_axes_mm or (1.0, 1.0)
+    return ContactReading(
+        radius_mm=float(np.sqrt(2.5 * max(seen.spread, 1e-12))),
+        radius_sd=seen.spread_sd / 2,
+        light_force_n=seen.total / MN_PER_N,
+        light_force_sd=seen.total_sd,
+        extent_mm=extent,
+        clipped_share=float(np.mean(image.grey[found.patch.mask] >= image.full_scale)),
+        axis_ratio=long / short,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Moments:
+    """Force in mN and mean square radius in mm² of a pressure, each with its relative standard deviation."""
+
+    total: float
+    total_sd: float
+    spread: float
+    spread_sd: float
+
+
+def _moments(
+    grey: NDArray[np.float64],
+    square: NDArray[np.float64],
+    *,
+    pixel_mm2: float,
+    stray_sd: float,
+    calibration: Calibration,
+    blur_mm: float,
+) -> _Moments:
+    """Integrate the pressure, pixel by pixel: rings would take what falls inside each of them for even."""
+    pressure, slope = _pressure(grey, calibration)
+    force = pixel_mm2 * pressure
+    total = float(force.sum())
+    seen = float((square * force).sum() / total)
+    own = seen - 2 * blur_mm**2  # a point spread adds its own second moment
+    noise = (calibration.read_noise_grey**2 + ROUNDING + calibration.shot_noise_grey * np.maximum(grey, 0)) / slope**2
+    pattern = float(np.hypot(calibration.pattern_sd, calibration.repeatability_sd))
+    grains = np.floor(np.sqrt(square) / calibration.grain_mm).astype(int)
+
+    def relative_sd(by_pressure: NDArray[np.float64]) -> float:
+        """Of a quantity whose logarithm has these derivatives: noise a pixel, stray light, and patterns a grain."""
+        stray = stray_sd * float((by_pressure / slope).sum())
+        grained = pattern * np.bincount(grains, weights=by_pressure * pressure)
+        return float(np.sqrt((by_pressure**2 * noise).sum() + stray**2 + (grained**2).sum()))
+
+    blurred = 4 * BLUR_DOUBT * blur_mm**2 / own
+    return _Moments(
+        total=total,
+        total_sd=relative_sd(np.full(len(grey), pixel_mm2 / total)),
+        spread=own,
+        spread_sd=float(np.hypot(relative_sd(pixel_mm2 * (square - seen) / (total * own)), blurred)),
+    )
+
+
+def _disc(
+    level: TactileImage, centre: tuple[float, float], extent: float, stray: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Grey levels above the stray light, and squared distances from the centre in mm², of the pixels of a disc."""
+    (width, height), (rows, columns) = level.scale(), level.grey.shape
+    square = ((np.arange(columns) - centre[0]) * width) ** 2 + ((np.arange(rows)[:, None] - centre[1]) * height) ** 2
+    inside = square <= extent**2
+    return level.grey[inside] - stray, square[inside]
+
+
+def _evened(image: TactileImage, calibration: Calibration) -> TactileImage:
+    """The frame above its background, as even light would show it."""
+    grey = image.grey - calibration.background_grey
+    if calibration.light is not None:
+        axis, scale = image.axis(), image.scale()
+        x = (np.arange(grey.shape[1]) - axis[0]) * scale[0]
+        y = (np.arange(grey.shape[0]) - axis[1]) * scale[1]
+        light = calibration.light.at(x, y)
+        grey = grey / np.maximum(light, DARKEST * light.max())
+    return replace(image, grey=grey, full_scale=65535.0)
+
+
+def _check_place(image: TactileImage, probe: Probe, centre: tuple[float, float], extent: float) -> None:
+    """Refuse a contact that the picture or the face cuts off."""
+    (width, height), label = image.scale(), image.name or "an image"
+    rows, columns = image.grey.shape
+    x, y = centre
+    room = min(x * width, (columns - 1 - x) * width, y * height, (rows - 1 - y) * height)
+    axis = image.axis()
+    beside = float(np.hypot((x - axis[0]) * width, (y - axis[1]) * height))
+    if extent / REACH > room:
+        raise InputError(f"the contact must lie inside the picture; in {label!r} it leaves the field of view")
+    if beside + extent > probe.radius_mm:
+        raise InputError(
+            f"the contact must lie inside the face of {probe.radius_mm:g} mm radius; in {label!r} it reaches "
+            f"{beside + extent:.3g} mm: centre the object, press less or use a wider probe"
+        )
+
+
+def _stray(
+    level: TactileImage, probe: Probe, centre: tuple[float, float], extent: float, calibration: Calibration
+) -> tuple[float, float]:
+    """Mean grey level of the face around the contact, and its standard deviation."""
+    around = extent + FURTHER_MM
+    beside = float(np.hypot(*(np.subtract(centre, level.axis()) * level.scale())))
+    outer = max(around + FURTHER_MM, probe.radius_mm - RIM_MM - beside)
+    ring = radial_profile(level, edges_mm=[around, outer], centre_px=centre)
+    if not ring.count[0]:
+        return 0.0, calibration.read_noise_grey
+    noise = float(np.sqrt((calibration.read_noise_grey**2 + ROUNDING) / ring.count[0]))
+    return float(ring.mean_grey[0]), float(np.hypot(noise, STRAY_GREY))
+
+
+def _check_light(peak: float, calibration: Calibration, label: str) -> None:
+    """Refuse a contact so bright that grey no longer tells pressure."""
+    share = peak / (calibration.gain_grey_per_kpa * calibration.saturation_kpa)
+    if share > FULLEST:
+        raise InputError(
+            f"light must still tell pressure; in {label!r} it reaches {share:.2g} of that of full contact at "
+            f"saturation_kpa = {calibration.saturation_kpa:g}: direct contact needs a rougher skin or less force"
+        )
+
+
+def _pressure(grey: NDArray[np.float64], calibration: Calibration) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Pressure in kPa and grey levels a kPa of every pixel."""
+    share = grey / (calibration.gain_grey_per_kpa * calibration.saturation_kpa)
+    argument = erfinv(np.clip(share, -BRIGHTEST, BRIGHTEST))
+    slope = calibration.gain_grey_per_kpa * np.exp(-(argument**2))
+    return np.asarray(calibration.saturation_kpa * argument / ERF_SLOPE), np.asarray(slope)

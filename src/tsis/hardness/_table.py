@@ -1,0 +1,316 @@
+"""How wide a soft sphere touches a probe: the finite-strain contact as a polynomial beside Hertz's law."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass, replace
+from importlib.resources import files
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.files import content_key
+from tsis.hardness._sphere import hertzian_radius_mm, press_fields
+from tsis.mechanics.finite_strain import SphereResolution
+from tsis.mechanics.surrogate import cached_arrays, mechanical_content
+from tsis.model import MN_PER_N, Probe, SoftSphere, require_array, require_type
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import NDArray
+
+
+MIDDLE_RADIUS_MM, RADIUS_STEP_MM = 3.3, 3.0
+MIDDLE_POISSON, POISSON_STEP = 0.475, 0.025
+BASE_DEGREES, BASE_TOTAL = (4, 3), 5  # in depth and softness, of what a sphere of the middle radius and ratio adds
+CHANGE_DEGREES, CHANGE_TOTAL, CHANGE_ORDER = (3, 1), 4, 2  # of what another radius or ratio changes
+FIRM_DEPTH = 0.6  # from which on a contact is many elements wide
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ContactTable:
+    """Contact radius of a sphere on one probe, from its load and what share of the compliance is the sphere's.
+
+    Moduli and force share a unit, and small contacts follow Hertz's law ``a³ = 3 F R c / 4`` with the compliance
+    ``c = (1 - nu²)/E + (1 - nu_s²)/E_s`` of sphere and skin. What large strains and the layers below the skin add to
+    the logarithm of the radius is a polynomial in ``depth = (F c / R²)^(1/3)`` and ``softness``, the sphere's share of
+    ``c``; the radius matters as far as the probe is soft, Poisson's ratio as far as the sphere is.
+
+    Parameters
+    ----------
+    coefficients
+        Of the terms of `terms`, shape (n,).
+    softness, deepest, error
+        Shares of the compliance, ascending, the greatest depth that the mechanics reach at each, and the relative error
+        of the contact radius there: root mean square over presses that the fit has not seen, shape (m,) each.
+    skin_compliance
+        ``(1 - nu_s²)/E_s`` of the skin, 1/kPa.
+    key
+        Hash of what the table was computed from.
+    """
+
+    coefficients: NDArray[np.float64]
+    softness: NDArray[np.float64]
+    deepest: NDArray[np.float64]
+    error: NDArray[np.float64]
+    skin_compliance: float
+    key: str
+
+    def __post_init__(self) -> None:
+        for name in ("coefficients", "softness", "deepest", "error"):
+            object.__setattr__(self, name, require_array(name, getattr(self, name), ndim=1))
+
+    def log_radius(
+        self, young_kpa: Any, poisson: Any, radius_mm: Any, force_n: Any, *, probe_factor: Any = 1.0
+    ) -> NDArray[np.float64]:
+        """Natural logarithm of the contact radius in mm; all arguments broadcast.
+
+        Parameters
+        ----------
+        young_kpa, poisson, radius_mm
+            The sphere.
+        force_n
+            Force in newtons; beyond the deepest contact of the table the radius goes on as Hertz's does.
+        probe_factor
+            The moduli of the probe's layers over their nominal values.
+        """
+        softness, depth = self.place(young_kpa, poisson, radius_mm, force_n, probe_factor=probe_factor)
+        inside = np.minimum(depth, self.deepest_at(softness))
+        added = terms(inside, softness, radius_mm, poisson) @ self.coefficients
+        return np.asarray(np.log(radius_mm) + np.log(0.75) / 3 + np.log(depth) + added)
+
+    def place(
+        self, young_kpa: Any, poisson: Any, radius_mm: Any, force_n: Any, *, probe_factor: Any = 1.0
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Softness and depth of presses, as the class describes them."""
+        sphere = (1 - np.square(poisson)) / np.asarray(young_kpa, dtype=float)
+        compliance = sphere + self.skin_compliance / probe_factor
+        depth = np.cbrt(MN_PER_N * np.asarray(force_n) * compliance / np.square(radius_mm))
+        softness, depth = np.broadcast_arrays(sphere / compliance, depth)
+        return softness, depth
+
+    def deepest_at(self, softness: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Depth up to which the mechanics were solved."""
+        return np.asarray(np.interp(softness, self.softness, self.deepest))
+
+    def error_at(self, softness: NDArray[np.float64], depth: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Relative error of the contact radius; more where the contact is shallow and few elements wide."""
+        return np.asarray(np.interp(softness, self.softness, self.error) / firmness(depth))
+
+
+def firmness(depth: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Weight of a press in the fit: 1, less where the contact is so shallow that it is few elements wide."""
+    return np.asarray(np.minimum(1.0, depth / FIRM_DEPTH) ** 2)
+
+
+def skin_compliance(probe: Probe) -> float:
+    """``(1 - nu²)/E`` of the first layer, 1/kPa."""
+    skin = probe.layers[0]
+    return (1 - skin.poisson**2) / skin.young_kpa
+
+
+def terms(depth: Any, softness: Any, radius_mm: Any, poisson: Any) -> NDArray[np.float64]:
+    """Terms of the polynomial, shape of the arguments (which broadcast) with the terms as a last axis."""
+    depth, softness, radius, ratio = np.broadcast_arrays(
+        depth,
+        softness,
+        (np.asarray(radius_mm) - MIDDLE_RADIUS_MM) / RADIUS_STEP_MM,
+        (np.asarray(poisson) - MIDDLE_POISSON) / POISSON_STEP,
+    )
+    centred = 2 * softness - 1
+    columns = [
+        depth**i * centred**j
+        for i in range(BASE_DEGREES[0] + 1)
+        for j in range(BASE_DEGREES[1] + 1)
+        if i + j <= BASE_TOTAL
+    ]
+    for share, change in ((1 - softness, radius), (softness, ratio)):
+        columns += [
+            share * change**order * depth**i * centred**j
+            for order in range(1, CHANGE_ORDER + 1)
+            for i in range(CHANGE_DEGREES[0] + 1)
+            for j in range(CHANGE_DEGREES[1] + 1)
+            if order + i + j <= CHANGE_TOTAL
+        ]
+    return np.stack(columns, axis=-1)
+
+
+FORMAT_VERSION = 2
+KIND = "contact-tables"
+SKIN_KPA = 100.0  # of the probe that is solved: all moduli share a unit with the force, so any skin is this one
+RESOLUTION = SphereResolution(order=3, cells=6, rings=2, face_cells=6)
+LOADS = np.array([0.04, 0.07, 0.11, 0.19, 0.31, 0.5, 0.8, 1.2, 1.6, 2.0, 2.4, 2.6, 2.8, 3.2])  # depth cubed
+SMALLEST_RADIUS_MM, WIDEST_SHARE = 1.65, 0.55  # of the spheres; the widest as a share of the face's radius
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SphereCase:
+    """One sphere of the design: its share of the compliance, radius and Poisson's ratio."""
+
+    softness: float
+    radius_mm: float
+    poisson: float = MIDDLE_POISSON
+
+
+def design_of(probe: Probe) -> tuple[SphereCase, ...]:
+    """The spheres that are solved for a probe: 6 of the middle radius and ratio, 6 of other radii, 6 of other ratios.
+
+    Where the sphere is stiff its ratio does not matter, where it is soft its radius does not: no case is spent there.
+    """
+    widest = WIDEST_SHARE * probe.radius_mm
+    middle = min(MIDDLE_RADIUS_MM, widest)
+    spread = np.cos(np.pi * (np.arange(6) + 0.5) / 6) / np.cos(np.pi / 12)
+    cases = [SphereCase(softness=float(0.5 - 0.48 * x), radius_mm=middle) for x in spread]
+    cases += [
+        SphereCase(softness=softness, radius_mm=radius)
+        for radius in (min(SMALLEST_RADIUS_MM, middle / 2), widest)
+        for softness in (0.02, 0.3, 0.7)
+    ]
+    cases += [
+        SphereCase(softness=softness, radius_mm=middle, poisson=MIDDLE_POISSON + step)
+        for step in (-POISSON_STEP, 0.8 * POISSON_STEP)  # 0.495 is the most that the elements take
+        for softness in (0.3, 0.7, 0.98)
+    ]
+    return tuple(cases)
+
+
+def build_contact_table(
+    probe: Probe,
+    *,
+    resolution: SphereResolution = RESOLUTION,
+    progress: Callable[[int, int], None] | None = None,
+    cached: bool = True,
+) -> ContactTable:
+    """The contact table of a probe: from the package or the disk cache, else solved, which takes some minutes.
+
+    Probes whose moduli are in proportion share a table.
+
+    Parameters
+    ----------
+    probe
+        The probe; its face may be domed.
+    resolution
+        Mesh density.
+    progress
+        Called with (spheres solved, spheres in all) as the work goes on.
+    cached
+        Whether to use the tables of the package and the disk cache.
+
+    Raises
+    ------
+    MechanicsError
+        When no force on one of the spheres converges.
+
+    Examples
+    --------
+    >>> import tsis
+    >>> table = build_contact_table(tsis.load_probe("tsis-2011"))
+    >>> f"{float(np.exp(table.log_radius(103.0, 0.49, 3.0, 0.7))):.2f} mm"
+    '2.77 mm'
+    """
+    require_type("probe", probe, Probe)
+    require_type("resolution", resolution, SphereResolution)
+    unit = _with_skin(probe, SKIN_KPA)
+    key = content_key(
+        {
+            "format": FORMAT_VERSION,
+            "probe": _rounded(mechanical_content(unit)),
+            "resolution": asdict(resolution),
+            "loads": LOADS.tolist(),
+        }
+    )
+
+    def solved() -> dict[str, NDArray[np.float64]]:
+        return _solve(unit, resolution, progress)
+
+    arrays = (_shipped(key) or cached_arrays(KIND, key, solved)) if cached else solved()
+    return ContactTable(
+        coefficients=arrays["coefficients"],
+        softness=arrays["softness"],
+        deepest=arrays["deepest"],
+        error=arrays["error"],
+        skin_compliance=skin_compliance(probe),
+        key=key,
+    )
+
+
+def _with_skin(probe: Probe, young_kpa: float) -> Probe:
+    """The probe with all moduli in proportion and a skin of ``young_kpa``."""
+    factor = young_kpa / probe.layers[0].young_kpa
+    return replace(probe, layers=tuple(replace(one, young_kpa=factor * one.young_kpa) for one in probe.layers))
+
+
+def _rounded(content: Any) -> Any:
+    """Content whose numbers do not differ by the rounding of a proportion."""
+    if isinstance(content, dict):
+        return {name: _rounded(value) for name, value in content.items()}
+    if isinstance(content, (list, tuple)):
+        return [_rounded(value) for value in content]
+    return float(f"{content:.10g}") if isinstance(content, float) else content
+
+
+def _shipped(key: str) -> dict[str, NDArray[np.float64]] | None:
+    """A table that comes with the package; those of the catalog's flat probes do."""
+    file = files(__package__) / "tables" / f"{key}.json"
+    if not file.is_file():
+        return None
+    return {name: np.asarray(values) for name, values in json.loads(file.read_text(encoding="utf-8")).items()}
+
+
+def _solve(
+    probe: Probe, resolution: SphereResolution, progress: Callable[[int, int], None] | None
+) -> dict[str, NDArray[np.float64]]:
+    cases = design_of(probe)
+    added: list[NDArray[np.float64]] = []
+    for done, case in enumerate(cases):
+        if progress is not None:
+            progress(done, len(cases))
+        added.append(added_log_radius(probe, case, resolution))
+    rows, weights = zip(*(_rows(case, len(part)) for case, part in zip(cases, added, strict=True)), strict=True)
+    coefficients = _fit(rows, added, weights)
+    middle = [place for place, case in enumerate(cases) if case.poisson == MIDDLE_POISSON][:6]
+    return {
+        "coefficients": coefficients,
+        "softness": np.array([cases[place].softness for place in middle]),
+        "deepest": np.array([np.cbrt(LOADS[len(added[place]) - 1]) for place in middle]),
+        "error": np.array([_unseen_error(place, rows, added, weights) for place in middle]),
+    }
+
+
+def added_log_radius(probe: Probe, case: SphereCase, resolution: SphereResolution) -> NDArray[np.float64]:
+    """Logarithm of the contact radius over Hertz's at `LOADS`, as far as the mechanics reach."""
+    skin = skin_compliance(probe)
+    soft = skin * case.softness / (1 - case.softness)
+    sphere = SoftSphere(radius_mm=case.radius_mm, young_kpa=(1 - case.poisson**2) / soft, poisson=case.poisson)
+    forces = LOADS * case.radius_mm**2 / (soft + skin) / MN_PER_N
+    fields = press_fields(probe, sphere, forces_n=forces.tolist(), resolution=resolution, stop_at_limit=True)
+    radii = np.array([hertzian_radius_mm(field) for field in fields])
+    return np.asarray(np.log(radii / case.radius_mm) - np.log(0.75 * LOADS[: len(radii)]) / 3)
+
+
+def _rows(case: SphereCase, count: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Terms and weights of the presses of one sphere."""
+    depth = np.cbrt(LOADS[:count])
+    return terms(depth, case.softness, case.radius_mm, case.poisson), firmness(depth)
+
+
+def _fit(
+    rows: Sequence[NDArray[np.float64]], added: Sequence[NDArray[np.float64]], weights: Sequence[NDArray[np.float64]]
+) -> NDArray[np.float64]:
+    weight = np.concatenate(weights)
+    answer = np.linalg.lstsq(weight[:, None] * np.concatenate(rows), weight * np.concatenate(added), rcond=1e-8)
+    return np.asarray(answer[0])
+
+
+def _unseen_error(
+    left_out: int,
+    rows: Sequence[NDArray[np.float64]],
+    added: Sequence[NDArray[np.float64]],
+    weights: Sequence[NDArray[np.float64]],
+) -> float:
+    """Weighted root mean square over one sphere's presses of a fit without them."""
+    others = [place for place in range(len(rows)) if place != left_out]
+    found = _fit(*([part[place] for place in others] for part in (rows, added, weights)))
+    error = weights[left_out] * (added[left_out] - rows[left_out] @ found)
+    return float(np.sqrt((error**2).sum() / (weights[left_out] ** 2).sum()))

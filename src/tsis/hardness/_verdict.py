@@ -1,0 +1,172 @@
+"""What the reader of a hardness must know: one flag and one sentence each."""
+
+from __future__ import annotations
+
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy
+
+from tsis.model import IMPROBABLE, NOT_IDENTIFIED, probability_bound
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tsis.hardness._exploration import HardnessPosterior, HardnessPrior, RadiusPrior
+    from tsis.hardness._likelihood import ContactPress, HardnessLikelihood
+
+    Finding = tuple[str, str]
+
+WIDE = 2.0  # ratio of the 90 % interval's ends from which a modulus is not told as a number
+CUT_OFF, EDGE = 0.2, 0.02  # share of the samples within this share of the prior's range at one of its ends
+CLIPPED = 1e-3  # share of the contact's pixels
+NOT_ROUND = 1.1  # long over short axis: a sphere on a round probe lights a round patch
+BEYOND = 0.05  # share of the moduli for which a press lies outside the table
+SAME_FORCE = 0.02  # relative difference of forces that are one force
+UNTRUSTED_FLAGS = frozenset(("model_does_not_fit", "saturated", "not_round", "outside_table"))
+
+
+def findings(
+    presses: Sequence[ContactPress],
+    likelihood: HardnessLikelihood,
+    found: HardnessPosterior,
+    prior: HardnessPrior,
+    radius: RadiusPrior,
+) -> list[Finding]:
+    """Everything to be said about an estimate."""
+    objects = [press for press in presses if press.ball_radius_mm is None]
+    return [
+        *_about_frames(presses),
+        *_about_modulus(found, prior),
+        *_about_presses(objects, radius),
+        *_about_table(objects, likelihood, found),
+        *_about_fit(presses, found, radius),
+    ]
+
+
+def identifiability(found: HardnessPosterior, prior: HardnessPrior) -> str:
+    """One sentence on what the data tell."""
+    low, high = np.quantile(found.young_kpa, [0.05, 0.95])
+    narrowing = float(found.young_kpa.std()) / prior.young_sd_kpa
+    return (
+        f"The modulus lies between {low:.3g} and {high:.3g} kPa with a probability of 90 %; "
+        f"its standard deviation is {narrowing:.2g} of the prior's."
+    )
+
+
+def _about_frames(presses: Sequence[ContactPress]) -> list[Finding]:
+    said = []
+    clipped = max(press.seen.clipped_share for press in presses)
+    if clipped > CLIPPED:
+        said.append(
+            (
+                "saturated",
+                f"{100 * clipped:.2g} % of a contact's pixels clip, so its pressure is not seen: expose shorter.",
+            )
+        )
+    oval = max(press.seen.axis_ratio for press in presses)
+    if oval > NOT_ROUND:
+        said.append(
+            (
+                "not_round",
+                f"A contact is {oval:.2f} times as long as wide: this is no sphere on the probe's axis, which the "
+                "model takes for granted.",
+            )
+        )
+    return said
+
+
+def _about_modulus(found: HardnessPosterior, prior: HardnessPrior) -> list[Finding]:
+    low, high = np.quantile(found.young_kpa, [0.05, 0.95])
+    said = []
+    if found.young_kpa.std() > NOT_IDENTIFIED * prior.young_sd_kpa or high > WIDE * low:
+        said.append(
+            (
+                "young_kpa_not_identified",
+                f"The modulus is not identifiable from these presses: {low:.3g} to {high:.3g} kPa.",
+            )
+        )
+    ends = np.log(prior.young_kpa)
+    place = (np.log(found.young_kpa) - ends[0]) / (ends[1] - ends[0])
+    for share, side, end in (
+        (np.mean(place < EDGE), "lower", prior.young_kpa[0]),
+        (np.mean(place > 1 - EDGE), "upper", prior.young_kpa[1]),
+    ):
+        if share > CUT_OFF:
+            said.append(
+                (
+                    "young_kpa_cut_off",
+                    f"The modulus piles up at the prior's {side} end of {end:g} kPa: it may lie beyond.",
+                )
+            )
+    return said
+
+
+def _about_presses(objects: Sequence[ContactPress], radius: RadiusPrior) -> list[Finding]:
+    said = []
+    forces = [press.force_n for press in objects]
+    if max(forces) < (1 + SAME_FORCE) * min(forces):
+        said.append(
+            (
+                "one_force",
+                "All presses have one force: a second one would test whether the contact grows as that of a sphere.",
+            )
+        )
+    if radius.radius_mm is None:
+        said.append(
+            (
+                "radius_unknown",
+                f"The object's radius is not known, only that it lies in [1, {radius.largest_mm:.3g}] mm: small "
+                "contacts tell the modulus over the radius, and large ones little more (give radius_mm).",
+            )
+        )
+    return said
+
+
+def _about_table(
+    objects: Sequence[ContactPress], likelihood: HardnessLikelihood, found: HardnessPosterior
+) -> list[Finding]:
+    _, poisson, radius = found.best
+    table = likelihood.table
+    outside = 0.0
+    for press in objects:
+        softness, depth = table.place(found.young_kpa, poisson, radius, press.force_n)
+        outside = max(outside, float(np.mean(depth > table.deepest_at(softness))))
+    if outside <= BEYOND:
+        return []
+    return [
+        (
+            "outside_table",
+            f"For {100 * outside:.0f} % of the moduli a force flattens the sphere further than the mechanics were "
+            "solved for: press less.",
+        )
+    ]
+
+
+def _about_fit(presses: Sequence[ContactPress], found: HardnessPosterior, radius: RadiusPrior) -> list[Finding]:
+    fitted = 2 if radius.radius_mm is None else 1
+    chance = float(scipy.stats.chi2.sf(found.misfit, 2 * len(presses) - fitted))
+    if chance >= IMPROBABLE:
+        return []
+    return [
+        (
+            "model_does_not_fit",
+            f"Forces, light and contact radii contradict each other (chance below {probability_bound(chance)}): this is no "
+            "homogeneous sphere of that radius, or force, calibration or probe are wrong.",
+        )
+    ]
+
+
+FLAGS = MappingProxyType(
+    {
+        "young_kpa_not_identified": "the presses tell next to nothing of the modulus",
+        "young_kpa_cut_off": "the modulus piles up at an end of the prior",
+        "radius_unknown": "nobody gave the object's radius",
+        "one_force": "all presses have one force, so that nothing tests the model",
+        "saturated": "pixels of a contact are clipped",
+        "not_round": "a contact is not round: no sphere on the probe's axis",
+        "outside_table": "the sphere is flattened further than the mechanics were solved for",
+        "model_does_not_fit": "forces, light and contact radii contradict each other",
+    }
+)

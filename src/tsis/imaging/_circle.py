@@ -1,0 +1,178 @@
+"""The circle across which a signal falls steepest.
+
+Where the signal codes the SLOPE of the face (coloured lamps) a contact is a ring, brighter towards the brighter lamp. A
+patch above a threshold is pulled to that side; the edge is not, for it lies at one radius however bright the ring. The
+circle sought is the one across which the mean signal falls steepest (Daugman's integro-differential operator, IEEE
+Trans. PAMI 15, 1148, 1993).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+from scipy.optimize import minimize
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.model import TactileImage
+
+
+DIRECTIONS = 96  # on the circle; a multiple of 4 keeps both axes alike
+CENTRE_REACH = 0.4  # how far the centre may lie from the patch's, in patch radii
+RADIUS_REACH = (0.5, 1.5)  # least and greatest radius, in patch radii
+COARSE_STEPS = 9  # a side of the first grid of centres
+RADII = 36  # of the first grid
+FINE_RADII = 401  # about a known centre
+LEAST_VISIBLE = 0.5  # share of the circle that must lie inside the image
+TOLERANCE = 1e-3  # of the patch's radius: some hundredths of a pixel
+
+
+class SlopeField:
+    """Gradient of the blurred signal, sampled on circles of the face.
+
+    Lengths are in the side of the square pixel of the same area, so that a circle on the face is an ellipse in an image
+    whose pixels are not square.
+    """
+
+    def __init__(self, image: TactileImage, blur: float) -> None:
+        self.pixel = pixel_shape(image)
+        smooth = blurred(image.grey, blur, self.pixel)
+        self.slope_x: NDArray[np.float32] = _slope(smooth, 1, self.pixel[0])
+        self.slope_y: NDArray[np.float32] = _slope(smooth, 0, self.pixel[1])
+        angle = np.arange(DIRECTIONS) * (2.0 * np.pi / DIRECTIONS)
+        self.cos, self.sin = np.cos(angle), np.sin(angle)
+
+    def fall(self, x: float, y: float, radii: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Mean fall of the signal across circles about (x, y); 0 where too much of a circle is outside the image."""
+        columns = (x + np.outer(radii, self.cos) / self.pixel[0]).astype(np.float32)
+        rows = (y + np.outer(radii, self.sin) / self.pixel[1]).astype(np.float32)
+        slope = (
+            cv2.remap(self.slope_x, columns, rows, cv2.INTER_LINEAR) * self.cos
+            + cv2.remap(self.slope_y, columns, rows, cv2.INTER_LINEAR) * self.sin
+        )
+        height, width = self.slope_x.shape
+        inside = (columns >= 0) & (columns <= width - 1) & (rows >= 0) & (rows <= height - 1)
+        seen = inside.sum(axis=1)
+        mean: NDArray[np.float64] = -np.where(inside, slope, 0.0).sum(axis=1) / np.maximum(seen, 1)
+        return np.where(seen >= LEAST_VISIBLE * DIRECTIONS, mean, 0.0)
+
+
+def pixel_shape(image: TactileImage) -> tuple[float, float]:
+    """Width and height of a pixel in the side of the square of the same area."""
+    width, height = (1.0, 1.0) if image.mm_per_pixel is None else image.mm_per_pixel
+    side = float(np.sqrt(width * height))
+    return width / side, height / side
+
+
+def blurred(grey: NDArray[np.float64], blur: float, pixel: tuple[float, float]) -> NDArray[np.float64]:
+    """The signal behind a Gaussian blur that is round on the face."""
+    smooth = cv2.GaussianBlur(grey, (0, 0), blur / pixel[0], sigmaY=blur / pixel[1], borderType=cv2.BORDER_REPLICATE)
+    return np.asarray(smooth, dtype=np.float64)
+
+
+def _slope(smooth: NDArray[np.float64], axis: int, step: float) -> NDArray[np.float32]:
+    """Slope along an axis, flat where the image is one pixel wide."""
+    if smooth.shape[axis] < 2:
+        return np.zeros(smooth.shape, dtype=np.float32)
+    return np.asarray(np.gradient(smooth, step, axis=axis), dtype=np.float32)
+
+
+def steepest_circle(field: SlopeField, centre: tuple[float, float], reach: float) -> tuple[float, float] | None:
+    """Centre (x, y) of the steepest circle near a patch; None when the signal falls across no circle."""
+    start = _coarse(field, centre, reach)
+    if start is None:
+        return None
+    step = 2.0 * CENTRE_REACH * reach / (COARSE_STEPS - 1)
+
+    def shallowness(circle: NDArray[np.float64]) -> float:
+        return -float(field.fall(circle[0], circle[1], circle[2:3])[0])
+
+    found = minimize(
+        shallowness,
+        np.array(start),
+        method="Nelder-Mead",
+        options={
+            "initial_simplex": np.array(start) + step * np.vstack([np.zeros(3), np.eye(3)]),
+            "xatol": TOLERANCE * reach,
+            "fatol": 1e-6,
+            "maxiter": 400,
+        },
+    )
+    return float(found.x[0]), float(found.x[1])
+
+
+def steepest_radius(field: SlopeField, centre: tuple[float, float], reach: float) -> float | None:
+    """Radius of the steepest circle about a known centre; None when the signal falls across none."""
+    radii = np.linspace(RADIUS_REACH[0] * reach, RADIUS_REACH[1] * reach, FINE_RADII)
+    falls = field.fall(*centre, radii)
+    best = int(np.argmax(falls))
+    return float(radii[best]) if falls[best] > 0.0 else None
+
+
+def _coarse(field: SlopeField, centre: tuple[float, float], reach: float) -> tuple[float, float, float] | None:
+    """Best (x, y, radius) of a grid."""
+    radii = np.linspace(RADIUS_REACH[0] * reach, RADIUS_REACH[1] * reach, RADII)
+    shifts = np.linspace(-CENTRE_REACH * reach, CENTRE_REACH * reach, COARSE_STEPS)
+    best, where = 0.0, None
+    for x in centre[0] + shifts:
+        for y in centre[1] + shifts:
+            falls = field.fall(float(x), float(y), radii)
+            steepest = int(np.argmax(falls))
+            if falls[steepest] > best:
+                best, where = float(falls[steepest]), (float(x), float(y), float(radii[steepest]))
+    return where
+
+
+WINDOW = 1.2  # radius of what is compared, in patch radii: the hill with its foot
+SAMPLES = 24  # across the window's radius; the blur leaves nothing finer
+LEAST_COMPARED = 0.5  # share of the window that must lie inside the image, with its turned twin
+
+
+def symmetry_centre(
+    image: TactileImage, centre: tuple[float, float], reach: float, blur: float
+) -> tuple[float, float] | None:
+    """Centre of symmetry (x, y) near a patch, in pixels; None when too little of it lies inside the image.
+
+    Minimised is ``sum (s - turned s)² / sum (s + turned s)²`` over a disc on the face, for s the part of the signal
+    above zero: halos that are darker than the untouched probe belong to no contact.
+    """
+    pixel = pixel_shape(image)
+    hill = blurred(np.maximum(image.grey, 0.0), blur, pixel).astype(np.float32)
+    offsets = _disc(WINDOW * reach, pixel)
+    height, width = hill.shape
+
+    def unlikeness(point: NDArray[np.float64]) -> float:
+        columns, rows = ((point[axis] + offsets[axis]).astype(np.float32)[None] for axis in (0, 1))
+        values = cv2.remap(hill, columns, rows, cv2.INTER_LINEAR)[0].astype(np.float64)
+        inside = ((columns >= 0) & (columns <= width - 1) & (rows >= 0) & (rows <= height - 1))[0]
+        pair = inside & inside[::-1]
+        if np.count_nonzero(pair) < LEAST_COMPARED * pair.size:
+            return 1.0
+        turned = values[::-1]
+        alike = float(np.square(values + turned)[pair].sum())
+        return float(np.square(values - turned)[pair].sum()) / alike if alike > 0.0 else 1.0
+
+    shifts = np.linspace(-CENTRE_REACH * reach, CENTRE_REACH * reach, COARSE_STEPS)
+    starts = [np.array([centre[0] + x, centre[1] + y]) for x in shifts for y in shifts]
+    start = min(starts, key=unlikeness)
+    if unlikeness(start) >= 1.0:
+        return None
+    simplex = start + float(shifts[1] - shifts[0]) * np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    found = minimize(
+        unlikeness,
+        start,
+        method="Nelder-Mead",
+        options={"initial_simplex": simplex, "xatol": TOLERANCE * reach, "fatol": 1e-12, "maxiter": 400},
+    )
+    return float(found.x[0]), float(found.x[1])
+
+
+def _disc(radius: float, pixel: tuple[float, float]) -> NDArray[np.float64]:
+    """Offsets (x and y rows, in pixels) of a grid over a disc; read backwards it is the same disc after half a turn."""
+    step = np.arange(-SAMPLES, SAMPLES + 1) * (radius / SAMPLES)
+    x, y = (axis.ravel() for axis in np.meshgrid(step, step))
+    inside = np.hypot(x, y) <= radius
+    return np.array([x[inside] / pixel[0], y[inside] / pixel[1]])

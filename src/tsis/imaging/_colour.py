@@ -1,0 +1,117 @@
+"""Colour in and colour out: how much a colour frame changed, and grey levels as colours for the eye."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+
+from tsis.errors import ImageMismatchError, InputError
+from tsis.imaging._corrections import require_image
+from tsis.imaging._patch import segment
+from tsis.model import TactileImage, require_array, require_number, require_one_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+COLOUR_MAPS = {  # perceptually uniform and readable without red-green vision
+    "cividis": cv2.COLORMAP_CIVIDIS,
+    "inferno": cv2.COLORMAP_INFERNO,
+    "viridis": cv2.COLORMAP_VIRIDIS,
+}
+
+
+def change_magnitude(
+    frame_rgb: NDArray[Any], reference_rgb: NDArray[Any], *, equalise_lamps: bool = False
+) -> NDArray[np.float64]:
+    """How much the colour changed: the root of the sum over channels of the squared change.
+
+    A coloured lamp on each side codes the slope of a soft face as colour (GelSight): a grey level may not change where
+    the colour does.
+
+    Parameters
+    ----------
+    frame_rgb, reference_rgb
+        The pressed and the untouched probe, shape (rows, columns, channels), any number type.
+    equalise_lamps
+        Divide each channel by the standard deviation of its change inside the patch first, so that a brighter lamp does
+        not pull the contact to its side; the mean inside the patch stays as it was.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (rows, columns), grey levels, >= 0.
+
+    Raises
+    ------
+    InputError
+        When an array is no colour frame or is not finite.
+    ImageMismatchError
+        When the shapes differ.
+
+    Examples
+    --------
+    >>> pressed, untouched = np.zeros((1, 1, 3)), np.zeros((1, 1, 3))
+    >>> pressed[0, 0] = (3.0, -4.0, 0.0)
+    >>> change_magnitude(pressed, untouched).tolist()
+    [[5.0]]
+    """
+    frame = require_array("frame_rgb", frame_rgb, ndim=3)
+    reference = require_array("reference_rgb", reference_rgb, ndim=3)
+    if frame.shape != reference.shape:
+        raise ImageMismatchError(f"reference_rgb must have the frame's shape {frame.shape}; got {reference.shape}")
+    change = frame - reference
+    magnitude = np.sqrt(np.square(change).sum(axis=2))
+    return _equalised(change, magnitude) if equalise_lamps else magnitude
+
+
+def _equalised(change: NDArray[np.float64], magnitude: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The magnitude with channels of equal spread inside the patch; as it was where there is no patch."""
+    mask = segment(TactileImage(grey=magnitude)).mask
+    if not mask.any():
+        return magnitude
+    spread = change[mask].std(axis=0)
+    lit = spread > 0
+    if not lit.any():
+        return magnitude
+    equal = np.sqrt(np.square(change[..., lit] / spread[lit]).sum(axis=2))
+    result: NDArray[np.float64] = equal * (magnitude[mask].mean() / equal[mask].mean())
+    return result
+
+
+def colour_map(
+    image: TactileImage, *, name: str = "viridis", low: float = 0.0, high: float | None = None
+) -> NDArray[np.uint8]:
+    """Colours of grey levels for the eye, as red, green, blue.
+
+    Parameters
+    ----------
+    image
+        Any frame or signal.
+    name
+        ``"cividis"``, ``"inferno"`` or ``"viridis"``.
+    low, high
+        Grey levels of the map's two ends; levels beyond them get the end's colour; ``high`` None is the full scale.
+
+    Returns
+    -------
+    numpy.ndarray
+        Shape (rows, columns, 3), uint8.
+
+    Raises
+    ------
+    UnknownNameError
+        When no map has that name.
+    InputError
+        When ``high`` does not exceed ``low``.
+    """
+    require_image("image", image)
+    require_one_of("colour map", name, COLOUR_MAPS)
+    top = image.full_scale if high is None else high
+    low, top = require_number("low", low, -1e9, 1e9), require_number("high", top, -1e9, 1e9)
+    if top <= low:
+        raise InputError(f"high must exceed low = {low:g}; got {top:g}")
+    levels = np.rint(np.clip((image.grey - low) / (top - low), 0.0, 1.0) * 255.0).astype(np.uint8)
+    return np.asarray(cv2.applyColorMap(levels, COLOUR_MAPS[name])[..., ::-1], dtype=np.uint8)

@@ -1,0 +1,130 @@
+"""Which share of the light on the face leaves it where it is pressed: three models, so that the choice can be tested.
+
+``RoughContact`` is the one that measurements bear out: light leaves where asperities touch, so it follows the pressure.
+``SmoothContact`` and ``CurvatureLoss`` are its rivals.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.errors import InputError
+from tsis.model import require_number, require_one_of
+from tsis.optics import ERF_SLOPE, real_contact
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.model import Calibration
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoughContact:
+    """Light leaves through the real contact of asperities, which grows with the pressure: ``erf(0.886 p / p_sat)``.
+
+    Examples
+    --------
+    >>> RoughContact().share(np.array([0.0, 1.0, 100.0]), slope=np.zeros(3), saturation_kpa=20.0).round(3).tolist()
+    [0.0, 0.05, 1.0]
+    """
+
+    def share(
+        self, pressure_kpa: NDArray[np.float64], *, slope: NDArray[np.float64], saturation_kpa: float
+    ) -> NDArray[np.float64]:
+        """Share of the light that leaves, in [0, 1], of the shape of the pressure; ``slope`` does not matter."""
+        del slope
+        return real_contact(pressure_kpa, saturation_kpa)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SmoothContact:
+    """Light leaves wherever smooth surfaces touch, whatever the pressure: it follows the area of the contact."""
+
+    def share(
+        self, pressure_kpa: NDArray[np.float64], *, slope: NDArray[np.float64], saturation_kpa: float
+    ) -> NDArray[np.float64]:
+        """1 where there is pressure, else 0; slope and saturation do not matter."""
+        del slope, saturation_kpa
+        return np.asarray(pressure_kpa > 0, dtype=float)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CurvatureLoss:
+    """Light leaves without contact, where the dent tilts the face so far that it no longer reflects totally.
+
+    Guided light of even radiance fills all directions beyond the critical angle from the undented face's normal. The
+    share of its power that meets the tilted face within the critical angle leaves; partial reflection is neglected.
+    For small slopes that is ``2 / pi * tan(critical) * slope``.
+
+    Parameters
+    ----------
+    refractive_index
+        That of the layer at the face, against air, in [1.01, 4].
+
+    Examples
+    --------
+    >>> CurvatureLoss().share(np.ones(3), slope=np.array([0.0, 0.01, 0.5]), saturation_kpa=20.0).round(3).tolist()
+    [0.0, 0.006, 0.337]
+    """
+
+    refractive_index: float = 1.41
+
+    def __post_init__(self) -> None:
+        require_number("refractive_index", self.refractive_index, 1.01, 4.0)
+
+    def share(
+        self, pressure_kpa: NDArray[np.float64], *, slope: NDArray[np.float64], saturation_kpa: float
+    ) -> NDArray[np.float64]:
+        """Share of the light that leaves, in [0, 1], of the shape of the slope (either sign); pressure is no matter."""
+        del pressure_kpa, saturation_kpa
+        sine = 1 / self.refractive_index
+        cosine = np.sqrt(1 - sine**2)
+        tilt = np.arctan(np.abs(slope))
+        # Seen along the tilted normal, the directions that leave fill a disc and those never guided an ellipse over it;
+        # what the ellipse leaves of the disc is integrated along its chords, which beyond `turn` are whole.
+        cosine_of_turn = np.minimum(cosine / sine * np.tan(tilt / 2), 1.0)
+        turn, sine_of_turn = np.arccos(cosine_of_turn), np.sqrt(1 - cosine_of_turn**2)
+        half_chords = turn + sine_of_turn * cosine_of_turn
+        cut = sine**2 * (1 - np.cos(tilt)) * half_chords + 2 * sine * cosine * np.sin(tilt) * sine_of_turn
+        whole = sine**2 * (np.pi - 2 * half_chords)
+        return np.asarray(np.minimum((cut + whole) / (np.pi * cosine**2), 1.0))
+
+
+ContactModel = RoughContact | SmoothContact | CurvatureLoss
+CONTACT_MODELS: dict[str, ContactModel] = {
+    "rough": RoughContact(),
+    "smooth": SmoothContact(),
+    "curvature": CurvatureLoss(),
+}
+
+
+def as_contact_model(model: ContactModel | str) -> ContactModel:
+    """The model of that name, or the model itself."""
+    if isinstance(model, str):
+        return CONTACT_MODELS[require_one_of("contact_model", model, CONTACT_MODELS)]
+    if not isinstance(model, ContactModel):
+        raise InputError(f"contact_model must be one of {', '.join(CONTACT_MODELS)} or a model; got {model!r:.80}")
+    return model
+
+
+def rough_contact(pressure_kpa: NDArray[np.float64], calibration: Calibration) -> NDArray[np.float64]:
+    """Grey level above background of a contact pressure in kPa (any shape) by the rough model, under even light.
+
+    Examples
+    --------
+    >>> from tsis.model import Calibration
+    >>> answer = Calibration(gain_grey_per_kpa=50.0, saturation_kpa=20.0)
+    >>> [round(float(grey), 1) for grey in rough_contact(np.array([-1.0, 0.1, 1000.0]), answer)]
+    [0.0, 5.0, 1000.0]
+    """
+    level = calibration.gain_grey_per_kpa * calibration.saturation_kpa
+    return level * real_contact(pressure_kpa, calibration.saturation_kpa)
+
+
+def rough_contact_slope(pressure_kpa: NDArray[np.float64], calibration: Calibration) -> NDArray[np.float64]:
+    """Derivative of `rough_contact` by the pressure, grey levels per kPa."""
+    exponent = -((ERF_SLOPE * pressure_kpa / calibration.saturation_kpa) ** 2)
+    return np.asarray(calibration.gain_grey_per_kpa * np.exp(exponent) * (pressure_kpa >= 0), dtype=float)

@@ -1,0 +1,116 @@
+"""What a frame does not show: light and force beyond the field of view, and light above full scale."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.imaging._render import render
+from tsis.imaging._sensor import Sensor
+from tsis.model import PressMap, require_type
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.imaging._contact_models import ContactModel
+    from tsis.model import Calibration, LightMap, PressField
+
+
+SURVEY = 1024  # pixels across a survey of the whole face
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LostLight:
+    """Shares, each in [0, 1], of a press that its frame does not hold.
+
+    Attributes
+    ----------
+    force_outside
+        Of the force, carried beyond the field of view.
+    light_outside
+        Of the light, leaving the face beyond the field of view; 0 where no light leaves.
+    pixels_clipped
+        Of the frame's pixels, expected above full scale.
+    light_clipped
+        Of the light that falls on the frame, above full scale.
+    """
+
+    force_outside: float
+    light_outside: float
+    pixels_clipped: float
+    light_clipped: float
+
+
+def find_lost_light(
+    field: PressField | PressMap,
+    sensor: Sensor,
+    calibration: Calibration,
+    *,
+    blur_mm: float = 0.05,
+    contact_model: ContactModel | str = "rough",
+    light: LightMap | None = None,
+) -> LostLight:
+    """Which part of a press is cropped by the field of view, and which is clipped at full scale.
+
+    The arguments are those of `tsis.imaging.render`.
+
+    Raises
+    ------
+    InputError
+        When the blur lies outside its range or the contact model is not known.
+
+    Examples
+    --------
+    >>> from tsis.model import Calibration, PressField
+    >>> radius = np.linspace(0.0, 12.0, 25)
+    >>> press = PressField(
+    ...     radius_mm=radius,
+    ...     face_displacement_mm=np.zeros(25),
+    ...     pressure_kpa=np.full(25, 2.0),
+    ...     approach_mm=1.0,
+    ...     force_n=0.9,
+    ... )
+    >>> answer = Calibration(gain_grey_per_kpa=50.0, saturation_kpa=20.0)
+    >>> lost = find_lost_light(press, Sensor(rows=246), answer)  # the middle 9.6 mm of a face of 24 mm
+    >>> round(lost.light_outside, 2), lost.pixels_clipped
+    (0.5, 0.0)
+    """
+    require_type("sensor", sensor, Sensor)
+    picture = render(field, sensor, calibration, blur_mm=blur_mm, contact_model=contact_model, light=light)
+    over = np.maximum(picture + sensor.background_grey - sensor.full_scale, 0.0)
+    survey = _survey(field, sensor)
+    inside = _overlap(survey, sensor)
+    everywhere = render(field, survey, calibration, blur_mm=0.0, contact_model=contact_model, light=light)
+    even = replace(calibration, gain_grey_per_kpa=1.0, saturation_kpa=1e6)  # light that is the pressure
+    return LostLight(
+        force_outside=_outside(render(field, survey, even, blur_mm=0.0), inside),
+        light_outside=_outside(everywhere, inside),
+        pixels_clipped=float((over > 0).mean()),
+        light_clipped=float(over.sum() / max(picture.sum(), np.finfo(float).tiny)),
+    )
+
+
+def _survey(field: PressField | PressMap, sensor: Sensor) -> Sensor:
+    """A sensor without lens that sees the whole face and the whole field of view."""
+    frame = (sensor.columns * sensor.mm_per_pixel[0], sensor.rows * sensor.mm_per_pixel[1])
+    reach = np.abs([field.x_mm, field.y_mm]).max() if isinstance(field, PressMap) else field.radius_mm[-1]
+    x, y = (float(max(size, 2.02 * reach)) / SURVEY for size in frame)
+    return Sensor(columns=SURVEY, rows=SURVEY, mm_per_pixel=(x, y))
+
+
+def _overlap(survey: Sensor, sensor: Sensor) -> NDArray[np.float64]:
+    """Share of each of the survey's pixels that lies in the field of view."""
+    sizes = zip((sensor.columns, sensor.rows), sensor.mm_per_pixel, survey.mm_per_pixel, strict=True)
+    half = [(count * size / 2, pixel) for count, size, pixel in sizes]
+    x, y = (
+        np.clip((edge - np.abs(centres)) / pixel + 0.5, 0.0, 1.0)
+        for centres, (edge, pixel) in zip(survey.axes_mm(), half, strict=True)
+    )
+    return np.asarray(y[:, None] * x[None, :])
+
+
+def _outside(light: NDArray[np.float64], inside: NDArray[np.float64]) -> float:
+    total = light.sum()
+    return float((light * (1 - inside)).sum() / total) if total > 0 else 0.0

@@ -1,0 +1,212 @@
+"""Where a round contact begins and ends, and how much of each pixel it covers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+from scipy.ndimage import binary_erosion, gaussian_filter
+
+from tsis.imaging._contact_models import SmoothContact, as_contact_model
+from tsis.imaging._pixel_loops import paint
+from tsis.model import LightMap, PressMap, interpolation_matrix, require_number, require_type
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.imaging._contact_models import ContactModel
+    from tsis.imaging._sensor import Sensor
+    from tsis.model import Calibration, PressField
+
+
+def contact_edges(field: PressField) -> list[tuple[float, int]]:
+    """Radius in mm of every edge of the contact, each with 1 where the contact lies inside it and -1 outside."""
+    radius, pressure = field.radius_mm, field.pressure_kpa
+    touched = np.concatenate([pressure > 0, [False]])
+    edges = []
+    for last in np.flatnonzero(touched[1:] != touched[:-1]).tolist():
+        if last == len(radius) - 1:  # the contact reaches the rim
+            edges.append((float(radius[-1]), 1))
+        elif touched[last]:
+            edges.append((_end(radius, pressure, last, 1), 1))
+        else:
+            edges.append((_end(radius, pressure, last + 1, -1), -1))
+    return edges
+
+
+def coverage(field: PressField, sensor: Sensor) -> NDArray[np.float64]:
+    """Share of each pixel that is in contact, shape (rows, columns); an edge is taken as straight inside a pixel."""
+    x, y = sensor.axes_mm()
+    radius = sensor.radius_mm()
+    reach = np.maximum(np.abs(x)[None, :] * sensor.mm_per_pixel[0], np.abs(y)[:, None] * sensor.mm_per_pixel[1])
+    width = reach / np.maximum(radius, 1e-12)  # of a pixel along the radius, but for its corners
+    width = np.maximum(width, min(sensor.mm_per_pixel) / 2)  # the pixel on the axis has no direction
+    covered = np.zeros(radius.shape)
+    for edge, side in contact_edges(field):
+        covered += side * np.clip((edge - radius) / width + 0.5, 0.0, 1.0)
+    return covered
+
+
+def _end(radius: NDArray[np.float64], pressure: NDArray[np.float64], last: int, step: int) -> float:
+    """Where the pressure ends beyond the touched node ``last``: it falls with the root of the distance, as Hertz's."""
+    inner = last - step
+    if not 0 <= inner < len(radius) or not pressure[inner] > pressure[last]:
+        return float((radius[last] + radius[last + step]) / 2)
+    falling = (pressure[inner] ** 2 - pressure[last] ** 2) / (radius[last] - radius[inner])
+    end = radius[last] + pressure[last] ** 2 / falling
+    return float(min(end, radius[last + step]) if step > 0 else max(end, radius[last + step]))
+
+
+WIDEST_BLUR_MM = 10.0
+
+
+def render(
+    field: PressField | PressMap,
+    sensor: Sensor,
+    calibration: Calibration,
+    *,
+    blur_mm: float = 0.05,
+    contact_model: ContactModel | str = "rough",
+    light: LightMap | None = None,
+) -> NDArray[np.float64]:
+    """Expected light of a press on the sensor, before noise.
+
+    Parameters
+    ----------
+    field
+        The press, around the axis or over a grid; dark outside its face.
+    sensor
+        The camera that sees it, its axis on the probe's axis.
+    calibration
+        Answer of grey level to pressure under light of 1; a full contact gives ``gain * saturation``.
+    blur_mm
+        Standard deviation of the point spread on the face, mm, in [0, 10].
+    contact_model
+        What makes light leave: ``"rough"``, ``"smooth"``, ``"curvature"``, or a value of `tsis.imaging._contact_models`.
+    light
+        Light that reaches the face from inside; even light when None. A map for one press, in which displacement and
+        slope are done already, has neither flux nor growth.
+
+    Returns
+    -------
+    Grey levels above the background, shape (rows, columns), not clipped.
+
+    Raises
+    ------
+    InputError
+        When the blur lies outside its range, the contact model is not known or the light is no `LightMap`.
+
+    Examples
+    --------
+    >>> from tsis.imaging import Sensor
+    >>> from tsis.model import Calibration, PressField
+    >>> radius = np.linspace(0.0, 12.0, 25)
+    >>> flat, even = np.zeros(25), np.full(25, 2.0)
+    >>> press = PressField(
+    ...     radius_mm=radius, face_displacement_mm=flat, pressure_kpa=even, approach_mm=1.0, force_n=0.9
+    ... )
+    >>> answer = Calibration(gain_grey_per_kpa=50.0, saturation_kpa=20.0)
+    >>> [round(float(render(press, Sensor(), answer, contact_model=model)[246, 384])) for model in ("rough", "smooth")]
+    [100, 1000]
+    """
+    require_number("blur_mm", blur_mm, 0.0, WIDEST_BLUR_MM)
+    model, light = as_contact_model(contact_model), light or LightMap.uniform()
+    require_type("light", light, LightMap)
+    if isinstance(field, PressMap):
+        seen = _of_map(field, sensor, calibration, model, light)
+    else:
+        seen = _of_profile(field, sensor, calibration, model, light)
+    picture = _blurred(seen, sensor, blur_mm)
+    if sensor.field_angle_deg > 0:
+        picture *= sensor.vignetting()
+    return picture
+
+
+def _of_profile(
+    field: PressField, sensor: Sensor, calibration: Calibration, model: ContactModel, light: LightMap
+) -> NDArray[np.float64]:
+    """A round press: profiles of what shines and of the slope, turned around the axis."""
+    radius, slope = field.radius_mm, np.gradient(field.face_displacement_mm, field.radius_mm)
+    slope[0] = 0.0  # on the axis, where the difference above would be one-sided
+    share = model.share(field.pressure_kpa, slope=slope, saturation_kpa=calibration.saturation_kpa)
+    if isinstance(model, SmoothContact):  # whose edge is sharper than the profile's radii: the pixels know it
+        share = np.ones_like(share)
+    profiles = (_full_contact(calibration) * share, field.face_displacement_mm, slope)
+    x, y = sensor.axes_mm()
+    maps = (light.relative, light.flux_x, light.flux_y, light.growth_per_mm, light.bend_per_mm2)
+    picture = paint(x, y, radius, *profiles, light.x_mm, light.y_mm, *maps)
+    if isinstance(model, SmoothContact):
+        picture *= coverage(field, sensor)
+    return picture
+
+
+def _of_map(
+    field: PressMap, sensor: Sensor, calibration: Calibration, model: ContactModel, light: LightMap
+) -> NDArray[np.float64]:
+    """A press over a grid, each quantity linear between its nodes; edges of a smooth contact are those of the grid."""
+    # Outside the face the displacement is given as zero; that step at the rim is no slope of the face.
+    inside = binary_erosion(field.face_displacement_mm != 0, border_value=1)
+    slope_y, slope_x = inside * np.gradient(field.face_displacement_mm, field.y_mm, field.x_mm)
+    steepness = np.hypot(slope_x, slope_y)
+    share = model.share(field.pressure_kpa, slope=steepness, saturation_kpa=calibration.saturation_kpa)
+    x, y = sensor.axes_mm()
+    rows, columns = (
+        interpolation_matrix(field.y_mm, y, outside="zero"),
+        interpolation_matrix(field.x_mm, x, outside="zero").T,
+    )
+    fields = (_full_contact(calibration) * share, field.face_displacement_mm, slope_x, slope_y)
+    glow, moved, slope_x, slope_y = (rows @ values @ columns for values in fields)
+    return np.asarray(glow * light.at(x, y, displacement_mm=moved, slope_x=slope_x, slope_y=slope_y))
+
+
+def _full_contact(calibration: Calibration) -> float:
+    """Grey level where all light leaves."""
+    return calibration.gain_grey_per_kpa * calibration.saturation_kpa
+
+
+def _blurred(picture: NDArray[np.float64], sensor: Sensor, blur_mm: float) -> NDArray[np.float64]:
+    if blur_mm == 0:
+        return picture
+    sigma_x, sigma_y = (blur_mm / size for size in sensor.mm_per_pixel)
+    blurred = cv2.GaussianBlur(picture, (0, 0), sigmaX=sigma_x, sigmaY=sigma_y, borderType=cv2.BORDER_REFLECT)
+    return np.asarray(blurred, dtype=float)
+
+
+def render_reference(
+    field: PressField,
+    sensor: Sensor,
+    calibration: Calibration,
+    *,
+    blur_mm: float = 0.05,
+    contact_model: ContactModel | str = "rough",
+    light: LightMap | None = None,
+) -> NDArray[np.float64]:
+    """What `tsis.imaging.render` computes for a round press, with pressure and slope looked up at each pixel.
+
+    Arguments and result are the same; they are not checked here.
+    """
+    x, y = sensor.axes_mm()
+    radius = sensor.radius_mm()
+    outwards = np.gradient(field.face_displacement_mm, field.radius_mm)
+    outwards[0] = 0.0
+
+    def at_pixels(profile: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(np.interp(radius, field.radius_mm, profile, right=0.0))
+
+    slope = at_pixels(outwards)
+    arriving = (light or LightMap.uniform()).at(
+        x,
+        y,
+        displacement_mm=at_pixels(field.face_displacement_mm),
+        slope_x=slope * x[None, :] / np.maximum(radius, 1e-12),
+        slope_y=slope * y[:, None] / np.maximum(radius, 1e-12),
+    )
+    model = as_contact_model(contact_model)
+    share = model.share(at_pixels(field.pressure_kpa), slope=slope, saturation_kpa=calibration.saturation_kpa)
+    if isinstance(model, SmoothContact):
+        share = coverage(field, sensor) * (radius <= field.radius_mm[-1])
+    seen = calibration.gain_grey_per_kpa * calibration.saturation_kpa * arriving * share
+    size_x, size_y = sensor.mm_per_pixel
+    blurred = gaussian_filter(seen, (blur_mm / size_y, blur_mm / size_x), mode="reflect") if blur_mm else seen
+    return np.asarray(blurred * sensor.vignetting())

@@ -1,0 +1,308 @@
+"""Does a calibration belong to the probe?"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.errors import InputError, NotCalibratedError
+from tsis.inclusion._frames import (
+    covering_force_n,
+    depletion_per_n,
+    require_valid_forces,
+    ring_edges,
+    ring_light,
+    ring_profiles,
+)
+from tsis.inclusion._prior import PARAMETERS, InclusionPrior
+from tsis.inclusion._verdict import (
+    UNTRUSTED_FLAGS,
+    cramer_rao_sd,
+    findings,
+    identifiability,
+    misfit_chance,
+    misfit_finding,
+    place_findings,
+)
+from tsis.inclusion.checks import InclusionPlace, image_findings, inclusion_place
+from tsis.inclusion.posterior import (
+    TISSUE,
+    ForwardModel,
+    InclusionLikelihood,
+    Profiles,
+    explore_inclusion,
+    ring_answers,
+    ring_correlation,
+)
+from tsis.mechanics.surrogate import build_full_contact_surrogate
+from tsis.model import (
+    IMPROBABLE,
+    Calibration,
+    Estimate,
+    Probe,
+    TactileImage,
+    as_images,
+    require_image_series,
+    require_same_probe,
+    require_type,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from tsis.inclusion.posterior import InclusionPosterior
+    from tsis.mechanics.surrogate import Box, FullContactSurrogate
+    from tsis.model import LightMap
+
+
+ROUNDING = 1e-6  # of the radius
+
+
+def check_calibration(calibration: Calibration, probe: Probe) -> None:
+    """Refuse a missing calibration, or one of another probe.
+
+    Raises
+    ------
+    InputError
+        When ``probe`` is no `Probe`.
+    NotCalibratedError
+        When there is no calibration, both names are known and differ, or the map of the light ends inside the
+        probe's face.
+    """
+    require_same_probe(probe, calibration)
+    light = calibration.light
+    if light is None or _is_even(light):
+        return
+    reach = min(-light.x_mm[0], light.x_mm[-1], -light.y_mm[0], light.y_mm[-1])
+    if reach < (1 - ROUNDING) * probe.radius_mm:
+        raise NotCalibratedError(
+            f"light of the calibration must reach the rim of the face at {probe.radius_mm:g} mm; got a map that ends "
+            f"at {reach:g} mm: it is that of a smaller probe, so calibrate the light of this one"
+        )
+
+
+def _is_even(light: LightMap) -> bool:
+    """The same all over, so that its last values hold beyond its ends too."""
+    fields = (light.relative, light.flux_x, light.flux_y, light.growth_per_mm, light.bend_per_mm2)
+    return all(np.ptp(field) == 0 for field in fields)
+
+
+def estimate(
+    images: TactileImage | Sequence[TactileImage],
+    *,
+    probe: Probe,
+    calibration: Calibration,
+    reference: TactileImage | Sequence[TactileImage] | None = None,
+    prior: InclusionPrior | None = None,
+) -> Estimate:
+    """Estimate an inclusion under the probe's axis, with honest intervals.
+
+    The posterior over diameter, depth and modulus follows from the ring means of the grey level. Gain, offset and
+    force of each frame, the moduli of tissue and probe, Poisson's ratio, the slab's thickness, the light's shading and
+    the inclusion's place are nuisances: unknown within their stated errors and integrated out.
+
+    Parameters
+    ----------
+    images
+        One or more presses on the same target as the camera delivered them, each with ``force_n`` and
+        ``mm_per_pixel``.
+    probe
+        What pressed.
+    calibration
+        Answer of grey level to pressure and the sizes of the errors.
+    reference
+        Presses of the same probe on plain tissue nearby; they narrow size and depth.
+    prior
+        Ranges of the inclusion and beliefs about the tissue; `InclusionPrior` by default.
+
+    Returns
+    -------
+    Estimate
+        Of ``diameter_mm``, ``depth_mm`` and ``young_kpa``, with flags for what the data cannot tell.
+
+    Raises
+    ------
+    InputError
+        When there is no image, or one has no force or no scale, shows no contact, or was pressed with a force at which
+        a dome touches only in part or small strain does not hold; when much of the face lies outside the picture.
+    NotCalibratedError
+        When no calibration is given, or that of another probe.
+    ImageMismatchError
+        When the images differ in scale, shape, axis or range of values.
+    """
+    targets, references = as_images("images", images), as_images("reference", reference)
+    if not targets:
+        raise InputError("images must hold at least one TactileImage; got none")
+    check_calibration(calibration, probe)
+    prior = InclusionPrior() if prior is None else prior
+    require_type("prior", prior, InclusionPrior)
+    digests = require_image_series(targets + references)
+    surrogate = _surrogate(probe, prior.box())
+    require_valid_forces(targets + references, surrogate, probe=probe, prior=prior)
+    with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
+
+        def read(shown: list[TactileImage]) -> FrameReading:
+            return read_frames(shown, references, surrogate, probe=probe, calibration=calibration, prior=prior)
+
+        reading = read(targets)
+        said = image_findings(targets, references, probe=probe, calibration=calibration)
+        found = explore_inclusion(reading.likelihood, prior)
+        said = [*findings(found, prior, reading.data), *place_findings(reading.place), *said]
+        chance = misfit_chance(found, reading.data)
+        if chance < IMPROBABLE:
+            disagree = len(targets) > 1 and all(_fits(read([target]), prior) for target in targets)
+            said.append(misfit_finding(chance, disagree=disagree))
+    said += _contact_findings(targets + references, surrogate, reading.likelihood, found, prior)
+    return Estimate(
+        samples=dict(zip(PARAMETERS, found.samples.T, strict=True)),
+        prior_sd=prior.sd,
+        cramer_rao_sd=cramer_rao_sd(found),
+        presence=found.presence,
+        log_bayes_factor=found.log_bayes_factor,
+        identifiability=identifiability(found, prior),
+        prior=str(prior),
+        trusted=not UNTRUSTED_FLAGS.intersection(flag for flag, _ in said),
+        flags=tuple(flag for flag, _ in said),
+        notes=tuple(note for _, note in said),
+        provenance=_provenance(probe, calibration, prior, targets, references, surrogate.key, digests),
+    )
+
+
+LIKE_FORCE = 0.1  # share by which the forces may differ of two frames that show where the inclusion lies
+
+
+@lru_cache(maxsize=4)  # reading it from disk takes as long as an estimate's search
+def _surrogate(probe: Probe, box: Box) -> FullContactSurrogate:
+    return build_full_contact_surrogate(probe, box)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FrameReading:
+    """What frames say: the likelihood of inclusions, the profiles that it rests on, and where the inclusion lies."""
+
+    likelihood: InclusionLikelihood
+    data: Profiles
+    place: InclusionPlace | None
+
+
+def _fits(reading: FrameReading, prior: InclusionPrior) -> bool:
+    return misfit_chance(explore_inclusion(reading.likelihood, prior), reading.data) >= IMPROBABLE
+
+
+def _place(
+    targets: list[TactileImage], references: list[TactileImage], calibration: Calibration, probe: Probe
+) -> InclusionPlace | None:
+    """Where the inclusion lies, by the strongest target and the reference nearest to its force."""
+    if not references:
+        return None
+    target = max(targets, key=lambda frame: frame.force_n or 0.0)
+    reference = min(references, key=lambda frame: abs((frame.force_n or 0.0) - (target.force_n or 0.0)))
+    if abs((reference.force_n or 0.0) / (target.force_n or 1.0) - 1) > LIKE_FORCE:
+        return InclusionPlace(x_mm=0.0, y_mm=0.0, sd_mm=np.inf, noise_mm=np.inf)
+    return inclusion_place(target, reference, calibration, radius_mm=probe.radius_mm)
+
+
+def _contact_findings(
+    frames: list[TactileImage],
+    surrogate: FullContactSurrogate,
+    likelihood: InclusionLikelihood,
+    found: InclusionPosterior,
+    prior: InclusionPrior,
+) -> list[tuple[str, str]]:
+    """Whether the dome touched as a whole on what was found, in a slab of the prior's thickness."""
+    stiffening = float(np.exp(likelihood.within(found.fit.nuisance[0])[TISSUE]))
+    needed = covering_force_n(surrogate, prior, found.middle, stiffening=stiffening)
+    least = min(frame.force_n or 0.0 for frame in frames)
+    if least >= needed:
+        return []
+    return [
+        (
+            "contact_not_whole",
+            f"At {least:g} N the dome touches only in part on what was found; from {needed:.2g} N on it touches as a "
+            "whole, which the model takes for granted.",
+        )
+    ]
+
+
+def read_frames(
+    targets: list[TactileImage],
+    references: list[TactileImage],
+    surrogate: FullContactSurrogate,
+    *,
+    probe: Probe,
+    calibration: Calibration,
+    prior: InclusionPrior,
+) -> FrameReading:
+    """Read frames that belong together."""
+    frames, edges = targets + references, ring_edges(probe)
+    light = ring_light(frames[0], calibration, edges)
+    data = ring_profiles(frames, calibration, edges, light=light.level, model_error=surrogate.error)
+    place = _place(targets, references, calibration, probe)
+    offset, spread_sd = _offset(place, prior)
+    model = ForwardModel(
+        rings=ring_answers(surrogate, edges, light.level, offset_mm=offset),
+        level=light.level,
+        shading=light.shading,
+        calibration=calibration,
+        prior=prior,
+        force_n=np.array([frame.force_n for frame in frames]),
+        is_reference=np.array([False] * len(targets) + [True] * len(references)),
+        depletion_per_n=depletion_per_n(calibration, probe),
+        alike=ring_correlation(edges, calibration.grain_mm),
+        spread_sd=spread_sd,
+    )
+    return FrameReading(likelihood=InclusionLikelihood(model, data), data=data, place=place)
+
+
+def _offset(place: InclusionPlace | None, prior: InclusionPrior) -> tuple[float, float]:
+    """Distance of the inclusion from the axis in mm, and the standard deviation of its square in mm**2."""
+    if place is None or place.sd_mm > prior.offset_sd_mm:
+        # Over the axis is where an examiner aims; that the square of a miss cannot be negative is left out.
+        return 0.0, 2 * prior.offset_sd_mm**2
+    # What noise adds to the square of a distance is twice the variance of either coordinate.
+    square = max(place.distance_mm**2 - 2 * place.sd_mm**2, 0.0)
+    return float(np.sqrt(square)), float(2 * place.sd_mm * np.sqrt(square + place.sd_mm**2))
+
+
+def _provenance(
+    probe: Probe,
+    calibration: Calibration,
+    prior: InclusionPrior,
+    targets: list[TactileImage],
+    references: list[TactileImage],
+    surrogate_key: str,
+    digests: list[str],
+) -> dict[str, Any]:
+    return {
+        "notice": RESEARCH_USE_ONLY,
+        "tsis": __version__,
+        "method": "posterior of the radial profile: small strain, one sphere near the axis, contact over the face",
+        "probe": asdict(probe),
+        "calibration": _describe_calibration(calibration),
+        "prior": asdict(prior),
+        "surrogate": surrogate_key,
+        "images": [_describe(*pair) for pair in zip(targets, digests, strict=False)],
+        "reference": [_describe(*pair) for pair in zip(references, digests[len(targets) :], strict=True)],
+    }
+
+
+def _describe_calibration(calibration: Calibration) -> dict[str, Any]:
+    """A calibration with the hash of its light instead of the map, which would be longer than all else."""
+    light = None if calibration.light is None else calibration.light.sha256
+    return asdict(replace(calibration, light=None)) | {"light": light}
+
+
+def _describe(image: TactileImage, digest: str) -> dict[str, Any]:
+    return {
+        "name": image.name,
+        "sha256": digest,
+        "shape": list(image.grey.shape),
+        "mm_per_pixel": list(image.scale()),
+        "force_n": image.force_n,
+        "settings": dict(image.settings),
+    }

@@ -1,0 +1,18 @@
+"""FIXME."""
+
+from tsis.inclusion.checks._images import image_findings
+from tsis.inclusion.checks._place import SEEN, InclusionPlace, inclusion_place
+from tsis.inclusion.checks._roundness import roundness, tilt_evidence
+from tsis.inclusion.checks._sectors import RINGS, SECTORS, sector_means
+
+__all__ = [
+    "RINGS",
+    "SECTORS",
+    "SEEN",
+    "InclusionPlace",
+    "image_findings",
+    "inclusion_place",
+    "roundness",
+    "sector_means",
+    "tilt_evidence",
+]

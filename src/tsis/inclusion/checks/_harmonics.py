@@ -1,0 +1,126 @@
+"""Harmonics around the axis of what rings show, and how unlikely they are as noise.
+
+A harmonic of order m is a complex number a ring: ``c + i s`` of ``c cos(m angle) + s sin(m angle)``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+from scipy.special import chdtrc
+
+from tsis.inclusion.checks._sectors import SECTORS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+DENT_MM = 0.5  # standard deviation of a face's displacement of which nothing is known here
+SLOPE = 0.15  # and of its slope
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Unevenness:
+    """How far harmonics are from noise.
+
+    Attributes
+    ----------
+    chance
+        Chance that noise alone makes as much.
+    size_grey
+        The harmonic where it stands out most, grey levels at even light.
+    radius_mm
+        Radius of that ring.
+    over_noise
+        Its size there over the standard deviation of one of its two parts.
+    """
+
+    chance: float
+    size_grey: float
+    radius_mm: float
+    over_noise: float
+
+
+def harmonic(sectors: NDArray[np.float64], order: int) -> NDArray[np.complex128]:
+    """Harmonic of each ring, shape (rings,), of means over sectors, shape (rings, SECTORS).
+
+    Averaging over a sector flattens a harmonic by a known share, which is put back.
+    """
+    return np.asarray(sectors @ _wave(order))
+
+
+def harmonic_noise(sectors: NDArray[np.float64], order: int) -> NDArray[np.float64]:
+    """Variances of the real and imaginary part of `harmonic`, shape (2, rings), from those of the sectors."""
+    wave = _wave(order)
+    return np.stack([sectors @ wave.real**2, sectors @ wave.imag**2])
+
+
+@lru_cache
+def _wave(order: int) -> NDArray[np.complex128]:
+    """Weights of the sectors in a harmonic."""
+    angle = (np.arange(SECTORS) + 0.5) * (2 * np.pi / SECTORS)
+    return np.asarray(np.exp(1j * order * angle) * (2 / SECTORS) / np.sinc(order / SECTORS))
+
+
+def shading_harmonics(
+    grey: NDArray[np.float64],
+    growth: NDArray[np.complex128],
+    flux: NDArray[np.complex128],
+    radius_mm: NDArray[np.float64],
+) -> list[NDArray[np.complex128]]:
+    """What lamps of unequal power make of a round dent, for displacements of one standard deviation each.
+
+    Parameters
+    ----------
+    grey
+        Mean grey level at even light of each ring, shape (rings,).
+    growth, flux
+        Harmonics of the light's growth per mm and of its flux away from the axis, shape (rings,).
+    radius_mm
+        Radius of each ring.
+    """
+    share = radius_mm / radius_mm[-1]
+    raised = [DENT_MM * share**power * growth * grey for power in (0, 2, 4)]
+    tilted = [SLOPE * share**power * flux * grey for power in (1, 3)]
+    return raised + tilted
+
+
+def unevenness(
+    values: NDArray[np.complex128],
+    variance: NDArray[np.float64],
+    radius_mm: NDArray[np.float64],
+    *,
+    known: list[NDArray[np.complex128]],
+) -> Unevenness:
+    """Compare the harmonics of rings with their noise.
+
+    Parameters
+    ----------
+    values
+        Harmonics, shape (rings,).
+    variance
+        Variances of their real and imaginary parts, shape (2, rings), positive.
+    radius_mm
+        Radius of each ring.
+    known
+        Harmonics that innocent causes make, each times an unknown normal number of variance one.
+    """
+    covariance = np.diag(variance.ravel())
+    if known:
+        causes = np.array([np.concatenate([cause.real, cause.imag]) for cause in known])
+        covariance += causes.T @ causes
+    both = np.concatenate([values.real, values.imag])
+    square = float(both @ cho_solve(cho_factor(covariance), both))
+    diagonal = np.diag(covariance)
+    noise = np.sqrt((diagonal[: len(values)] + diagonal[len(values) :]) / 2)
+    ring = int(np.argmax(np.abs(values) / noise))
+    return Unevenness(
+        chance=float(chdtrc(len(both), square)),
+        size_grey=float(np.abs(values[ring])),
+        radius_mm=float(radius_mm[ring]),
+        over_noise=float(np.abs(values[ring]) / noise[ring]),
+    )

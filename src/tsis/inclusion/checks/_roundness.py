@@ -1,0 +1,154 @@
+"""Is what an inclusion adds to a press round? One sphere in a uniform slab makes no second harmonic around the axis."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.inclusion.checks._harmonics import harmonic, harmonic_noise, shading_harmonics, unevenness
+from tsis.model import IMPROBABLE, probability_bound
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.inclusion.checks._harmonics import Unevenness
+    from tsis.inclusion.checks._sectors import Sectors
+    from tsis.model import Calibration
+
+
+FIRST_RING = 1  # the innermost is a few pixels wide and shows no second harmonic
+FEWEST = 4  # rings with which roundness can be told
+OFFSET_MM = 1.5  # standard deviation of the place of an inclusion near the axis
+
+
+def roundness(target: Sectors, reference: Sectors | None, calibration: Calibration) -> Unevenness | None:
+    """How far the second harmonic of what the target adds to the reference is from noise.
+
+    A round signal off the axis by ``d`` shows the first harmonic ``-d g'`` and the second ``d²/4 (g'' - g'/r)``,
+    which is ``-d/4 (h' - h/r)`` of the first, h. For inclusions within some `OFFSET_MM` of the axis that is no finding.
+
+    Parameters
+    ----------
+    target, reference
+        The frames in rings and sectors; without a reference the target alone is looked at.
+    calibration
+        Sizes of the errors.
+
+    Returns
+    -------
+    The finding, or None when too few rings are seen as a whole.
+    """
+    frames = [target] if reference is None else [target, reference]
+    use = np.logical_and.reduce([frame.usable for frame in frames])
+    use[:FIRST_RING] = False
+    if use.sum() < FEWEST:
+        return None
+    change = target.grey if reference is None else target.grey - reference.grey
+    radius, first = target.grid.ring_radius_mm[use], harmonic(change, 1)[use]
+    off_axis = [OFFSET_MM / 4 * part for part in (np.gradient(first, radius), first / radius)]
+    known = [turned * part for part in off_axis for turned in (1, 1j)]
+    known += shading_harmonics(
+        target.grey.mean(axis=1)[use],
+        harmonic(target.grid.growth_per_mm, 2)[use],
+        harmonic(target.grid.flux, 2)[use],
+        radius,
+    )
+    variance = harmonic_variance(change, frames, calibration, order=2)[:, use]
+    return unevenness(harmonic(change, 2)[use], variance, radius, known=known)
+
+
+def harmonic_variance(
+    shown: NDArray[np.float64], frames: Sequence[Sectors], calibration: Calibration, *, order: int
+) -> NDArray[np.float64]:
+    """Variances of both parts of a harmonic of ``shown``, a frame or the difference of two, shape (2, rings).
+
+    A pattern that is alike all around makes a harmonic's parts err by twice the variance of the ring's mean. The fixed
+    pattern and the error of the light scale with what is shown; pixel noise and repeatability add up over the frames.
+    """
+    fixed = calibration.pattern_sd**2 + frames[0].grid.light_sd ** 2
+    alike = fixed * shown.mean(axis=1) ** 2
+    for frame in frames:
+        alike = alike + (calibration.repeatability_sd * frame.grey.mean(axis=1)) ** 2
+    pixels = np.sum([frame.variance for frame in frames], axis=0)
+    return np.asarray(2 * alike + harmonic_noise(pixels, order))
+
+
+def roundness_findings(
+    targets: Sequence[Sectors],
+    references: Sequence[Sectors | None],
+    calibration: Calibration,
+) -> list[tuple[str, str]]:
+    """Flag ``not_one_round_inclusion`` for the target that is least round, or say that it could not be told.
+
+    Parameters
+    ----------
+    targets, references
+        Each target and the reference that is subtracted from it, or None.
+    calibration
+        Sizes of the errors.
+    """
+    found = [roundness(*pair, calibration) for pair in zip(targets, references, strict=True)]
+    seen = [one for one in found if one is not None]
+    if not seen:
+        return [
+            (
+                "roundness_not_checked",
+                f"Whether the inclusion is round was not checked: fewer than {FEWEST} rings are seen all around "
+                "without clipping.",
+            )
+        ]
+    worst = min(seen, key=lambda one: (one.chance, -one.over_noise))
+    if worst.chance >= IMPROBABLE / len(seen):
+        return []
+    return [
+        (
+            "not_one_round_inclusion",
+            f"This is not a single sphere in a uniform slab: {worst.radius_mm:.1f} mm from the axis the second "
+            f"harmonic around it is {worst.size_grey:.2g} grey levels, {worst.over_noise:.1f} times its noise (chance "
+            f"over all rings below {probability_bound(worst.chance)}); size, depth and modulus of one sphere do not "
+            "describe it.",
+        )
+    ]
+
+
+AXIS_MM = 0.1  # standard deviation of where in the picture the probe's axis is believed to be
+
+
+def tilt_evidence(plain: Sectors, calibration: Calibration) -> Unevenness | None:
+    """How far the first harmonic of a press on plain tissue is from noise; None when too few rings are whole.
+
+    An axis believed at a slightly wrong place shifts the picture over the light: that is no tilt.
+    """
+    use = plain.usable
+    use[:FIRST_RING] = False
+    if use.sum() < FEWEST:
+        return None
+    grid, grey = plain.grid, plain.grey.mean(axis=1)
+    radius = grid.ring_radius_mm
+    lit = grid.light.sum(axis=1) / np.maximum(grid.count.sum(axis=1), 1)
+    shifted = AXIS_MM * (np.gradient((grey * lit)[use], radius[use]) / lit[use]).astype(complex)
+    growth, flux = harmonic(grid.growth_per_mm, 1)[use], harmonic(grid.flux, 1)[use]
+    known = [shifted, 1j * shifted, *shading_harmonics(grey[use], growth, flux, radius[use])]
+    variance = harmonic_variance(plain.grey, [plain], calibration, order=1)[:, use]
+    return unevenness(harmonic(plain.grey, 1)[use], variance, radius[use], known=known)
+
+
+def tilt_findings(references: Sequence[Sectors], calibration: Calibration) -> list[tuple[str, str]]:
+    """Flag ``tilted`` for the reference press that leans most."""
+    seen = [one for one in (tilt_evidence(plain, calibration) for plain in references) if one is not None]
+    if not seen:
+        return []
+    worst = min(seen, key=lambda one: (one.chance, -one.over_noise))
+    if worst.chance >= IMPROBABLE / len(seen):
+        return []
+    return [
+        (
+            "tilted",
+            f"A reference press is not the same all around: {worst.radius_mm:.1f} mm from the axis one side is "
+            f"brighter by {2 * worst.size_grey:.2g} grey levels, {worst.over_noise:.1f} times the noise; hold the "
+            "probe square to the tissue, or check axis_px.",
+        )
+    ]

@@ -1,0 +1,238 @@
+"""Rings and sectors of the face: what a frame shows in each, read in one pass over its pixels.
+
+Whether a press is there, is seen as a whole and is round can all be told from these few hundred means.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.compiled import compiled
+from tsis.inclusion._frames import DARKEST, OUTER_SHARE
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.model import Calibration, LightMap, Probe, TactileImage
+
+
+RINGS, SECTORS = 12, 16  # sixteen tell the second harmonic from the fourth and eighth of four lamps
+WHOLE = 0.95  # share of a sector that the picture must hold
+FINE_ANGLES, FINE_RADII = 720, 8  # places, a turn and a ring, at which is asked whether the picture holds them
+
+_Geometry = tuple[tuple[int, int], tuple[float, float], tuple[float, float], float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SectorGrid:
+    """Where the rings and sectors lie in the pictures of one camera, and how the face is lit there.
+
+    Attributes
+    ----------
+    place
+        Number of each pixel's sector, ring by ring, flat; one beyond the last for pixels outside all rings.
+    count
+        Pixels in each, shape (rings, sectors).
+    whole
+        Rings whose every sector the picture holds and the lamps light, shape (rings,).
+    light
+        Sum of the light over the pixels of each sector, shape (rings, sectors).
+    radius_mm
+        Mean distance from the axis of the light in each sector, shape (rings, sectors).
+    growth_per_mm, flux
+        Growth of the light with displacement and its flux away from the axis, weighted by the light, shape
+        (rings, sectors).
+    light_sd
+        Relative standard error of the mean light in each ring, by the rays it was counted with, shape (rings,).
+    reach_mm
+        Outer radius of the last ring.
+    """
+
+    place: NDArray[np.uint8]
+    count: NDArray[np.float64]
+    whole: NDArray[np.bool]
+    light: NDArray[np.float64]
+    radius_mm: NDArray[np.float64]
+    growth_per_mm: NDArray[np.float64]
+    flux: NDArray[np.float64]
+    light_sd: NDArray[np.float64]
+    reach_mm: float
+
+    @property
+    def ring_radius_mm(self) -> NDArray[np.float64]:
+        """Mean distance of each ring's light from the axis, mm."""
+        total = self.light.sum(axis=1)
+        return np.asarray((self.light * self.radius_mm).sum(axis=1) / np.where(total > 0, total, 1.0))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Sectors:
+    """What one frame shows in rings and sectors.
+
+    Attributes
+    ----------
+    grid
+        Where they lie.
+    raw
+        Mean grey level of all their pixels as the camera delivered it, shape (rings, sectors).
+    clipped
+        Pixels that clip, shape (rings, sectors).
+    grey
+        Mean grey level above background at even light, at each ring's own radius, shape (rings, sectors).
+    variance
+        Variance of ``grey`` by pixel noise, shape (rings, sectors).
+    pixel_variance
+        Variance of one pixel in each sector, grey levels squared, shape (rings, sectors).
+    """
+
+    grid: SectorGrid
+    raw: NDArray[np.float64]
+    clipped: NDArray[np.int64]
+    grey: NDArray[np.float64]
+    variance: NDArray[np.float64]
+    pixel_variance: NDArray[np.float64]
+
+    @property
+    def usable(self) -> NDArray[np.bool]:
+        """Rings that are seen as a whole and in which nothing clips, shape (rings,)."""
+        return np.asarray(self.grid.whole & (self.clipped.sum(axis=1) == 0))
+
+
+def sector_means(frame: TactileImage, *, probe: Probe, calibration: Calibration) -> Sectors:
+    """Means over rings and sectors of a frame, of the part of the face that profiles are read from."""
+    reach = OUTER_SHARE * probe.radius_mm
+    grid = _grid(_geometry(frame, reach), calibration.light)
+    sums, clipped = _gather(frame.grey.ravel(), grid.place, frame.full_scale)
+    total = sums.reshape(RINGS, SECTORS)
+    count, light = np.maximum(grid.count, 1), np.where(grid.light > 0, grid.light, 1.0)
+    above = total - calibration.background_grey * grid.count
+    pixel = calibration.read_noise_grey**2 + 1 / 12 + calibration.shot_noise_grey * np.maximum(above / count, 0.0)
+    # Pixels and lamps are not the same all around: a sector lit more on its outside sees a larger radius.
+    away = grid.radius_mm - grid.ring_radius_mm[:, None]
+    return Sectors(
+        grid=grid,
+        raw=total / count,
+        clipped=clipped.reshape(RINGS, SECTORS),
+        grey=above / light - _slope(above.sum(axis=1), grid)[:, None] * away,
+        variance=pixel * grid.count / light**2,
+        pixel_variance=pixel,
+    )
+
+
+def _slope(above: NDArray[np.float64], grid: SectorGrid) -> NDArray[np.float64]:
+    """Slope along the radius of the grey at even light, from its sums over rings; those not seen are as the last."""
+    light, ring = grid.light.sum(axis=1), np.arange(RINGS)
+    seen = light > 0
+    if not seen.any():
+        return np.zeros(RINGS)
+    grey = np.interp(ring, ring[seen], above[seen] / light[seen])
+    return np.asarray(np.gradient(grey, grid.reach_mm / RINGS))
+
+
+@compiled
+def _gather(
+    grey: NDArray[np.float64], place: NDArray[np.uint8], full_scale: float
+) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """Sum of the grey levels and number of clipped pixels in each sector, in one pass."""
+    total = np.zeros(RINGS * SECTORS + 1)
+    clipped = np.zeros(RINGS * SECTORS + 1, dtype=np.int64)
+    # Neighbours mostly share a sector: their sum stays in a register until the sector changes.
+    here, glow, clips = place[0], 0.0, 0
+    for pixel in range(len(grey)):
+        if place[pixel] != here:
+            total[here] += glow
+            clipped[here] += clips
+            here, glow, clips = place[pixel], 0.0, 0
+        glow += grey[pixel]
+        clips += grey[pixel] >= full_scale
+    total[here] += glow
+    clipped[here] += clips
+    return total[:-1], clipped[:-1]
+
+
+def ring_visibility(frame: TactileImage, edges_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Share of each ring's area that the picture holds, shape (rings,), in [0, 1].
+
+    The mean of a ring seen in part is that of the side that is seen: light or an inclusion that is not centred biases
+    it.
+
+    Parameters
+    ----------
+    frame
+        Its scale must be known.
+    edges_mm
+        Boundaries of the rings in mm, ascending, shape (rings + 1,).
+    """
+    return np.asarray(_visible(_geometry(frame, float(edges_mm[-1])), edges_mm.tobytes()).mean(axis=1))
+
+
+def _geometry(frame: TactileImage, reach: float) -> _Geometry:
+    rows, columns = frame.grey.shape
+    return (rows, columns), frame.scale(), frame.axis(), reach
+
+
+def _sums(place: NDArray[np.uint8], values: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    """Sums of ``values``, or numbers of pixels, over rings and sectors."""
+    found = np.bincount(place, weights=values, minlength=RINGS * SECTORS + 1)[: RINGS * SECTORS]
+    return np.asarray(found.reshape(RINGS, SECTORS), dtype=float)
+
+
+@lru_cache(maxsize=8)  # the frames of one camera share it
+def _grid(geometry: _Geometry, light: LightMap | None) -> SectorGrid:
+    (rows, columns), scale, axis, reach = geometry
+    x, y = (np.arange(columns) - axis[0]) * scale[0], (np.arange(rows) - axis[1]) * scale[1]
+    radius = np.hypot(x, y[:, None])
+    ring = np.floor(radius * (RINGS / reach)).astype(np.intp)
+    turn = np.arctan2(y[:, None], x[None, :]) / (2 * np.pi) % 1.0
+    sector = np.minimum((turn * SECTORS).astype(np.intp), SECTORS - 1)
+    place = np.where(ring < RINGS, ring * SECTORS + sector, RINGS * SECTORS).ravel().astype(np.uint8)
+    count = _sums(place, None)
+
+    edges = np.linspace(0.0, reach, RINGS + 1)
+    area = np.pi * np.diff(edges**2)
+    if light is None:
+        lit, growth, flux = np.ones_like(radius), np.zeros_like(radius), np.zeros_like(radius)
+        light_sd = np.zeros(RINGS)
+    else:
+        lit, flux_x, flux_y, growth, _ = light.undented(x, y)
+        flux = (flux_x * x + flux_y * y[:, None]) / np.maximum(radius, 1e-9)
+        # Rays are counted node by node of the map, so that the error of a ring's mean falls with its nodes.
+        node = float(np.diff(light.x_mm).mean() * np.diff(light.y_mm).mean())
+        light_sd = light.error / np.sqrt(np.maximum(area / node, 1.0))
+    total = _sums(place, lit.ravel())
+    divisor = np.where(total > 0, total, 1.0)
+
+    def mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
+        return _sums(place, (lit * values).ravel()) / divisor
+
+    level = total / np.maximum(count, 1)
+    seen = _visible(geometry, edges.tobytes()).reshape(RINGS, SECTORS, -1).mean(axis=2)
+    whole = (seen >= WHOLE) & (count > 0) & (level > DARKEST * level.max())
+    return SectorGrid(
+        place=place,
+        count=count,
+        whole=whole.all(axis=1),
+        light=total,
+        radius_mm=mean(radius),
+        growth_per_mm=mean(growth),
+        flux=mean(flux),
+        light_sd=light_sd,
+        reach_mm=reach,
+    )
+
+
+@lru_cache(maxsize=8)
+def _visible(geometry: _Geometry, edges: bytes) -> NDArray[np.float64]:
+    """Share of each ring that the picture holds along many directions, shape (rings, directions)."""
+    (rows, columns), scale, axis, _ = geometry
+    angle = (np.arange(FINE_ANGLES) + 0.5) * (2 * np.pi / FINE_ANGLES)
+    squares = np.frombuffer(edges) ** 2
+    share = (np.arange(FINE_RADII) + 0.5) / FINE_RADII
+    radius = np.sqrt(squares[:-1, None] + np.diff(squares)[:, None] * share)[:, :, None]
+    column, row = axis[0] + radius * np.cos(angle) / scale[0], axis[1] + radius * np.sin(angle) / scale[1]
+    inside = (column >= -0.5) & (column <= columns - 0.5) & (row >= -0.5) & (row <= rows - 0.5)
+    return np.asarray(inside.mean(axis=1))

@@ -1,0 +1,212 @@
+"""Other probes and presses beside a planned one, and how they compare."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal
+
+from tsis.errors import InputError
+from tsis.inclusion._prior import PARAMETERS
+from tsis.inclusion.design._information import ProtocolInformation, even_inclusions, information_of, planned_view
+from tsis.inclusion.design._limits import DesignLimits, limits_of
+from tsis.model import require_one_of
+from tsis.optics.irradiance import irradiance
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from tsis.imaging import Sensor
+    from tsis.inclusion._prior import InclusionPrior
+    from tsis.inclusion.design._information import PlannedView
+    from tsis.inclusion.design._protocol import Protocol
+    from tsis.mechanics.surrogate import Degrees
+    from tsis.model import Calibration, Probe
+
+
+Aspect = Literal["softness", "layers", "dome", "forces", "frames", "reference"]
+ASPECTS: tuple[Aspect, ...] = ("softness", "layers", "dome", "forces", "frames", "reference")
+SOFTNESS = (0.25, 0.5, 1.0, 2.0, 4.0)  # times every modulus
+DOMES_MM = (None, 80.0, 40.0, 30.0)
+FORCES = (0.5, 1.0, 1.5, 2.0)  # times every force
+FRAMES = (1, 4, 16)
+CRITERIA = ("all", *PARAMETERS)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Design:
+    """A protocol, what it would tell, and how near it comes to its limits."""
+
+    protocol: Protocol
+    information: ProtocolInformation
+    limits: DesignLimits
+
+
+def design_of(view: PlannedView) -> Design:
+    """Judge a protocol on inclusions spread over the prior."""
+    inclusions = even_inclusions(view.model.prior)
+    return Design(
+        protocol=view.protocol, information=information_of(view, inclusions), limits=limits_of(view, inclusions)
+    )
+
+
+def score(told: ProtocolInformation, criterion: str) -> float:
+    """What a design should make small: a parameter's expected error, or of ``"all"`` the mean log product of the sd."""
+    require_one_of("criterion", criterion, CRITERIA)
+    return told.log_sd if criterion == "all" else told.rmse[criterion]
+
+
+def rank_designs(designs: Sequence[Design], criterion: str = "all") -> tuple[Design, ...]:
+    """Best first; those that break a limit come after all that keep them."""
+    return tuple(sorted(designs, key=lambda one: (bool(one.limits.broken), score(one.information, criterion))))
+
+
+def design_alternatives(planned: Protocol, aspect: Aspect) -> tuple[Protocol, ...]:
+    """The planned protocol with one thing changed in several ways, without itself.
+
+    Parameters
+    ----------
+    planned
+        What is changed.
+    aspect
+        ``"softness"``: all moduli times 1/4 to 4. ``"layers"``: one modulus that gives way as much under even
+        pressure, and the moduli in reverse. ``"dome"``: a flat face, and curvatures of 80, 40 and 30 mm that fit the
+        face. ``"forces"``: all forces times 1/2 to 2. ``"frames"``: each press made 1, 4 or 16 times. ``"reference"``:
+        with and without presses on plain tissue.
+
+    Raises
+    ------
+    UnknownNameError
+        When there is no such aspect.
+    """
+    require_one_of("aspect", aspect, ASPECTS)
+    return tuple(other for other in _CHANGES[aspect](planned) if _unnamed(other) != _unnamed(planned))
+
+
+def _unnamed(protocol: Protocol) -> Protocol:
+    return replace(protocol, name="", probe=replace(protocol.probe, name=""))
+
+
+def _softer(planned: Protocol) -> Iterator[Protocol]:
+    for factor in SOFTNESS:
+        layers = [factor * layer.young_kpa for layer in planned.probe.layers]
+        yield replace(planned, probe=with_moduli(planned.probe, layers), name=f"layers {factor:g} times as stiff")
+
+
+def _layered(planned: Protocol) -> Iterator[Protocol]:
+    probe = planned.probe
+    young = [layer.young_kpa for layer in probe.layers]
+    even = probe.thickness_mm / sum(layer.thickness_mm / layer.young_kpa for layer in probe.layers)
+    yield replace(planned, probe=with_moduli(probe, [even] * len(young)), name=f"layers all of {even:.0f} kPa")
+    if len(set(young)) > 1:
+        yield replace(planned, probe=with_moduli(probe, young[::-1]), name="layers in reverse")
+
+
+def _domed(planned: Protocol) -> Iterator[Protocol]:
+    for curvature in DOMES_MM:
+        name = "flat face" if curvature is None else f"face curved by {curvature:g} mm"
+        try:
+            probe = replace(planned.probe, face_curvature_mm=curvature, name=name)
+        except InputError:  # a dome that the layers are too thin for, or the face too wide
+            continue
+        yield replace(planned, probe=probe, name=name)
+
+
+def _pressed(planned: Protocol) -> Iterator[Protocol]:
+    for factor in FORCES:
+        try:
+            presses = tuple(replace(press, force_n=factor * press.force_n) for press in planned.presses)
+        except InputError:  # a force outside what can be planned
+            continue
+        forces = " and ".join(f"{press.force_n:g}" for press in presses)
+        yield replace(planned, presses=presses, name=f"{forces} N")
+
+
+def _repeated(planned: Protocol) -> Iterator[Protocol]:
+    for frames in FRAMES:
+        yield replace(planned, frames_each=frames, name=f"frames of each press: {frames}")
+
+
+def _referred(planned: Protocol) -> Iterator[Protocol]:
+    for wanted, name in ((True, "with a reference"), (False, "without a reference")):
+        presses = tuple(replace(press, with_reference=wanted) for press in planned.presses)
+        yield replace(planned, presses=presses, name=name)
+
+
+_CHANGES: dict[str, Callable[[Protocol], Iterator[Protocol]]] = {
+    "softness": _softer,
+    "layers": _layered,
+    "dome": _domed,
+    "forces": _pressed,
+    "frames": _repeated,
+    "reference": _referred,
+}
+
+
+def with_moduli(probe: Probe, young_kpa: Sequence[float]) -> Probe:
+    """The probe with other moduli of its layers, from the tissue up; a changed one loses the catalog's name."""
+    layers = tuple(replace(layer, young_kpa=float(young)) for layer, young in zip(probe.layers, young_kpa, strict=True))
+    return replace(probe, layers=layers, name=probe.name if layers == probe.layers else f"{probe.name} (changed)")
+
+
+def calibration_for(probe: Probe, *, of: Probe, calibration: Calibration, traced: bool = False) -> Calibration:
+    """What the calibration of one probe would be for another.
+
+    Asperities of its skin flatten at pressures in proportion to the skin's modulus; the exposure is such that small
+    pressures give the grey levels that they gave.
+
+    Parameters
+    ----------
+    probe, of
+        The other probe, and that of the calibration.
+    calibration
+        Answer of grey level to pressure.
+    traced
+        Whether to light the face by the lamps, which takes seconds a probe; else the calibration's own light is kept.
+    """
+    stiffer = probe.layers[0].young_kpa / of.layers[0].young_kpa
+    found = replace(calibration, saturation_kpa=calibration.saturation_kpa * stiffer, probe="")
+    if not traced:
+        return found
+    light = irradiance(probe).near_undented()
+    before = 1.0 if calibration.light is None else float(calibration.light.relative.max())
+    gain = found.gain_grey_per_kpa * before / float(light.relative.max())
+    return replace(found, light=light, gain_grey_per_kpa=gain)
+
+
+def compare_designs(
+    protocols: Sequence[Protocol],
+    *,
+    of: Probe,
+    prior: InclusionPrior,
+    calibration: Calibration,
+    sensor: Sensor | None = None,
+    traced: bool = False,
+    degrees: Degrees | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> tuple[Design, ...]:
+    """Judge protocols, in their order.
+
+    The press of each new probe takes seconds to solve and is kept on disk, so that an interrupted comparison goes on
+    where it was.
+
+    Parameters
+    ----------
+    protocols
+        What to judge.
+    of, calibration, traced
+        A probe, its calibration, and whether to trace the lamps' light; see `calibration_for`.
+    prior, sensor, degrees
+        See `information`.
+    progress
+        Called with (protocols done, protocols in all).
+    """
+    designs = []
+    for done, protocol in enumerate(protocols):
+        if progress is not None:
+            progress(done, len(protocols))
+        known = calibration_for(protocol.probe, of=of, calibration=calibration, traced=traced)
+        view = planned_view(protocol, prior=prior, calibration=known, sensor=sensor, degrees=degrees)
+        designs.append(design_of(view))
+    if progress is not None:
+        progress(len(protocols), len(protocols))
+    return tuple(designs)

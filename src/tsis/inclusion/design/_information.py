@@ -1,0 +1,312 @@
+"""How well a protocol would tell inclusions apart, from the likelihood of presses that nobody made.
+
+The Fisher information of diameter, depth and modulus with every nuisance integrated out, at inclusions spread over the
+prior's box, from grey profiles that the model itself makes. Where the inclusion lies beside the axis is as unknown as
+the prior says, though a reference may show it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy
+from threadpoolctl import threadpool_limits
+
+from tsis.catalog import load_phantom
+from tsis.errors import InputError
+from tsis.imaging import Sensor, radial_profile
+from tsis.inclusion._estimate import check_calibration
+from tsis.inclusion._frames import depletion_per_n, ring_edges, ring_light
+from tsis.inclusion._prior import PARAMETERS, InclusionPrior
+from tsis.inclusion._verdict import MODULUS_SD_KPA
+from tsis.inclusion.posterior import (
+    ForwardModel,
+    InclusionLikelihood,
+    Profiles,
+    least_sd,
+    ring_answers,
+    ring_correlation,
+)
+from tsis.mechanics.surrogate import Degrees, build_full_contact_surrogate, contrast_factor
+from tsis.model import Calibration, TactileImage, require_array, require_integer, require_type
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from tsis.inclusion.design._protocol import Protocol
+    from tsis.mechanics.surrogate import FullContactSurrogate
+
+
+CELLS = 801  # over the modulus's range
+SPREAD = 64  # inclusions over the box
+SOURCE_INCLUSIONS = 9
+# A design needs the derivatives of the press, not its last digits: a third of the solves of an estimate's surrogate.
+COARSE = Degrees(diameter=5, depth=4, contrast=2, tissue=2, thickness=2, plain=3)
+MODEL_ERROR = 1.3e-4  # of the press behind an estimate, whose surrogate is finer than the one used here
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ProtocolInformation:
+    """What a protocol would tell about each of a set of inclusions.
+
+    Attributes
+    ----------
+    inclusions
+        Diameter in mm, depth in mm and modulus in kPa, shape (n, 3).
+    matrix
+        Fisher information of the three with every nuisance integrated out, shape (n, 3, 3).
+    prior
+        Ranges of the three before any press, and the tissue around them.
+    """
+
+    inclusions: NDArray[np.float64]
+    matrix: NDArray[np.float64]
+    prior: InclusionPrior
+
+    @property
+    def prior_sd(self) -> NDArray[np.float64]:
+        """Standard deviations of the three before any press, shape (3,)."""
+        return np.array(list(self.prior.sd.values()))
+
+    @property
+    def cramer_rao_sd(self) -> NDArray[np.float64]:
+        """Least sd of an unbiased estimate, shape (n, 3); infinite where the presses tell nothing."""
+        return least_sd(self.matrix)
+
+    @property
+    def expected_sd(self) -> NDArray[np.float64]:
+        """Expected standard deviations, shape (n, 3).
+
+        Signals are nearly linear in diameter, depth and the saturation of the signal with the modulus,
+        `tsis.mechanics.surrogate.contrast_factor`. In that the modulus keeps its uniform prior, of which it often fills a part
+        that is no small one; the uniform priors of diameter and depth count as normal ones of the same variance.
+        """
+        factor = contrast_factor(self.inclusions[:, 2] / self.prior.tissue_young_kpa)
+        told = self.matrix.copy()
+        slope = 1 / _factor_slope(self.inclusions[:, 2], self.prior.tissue_young_kpa)
+        told[:, 2] *= slope[:, None]
+        told[:, :, 2] *= slope[:, None]
+        sizes = np.linalg.inv(told[:, :2, :2] + np.diag(self.prior_sd[:2] ** -2))
+        along = np.einsum("nij,nj->ni", sizes, told[:, :2, 2])  # what one of the factor is taken for in the sizes
+        precision = told[:, 2, 2] - np.einsum("ni,ni->n", told[:, :2, 2], along)
+        young = np.linspace(*self.prior.young_kpa, CELLS)
+        at = contrast_factor(young / self.prior.tissue_young_kpa)
+        weight = np.exp(-0.5 * precision[:, None] * (at - factor[:, None]) ** 2)
+        weight /= weight.sum(axis=1, keepdims=True)
+        spread_of_sizes = np.diagonal(sizes, axis1=1, axis2=2) + along**2 * _variance(weight, at)[:, None]
+        return np.asarray(np.sqrt(np.column_stack([spread_of_sizes, _variance(weight, young)])))
+
+    @property
+    def rmse(self) -> dict[str, float]:
+        """Expected root mean square error of each parameter over the inclusions."""
+        return dict(zip(PARAMETERS, np.sqrt((self.expected_sd**2).mean(axis=0)).tolist(), strict=True))
+
+    @property
+    def identified_share(self) -> float:
+        """Share of the inclusions whose modulus would be known to better than 20 kPa."""
+        return float((self.expected_sd[:, -1] < MODULUS_SD_KPA).mean())
+
+    @property
+    def log_sd(self) -> float:
+        """Mean over the inclusions of the log of the product of the three expected sd over the prior's."""
+        return float(np.log(self.expected_sd / self.prior_sd).sum(axis=1).mean())
+
+
+def _factor_slope(young_kpa: NDArray[np.float64], tissue_young_kpa: float) -> NDArray[np.float64]:
+    """Derivative of the contrast factor by the inclusion's modulus, per kPa."""
+    return np.asarray(2.5 * tissue_young_kpa / (young_kpa + 1.5 * tissue_young_kpa) ** 2)
+
+
+def _variance(weight: NDArray[np.float64], values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Variances of values (m,) under each row of weights (n, m)."""
+    return np.asarray(weight @ values**2 - (weight @ values) ** 2)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlannedView:
+    """A protocol made ready: the model of its presses and the pixels that would see each ring.
+
+    Attributes
+    ----------
+    model
+        Model of one frame of each press, whose errors are those of the mean of its repeats.
+    count
+        Pixels of the sensor in each ring, shape (rings,).
+    protocol, surrogate, sensor
+        What it was made of.
+    """
+
+    model: ForwardModel
+    count: NDArray[np.int_]
+    protocol: Protocol
+    surrogate: FullContactSurrogate
+    sensor: Sensor
+
+    def grey(self, inclusions: NDArray[np.float64] | None) -> NDArray[np.float64]:
+        """Expected grey levels as the camera sees them, shape (n, frames, rings); None is plain tissue, n = 1."""
+        seen = self.model.grey(inclusions, self.start) * self.model.level
+        return np.asarray(seen + self.model.calibration.background_grey)
+
+    @property
+    def start(self) -> NDArray[np.float64]:
+        """No nuisance at all."""
+        return np.zeros(len(self.model.nuisance_sd(np.zeros(len(self.model.force_n)))))
+
+    def likelihood(self, inclusion: NDArray[np.float64]) -> InclusionLikelihood:
+        """Of the frames that the model itself makes of an inclusion (3,), without an error."""
+        known, level = self.model.calibration, self.model.level
+        grey = self.model.grey(inclusion[None], self.start)[0]
+        seen = grey * level
+        pixel = known.read_noise_grey**2 + known.shot_noise_grey * np.maximum(seen, 0.0) + 1 / 12
+        variance = (
+            pixel / (self.protocol.frames_each * np.maximum(self.count, 1) * level**2) + (MODEL_ERROR * grey) ** 2
+        )
+        usable = (self.count > 0) & (seen + known.background_grey < self.sensor.full_scale)
+        return InclusionLikelihood(self.model, Profiles(grey=grey, variance=variance, usable=usable))
+
+    def information(self, inclusion: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Fisher information at an inclusion (3,), shape (3, 3)."""
+        return self.likelihood(inclusion).with_information(inclusion, self.start)[1]
+
+
+def protocol_information(
+    protocol: Protocol,
+    *,
+    prior: InclusionPrior,
+    calibration: Calibration,
+    sensor: Sensor | None = None,
+    inclusions: NDArray[np.float64] | None = None,
+    degrees: Degrees | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> ProtocolInformation:
+    """Compute what a protocol would tell.
+
+    Parameters
+    ----------
+    protocol
+        Probe and presses.
+    prior
+        Ranges of the inclusion and beliefs about the tissue.
+    calibration
+        Answer of grey level to pressure and the sizes of the errors; with its map of light, or even light where it
+        has none.
+    sensor
+        The camera; `Sensor` by default.
+    inclusions
+        Diameter in mm, depth in mm and modulus in kPa, shape (n, 3); 64 spread evenly over the prior by default.
+    degrees
+        Of the press's surrogate; a third of the solves of an estimate's by default.
+    progress
+        Called with (slabs solved, slabs in all) while the surrogate is built.
+
+    Raises
+    ------
+    InputError
+        When an inclusion lies outside the prior's ranges.
+    NotCalibratedError
+        When the calibration is that of another probe.
+    """
+    view = planned_view(
+        protocol, prior=prior, calibration=calibration, sensor=sensor, degrees=degrees, progress=progress
+    )
+    return information_of(view, even_inclusions(prior) if inclusions is None else inclusions)
+
+
+def information_of(view: PlannedView, inclusions: NDArray[np.float64]) -> ProtocolInformation:
+    """Information at each of the inclusions (n, 3)."""
+    prior = view.model.prior
+    inclusions = require_array("inclusions", inclusions, ndim=2)
+    if inclusions.shape[1] != 3 or not ((inclusions >= prior.low) & (inclusions <= prior.high)).all():
+        raise InputError(
+            f"inclusions must hold diameter, depth and modulus within the prior's ranges ({prior}); "
+            f"got shape {inclusions.shape}, from {inclusions.min(axis=0)} to {inclusions.max(axis=0)}"
+        )
+    with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
+        matrix = np.array([view.information(inclusion) for inclusion in inclusions])
+    return ProtocolInformation(inclusions=inclusions, matrix=matrix, prior=prior)
+
+
+def planned_view(
+    protocol: Protocol,
+    *,
+    prior: InclusionPrior,
+    calibration: Calibration,
+    sensor: Sensor | None = None,
+    degrees: Degrees | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> PlannedView:
+    """Make a protocol ready; see `protocol_information` for the parameters."""
+    require_type("prior", prior, InclusionPrior)
+    check_calibration(calibration, protocol.probe)
+    built = build_full_contact_surrogate(protocol.probe, prior.box(), degrees=degrees or COARSE, progress=progress)
+    return view_of(protocol, built, prior=prior, calibration=calibration, sensor=sensor or Sensor())
+
+
+def view_of(
+    protocol: Protocol,
+    surrogate: FullContactSurrogate,
+    *,
+    prior: InclusionPrior,
+    calibration: Calibration,
+    sensor: Sensor,
+) -> PlannedView:
+    """Make a protocol ready whose presses are known."""
+    edges, dark = ring_edges(protocol.probe), np.zeros((sensor.rows, sensor.columns))
+    blank = TactileImage(grey=dark, mm_per_pixel=sensor.mm_per_pixel, full_scale=sensor.full_scale)
+    seen = replace(calibration, read_noise_grey=sensor.read_noise_grey, shot_noise_grey=sensor.shot_noise_grey)
+    light = ring_light(blank, calibration, edges)
+    targets = [press.force_n for press in protocol.presses]
+    references = [press.force_n for press in protocol.presses if press.with_reference]
+    model = ForwardModel(
+        rings=ring_answers(surrogate, edges, light.level),
+        level=light.level,
+        shading=light.shading,
+        calibration=_averaged(seen, protocol.frames_each),
+        prior=prior,
+        force_n=np.array(targets + references),
+        is_reference=np.array([False] * len(targets) + [True] * len(references)),
+        alike=ring_correlation(edges, calibration.grain_mm),
+        depletion_per_n=depletion_per_n(calibration, protocol.probe),
+        spread_sd=2 * prior.offset_sd_mm**2,
+    )
+    count = radial_profile(blank, edges_mm=edges).count
+    return PlannedView(model=model, count=count, protocol=protocol, surrogate=surrogate, sensor=sensor)
+
+
+def _averaged(calibration: Calibration, frames: int) -> Calibration:
+    """Errors of the mean of repeats: those that each press makes anew fall, gain and pattern stay.
+
+    The likelihood is linear in the errors, so that the mean of repeats says all that the repeats say.
+    """
+    share = 1 / np.sqrt(frames)
+    return replace(
+        calibration,
+        repeatability_sd=share * calibration.repeatability_sd,
+        force_sd=share * calibration.force_sd,
+        offset_sd=share * calibration.offset_sd,
+    )
+
+
+def even_inclusions(prior: InclusionPrior, count: int = SPREAD) -> NDArray[np.float64]:
+    """Diameters, depths and moduli spread evenly over the prior's box by a Sobol sequence, shape (count, 3).
+
+    Diameters and depths are in mm, moduli in kPa; ``count`` lies in [1, 65536], else `InputError` is raised.
+
+    Examples
+    --------
+    >>> even_inclusions(InclusionPrior(), 4).round(1).tolist()
+    [[2.8, 5.0, 50.0], [9.8, 9.0, 90.0], [13.2, 7.0, 70.0], [6.2, 11.0, 110.0]]
+    """
+    count = require_integer("count", count, 1, 2**16)
+    unit = scipy.stats.qmc.Sobol(3, scramble=False).random_base2(int(np.ceil(np.log2(count))))[:count]
+    return np.asarray(prior.low + (unit + 0.5 / count) % 1.0 * (prior.high - prior.low))
+
+
+def dissertation_inclusions() -> NDArray[np.float64]:
+    """The nine inclusions of table 6.2, shape (9, 3)."""
+    lumps = (load_phantom(f"calibration-{number}").inclusion for number in range(1, SOURCE_INCLUSIONS + 1))
+    return np.array([[getattr(lump, name) for name in PARAMETERS] for lump in lumps])

@@ -1,0 +1,262 @@
+"""The layers and forces that tell most, within the limits of the model and of the camera.
+
+Moduli need new presses to be solved, which takes seconds; forces do not, because a press is affine in its force. So for
+each choice of moduli the best forces are found at once, between the force from which the whole face touches and the one
+at which the first limit is met.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import brentq, minimize
+
+from tsis.errors import InputError
+from tsis.inclusion.design._alternatives import CRITERIA, Design, calibration_for, design_of, score, with_moduli
+from tsis.inclusion.design._information import even_inclusions, information_of, planned_view
+from tsis.inclusion.design._limits import covering_n, largest_force_of
+from tsis.inclusion.design._protocol import LARGEST_FORCE_N, LEAST_FORCE_N
+from tsis.model import require_integer, require_one_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from tsis.imaging import Sensor
+    from tsis.inclusion._prior import InclusionPrior
+    from tsis.inclusion.design._information import PlannedView
+    from tsis.inclusion.design._protocol import Protocol
+    from tsis.mechanics.surrogate import Degrees
+    from tsis.model import Calibration, Probe
+
+
+MOST_EVALUATIONS = 25
+OCTAVES = 2.0  # the layers' common factor and their gradient lie between 1/4 and 4
+SEARCHED = 16  # inclusions while searching; the answer is judged on all
+FORCE_EVALUATIONS = 30
+WEAKEST = 0.05  # of the strongest force: a flat face touches at any
+CLIP_SHARE = 0.98  # of full scale: what lies between the searched inclusions may be a little brighter
+AT_END = 0.02  # of a range: nearer to its end a variable is held by it
+HOPELESS = 1e3  # score of layers under which no force keeps to the limits
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DesignOptimum:
+    """The best design found.
+
+    Attributes
+    ----------
+    planned, best
+        The design that the search started from, and the best that it met.
+    stiffening
+        Factor of all moduli.
+    gradient
+        Factor by which the skin's end of the stack was made stiffer over the glass's.
+    binding
+        What keeps the design from being better: names of limits (``"strain"``, ``"contact"``, ``"saturation"``,
+        ``"view"``) and of ends of the search (``"softest"``, ``"stiffest"``, ``"gradient"``, ``"weakest force"``,
+        ``"strongest force"``).
+    evaluations
+        Stacks of layers that were solved.
+    """
+
+    planned: Design
+    best: Design
+    stiffening: float
+    gradient: float
+    binding: tuple[str, ...]
+    evaluations: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Forces:
+    """Forces between which a stack may be pressed, and what ends them."""
+
+    low_n: float
+    high_n: float
+    low_by: str
+    high_by: str
+
+    def at(self, shares: NDArray[np.float64]) -> tuple[float, ...]:
+        """Forces at shares, in [0, 1], of the range's logarithm, the weakest first."""
+        forces = self.low_n * (self.high_n / self.low_n) ** np.sort(np.clip(shares, 0.0, 1.0))
+        return tuple(forces.tolist())
+
+
+def optimise_design(
+    planned: Protocol,
+    *,
+    prior: InclusionPrior,
+    calibration: Calibration,
+    sensor: Sensor | None = None,
+    criterion: str = "all",
+    evaluations: int = MOST_EVALUATIONS,
+    traced: bool = False,
+    degrees: Degrees | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> DesignOptimum:
+    """Search the moduli of the layers, as a common factor and a gradient, and the forces of the presses.
+
+    Parameters
+    ----------
+    planned
+        Where the search starts; how many presses and references there are, and the probe's shape, stay.
+    prior, sensor, degrees
+        See `information`.
+    calibration, traced
+        Of the planned probe; see `calibration_for`.
+    criterion
+        What is made small: ``"all"``, the mean over the prior of the log of the product of the three expected standard
+        deviations, or the expected error of ``"diameter_mm"``, ``"depth_mm"`` or ``"young_kpa"``.
+    evaluations
+        Stacks to solve at most, in [1, 25].
+    progress
+        Called with (stacks solved, stacks at most).
+
+    Raises
+    ------
+    InputError
+        When no force keeps the limits with any of the stacks that were tried.
+    UnknownNameError
+        When there is no such criterion.
+
+    Returns
+    -------
+    Optimum
+        The best design met, and what binds it.
+    """
+    require_one_of("criterion", criterion, CRITERIA)
+    evaluations = require_integer("evaluations", evaluations, 1, MOST_EVALUATIONS)
+    searched = even_inclusions(prior, SEARCHED)
+    tried: list[tuple[float, NDArray[np.float64], PlannedView, _Forces]] = []
+
+    def view_at(octaves: NDArray[np.float64]) -> PlannedView:
+        probe = with_moduli(planned.probe, _moduli(planned.probe, octaves))
+        known = calibration_for(probe, of=planned.probe, calibration=calibration, traced=traced)
+        return planned_view(
+            replace(planned, probe=probe), prior=prior, calibration=known, sensor=sensor, degrees=degrees
+        )
+
+    def judge(octaves: NDArray[np.float64]) -> float:
+        view = view_at(octaves)
+        forces = _forces(view, searched)
+        value = HOPELESS
+        if forces.low_n < forces.high_n:
+            value, view = _pressed_best(view, forces, searched, criterion)
+        tried.append((value, octaves.copy(), view, forces))
+        if progress is not None:
+            progress(len(tried), evaluations)
+        return value
+
+    start = np.zeros(2)
+    # A first simplex of one octave: smaller ones spend the few evaluations on finding the scale.
+    simplex = np.array([start, [1.0, 0.0], [0.0, 1.0]])
+    minimize(
+        judge,
+        start,
+        method="Nelder-Mead",
+        bounds=[(-OCTAVES, OCTAVES)] * 2,
+        options={"maxfev": evaluations, "initial_simplex": simplex, "xatol": 0.05, "fatol": 1e-3},
+    )
+    value, octaves, view, forces = min(tried, key=lambda one: one[0])
+    if value == HOPELESS:
+        raise InputError(
+            f"forces must exist at which the whole face touches within every limit; got none for {len(tried)} stacks "
+            "of layers (a flatter face, a shorter exposure or a thicker probe helps)"
+        )
+    best = design_of(replace(view, protocol=replace(view.protocol, name="best found")))
+    return DesignOptimum(
+        planned=design_of(view_at(start)),
+        best=best,
+        stiffening=float(2.0 ** octaves[0]),
+        gradient=float(2.0 ** octaves[1]),
+        binding=_binding(best, octaves, forces),
+        evaluations=len(tried),
+    )
+
+
+def _moduli(probe: Probe, octaves: NDArray[np.float64]) -> list[float]:
+    """Moduli times a common factor, and times a gradient from the skin to the glass that is one in the middle."""
+    thickness = np.array([layer.thickness_mm for layer in probe.layers])
+    middle = (np.cumsum(thickness) - thickness / 2) / thickness.sum()
+    young = np.array([layer.young_kpa for layer in probe.layers])
+    return list((young * 2.0 ** (octaves[0] + octaves[1] * (0.5 - middle))).tolist())
+
+
+def _forces(view: PlannedView, inclusions: NDArray[np.float64]) -> _Forces:
+    """From whole contact to the first of strain, saturation and the largest force there is."""
+    covering = covering_n(view, inclusions)
+    most = {
+        "strain": largest_force_of(view),
+        "saturation": _clipping_n(view, inclusions),
+        "strongest force": LARGEST_FORCE_N,
+    }
+    high_by = min(most, key=lambda name: most[name])
+    weakest = max(WEAKEST * most[high_by], LEAST_FORCE_N)
+    low_by = "contact" if covering > weakest else "weakest force"
+    return _Forces(low_n=max(covering, weakest), high_n=most[high_by], low_by=low_by, high_by=high_by)
+
+
+def _clipping_n(view: PlannedView, inclusions: NDArray[np.float64]) -> float:
+    """Force at which the brightest place of any press fills the camera's scale."""
+
+    def excess(force_n: float) -> float:
+        pressed = at_forces(view, (force_n,) * len(view.protocol.presses))
+        brightest = max(float(pressed.grey(None).max()), float(pressed.grey(inclusions).max()))
+        return brightest - CLIP_SHARE * view.sensor.full_scale
+
+    if excess(LARGEST_FORCE_N) < 0:
+        return np.inf
+    if excess(LEAST_FORCE_N) > 0:
+        return 0.0
+    return float(brentq(excess, LEAST_FORCE_N, LARGEST_FORCE_N, xtol=1e-4))
+
+
+def at_forces(view: PlannedView, forces_n: tuple[float, ...]) -> PlannedView:
+    """The same presses at other forces, one for each."""
+    protocol = view.protocol
+    presses = tuple(replace(press, force_n=force) for press, force in zip(protocol.presses, forces_n, strict=True))
+    every = [press.force_n for press in presses] + [press.force_n for press in presses if press.with_reference]
+    return replace(
+        view, protocol=replace(protocol, presses=presses), model=replace(view.model, force_n=np.array(every))
+    )
+
+
+def _pressed_best(
+    view: PlannedView, forces: _Forces, inclusions: NDArray[np.float64], criterion: str
+) -> tuple[float, PlannedView]:
+    """The best forces for one stack, and their score."""
+
+    def value(shares: NDArray[np.float64]) -> float:
+        return score(information_of(at_forces(view, forces.at(shares)), inclusions), criterion)
+
+    count = len(view.protocol.presses)
+    start = np.linspace(0.0, 1.0, count + 1)[1:] if count > 1 else np.array([0.8])
+    simplex = np.vstack([start, *(start + 0.3 * np.where(start > 0.6, -1, 1) * row for row in np.eye(count))])
+    found = minimize(
+        value,
+        start,
+        method="Nelder-Mead",
+        bounds=[(0.0, 1.0)] * count,
+        options={"maxfev": FORCE_EVALUATIONS, "initial_simplex": simplex, "xatol": 0.01, "fatol": 1e-3},
+    )
+    return float(found.fun), at_forces(view, forces.at(found.x))
+
+
+def _binding(best: Design, octaves: NDArray[np.float64], forces: _Forces) -> tuple[str, ...]:
+    """Names of what holds the best design, in the order of forces, moduli and what is broken all the same."""
+    span = np.log(forces.high_n / forces.low_n)
+    pressed, held = best.protocol.forces_n, []
+    if np.log(max(pressed) / forces.low_n) > (1 - AT_END) * span:
+        held.append(forces.high_by)
+    if np.log(min(pressed) / forces.low_n) < AT_END * span:
+        held.append(forces.low_by)
+    reach = (1 - AT_END) * OCTAVES
+    if abs(octaves[0]) > reach:
+        held.append("softest" if octaves[0] < 0 else "stiffest")
+    if abs(octaves[1]) > reach:
+        held.append("gradient")
+    return tuple(dict.fromkeys([*held, *best.limits.broken]))

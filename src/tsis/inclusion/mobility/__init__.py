@@ -1,0 +1,5 @@
+"""FIXME."""
+
+from tsis.inclusion.mobility._track import Mobility, mobility
+
+__all__ = ["Mobility", "mobility"]

@@ -1,0 +1,199 @@
+"""How far the pixels' noise alone moves the centroid of the light."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import ndimage
+from scipy.spatial.distance import pdist
+
+from tsis.errors import ImageMismatchError, InputError
+from tsis.imaging import pixel_noise, require_same_frame, smoothed
+from tsis.inclusion.relative import COMPARED_WITH, ONE_SPHERE, change_of_light, lit_alike, lit_part, notes_of
+from tsis.model import as_images
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.inclusion.relative import LightChange, LitPart
+    from tsis.model import Calibration, TactileImage
+
+
+EDGE_PX = 4  # width of the belt around the lit part in which noise may lift a pixel above the threshold
+LEAST_STEP = 1e-3  # of the threshold, where a frame has next to no noise
+
+
+def centroid_noise_mm(part: LitPart, change: LightChange, frame: TactileImage) -> float:
+    """Standard deviation of one coordinate of the centroid by the noise of one frame, mm.
+
+    Noise changes what a pixel inside weighs, and, twice as much, which pixels of the edge count at all. So the answer
+    of the counted light to a change of grey level is a difference over the noise itself, which smears the edge as noise
+    does. The reference's noise is left out: it shifts all frames of a sequence alike.
+    """
+    assert part.centroid_px is not None  # asked for lit parts only
+    sx, sy = frame.scale()
+    grey, threshold = change.image.grey, part.threshold_grey
+    step = max(change.noise_grey, LEAST_STEP * threshold)
+    near = ndimage.binary_dilation(part.mask, iterations=EDGE_PX)
+    answer = np.zeros(grey.shape)
+    for side in (step, -step):
+        counted = np.where(near & (grey + side >= threshold), grey + side, 0.0)
+        answer += counted / (2.0 * side)
+    x = (np.arange(grey.shape[1])[None, :] - part.centroid_px[0]) * sx
+    y = (np.arange(grey.shape[0])[:, None] - part.centroid_px[1]) * sy
+    # The blur that the change went through is its own transpose, so it may act on the answer instead of the noise.
+    pull = sum(float(np.square(change.raised * smoothed(answer * along)).sum()) for along in (x, y))
+    return float(pixel_noise(frame.grey) * np.sqrt(pull / 2.0) / part.total_grey)
+
+
+CLEAR_MOVEMENT = 6.0  # standard deviations of one position; the range of many that stand still hardly gets there
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Mobility:
+    """Positions of the light over a sequence, and how far they lie apart.
+
+    Attributes
+    ----------
+    position_mm
+        Centroid (x, y) from the probe's axis in each frame, shape (frames, 2); NaN where nothing was seen.
+    step_mm
+        Distance from each frame to the next (6.14), shape (frames - 1,); NaN next to a frame without contact.
+    path_mm
+        Sum of the steps: it grows with every frame, noise included. None when no step was seen.
+    excursion_mm
+        Greatest distance between any two positions: what one looks for. None when no step was seen.
+    noise_mm
+        Standard deviation of one coordinate by the pixels' noise alone, the mean over the frames.
+    noise_path_mm
+        Path that an object at rest would seem to take by that noise.
+    against
+        What the reference showed.
+    assumptions
+        What the numbers rest on, one sentence each.
+    flags
+        Short names of what is wrong.
+    """
+
+    position_mm: NDArray[np.float64]
+    step_mm: NDArray[np.float64]
+    path_mm: float | None
+    excursion_mm: float | None
+    noise_mm: float
+    noise_path_mm: float
+    against: str
+    assumptions: tuple[str, ...]
+    flags: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        for name in ("position_mm", "step_mm"):
+            values = np.array(getattr(self, name))
+            values.flags.writeable = False
+            object.__setattr__(self, name, values)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The sentence of each flag."""
+        return notes_of(self.flags)
+
+
+def mobility(
+    images: Sequence[TactileImage],
+    reference: TactileImage | Sequence[TactileImage],
+    *,
+    against: str,
+    calibration: Calibration | None = None,
+    threshold_grey: float | None = None,
+) -> Mobility:
+    """Follow the centroid of the light through a sequence of frames.
+
+    Parameters
+    ----------
+    images
+        At least two frames of one camera and one force, in the order of time.
+    reference, against, calibration, threshold_grey
+        As for `relative_size`.
+
+    Returns
+    -------
+    Mobility
+        Steps, path and excursion in mm.
+
+    Raises
+    ------
+    InputError
+        As `relative_size`, and when there are fewer than two frames or their known forces differ by more than 5 %.
+    ImageMismatchError
+        When the frames differ in size, scale, full scale or axis.
+
+    Examples
+    --------
+    >>> from tsis.model import TactileImage
+    >>> y, x = np.mgrid[:120, :160]
+    >>> def frame(column, level=80.0):
+    ...     hill = level * np.exp(-((x - column) ** 2 + (y - 60) ** 2) / 400.0)
+    ...     return TactileImage(grey=hill, mm_per_pixel=(0.1, 0.1))
+    >>> moved = mobility([frame(70), frame(90), frame(80)], frame(80, 0.0), against="untouched probe")
+    >>> round(moved.path_mm, 2), round(moved.excursion_mm, 2)
+    (3.0, 2.0)
+    """
+    frames = as_images("images", images)
+    _check_sequence(frames)
+    changes = [change_of_light(frame, reference, against=against, calibration=calibration) for frame in frames]
+    lit = [lit_part(change, threshold_grey) for change in changes]
+    position = np.array([_position_mm(part, frame) for part, frame in zip(lit, frames, strict=True)])
+    step = np.hypot(*np.diff(position, axis=0).T)
+    seen = np.isfinite(position[:, 0])
+    spread = [centroid_noise_mm(*one) for one in zip(lit, changes, frames, strict=True) if one[0].centroid_px]
+    noise = float(np.mean(spread)) if spread else 0.0
+    any_step = bool(np.isfinite(step).any())
+    excursion = float(pdist(position[seen]).max()) if any_step else None
+    wrong = {
+        "contact_lost": not seen.all() and bool(seen.any()),
+        "repeated_frames": any(np.array_equal(one.grey, other.grey) for one, other in pairwise(frames)),
+        "no_movement": excursion is not None and excursion <= CLEAR_MOVEMENT * noise,
+    }
+    flags = [flag for part in lit for flag in part.flags if flag != "no_contact" or not seen.any()]
+    return Mobility(
+        position_mm=position,
+        step_mm=step,
+        path_mm=float(np.nansum(step)) if any_step else None,
+        excursion_mm=excursion,
+        noise_mm=noise,
+        # The distance of two points, each spread by s along both axes, is s sqrt(pi) in the mean.
+        noise_path_mm=float(np.count_nonzero(np.isfinite(step)) * noise * np.sqrt(np.pi)),
+        against=against,
+        assumptions=(
+            ONE_SPHERE,
+            COMPARED_WITH[against],
+            lit_alike(calibration),
+            "Probe and force stay the same: a probe that slides moves the light as an object does.",
+        ),
+        flags=tuple(dict.fromkeys([*flags, *(flag for flag, is_so in wrong.items() if is_so)])),
+    )
+
+
+def _check_sequence(frames: list[TactileImage]) -> None:
+    """Refuse fewer than two frames, and frames of different cameras or forces."""
+    if len(frames) < 2:
+        raise InputError(f"images must hold at least two frames to see a movement; got {len(frames)}")
+    forces = [frame.force_n for frame in frames if frame.force_n is not None]
+    if forces and max(forces) > 1.05 * min(forces):
+        raise InputError(f"images must be pressed with one force, within 5 %; got {min(forces):g} to {max(forces):g} N")
+    for frame in frames[1:]:
+        require_same_frame(frames[0], frame, "each of the images")
+        if frame.axis() != frames[0].axis():
+            raise ImageMismatchError(f"images must share axis_px {frames[0].axis()}; got {frame.axis()}")
+
+
+def _position_mm(part: LitPart, frame: TactileImage) -> tuple[float, float]:
+    """Centroid from the probe's axis; NaN when nothing is lit."""
+    if part.centroid_px is None:
+        return float("nan"), float("nan")
+    axis, scale = frame.axis(), frame.scale()
+    return (part.centroid_px[0] - axis[0]) * scale[0], (part.centroid_px[1] - axis[1]) * scale[1]

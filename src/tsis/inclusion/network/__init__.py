@@ -1,0 +1,30 @@
+"""FIXME."""
+
+from tsis.inclusion.network._network import Layers, Network
+from tsis.inclusion.network._outputs import (
+    OutputReading,
+    change_reading,
+    frame_outputs,
+    printed_frame_outputs,
+    printed_reading,
+    simulated_outputs,
+)
+from tsis.inclusion.network._training import NetworkTraining, train_network
+from tsis.inclusion.network._trials import LinearMapping, estimate_by_networks, fit_mapping, leave_one_out_mapping
+
+__all__ = [
+    "Layers",
+    "LinearMapping",
+    "Network",
+    "NetworkTraining",
+    "OutputReading",
+    "change_reading",
+    "estimate_by_networks",
+    "fit_mapping",
+    "frame_outputs",
+    "leave_one_out_mapping",
+    "printed_frame_outputs",
+    "printed_reading",
+    "simulated_outputs",
+    "train_network",
+]

@@ -1,0 +1,301 @@
+"""The three numbers that section 6.3 reads off a press, greatest, total and area, and those of simulated presses.
+
+As printed they are read over the whole face. A flat face pressed with a fixed force then says nearly the same of every
+inclusion: its total is the force, its area is the face, its greatest value sits at the rim. So by default the press of
+plain tissue is subtracted and the rim left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.interpolate import PchipInterpolator
+
+from tsis.errors import InputError
+from tsis.imaging import radial_profile
+from tsis.inclusion._prior import PARAMETERS
+from tsis.inclusion.posterior import ring_means
+from tsis.mechanics.surrogate import PressSurrogate
+from tsis.model import (
+    Calibration,
+    Probe,
+    as_images,
+    require_array,
+    require_image_series,
+    require_number,
+    require_one_of,
+    require_type,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from tsis.model import TactileImage
+
+
+OUTPUTS = ("greatest", "total", "area")
+FIELDS = ("face_displacement_mm", "pressure_kpa")
+REACH_MM = 8.0  # of radius; further out the rim of a 12 mm face outshines the inclusion
+RINGS = 20
+MOST_RINGS = 1000
+CHUNK = 4096  # profiles refined at a time: 26 MB with the usual rings
+FINE = 40  # radii in each ring on which the area's outline is found: to 0.3 % of its radius
+CHANGED_SHARE = 0.05  # of plain tissue's mean: a change that counts as deformed; errors of force stay below
+PRESSED_SHARE = 0.5  # of plain tissue's mean: what counts as deformed when nothing is subtracted
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class OutputReading:
+    """How the three outputs are read off ring profiles; make one with `change_reading` or `printed_reading`.
+
+    Attributes
+    ----------
+    edges_mm
+        Ring boundaries on the face, shape (rings + 1,).
+    subtract
+        Whether the press of plain tissue is subtracted.
+    threshold_share
+        Level above which the face counts as deformed, over the mean level of plain tissue, in [1e-6, 10].
+    """
+
+    edges_mm: NDArray[np.float64]
+    subtract: bool
+    threshold_share: float
+
+    def __post_init__(self) -> None:
+        edges = require_array("edges_mm", self.edges_mm, ndim=1)
+        if not 3 <= len(edges) <= MOST_RINGS + 1 or edges[0] < 0 or (np.diff(edges) <= 0).any():
+            raise InputError(
+                f"edges_mm must be 3 to {MOST_RINGS + 1} ascending radii, the first >= 0; "
+                f"got {len(edges)} from {edges[0]:g} to {edges[-1]:g}"
+            )
+        object.__setattr__(self, "edges_mm", edges)
+        require_number("threshold_share", self.threshold_share, 1e-6, 10.0)
+
+    def __call__(self, profiles: ArrayLike, plain: ArrayLike) -> NDArray[np.float64]:
+        """Greatest, total and area (mm²), shape (n, 3), of profiles (n, rings) beside that of plain tissue (rings,)."""
+        values, base = require_array("profiles", profiles, ndim=2), require_array("plain", plain, ndim=1)
+        rings = len(self.edges_mm) - 1
+        if values.shape[1] != rings or base.shape != (rings,):
+            raise InputError(f"profiles and plain must have {rings} rings; got {values.shape} and {base.shape}")
+        area = np.pi * np.diff(self.edges_mm**2)
+        level = self.threshold_share * float(base @ area) / float(area.sum())
+        if self.subtract:
+            values = values - base
+        return np.column_stack([values.max(axis=1), values @ area, self._area_above(values, level)])
+
+    def _area_above(self, values: NDArray[np.float64], level: float) -> NDArray[np.float64]:
+        """Area where profiles exceed a level, smooth between the radii at which a parabola has its ring means."""
+        middles = np.sqrt((self.edges_mm[1:] ** 2 + self.edges_mm[:-1] ** 2) / 2)
+        ends = np.linspace(self.edges_mm[0], self.edges_mm[-1], FINE * len(middles) + 1)
+        inside = np.clip((ends[1:] + ends[:-1]) / 2, middles[0], middles[-1])
+        area = np.pi * np.diff(ends**2)
+        parts = np.array_split(values, len(values) // CHUNK + 1)
+        return np.concatenate([(PchipInterpolator(middles, part, axis=1)(inside) > level) @ area for part in parts])
+
+
+def change_reading(*, reach_mm: float = REACH_MM, threshold_share: float = CHANGED_SHARE) -> OutputReading:
+    """Read the change against plain tissue, away from the rim.
+
+    Parameters
+    ----------
+    reach_mm
+        Radius on the face, mm, in [0.1, 200].
+    threshold_share
+        Change that counts as deformed, over plain tissue's mean.
+
+    Raises
+    ------
+    InputError
+        When a number lies outside its range.
+    """
+    reach = require_number("reach_mm", reach_mm, 0.1, 200.0, hint="millimetres")
+    return OutputReading(edges_mm=np.linspace(0.0, reach, RINGS + 1), subtract=True, threshold_share=threshold_share)
+
+
+def printed_reading(probe: Probe, *, threshold_share: float = PRESSED_SHARE) -> OutputReading:
+    """Read the whole face and subtract nothing, as section 6.3 says.
+
+    Parameters
+    ----------
+    probe
+        Whose face is read, from the axis to the rim.
+    threshold_share
+        Grey level that counts as deformed, over the mean of plain tissue.
+
+    Raises
+    ------
+    InputError
+        When ``probe`` is no `Probe`, or the share lies outside its range.
+    """
+    require_type("probe", probe, Probe)
+    edges = np.linspace(0.0, probe.radius_mm, RINGS + 1)
+    return OutputReading(edges_mm=edges, subtract=False, threshold_share=threshold_share)
+
+
+def simulated_outputs(
+    surrogate: PressSurrogate,
+    inclusions: ArrayLike,
+    reading: OutputReading,
+    *,
+    field: str = "face_displacement_mm",
+    tissue_young_kpa: float = 5.0,
+    thickness_mm: float = 30.0,
+) -> NDArray[np.float64]:
+    """The three outputs of simulated presses; section 6.3.1.
+
+    Parameters
+    ----------
+    surrogate
+        Presses of the probe at one force.
+    inclusions
+        Diameter (mm), depth (mm) and modulus (kPa) of each, shape (n, 3), inside the surrogate's box.
+    reading
+        How the outputs are read.
+    field
+        ``"face_displacement_mm"`` as in the source, or ``"pressure_kpa"``, which is what a camera sees.
+    tissue_young_kpa, thickness_mm
+        The slab around the inclusion, inside the surrogate's box.
+
+    Returns
+    -------
+    Outputs of shape (n, 3): mm, mm³ and mm², or kPa, mN and mm².
+
+    Raises
+    ------
+    InputError
+        When a value lies outside the surrogate's box or the reading reaches over the face.
+    UnknownNameError
+        When no field has that name.
+    """
+    require_type("surrogate", surrogate, PressSurrogate)
+    require_type("reading", reading, OutputReading)
+    require_one_of("field", field, FIELDS)
+    table, box = require_array("inclusions", inclusions, ndim=2), surrogate.pressure_kpa.box
+    if table.shape[1] != len(PARAMETERS):
+        raise InputError(f"inclusions must have the columns {', '.join(PARAMETERS)}; got shape {table.shape}")
+    for name, column in zip(PARAMETERS, table.T, strict=True):
+        for end in (column.min(), column.max()):
+            require_number(name, float(end), *getattr(box, name), hint="the surrogate's box")
+    require_number("tissue_young_kpa", tissue_young_kpa, *box.tissue_young_kpa, hint="the surrogate's box")
+    require_number("thickness_mm", thickness_mm, *box.thickness_mm, hint="the surrogate's box")
+    require_number(
+        "the reading's reach", reading.edges_mm[-1], 0.0, float(surrogate.radius_mm[-1]), hint="the face, mm"
+    )
+    rings = getattr(surrogate, field).mapped(ring_means(surrogate, reading.edges_mm))
+    at = rings.at_tissue(tissue_young_kpa, thickness_mm)
+    return reading(at(*table.T), at.plain)
+
+
+def printed_frame_outputs(
+    images: TactileImage | Sequence[TactileImage], *, threshold_grey: float
+) -> NDArray[np.float64]:
+    """The outputs as section 6.3.2 prints them, of raw frames.
+
+    Parameters
+    ----------
+    images
+        Frames of the pressed probe.
+    threshold_grey
+        Grey level above which a pixel counts as deformed, in [0, 65535]; the source's k, which it does not give.
+
+    Returns
+    -------
+    Grey level at the centroid, sum of grey levels, and number of pixels above the threshold; shape (n, 3).
+
+    Raises
+    ------
+    InputError
+        When there is no frame, or one is dark all over and so has no centroid.
+
+    Examples
+    --------
+    >>> from tsis.model import TactileImage
+    >>> printed_frame_outputs(TactileImage(grey=[[0.0, 2.0, 0.0], [2.0, 9.0, 2.0]]), threshold_grey=5.0).tolist()
+    [[9.0, 15.0, 1.0]]
+    """
+    threshold = require_number("threshold_grey", threshold_grey, 0.0, 65535.0, hint="grey levels")
+    frames = as_images("images", images)
+    if not frames:
+        raise InputError("images must hold a frame at least; got none")
+    return np.array([_printed(frame, threshold) for frame in frames])
+
+
+def _printed(frame: TactileImage, threshold: float) -> tuple[float, float, float]:
+    grey, total = frame.grey, float(frame.grey.sum())
+    if not total > 0:
+        raise InputError(f"every frame must hold light; {frame.name or 'an image'!r} sums to {total:g} grey levels")
+    rows, columns = np.indices(grey.shape)
+    row, column = round(float((rows * grey).sum()) / total), round(float((columns * grey).sum()) / total)
+    row, column = min(max(row, 0), grey.shape[0] - 1), min(max(column, 0), grey.shape[1] - 1)  # negative noise
+    return float(grey[row, column]), total, float(np.count_nonzero(grey > threshold))
+
+
+def frame_outputs(
+    images: TactileImage | Sequence[TactileImage],
+    reference: TactileImage,
+    reading: OutputReading,
+    *,
+    calibration: Calibration,
+) -> NDArray[np.float64]:
+    """The three outputs of frames, in grey levels at even light; section 6.3.2.
+
+    Parameters
+    ----------
+    images
+        Frames of the pressed probe over inclusions, of known force and scale.
+    reference
+        The same press on plain tissue, with the same force.
+    reading
+        How the outputs are read.
+    calibration
+        Background, and how unevenly the face is lit.
+
+    Returns
+    -------
+    Outputs of shape (n, 3): grey levels, grey levels times mm², and mm².
+
+    Raises
+    ------
+    InputError
+        When a force or scale is unknown, forces differ, or a ring lies outside the picture or is clipped all around.
+    ImageMismatchError
+        When the frames do not belong together.
+    """
+    require_type("calibration", calibration, Calibration)
+    require_type("reading", reading, OutputReading)
+    frames = [*as_images("images", images), *as_images("reference", reference)]
+    if len(frames) < 2:
+        raise InputError(f"images must hold a frame at least, beside the reference; got {len(frames) - 1}")
+    require_image_series(frames)
+    forces = {frame.force_n for frame in frames}
+    if len(forces) > 1:
+        raise InputError(f"force_n must be the same for all frames; got {sorted(str(force) for force in forces)}")
+    rings = np.array([_ring_means(frame, reading.edges_mm, calibration) for frame in frames])
+    unseen = int(np.isnan(rings).any(axis=0).sum())
+    if unseen:
+        raise InputError(
+            f"every ring to {reading.edges_mm[-1]:g} mm must have lit pixels in the picture that are not clipped; "
+            f"got {unseen} of {rings.shape[1]} rings without (lower the exposure or the reach)"
+        )
+    return reading(rings[:-1], rings[-1])
+
+
+def _ring_means(frame: TactileImage, edges_mm: NDArray[np.float64], calibration: Calibration) -> NDArray[np.float64]:
+    """Mean grey above the background in rings, at even light; NaN in rings that show nothing.
+
+    Where a lamp makes pixels clip, the others of the ring stand for them: the press is round. Their sum over the sum of
+    their light is, with photon noise, their best mean.
+    """
+    light: NDArray[np.floating[Any]] = np.ones(frame.grey.shape)
+    if calibration.light is not None:
+        (rows, columns), (x, y), (wide, high) = frame.grey.shape, frame.axis(), frame.scale()
+        light = calibration.light.at((np.arange(columns) - x) * wide, (np.arange(rows) - y) * high)
+    clipped = frame.grey >= frame.full_scale
+    lit = replace(frame, grey=np.where(clipped, frame.full_scale, light))  # leaves the same pixels out
+    seen, light_there = (radial_profile(one, edges_mm=edges_mm).mean_grey for one in (frame, lit))
+    return np.asarray((seen - calibration.background_grey) / np.where(light_there > 0, light_there, np.nan))

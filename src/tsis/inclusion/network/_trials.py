@@ -1,0 +1,168 @@
+"""From what the camera reads to what the simulation calls it: a straight line for each output (section 6.3.2)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.errors import InputError
+from tsis.inclusion.network._network import check_varies
+from tsis.inclusion.network._training import MOST_VALUES, train_network
+from tsis.model import require_array, require_number
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LinearMapping:
+    """Straight lines from measured to simulated outputs, one a column.
+
+    Attributes
+    ----------
+    slope, intercept
+        Of each output, shape (outputs,).
+    r_squared
+        Share of the simulated outputs' variance that the lines explain, shape (outputs,).
+    """
+
+    slope: NDArray[np.float64]
+    intercept: NDArray[np.float64]
+    r_squared: NDArray[np.float64]
+
+    def __call__(self, measured: ArrayLike) -> NDArray[np.float64]:
+        """Simulated outputs that belong to measured ones, shape (n, outputs)."""
+        return np.asarray(self.intercept + self.slope * require_array("measured", measured, ndim=2))
+
+
+def fit_mapping(measured: ArrayLike, simulated: ArrayLike) -> LinearMapping:
+    """Fit lines through known inclusions by least squares.
+
+    Parameters
+    ----------
+    measured, simulated
+        Outputs of the same inclusions from frames and from the simulation, shapes (n, outputs), n at least 2.
+
+    Raises
+    ------
+    InputError
+        When the tables do not fit together, or an output is the same for all inclusions.
+
+    Examples
+    --------
+    >>> mapping = fit_mapping([[1.0], [2.0], [4.0]], [[5.0], [7.0], [11.0]])
+    >>> mapping([[3.0]]).round(6).tolist(), mapping.r_squared.round(6).tolist()
+    ([[9.0]], [1.0])
+    """
+    x, y = require_array("measured", measured, ndim=2), require_array("simulated", simulated, ndim=2)
+    if x.shape != y.shape or len(x) < 2:
+        raise InputError(f"measured and simulated must have one shape, two rows or more; got {x.shape} and {y.shape}")
+    check_varies("measured", x)
+    check_varies("simulated", y)
+    from_mean, wanted = x - x.mean(axis=0), y - y.mean(axis=0)
+    slope = (from_mean * wanted).sum(axis=0) / (from_mean**2).sum(axis=0)
+    left = ((wanted - slope * from_mean) ** 2).sum(axis=0)
+    return LinearMapping(
+        slope=slope,
+        intercept=y.mean(axis=0) - slope * x.mean(axis=0),
+        r_squared=1.0 - left / (wanted**2).sum(axis=0),
+    )
+
+
+def leave_one_out_mapping(measured: ArrayLike, simulated: ArrayLike) -> NDArray[np.float64]:
+    """Each inclusion's measured outputs through lines that were fitted to the others; shape (n, outputs).
+
+    Parameters
+    ----------
+    measured, simulated
+        Outputs of n inclusions by frames and by the model, shape (n, outputs), n from three on, in the same units.
+
+    Raises
+    ------
+    InputError
+        When the shapes differ, or there are fewer than three inclusions.
+    """
+    x, y = require_array("measured", measured, ndim=2), require_array("simulated", simulated, ndim=2)
+    if x.shape != y.shape or len(x) < 3:
+        raise InputError(f"measured and simulated must have one shape, three rows or more; got {x.shape}, {y.shape}")
+    others = ~np.eye(len(x), dtype=bool)
+    return np.concatenate([fit_mapping(x[keep], y[keep])(x[~keep]) for keep in others])
+
+
+TRIALS = 100
+VALIDATED = 9  # of the 134 samples, as in the source
+
+
+def estimate_by_networks(
+    inputs: ArrayLike,
+    targets: ArrayLike,
+    unknown: ArrayLike,
+    *,
+    rng: np.random.Generator,
+    trials: int = TRIALS,
+    validated: int = VALIDATED,
+    hidden: Sequence[int] = (10,),
+    method: str = "scg",
+    patience: int = 6,
+    progress: Callable[[int, int], None] | None = None,
+) -> NDArray[np.float64]:
+    """Estimates by networks that differ in their first weights and in which samples stop their training.
+
+    Parameters
+    ----------
+    inputs, targets
+        Simulated outputs and the inclusions behind them, shapes (n, inputs) and (n, outputs).
+    unknown
+        Outputs to estimate from, shape (m, inputs).
+    rng
+        Draws weights and splits.
+    trials
+        How many networks, in [1, 1e5].
+    validated
+        Samples of each split that stop the training and change no weight, in [1, n - 2].
+    hidden, method, patience
+        See `train_network`.
+    progress
+        Called with (networks trained, networks in all) as the work goes on.
+
+    Returns
+    -------
+    Shape (trials, m, outputs).
+
+    Raises
+    ------
+    InputError
+        When tables are not finite, do not fit together or do not vary.
+    """
+    given, wanted = require_array("inputs", inputs, ndim=2), require_array("targets", targets, ndim=2)
+    if len(given) != len(wanted):
+        raise InputError(f"inputs and targets must have as many rows; got {len(given)} and {len(wanted)}")
+    trials = int(require_number("trials", trials, 1, 100_000))
+    validated = int(require_number("validated", validated, 1, max(1, len(given) - 2), hint="two samples must be left"))
+    rows = require_array("unknown", unknown, ndim=2)
+    if trials * len(rows) * wanted.shape[1] > MOST_VALUES:
+        raise InputError(
+            f"trials times rows of unknown times outputs must be at most {MOST_VALUES:g}; "
+            f"got {trials} x {len(rows)} x {wanted.shape[1]} (give fewer at a time)"
+        )
+    found = []
+    for trial in range(trials):
+        order = rng.permutation(len(given))
+        held, trained = order[:validated], order[validated:]
+        network, _ = train_network(
+            given[trained],
+            wanted[trained],
+            rng=rng,
+            validation=(given[held], wanted[held]),
+            hidden=hidden,
+            method=method,
+            patience=patience,
+        )
+        found.append(network(rows))
+        if progress is not None:
+            progress(trial + 1, trials)
+    return np.array(found)

@@ -1,0 +1,25 @@
+"""FIXME."""
+
+from tsis.inclusion.posterior._exploration import InclusionPosterior, explore_inclusion
+from tsis.inclusion.posterior._forward import THICKNESS, TISSUE, ForwardModel
+from tsis.inclusion.posterior._likelihood import InclusionLikelihood, Profiles, least_sd
+from tsis.inclusion.posterior._off_axis import FARTHEST, MOVES, off_axis_profile
+from tsis.inclusion.posterior._rings import RingShading, ring_answers, ring_correlation, ring_means
+
+__all__ = [
+    "FARTHEST",
+    "MOVES",
+    "THICKNESS",
+    "TISSUE",
+    "ForwardModel",
+    "InclusionLikelihood",
+    "InclusionPosterior",
+    "Profiles",
+    "RingShading",
+    "explore_inclusion",
+    "least_sd",
+    "off_axis_profile",
+    "ring_answers",
+    "ring_correlation",
+    "ring_means",
+]

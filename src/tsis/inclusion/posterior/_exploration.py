@@ -1,0 +1,223 @@
+"""Coordinates in which the posterior of an inclusion is nearly straight.
+
+Diameter and modulus trade off along a curve of equal signal ``d**3 g(E)``. With ``d g(E)**(1/3)`` in place of the
+diameter that curve becomes nearly a straight line, which a sheared grid can follow. What it is still bent is taken from
+a first look at the posterior: a parabola along the modulus, of the signal's diameter and of the depth.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.special import expit, logit
+
+from tsis.inclusion.posterior._grid import Grid, box_around, refine
+from tsis.mechanics.surrogate import contrast_factor
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.inclusion._prior import InclusionPrior
+    from tsis.inclusion.posterior._grid import SlantedBox
+    from tsis.inclusion.posterior._likelihood import InclusionLikelihood, LikelihoodFit, LinearisedLikelihood
+
+
+ROUNDING = 1e-9  # of a range: ends of a grid that are those of the prior lie inside
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SignalChart:
+    """Points (signal diameter, depth, modulus), each (n, 3), and back to inclusions (diameter, depth, modulus).
+
+    Attributes
+    ----------
+    prior
+        Ranges of the inclusions.
+    bend_mm
+        What is taken off signal diameter and depth at either end of the modulus's range, shape (2,).
+    """
+
+    prior: InclusionPrior
+    bend_mm: NDArray[np.float64]
+
+    @property
+    def low(self) -> NDArray[np.float64]:
+        """Lower corner of a box of points that holds the prior."""
+        bend = np.append(np.maximum(self.bend_mm, 0.0), 0.0)
+        return np.asarray(self.prior.low * np.array([self._stretch(self.prior.low[2]), 1.0, 1.0]) - bend)
+
+    @property
+    def high(self) -> NDArray[np.float64]:
+        """Upper corner of a box of points that holds the prior."""
+        bend = np.append(np.minimum(self.bend_mm, 0.0), 0.0)
+        return np.asarray(self.prior.high * np.array([self._stretch(self.prior.high[2]), 1.0, 1.0]) - bend)
+
+    def inclusions(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Inclusions at ``points``."""
+        straight = points[:, :2] + self._parabola(points[:, 2]) * self.bend_mm
+        return np.column_stack(
+            [straight[:, 0] / self._stretch(self._inside(points[:, 2])), straight[:, 1], points[:, 2]]
+        )
+
+    def points(self, inclusions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points of ``inclusions``."""
+        straight = inclusions[:, :2] * np.column_stack([self._stretch(inclusions[:, 2]), np.ones(len(inclusions))])
+        return np.column_stack([straight - self._parabola(inclusions[:, 2]) * self.bend_mm, inclusions[:, 2]])
+
+    def straightened(self, inclusions: NDArray[np.float64], weight: NDArray[np.float64]) -> SignalChart:
+        """The chart in which weighted inclusions (n, 3) lie as straight along the modulus as a parabola can make it."""
+        unbent = replace(self, bend_mm=np.zeros(2)).points(inclusions)
+        turn = self._turn(unbent[:, 2])
+        root = np.sqrt(weight)[:, None]
+        basis = np.column_stack([np.ones_like(turn), turn, turn**2])
+        factors, *_ = np.linalg.lstsq(root * basis, root * unbent[:, :2], rcond=None)
+        return replace(self, bend_mm=factors[2])
+
+    def allows(self, points: NDArray[np.float64]) -> NDArray[np.bool_]:
+        """Where the prior is not zero, shape (n,)."""
+        inclusions = self.inclusions(points)
+        margin = ROUNDING * (self.prior.high - self.prior.low)
+        inside = (inclusions >= self.prior.low - margin) & (inclusions <= self.prior.high + margin)
+        return np.asarray(inside.all(axis=1))
+
+    def log_volume(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Log of the volume of inclusions per volume of points, which keeps the prior uniform in inclusions."""
+        return np.asarray(-np.log(self._stretch(self._inside(points[:, 2]))))
+
+    def _stretch(self, young_kpa: NDArray[np.float64] | float) -> NDArray[np.float64]:
+        return np.asarray(np.cbrt(contrast_factor(np.asarray(young_kpa) / self.prior.tissue_young_kpa)))
+
+    def _inside(self, young_kpa: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Moduli no further out than the prior: corners of a grid may lie where nothing can be said."""
+        return np.clip(young_kpa, self.prior.low[2], self.prior.high[2])
+
+    def _turn(self, young_kpa: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Place in the modulus's range, from -1 to 1."""
+        low, high = self.prior.low[2], self.prior.high[2]
+        return np.asarray((2 * young_kpa - low - high) / (high - low))
+
+    def _parabola(self, young_kpa: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(self._turn(young_kpa) ** 2)[:, None]
+
+
+LINEARISATIONS = 2  # before that of the answer
+COARSE, CLOSE, CELLS = 12, 10, 16  # along each axis: anywhere, where a look was before, and in the answer
+LEFT = 0.1  # of the log likelihood that a parabola may miss
+CHUNK = 256  # inclusions whose likelihood is evaluated at a time
+CHECKED = 64  # places at which the fast likelihood is compared
+SAMPLES = 8192
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class InclusionPosterior:
+    """What frames tell about an inclusion.
+
+    Attributes
+    ----------
+    samples
+        Equally weighted diameters, depths and moduli, shape (n, 3).
+    middle
+        The mean in coordinates in which the posterior is straight, shape (3,); that of the samples may lie beside a
+        bent ridge.
+    fit
+        The fit at the middle.
+    log_bayes_factor
+        Log of how much better inclusions of the prior explain the frames than plain tissue does.
+    presence
+        Probability that there is an inclusion at all.
+    information
+        Fisher information of the three at the middle, shape (3, 3).
+    """
+
+    samples: NDArray[np.float64]
+    middle: NDArray[np.float64]
+    fit: LikelihoodFit
+    log_bayes_factor: float
+    presence: float
+    information: NDArray[np.float64]
+
+
+def explore_inclusion(likelihood: InclusionLikelihood, prior: InclusionPrior) -> InclusionPosterior:
+    """Find the posterior."""
+    chart, nuisance = SignalChart(prior=prior, bend_mm=np.zeros(2)), likelihood.start
+    place, near = (prior.low + prior.high) / 2, None
+    for _ in range(LINEARISATIONS):
+        grid = _search(likelihood.near(place, nuisance), chart, COARSE, near, finest=1)
+        inclusions = chart.inclusions(grid.cells.points)
+        place = chart.inclusions(grid.mean()[None])[0]
+        nuisance = likelihood.within(likelihood(place[None], nuisance).nuisance[0])
+        chart = chart.straightened(inclusions, grid.weight)
+        near = box_around(chart.points(inclusions), grid.log_density, grid.cells.edges)
+    nearby = likelihood.near(place, nuisance)
+    grid = _corrected(_search(nearby, chart, CELLS, near), likelihood, nearby, chart, nuisance)
+    middle = chart.inclusions(grid.mean()[None])[0]
+    log_volume = float(np.log(prior.high - prior.low).sum())
+    log_bayes_factor = grid.log_integral - log_volume - _plain_evidence(likelihood)
+    fit, information = likelihood.with_information(middle, nuisance)
+    return InclusionPosterior(
+        samples=np.clip(chart.inclusions(grid.samples(SAMPLES)), prior.low, prior.high),
+        middle=middle,
+        fit=fit,
+        log_bayes_factor=log_bayes_factor,
+        presence=float(expit(logit(prior.presence) + log_bayes_factor)),
+        information=information,
+    )
+
+
+def _search(
+    nearby: LinearisedLikelihood, chart: SignalChart, cells: int, near: SlantedBox | None, *, finest: int = 2
+) -> Grid:
+    """The grid of a fast likelihood, looked for first where it was ``near``."""
+
+    def density(points: NDArray[np.float64]) -> NDArray[np.float64]:
+        return nearby(chart.inclusions(points)) + chart.log_volume(points)
+
+    finder = COARSE if near is None else CLOSE
+    return refine(
+        density, chart.low, chart.high, support=chart.allows, per_axis=cells, finder=finder, near=near, finest=finest
+    )
+
+
+def _corrected(
+    grid: Grid,
+    likelihood: InclusionLikelihood,
+    nearby: LinearisedLikelihood,
+    chart: SignalChart,
+    nuisance: NDArray[np.float64],
+) -> Grid:
+    """The grid with the difference to the exact likelihood, a parabola through comparisons at samples."""
+    points = grid.samples(CHECKED)
+    inclusions = chart.inclusions(points)
+    missing = likelihood(inclusions, nuisance).log_evidence - nearby(inclusions)
+    middle, spread = points.mean(axis=0), points.std(axis=0)
+
+    def parabola(at: NDArray[np.float64]) -> NDArray[np.float64]:
+        x = (at - middle) / spread
+        products = [x[:, i] * x[:, j] for i in range(3) for j in range(i, 3)]
+        return np.column_stack([np.ones(len(x)), x, *products])
+
+    factors, *_ = np.linalg.lstsq(parabola(points), missing, rcond=None)
+    if np.std(missing - parabola(points) @ factors) > LEFT:
+        return _exact(grid, likelihood, chart, nuisance)
+    # Where no sample fell a parabola is a guess: it must not say more than was met.
+    met = np.clip(parabola(grid.cells.points) @ factors, missing.min(), missing.max())
+    return grid.with_density(grid.log_density + met)
+
+
+def _exact(grid: Grid, likelihood: InclusionLikelihood, chart: SignalChart, nuisance: NDArray[np.float64]) -> Grid:
+    """The grid under the exact likelihood, for posteriors so wide that no parabola fits; a tenth of a second."""
+    points = grid.cells.points
+    inclusions = chart.inclusions(points)
+    parts = np.array_split(inclusions, max(1, len(inclusions) // CHUNK))
+    log_evidence = np.concatenate([likelihood(part, nuisance).log_evidence for part in parts])
+    return grid.with_density(log_evidence + chart.log_volume(points))
+
+
+def _plain_evidence(likelihood: InclusionLikelihood) -> float:
+    """Log evidence of plain tissue."""
+    fit = likelihood(None, likelihood.start)
+    for _ in range(LINEARISATIONS):
+        fit = likelihood(None, likelihood.within(fit.nuisance[0]))
+    return float(fit.log_evidence[0])

@@ -1,0 +1,246 @@
+"""Ring profiles of grey level as a function of inclusion and nuisances, and what is unknown about them.
+
+Nuisances, all normal with mean 0: log gain (shared), log tissue modulus, log slab thickness, log modulus of the
+reference site over the target's, log modulus of the probe's layers, Poisson's ratio less the prior's, the square of the
+inclusion's distance from the axis less that believed, emphasis of the shading, and for each frame log force and a
+constant offset.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.imaging import rough_contact, rough_contact_slope
+from tsis.inclusion.posterior._rings import ANSWERS, TERMS
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.inclusion._prior import InclusionPrior
+    from tsis.inclusion.posterior._rings import RingAnswers, RingShading
+    from tsis.mechanics.surrogate import TissueSurrogate
+    from tsis.model import Calibration
+
+
+GAIN, TISSUE, THICKNESS, SITE, PROBE, POISSON, SPREAD = range(7)
+SHADE, SHARED = slice(7, 7 + TERMS), 7 + TERMS
+STEP = 1e-3  # of log moduli and log thickness, for derivatives
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ForwardModel:
+    """Grey profiles, at even light, of a set of frames.
+
+    Attributes
+    ----------
+    rings
+        Pressure, displacement and slope of each ring under any force that presses the whole face.
+    level
+        Light that each ring sees of the untouched face, shape (rings,): stray light does not pass through the face, so
+        in grey levels over light it is a constant over this.
+    shading
+        What displacement and slope do to the light that each ring sees.
+    calibration, prior
+        Answer of grey level to pressure; tissue around the inclusion.
+    force_n
+        Force of each frame, shape (frames,).
+    is_reference
+        Whether each frame shows plain tissue, shape (frames,).
+    alike
+        Correlation of the patterns between rings, shape (rings, rings); None when each ring errs on its own.
+    depletion_per_n
+        Light falls by ``1 / (1 + depletion_per_n * force)``, because contact takes it: the area in contact grows with
+        the force, wherever that is.
+    spread_sd
+        Standard deviation in mm**2 of the square of the inclusion's distance from the axis.
+    """
+
+    rings: RingAnswers
+    level: NDArray[np.float64]
+    shading: RingShading
+    calibration: Calibration
+    prior: InclusionPrior
+    force_n: NDArray[np.float64]
+    is_reference: NDArray[np.bool]
+    alike: NDArray[np.float64] | None = None
+    depletion_per_n: float = 0.0
+    spread_sd: float = 0.0
+
+    def nuisance_sd(self, mean_grey: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Prior standard deviations of the nuisances; ``mean_grey`` (frames,), as seen, scales the offsets."""
+        known = self.calibration
+        shared = [
+            known.gain_sd,
+            self.prior.tissue_young_sd,
+            self.prior.thickness_sd,
+            known.site_sd,
+            known.probe_young_sd,
+            self.prior.poisson_sd,
+            self.spread_sd,
+            *TERMS * [known.shading_sd],
+        ]
+        forces = np.full(len(self.force_n), known.force_sd)
+        return np.concatenate([shared, forces, known.offset_sd * mean_grey])
+
+    def grey(self, inclusions: NDArray[np.float64] | None, nuisance: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Grey profiles, shape (n, frames, rings), of inclusions (n, 3) of diameter, depth and modulus.
+
+        None stands for plain tissue, and gives n = 1.
+        """
+        presses = {plain: self._press(inclusions, nuisance, plain=plain) for plain in self._shown()}
+        count = 1 if inclusions is None else len(inclusions)
+        grey = np.empty((count, len(self.force_n), self.rings.count))
+        for frame, (push, offset) in enumerate(self._pushes(nuisance)):
+            press = self.rings.under(push, presses[bool(self.is_reference[frame])])
+            pressure, displacement, slope = np.split(press, ANSWERS, axis=-1)
+            shade = self.shading.factor(displacement, slope, nuisance[SHADE])
+            light = rough_contact(pressure, self.calibration) * shade
+            grey[:, frame] = np.exp(nuisance[GAIN]) * self._remaining(push) * light + offset / self.level
+        return grey
+
+    def profiles(
+        self, inclusions: NDArray[np.float64] | None, nuisance: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Grey profiles and their derivatives by the nuisances.
+
+        Parameters
+        ----------
+        inclusions
+            Diameter, depth and modulus, shape (n, 3); None for plain tissue, n = 1.
+        nuisance
+            Where to linearise, shape (nuisances,).
+
+        Returns
+        -------
+        Grey levels, shape (n, frames, rings), and derivatives, shape (n, frames, rings, nuisances).
+        """
+        frames, count = len(self.force_n), 1 if inclusions is None else len(inclusions)
+        grey = np.empty((count, frames, self.rings.count))
+        slopes = np.zeros((*grey.shape, len(nuisance)))
+        presses = {plain: self._press(inclusions, nuisance, plain=plain) for plain in self._shown()}
+        changes = {plain: self._changes(inclusions, nuisance, presses[plain], plain=plain) for plain in self._shown()}
+        for frame, (push, offset) in enumerate(self._pushes(nuisance)):
+            plain, gain = bool(self.is_reference[frame]), np.exp(nuisance[GAIN]) * self._remaining(push)
+            light, by_answer, by_shade = self._light(self.rings.under(push, presses[plain]), nuisance[SHADE])
+            grey[:, frame] = gain * light + offset / self.level
+            slopes[:, frame, :, GAIN] = gain * light
+            for place, change in changes[plain].items():
+                slopes[:, frame, :, place] = gain * _along(by_answer, self.rings.under(push, change))
+            slopes[:, frame, :, SHADE] = gain * by_shade
+            by_force = push * self.rings.per_newton(presses[plain])
+            lost = 1 - self._remaining(push)
+            slopes[:, frame, :, SHARED + frame] = gain * (_along(by_answer, by_force) - lost * light)
+            slopes[:, frame, :, SHARED + frames + frame] = 1 / self.level
+        return grey, slopes
+
+    def reach(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Ends of each nuisance between which the model can be linearised.
+
+        The surrogate ends somewhere; reference site and probe move the tissue a little beyond, where its polynomials
+        still hold. In two nuisances the model is linear, which at 0 saves evaluating them.
+        """
+        high = np.full(SHARED + 2 * len(self.force_n), np.inf)
+        low = -high
+        box = self.rings.answer.box
+        for place, ends, middle in (
+            (TISSUE, box.tissue_young_kpa, self.prior.tissue_young_kpa),
+            (THICKNESS, box.thickness_mm, self.prior.thickness_mm),
+        ):
+            low[place], high[place] = np.log(np.array(ends) / middle)
+        for place in (POISSON, SPREAD):
+            low[place] = high[place] = 0.0
+        return low, high
+
+    def table(self, nuisance: NDArray[np.float64]) -> TissueSurrogate:
+        """The surrogate's table at these nuisances: inclusions at which to know a profile is to know it everywhere."""
+        return self.rings.answer.at_tissue(
+            self.prior.tissue_young_kpa * float(np.exp(nuisance[TISSUE])),
+            self.prior.thickness_mm * float(np.exp(nuisance[THICKNESS])),
+        )
+
+    def _remaining(self, force_n: float) -> float:
+        """Share of the light that contact leaves."""
+        return 1 / (1 + self.depletion_per_n * force_n)
+
+    def _shown(self) -> set[bool]:
+        return set(self.is_reference.tolist())
+
+    def _pushes(self, nuisance: NDArray[np.float64]) -> list[tuple[float, float]]:
+        """Force in newtons and offset in grey levels of each frame."""
+        frames = len(self.force_n)
+        force = self.force_n * np.exp(nuisance[SHARED : SHARED + frames])
+        return list(zip(force.tolist(), nuisance[SHARED + frames :].tolist(), strict=True))
+
+    def _press(
+        self, inclusions: NDArray[np.float64] | None, nuisance: NDArray[np.float64], *, plain: bool
+    ) -> NDArray[np.float64]:
+        """What the rings answer to a press, (n, answers), on the target or on the reference site's ``plain`` tissue."""
+        shown = None if plain else inclusions
+        found = self._at(nuisance[TISSUE] + plain * nuisance[SITE], nuisance[THICKNESS], nuisance[PROBE], shown)
+        if not nuisance[[POISSON, SPREAD]].any():
+            return found
+        by_poisson, by_spread = self._linear(inclusions, plain=plain)
+        return np.asarray(found + nuisance[POISSON] * by_poisson + nuisance[SPREAD] * by_spread)
+
+    def _changes(
+        self,
+        inclusions: NDArray[np.float64] | None,
+        nuisance: NDArray[np.float64],
+        press: NDArray[np.float64],
+        *,
+        plain: bool,
+    ) -> dict[int, NDArray[np.float64]]:
+        """Derivatives of the rings' answers by the nuisances that change the press."""
+        shown = None if plain else inclusions
+        by_poisson, by_spread = self._linear(inclusions, plain=plain)
+        press = press - nuisance[POISSON] * by_poisson - nuisance[SPREAD] * by_spread
+        here = (float(nuisance[TISSUE] + plain * nuisance[SITE]), float(nuisance[THICKNESS]), float(nuisance[PROBE]))
+
+        def by(tissue: float, thickness: float, probe: float) -> NDArray[np.float64]:
+            there = self._at(here[0] + tissue, here[1] + thickness, here[2] + probe, shown)
+            return np.asarray((there - press) / STEP)
+
+        by_tissue = by(STEP, 0.0, 0.0)
+        return {
+            TISSUE: by_tissue,
+            THICKNESS: by(0.0, STEP, 0.0),
+            SITE: by_tissue if plain else np.zeros_like(by_tissue),
+            PROBE: by(0.0, 0.0, STEP),
+            POISSON: by_poisson,
+            SPREAD: by_spread,
+        }
+
+    def _at(
+        self, log_tissue: float, log_thickness: float, log_probe: float, inclusions: NDArray[np.float64] | None
+    ) -> NDArray[np.float64]:
+        """Answers of the rings; a probe stiffer by a factor presses as the nominal one does tissue softer by it."""
+        stiffer = float(np.exp(log_probe))
+        tissue = self.prior.tissue_young_kpa * float(np.exp(log_tissue)) / stiffer
+        thickness = self.prior.thickness_mm * float(np.exp(log_thickness))
+        shown = None if inclusions is None else inclusions / np.array([1.0, 1.0, stiffer])
+        return self.rings.stiffened(stiffer, self.rings.on(tissue, thickness, shown))
+
+    def _linear(
+        self, inclusions: NDArray[np.float64] | None, *, plain: bool
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Derivatives by Poisson's ratio and by the spread, in which the answers are taken as linear."""
+        return self.rings.linear(self.prior.tissue_young_kpa, self.prior.thickness_mm, None if plain else inclusions)
+
+    def _light(
+        self, press: NDArray[np.float64], emphasis: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+        """Grey levels of presses (n, 3 rings) at nominal gain, and derivatives by each answer and by the emphasis."""
+        pressure, displacement, slope = np.split(press, ANSWERS, axis=-1)
+        contact = rough_contact(pressure, self.calibration)
+        shade = self.shading(displacement, slope, emphasis)
+        by_pressure = rough_contact_slope(pressure, self.calibration) * shade.factor
+        by_answer = np.concatenate([by_pressure, contact * shade.by_displacement, contact * shade.by_slope], axis=-1)
+        return contact * shade.factor, by_answer, contact[..., None] * shade.by_emphasis
+
+
+def _along(by_answer: NDArray[np.float64], direction: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Derivative of the rings' light along a change of the press: the sum over the three answers."""
+    return np.asarray(sum(np.split(by_answer * direction, ANSWERS, axis=-1)))

@@ -1,0 +1,318 @@
+"""Cells of a sheared box, and how much of each lies inside the support of a density."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy
+from scipy.optimize import brentq
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    Support = Callable[[NDArray[np.float64]], NDArray[np.bool_]]
+
+
+@cache
+def _lattice(per_axis: int, *, ends: bool) -> NDArray[np.float64]:
+    """Points of a regular lattice in the cube [-1/2, 1/2]**3, with its faces or without, shape (per_axis**3, 3)."""
+    steps = np.linspace(-0.5, 0.5, per_axis) if ends else (np.arange(per_axis) + 0.5) / per_axis - 0.5
+    points = np.stack(np.meshgrid(steps, steps, steps, indexing="ij"), axis=-1).reshape(-1, 3)
+    points.flags.writeable = False
+    return points
+
+
+CORNERS = 8  # of a cell
+INNER = _lattice(4, ends=False)
+INNER_AND_ENDS = _lattice(5, ends=True)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class GridCells:
+    """Cells of a sheared box that lie at least in part inside the support.
+
+    Attributes
+    ----------
+    centre
+        Their centres, shape (n, 3).
+    edges
+        One cell's edge vectors as rows, shape (3, 3).
+    points
+        Centroids of the parts inside, shape (n, 3).
+    share
+        Share of each cell that lies inside, shape (n,), in (0, 1].
+    """
+
+    centre: NDArray[np.float64]
+    edges: NDArray[np.float64]
+    points: NDArray[np.float64]
+    share: NDArray[np.float64]
+
+
+def cells_of(origin: NDArray[np.float64], axes: NDArray[np.float64], per_axis: int, support: Support) -> GridCells:
+    """Cells of the box spanned by the rows of ``axes``, without those outside the support."""
+    centre = origin + (_lattice(per_axis, ends=False) + 0.5) @ axes
+    edges = axes / per_axis
+    if support(origin + (INNER_AND_ENDS + 0.5) @ axes).all():  # the region bulges little, so that all cells lie inside
+        return GridCells(centre=centre, edges=edges, points=centre, share=np.ones(len(centre)))
+    corners = _corners_inside(origin, axes, per_axis, support)
+    centre, corners = centre[corners > 0], corners[corners > 0]
+    points, share = centre.copy(), np.ones(len(centre))
+    cut = corners < CORNERS
+    inner = centre[cut][:, None] + INNER @ edges
+    inside = support(inner.reshape(-1, 3)).reshape(-1, len(INNER)).astype(float)
+    count = inside.sum(axis=1)
+    share[cut] = count / len(INNER)
+    points[cut] += (inside / np.maximum(count, 1.0)[:, None]) @ INNER @ edges
+    some = share > 0
+    return GridCells(centre=centre[some], edges=edges, points=points[some], share=share[some])
+
+
+def _corners_inside(
+    origin: NDArray[np.float64], axes: NDArray[np.float64], per_axis: int, support: Support
+) -> NDArray[np.int64]:
+    """How many corners of each cell lie inside the support, shape (cells,); neighbours share theirs."""
+    vertices = support(origin + (_lattice(per_axis + 1, ends=True) + 0.5) @ axes)
+    cube = vertices.reshape(3 * (per_axis + 1,)).astype(np.int64)
+    for axis in range(3):
+        low, high = (np.take(cube, range(start, start + per_axis), axis=axis) for start in (0, 1))
+        cube = low + high
+    return cube.ravel()
+
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    # FIXME
+
+    LogDensity = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+    SlantedBox = tuple[NDArray[np.float64], NDArray[np.float64]]  # a corner, and its edges as rows
+
+ENOUGH_SHARE = 0.04  # of the cells: effective number that a refinement step leaves; fewer alias thin slanted densities
+NEGLIGIBLE = np.log(1e-7)  # log weight, relative to the best cell, that the next grid may leave out
+FAINT = np.log(1e-2)  # the same after tempering: the density itself is far smaller there
+STEPS = 40
+FEWEST = 12  # cells along each axis with which a density is found that may lie anywhere
+WIDER = 2.0  # than a box that held nearly the same density
+STUCK = 0.7  # share of the volume: a box that shrinks less cannot be resolved by shrinking
+TRIES = 16  # draws from a cell at the edge before its centroid is taken
+ELSEWHERE = np.array([0.8191725134, 0.6710436067, 0.5497004779])  # Kronecker sequence that fills a cube evenly
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Grid:
+    """Cells of a density.
+
+    Attributes
+    ----------
+    cells
+        Where it is not negligible.
+    log_density
+        Log density at their points, shape (n,).
+    support
+        Where it is not zero.
+    """
+
+    cells: GridCells
+    log_density: NDArray[np.float64]
+    support: Support
+
+    @property
+    def weight(self) -> NDArray[np.float64]:
+        """Share of the density that each cell holds, shape (n,); they sum to one."""
+        weight = self.cells.share * np.exp(self.log_density - self.log_density.max())
+        return np.asarray(weight / weight.sum())
+
+    @property
+    def log_integral(self) -> float:
+        """Log of the integral of the density over all cells."""
+        most = float(self.log_density.max())
+        total = float((self.cells.share * np.exp(self.log_density - most)).sum())
+        return most + float(np.log(total * abs(np.linalg.det(self.cells.edges))))
+
+    def with_density(self, log_density: NDArray[np.float64]) -> Grid:
+        """The same cells under another density."""
+        return replace(self, log_density=log_density)
+
+    def mean(self) -> NDArray[np.float64]:
+        """Weighted mean of the points, shape (3,)."""
+        return np.asarray(self.weight @ self.cells.points)
+
+    def samples(self, count: int) -> NDArray[np.float64]:
+        """``count`` equally weighted samples by a Sobol sequence, shape (count, 3): the same every time."""
+        unit = scipy.stats.qmc.Sobol(4, scramble=False).random_base2(int(np.ceil(np.log2(count))))[:count] + 0.5 / count
+        chosen = np.minimum(np.searchsorted(np.cumsum(self.weight), unit[:, 0] % 1.0), len(self.weight) - 1)
+        place, centre = unit[:, 1:], self.cells.centre[chosen]
+        for _ in range(TRIES):
+            drawn = centre + (place % 1.0 - 0.5) @ self.cells.edges
+            inside = self.support(drawn)
+            if inside.all():
+                return drawn
+            place = np.where(inside[:, None], place, place + ELSEWHERE)
+        return np.where(inside[:, None], drawn, self.cells.points[chosen])
+
+
+def refine(
+    log_density: LogDensity,
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+    *,
+    support: Support | None = None,
+    per_axis: int = 16,
+    finder: int = 16,
+    near: SlantedBox | None = None,
+    finest: int = 2,
+) -> Grid:
+    """Refine a grid on the box [low, high] until it resolves the density.
+
+    Parameters
+    ----------
+    log_density
+        Log density, up to a constant, of points (n, 3); called once a refinement.
+    low, high
+        A box that holds all of the density, shape (3,) each.
+    support
+        Whether the density of points (n, 3) is not zero, in a region without
+        dents; the box when None.
+    per_axis
+        Cells along each axis of the answer.
+    finder
+        Cells along each axis of the grids that find where it lies, at most ``per_axis``; `FEWEST` or more where it may
+        lie anywhere.
+    near
+        Box of a density that is much the same, in which to look first.
+    finest
+        Times as many cells along each axis as asked for, at most, for a density so bent that its box stays wide.
+    """
+    if support is None:
+
+        def support(points: NDArray[np.float64]) -> NDArray[np.bool_]:
+            return np.asarray(((points >= low) & (points <= high)).all(axis=1))
+
+    def look(box: SlantedBox, count: int) -> _Look:
+        cells = cells_of(*box, count, support)
+        return _Look(box=box, per_axis=count, cells=cells, log_density=log_density(cells.points))
+
+    start = None if near is None else look(near, finder)
+    if start is None or not start.holds:
+        start = look((low, np.diag(high - low)), max(finder, FEWEST))
+    answer = look(*_find(look, start, (low, high), (per_axis, finest * per_axis)))
+    return Grid(cells=answer.cells, log_density=answer.log_density, support=support)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Look:
+    """A density in the cells of a box."""
+
+    box: SlantedBox
+    per_axis: int
+    cells: GridCells
+    log_density: NDArray[np.float64]
+
+    @property
+    def log_weight(self) -> NDArray[np.float64]:
+        """Log of what each cell holds over what the fullest does."""
+        weight = self.log_density + np.log(self.cells.share)
+        return np.asarray(weight - weight.max())
+
+    @property
+    def holds(self) -> bool:
+        """Whether the density is faint where the box ends, but for where it ends itself."""
+        if not len(self.cells.centre):
+            return False
+        origin, axes = self.box
+        place = (self.cells.centre - origin) @ np.linalg.inv(axes)
+        outermost = (np.abs(place - 0.5) > 0.5 - 1 / self.per_axis).any(axis=1) & (self.cells.share == 1.0)
+        return not outermost.any() or float(self.log_weight[outermost].max()) < FAINT
+
+
+def box_around(points: NDArray[np.float64], log_density: NDArray[np.float64], edges: NDArray[np.float64]) -> SlantedBox:
+    """A sheared box with room to spare around a density at points (n, 3), each the middle of a cell of such edges."""
+    log_weight = log_density - log_density.max()
+    weight = np.exp(log_weight)
+    weight /= weight.sum()
+    middle = weight @ points
+    centred = points - middle
+    shear = _shear((weight[:, None] * centred).T @ centred + edges.T @ edges / 12)
+    inverse = np.linalg.inv(shear)
+    along = centred[log_weight > NEGLIGIBLE] @ inverse.T
+    margin = np.abs(edges @ inverse.T).sum(axis=0) / 2
+    first, last = along.min(axis=0) - margin, along.max(axis=0) + margin
+    first, last = (first + last) / 2 - WIDER * (last - first) / 2, (first + last) / 2 + WIDER * (last - first) / 2
+    return middle + shear @ first, (shear * (last - first)).T
+
+
+def _find(
+    look: Callable[[SlantedBox, int], _Look],
+    found: _Look,
+    ends: tuple[NDArray[np.float64], NDArray[np.float64]],
+    counts: tuple[int, int],
+) -> tuple[SlantedBox, int]:
+    """The box that holds a density and no more, and cells along its axes; ``counts`` are the wanted and the most."""
+    (fine, most), per_axis = counts, found.per_axis
+    resolved = False
+    for _ in range(STEPS):
+        log_weight = found.log_weight
+        power = _temper(log_weight, min(ENOUGH_SHARE * per_axis**3, len(log_weight) / 2))
+        box = _sheared_box(found.cells, log_weight, power, *ends)
+        # One more grid at temperature one: the last that was tempered is too wide for the density itself.
+        if resolved and power == 1.0:
+            break
+        resolved = power == 1.0
+        if power < 1.0 and abs(np.linalg.det(box[1])) > STUCK * abs(np.linalg.det(found.box[1])):
+            if per_axis >= most:
+                break
+            per_axis = min(3 * per_axis // 2, most)
+        found = look(box, per_axis)
+    return box, max(per_axis, fine)
+
+
+def _temper(log_weight: NDArray[np.float64], enough: float) -> float:
+    """Largest power of the density, at most one, at which the effective number of cells is ``enough``."""
+
+    def excess(log_power: float) -> float:
+        weight = np.exp(log_weight * np.exp(log_power))
+        return float(weight.sum() ** 2 / (weight**2).sum()) - enough
+
+    return 1.0 if excess(0.0) >= 0 else float(np.exp(brentq(excess, -30.0, 0.0, xtol=1e-2)))
+
+
+def _sheared_box(
+    cells: GridCells,
+    log_weight: NDArray[np.float64],
+    power: float,
+    low: NDArray[np.float64],
+    high: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Box that holds all cells of weight, sheared along the tempered points: its origin, and its edges as rows."""
+    weight = np.exp(power * log_weight)
+    weight /= weight.sum()
+    middle = weight @ cells.points
+    centred = cells.points - middle
+    covariance = (weight[:, None] * centred).T @ centred + cells.edges.T @ cells.edges / 12
+    shear = _shear(covariance)
+    inverse = np.linalg.inv(shear)
+    along = centred[log_weight > min(NEGLIGIBLE, FAINT / power)] @ inverse.T
+    margin = np.abs(cells.edges @ inverse.T).sum(axis=0) / 2
+    first, last = along.min(axis=0) - margin, along.max(axis=0) + margin
+    first[2] = max(first[2], (low[2] - middle[2]) * inverse[2, 2])
+    last[2] = min(last[2], (high[2] - middle[2]) * inverse[2, 2])
+    return middle + shear @ first, (shear * (last - first)).T
+
+
+def _shear(covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Triangular root of a covariance in which the last coordinate leads.
+
+    Its range is never tilted, so that a flat posterior keeps the prior's ends exactly.
+    """
+    lead = np.ix_([2, 1, 0], [2, 1, 0])
+    shear = np.zeros((3, 3))
+    shear[lead] = np.linalg.cholesky(covariance[lead])
+    return shear

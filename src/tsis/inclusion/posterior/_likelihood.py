@@ -1,0 +1,187 @@
+"""The least spread of any unbiased estimate: the Cramér–Rao bound of a Fisher information."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import cholesky, solve_triangular
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.inclusion.posterior._forward import ForwardModel
+    from tsis.mechanics.surrogate import TissueSurrogate
+    from tsis.model import Calibration
+
+
+def least_sd(information: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Least standard deviation of each parameter, shape (..., k), of information (..., k, k).
+
+    Infinite for all of them where some combination of them is not told at all.
+    """
+    values, directions = np.linalg.eigh(information)
+    told = values[..., :1] > np.finfo(float).eps * values[..., -1:]  # they ascend
+    variance = np.einsum("...ij,...j->...i", directions**2, 1 / np.where(told, values, 1.0))
+    return np.asarray(np.where(told, np.sqrt(variance), np.inf))
+
+
+NEGLIGIBLE_SIZE = 1e-2  # of a residual, in units of its noise, over all inclusions
+BELIEVABLE = 3.0  # standard deviations of a nuisance
+DERIVATIVE_STEP = 1e-3  # of each parameter
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Profiles:
+    """Measured ring profiles.
+
+    Attributes
+    ----------
+    grey
+        Mean grey level above background at even light, shape (frames, rings).
+    variance
+        Variance of each mean by pixel noise and by the error of the press model, shape (frames, rings).
+    usable
+        Rings in which nothing clips and pixels exist, shape (frames, rings).
+    """
+
+    grey: NDArray[np.float64]
+    variance: NDArray[np.float64]
+    usable: NDArray[np.bool]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LikelihoodFit:
+    """Log evidence of each inclusion (n,), its best nuisances (n, nuisances) and the misfit there (n,)."""
+
+    log_evidence: NDArray[np.float64]
+    nuisance: NDArray[np.float64]
+    misfit: NDArray[np.float64]
+
+
+class InclusionLikelihood:
+    """Likelihood of inclusions given profiles."""
+
+    def __init__(self, model: ForwardModel, data: Profiles) -> None:
+        self.model = model
+        self._data = data
+        # Rings without a usable pixel would give an offset of NaN; they are not used.
+        means = np.array(
+            [
+                grey[use].mean() if use.any() else 0.0
+                for grey, use in zip(data.grey * model.level, data.usable, strict=True)
+            ]
+        )
+        self._sd = model.nuisance_sd(np.maximum(means, 1e-6))
+        self._use = np.flatnonzero(data.usable.ravel())
+        alike = np.eye(data.grey.shape[1]) if model.alike is None else model.alike
+        covariance = noise_covariance(data, model.calibration, alike)[np.ix_(self._use, self._use)]
+        self._whitening = solve_triangular(cholesky(covariance, lower=True), np.eye(len(self._use)), lower=True)
+        self.start = np.zeros(len(self._sd))
+
+    def __call__(self, inclusions: NDArray[np.float64] | None, nuisance: NDArray[np.float64]) -> LikelihoodFit:
+        """Evaluate inclusions (n, 3), or plain tissue, n = 1; each is linearised on its own at ``nuisance``."""
+        grey, slopes = self.model.profiles(inclusions, nuisance)
+        white = self._whiten(self._data.grey - grey)
+        # With eta = nuisance + step, y - m(nuisance) = J step, and the prior pulls eta, not the step, to zero.
+        turned = self._whiten(slopes) * self._sd
+        return _fit(white + turned @ self._units(nuisance), turned, self._sd)
+
+    def near(self, inclusion: NDArray[np.float64], nuisance: NDArray[np.float64]) -> LinearisedLikelihood:
+        """The likelihood with the derivatives by the nuisances at one inclusion (3,) taken to hold everywhere."""
+        _, slopes = self.model.profiles(inclusion[None], nuisance)
+        turned = self._whiten(slopes)[0] * self._sd
+        root = cholesky(turned @ turned.T + np.eye(len(turned)), lower=True)
+        start = turned @ self._units(nuisance)
+
+        def residual(inclusions: NDArray[np.float64] | None) -> NDArray[np.float64]:
+            white = self._whiten(self._data.grey - self.model.grey(inclusions, nuisance)) + start
+            return np.asarray(solve_triangular(root, white.T, lower=True).T)
+
+        table = self.model.table(nuisance)
+        plain, at_nodes = residual(None)[0], residual(table.nodes())
+        # Few directions of the residual depend on the inclusion; the rest is a constant.
+        _, size, directions = np.linalg.svd(at_nodes - plain, full_matrices=False)
+        kept = directions[: max(1, int((size > NEGLIGIBLE_SIZE).sum()))]
+        rest = plain - kept.T @ (kept @ plain)
+        return LinearisedLikelihood(
+            residual=table.through(kept @ plain, at_nodes @ kept.T),
+            constant=float(-0.5 * rest @ rest - np.log(np.diag(root)).sum()),
+        )
+
+    def with_information(
+        self, inclusion: NDArray[np.float64], nuisance: NDArray[np.float64]
+    ) -> tuple[LikelihoodFit, NDArray[np.float64]]:
+        """The fit of one inclusion (3,), and the Fisher information of its three parameters there, (3, 3).
+
+        Every nuisance is integrated out of both.
+        """
+        grey, slopes = self.model.profiles(inclusion[None], nuisance)
+        turned = self._whiten(slopes) * self._sd
+        white = self._whiten(self._data.grey - grey)
+        steps = np.diag(DERIVATIVE_STEP * inclusion)
+        ends = self.model.grey(np.concatenate([inclusion + steps, inclusion - steps]), nuisance)
+        change = self._whiten(ends[:3] - ends[3:]) / (2 * np.diag(steps))[:, None]
+        root = cholesky(turned[0] @ turned[0].T + np.eye(turned.shape[1]), lower=True)
+        told = solve_triangular(root, change.T, lower=True)
+        return _fit(white + turned @ self._units(nuisance), turned, self._sd), told.T @ told
+
+    def within(self, nuisance: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The nearest nuisances at which to linearise: believable, inside the surrogate's box, and 0 where linear."""
+        low, high = self.model.reach()
+        limit = BELIEVABLE * self._sd
+        return np.clip(nuisance, np.maximum(low, -limit), np.minimum(high, limit))
+
+    def _units(self, nuisance: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Nuisances in units of their standard deviations; one that is known exactly is no special case."""
+        return np.divide(nuisance, self._sd, out=np.zeros_like(self._sd), where=self._sd > 0)
+
+    def _whiten(self, columns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Apply the inverse root of the noise covariance to (n, frames, rings, ...); shape (n, used rings, ...)."""
+        flat = columns.reshape(len(columns), -1, *columns.shape[3:])[:, self._use]
+        return np.asarray(np.tensordot(self._whitening, flat, axes=(1, 1)).swapaxes(0, 1))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LinearisedLikelihood:
+    """A likelihood whose derivatives by the nuisances are those at one inclusion: fast, and exact there.
+
+    Attributes
+    ----------
+    residual
+        Surrogate of the residual in those directions that depend on the inclusion, of unit covariance.
+    constant
+        The rest of the log evidence.
+    """
+
+    residual: TissueSurrogate
+    constant: float
+
+    def __call__(self, inclusions: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Log evidence of inclusions (n, 3)."""
+        residual = self.residual(*inclusions.T)
+        return np.asarray(self.constant - 0.5 * np.einsum("nk,nk->n", residual, residual))
+
+
+def _fit(white: NDArray[np.float64], turned: NDArray[np.float64], sd: NDArray[np.float64]) -> LikelihoodFit:
+    """Integrate the nuisances out of whitened residuals (n, m), linear in them by ``turned`` (n, m, nuisances)."""
+    normal = np.swapaxes(turned, 1, 2) @ turned + np.eye(len(sd))
+    right = np.swapaxes(turned, 1, 2) @ white[:, :, None]
+    best = np.asarray(np.linalg.solve(normal, right)[:, :, 0], dtype=float)
+    square = (white**2).sum(axis=1) - (right[:, :, 0] * best).sum(axis=1)
+    _, log_determinant = np.linalg.slogdet(normal)
+    return LikelihoodFit(log_evidence=-0.5 * (square + log_determinant), nuisance=best * sd, misfit=square)
+
+
+def noise_covariance(data: Profiles, calibration: Calibration, alike: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Covariance of the ring means, shape (frames * rings, frames * rings).
+
+    The fixed pattern is common to all frames, repeatability is each press's own, and both are ``alike`` in rings that
+    lie near each other, (rings, rings); the noise of pixels and the error of the press model are each ring's own.
+    """
+    frames, rings = data.grey.shape
+    between = np.full((frames, frames), calibration.pattern_sd**2) + calibration.repeatability_sd**2 * np.eye(frames)
+    covariance = data.grey.ravel()[:, None] * data.grey.ravel() * np.kron(between, alike)
+    covariance[np.diag_indices(frames * rings)] += data.variance.ravel()
+    return np.asarray(covariance)

@@ -1,0 +1,265 @@
+"""What a press does to rings around the probe's axis, under any force that presses the whole face."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from tsis.inclusion.posterior._off_axis import off_axis_profile
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.mechanics.surrogate import FullContactParts, FullContactSurrogate, Surrogate
+
+
+ANSWERS = 3  # of a press, a ring: pressure, displacement, slope
+POINTS = 6  # of quadrature over a ring
+
+
+class FaceProfiles(Protocol):
+    """Anything that tells profiles over the face's radius."""
+
+    @property
+    def radius_mm(self) -> NDArray[np.float64]:
+        """Radii from the axis to the edge, shape (n,)."""
+
+    def interpolation(self, radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Matrix from profiles to values at ``radius_mm``."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RingAnswers:
+    """Mean pressure in kPa of each ring, then mean displacement of the face in mm, then its mean slope.
+
+    A press is affine in its force: what one newton does, and under a dome also what its shape does at no force. Answers
+    hold the first, then the second.
+
+    Attributes
+    ----------
+    answer
+        Surrogate of the answers.
+    by_poisson
+        Their derivative by Poisson's ratio of tissue and inclusion.
+    by_spread
+        Their derivative by the square of the inclusion's distance from the axis, per mm**2.
+    is_domed
+        Whether there is a second part.
+    """
+
+    answer: Surrogate
+    by_poisson: Surrogate
+    by_spread: Surrogate
+    is_domed: bool
+
+    @property
+    def count(self) -> int:
+        """Number of rings."""
+        return int(self.answer.plain.shape[-1]) // (ANSWERS * (1 + self.is_domed))
+
+    def on(
+        self, tissue_young_kpa: float, thickness_mm: float, inclusions: NDArray[np.float64] | None
+    ) -> NDArray[np.float64]:
+        """Answers (n, answers) on tissue with inclusions (n, 3), or on plain tissue, n = 1."""
+        return _evaluate(self.answer, tissue_young_kpa, thickness_mm, inclusions)
+
+    def linear(
+        self, tissue_young_kpa: float, thickness_mm: float, inclusions: NDArray[np.float64] | None
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Derivatives of the answers by Poisson's ratio and by the spread."""
+        by_poisson = _evaluate(self.by_poisson, tissue_young_kpa, thickness_mm, inclusions)
+        if inclusions is None:
+            return by_poisson, np.zeros_like(by_poisson)
+        return by_poisson, _evaluate(self.by_spread, tissue_young_kpa, thickness_mm, inclusions)
+
+    def stiffened(self, factor: float, answers: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Answers of a probe stiffer by ``factor`` on tissue stiffer by it: pressures and force share their unit."""
+        per_newton = np.repeat([1.0, 1 / factor, 1 / factor], self.count)
+        if not self.is_domed:
+            return np.asarray(answers * per_newton)
+        return np.asarray(answers * np.concatenate([per_newton, np.repeat([factor, 1.0, 1.0], self.count)]))
+
+    def per_newton(self, answers: NDArray[np.float64]) -> NDArray[np.float64]:
+        """What one more newton does, shape (n, 3 rings)."""
+        return answers[..., : ANSWERS * self.count]
+
+    def under(self, force_n: float, answers: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Pressures, displacements and slopes under a force, shape (n, 3 rings)."""
+        pressed = np.asarray(force_n * self.per_newton(answers))
+        return pressed + answers[..., ANSWERS * self.count :] if self.is_domed else pressed
+
+
+def _evaluate(
+    surrogate: Surrogate, tissue_young_kpa: float, thickness_mm: float, inclusions: NDArray[np.float64] | None
+) -> NDArray[np.float64]:
+    if inclusions is None:
+        return surrogate.plain_at(tissue_young_kpa, thickness_mm)[None]
+    return surrogate.at_tissue(tissue_young_kpa, thickness_mm)(*inclusions.T)
+
+
+def ring_answers(
+    surrogate: FullContactSurrogate,
+    edges_mm: NDArray[np.float64],
+    level: NDArray[np.float64],
+    *,
+    offset_mm: float = 0.0,
+) -> RingAnswers:
+    """Answers of the rings, weighted by the light's level in each.
+
+    Parameters
+    ----------
+    surrogate
+        Answers over the face's radius.
+    edges_mm
+        Boundaries of the rings.
+    level
+        Light that each ring sees.
+    offset_mm
+        How far the inclusion lies from the axis; see `off_axis_profile`.
+    """
+    means = ring_means(surrogate, edges_mm, level)
+    around = off_axis_profile(surrogate.radius_mm, offset_mm)
+    step = float(edges_mm[1])
+    spread = (off_axis_profile(surrogate.radius_mm, float(np.hypot(offset_mm, step))) - around) / step**2
+    centred = np.eye(len(surrogate.radius_mm))
+
+    slopes = means @ np.gradient(centred, surrogate.radius_mm, axis=0)
+
+    def mapped(
+        parts: FullContactParts | FullContactSurrogate, plain: NDArray[np.float64], change: NDArray[np.float64]
+    ) -> Surrogate:
+        first, *others = [
+            _mapped_apart(answer, rows @ plain, rows @ change)
+            for part in (parts.unit, parts.shape)
+            if part is not None
+            for answer, rows in (
+                (part.pressure_kpa, means),
+                (part.face_displacement_mm, means),
+                (part.face_displacement_mm, slopes),
+            )
+        ]
+        return first.joined(*others)
+
+    return RingAnswers(
+        answer=mapped(surrogate, centred, around),
+        by_poisson=mapped(surrogate.by_poisson, centred, around),
+        by_spread=mapped(surrogate, np.zeros_like(centred), spread),
+        is_domed=surrogate.shape is not None,
+    )
+
+
+def _mapped_apart(answer: Surrogate, plain: NDArray[np.float64], change: NDArray[np.float64]) -> Surrogate:
+    """Plain tissue by one linear map and the change by an inclusion by another."""
+    return replace(answer.mapped(change), plain=answer.plain @ plain.T)
+
+
+def ring_means(
+    surrogate: FaceProfiles, edges_mm: NDArray[np.float64], level: NDArray[np.float64] | None = None
+) -> NDArray[np.float64]:
+    """Matrix from profiles to means over the rings' areas, shape (rings, radii of the profile).
+
+    With the light's ``level`` in each ring the means are weighted by it, as those of grey over light are.
+    """
+    x, w = np.polynomial.legendre.leggauss(POINTS)
+    half = np.diff(edges_mm) / 2
+    radius = edges_mm[:-1, None] + half[:, None] * (x + 1)
+    middle = edges_mm[:-1] + half
+    weight = radius * w * (1.0 if level is None else np.interp(radius, middle, level))
+    weight = weight / weight.sum(axis=1, keepdims=True)
+    values = surrogate.interpolation(radius.ravel()).reshape(*radius.shape, -1)
+    return np.asarray(np.einsum("rq,rqn->rn", weight, values))
+
+
+def ring_correlation(edges_mm: NDArray[np.float64], grain_mm: float) -> NDArray[np.float64]:
+    """How alike rings are in a pattern of variance one whose grains are ``grain_mm`` wide, shape (rings, rings).
+
+    A pattern that is linear between independent values, wherever these lie, has a cubic B-spline as its covariance.
+    """
+    x, weight = np.polynomial.legendre.leggauss(POINTS)
+    half = np.diff(edges_mm)[:, None] / 2
+    radius = edges_mm[:-1, None] + half * (x + 1)
+    share = radius * weight
+    share /= share.sum(axis=1, keepdims=True)
+    apart = np.abs(radius[:, :, None, None] - radius) / grain_mm
+    spline = np.maximum(2 - apart, 0.0) ** 3 / 6 - 4 * np.maximum(1 - apart, 0.0) ** 3 / 6
+    return np.asarray(np.einsum("ap,bq,apbq->ab", share, share, 1.5 * spline))
+
+
+TERMS = 3  # of the emphasis along the radius
+DARKEST = 1e-3  # light on a flank that the lamps do not reach, over that on the level face
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RingShading:
+    """Factor ``(exp(growth u + bend u**2) (1 + flux u'))^(1 + emphasis)`` of each ring's light, for a round press.
+
+    The face is displaced by u. The emphasis is the error in what is known of this factor, 0 when that is exact: a
+    parabola along the radius, because what is wrong in a map of light is not wrong in the same way everywhere.
+
+    Attributes
+    ----------
+    growth_per_mm
+        Growth of the light with the displacement, weighted by the light, shape (rings,).
+    bend_per_mm2
+        Second order of its logarithm, weighted by the light, shape (rings,).
+    flux
+        Power travelling outwards over the power travelling into the face, weighted by the light, shape (rings,).
+    """
+
+    growth_per_mm: NDArray[np.float64]
+    bend_per_mm2: NDArray[np.float64]
+    flux: NDArray[np.float64]
+
+    def __call__(
+        self, displacement_mm: NDArray[np.float64], slope: NDArray[np.float64], emphasis: NDArray[np.float64]
+    ) -> ShadingFactor:
+        """Evaluate displacements and slopes (n, rings) with Legendre coefficients (`TERMS`,) of the emphasis."""
+        parabolas, power = self._power(emphasis)
+        tilt, logarithm = self._logarithm(displacement_mm, slope)
+        factor = np.exp(power * logarithm)
+        return ShadingFactor(
+            factor=factor,
+            by_displacement=power * factor * (self.growth_per_mm + 2 * self.bend_per_mm2 * displacement_mm),
+            by_slope=np.where(tilt > DARKEST, power * factor * self.flux / tilt, 0.0),
+            by_emphasis=(factor * logarithm)[..., None] * parabolas,
+        )
+
+    def factor(
+        self, displacement_mm: NDArray[np.float64], slope: NDArray[np.float64], emphasis: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """The factor alone."""
+        return np.asarray(np.exp(self._power(emphasis)[1] * self._logarithm(displacement_mm, slope)[1]))
+
+    def _power(self, emphasis: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Parabolas along the radius, (rings, terms), and one plus the emphasis, (rings,)."""
+        parabolas = _parabolas(len(self.flux))
+        return parabolas, np.asarray(1 + parabolas @ emphasis)
+
+    def _logarithm(
+        self, displacement_mm: NDArray[np.float64], slope: NDArray[np.float64]
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Light on the tilted face over that on the level one, and the log of the factor without emphasis."""
+        tilt = np.maximum(1 + self.flux * slope, DARKEST)
+        grows = (self.growth_per_mm + self.bend_per_mm2 * displacement_mm) * displacement_mm
+        return tilt, grows + np.log(tilt)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ShadingFactor:
+    """The factor and its derivatives by displacement and slope, (n, rings), and by the emphasis, (n, rings, terms)."""
+
+    factor: NDArray[np.float64]
+    by_displacement: NDArray[np.float64]
+    by_slope: NDArray[np.float64]
+    by_emphasis: NDArray[np.float64]
+
+
+@cache
+def _parabolas(rings: int) -> NDArray[np.float64]:
+    """Legendre polynomials along the radius, shape (rings, terms)."""
+    parabolas = np.asarray(np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, rings), TERMS - 1), dtype=float)
+    parabolas.flags.writeable = False
+    return parabolas

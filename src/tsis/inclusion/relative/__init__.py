@@ -1,0 +1,30 @@
+"""FIXME."""
+
+from tsis.inclusion.relative._estimates import relative_depth, relative_hardness, relative_size
+from tsis.inclusion.relative._light import LightChange, LitPart, change_of_light, lit_part
+from tsis.inclusion.relative._reading import (
+    COMPARED_WITH,
+    ONE_SPHERE,
+    RelativeReading,
+    Repeats,
+    lit_alike,
+    notes_of,
+    ratios,
+)
+
+__all__ = [
+    "COMPARED_WITH",
+    "ONE_SPHERE",
+    "LightChange",
+    "LitPart",
+    "RelativeReading",
+    "Repeats",
+    "change_of_light",
+    "lit_alike",
+    "lit_part",
+    "notes_of",
+    "ratios",
+    "relative_depth",
+    "relative_hardness",
+    "relative_size",
+]

@@ -1,0 +1,217 @@
+"""What a press changed, against the untouched probe or against plain tissue; and whether the frames may be compared."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import ndimage
+
+from tsis.errors import ImageMismatchError, InputError
+from tsis.imaging import (
+    NOISE_FACTOR,
+    SMOOTH_PX,
+    pixel_noise,
+    require_image,
+    require_same_frame,
+    smoothed,
+    subtract_background,
+)
+from tsis.inclusion._binary import binary_features
+from tsis.inclusion._frames import correct_light
+from tsis.model import Calibration, as_images, require_number, require_one_of, require_type
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.model import TactileImage
+
+
+UNTOUCHED, PLAIN = "untouched probe", "plain tissue"
+SAME_FORCE = 0.05  # relative; the light follows the force, so a greater difference would pass for an inclusion
+MOST_CLIPPED = 0.5  # share of a frame from which nothing is left to compare
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LightChange:
+    """What a press changed.
+
+    Attributes
+    ----------
+    image
+        Change of grey level behind a blur of one pixel.
+    raised
+        What each pixel was multiplied with to show it as the best lit place would, shape (rows, columns).
+    clipped
+        True where the camera clipped in the press or in a reference, shape (rows, columns).
+    noise_grey
+        Standard deviation of the blurred change's pixel noise.
+    against
+        What the reference shows: ``"untouched probe"`` or ``"plain tissue"``.
+    """
+
+    image: TactileImage
+    raised: NDArray[np.float64]
+    clipped: NDArray[np.bool]
+    noise_grey: float
+    against: str
+
+    def is_drowned(self, threshold_grey: float) -> bool:
+        """Whether noise alone reaches a threshold somewhere in the frame."""
+        return NOISE_FACTOR * self.noise_grey > threshold_grey
+
+
+def brightest(calibration: Calibration | None) -> float:
+    """Light of the best lit place of the face, over that for which the calibration's gain holds."""
+    return 1.0 if calibration is None or calibration.light is None else float(calibration.light.relative.max())
+
+
+def change_of_light(
+    image: TactileImage,
+    reference: TactileImage | Sequence[TactileImage],
+    *,
+    against: str,
+    calibration: Calibration | None = None,
+) -> LightChange:
+    """Subtract a reference, or the mean of several, and blur by one pixel: the source takes its frames as noiseless.
+
+    Where a calibration knows how unevenly the face is lit, grey levels become those that the best lit place shows.
+
+    Raises
+    ------
+    InputError
+        When a scale is unknown, the frame is mostly clipped, or a reference's force contradicts ``against``.
+    ImageMismatchError
+        When a reference's size, scale, full scale or axis differ from the image's.
+    UnknownNameError
+        When ``against`` is neither of its two values.
+    """
+    require_one_of("kind of reference", against, (UNTOUCHED, PLAIN))
+    require_image("image", image)
+    image.scale()
+    if calibration is not None:
+        require_type("calibration", calibration, Calibration)
+    references = as_images("reference", reference)
+    if not references:
+        raise InputError("reference must hold at least one frame of the untouched probe or of plain tissue; got none")
+    for frame in references:
+        require_same_frame(image, frame, "reference")
+        _check_axis(image, frame)
+        _check_force(image, frame, against)
+    clipped = np.any([frame.grey >= frame.full_scale for frame in (image, *references)], axis=0)
+    if clipped.mean() > MOST_CLIPPED:
+        raise InputError(
+            f"at most half of a frame's pixels may be clipped; got {100 * clipped.mean():.0f} % (shorten the exposure)"
+        )
+    mean = replace(references[0], grey=np.mean([frame.grey for frame in references], axis=0))
+    raised = _raised(image, calibration)
+    change = subtract_background(image, mean)
+    change = replace(change, grey=change.grey * raised)
+    # White noise behind a Gaussian of standard deviation s keeps the share 1 / (2 s sqrt(pi)).
+    noise = pixel_noise(change.grey) / (2.0 * SMOOTH_PX * np.sqrt(np.pi))
+    return LightChange(
+        image=replace(change, grey=smoothed(change.grey)),
+        raised=raised,
+        clipped=clipped,
+        noise_grey=noise,
+        against=against,
+    )
+
+
+def _raised(image: TactileImage, calibration: Calibration | None) -> NDArray[np.float64]:
+    """What brings each pixel to the light of the best lit place; ones where no light is known."""
+    if calibration is None or calibration.light is None:
+        return np.ones(image.grey.shape)
+    lit = replace(image, grey=np.full(image.grey.shape, calibration.background_grey + 1.0))
+    return correct_light(lit, calibration).grey * brightest(calibration)
+
+
+def _check_axis(image: TactileImage, reference: TactileImage) -> None:
+    """Refuse a reference whose axis lies elsewhere in the picture."""
+    if image.axis() != reference.axis():
+        raise ImageMismatchError(
+            f"reference must have the image's axis_px {image.axis()}; got {reference.axis()} "
+            "(leave the camera where it is)"
+        )
+
+
+def _check_force(image: TactileImage, reference: TactileImage, against: str) -> None:
+    """Refuse a reference whose force, where it is known, says that it shows something else."""
+    force = reference.force_n
+    if force is None:
+        return
+    if against == UNTOUCHED and force > 0:
+        raise InputError(
+            f"reference must be untouched, force_n 0, against the {UNTOUCHED}; got one pressed with {force:g} N "
+            f'(a press on tissue beside the target is against="{PLAIN}")'
+        )
+    if against == PLAIN and force == 0:
+        raise InputError(f'reference must be a press on {PLAIN}; got force_n 0 (say against="{UNTOUCHED}")')
+    if against == PLAIN and image.force_n is not None and abs(force - image.force_n) > SAME_FORCE * image.force_n:
+        raise InputError(
+            f"reference must be pressed as hard as the image, {image.force_n:g} N within {100 * SAME_FORCE:g} %; "
+            f"got {force:g} N"
+        )
+
+
+SOURCE_THRESHOLD = 5.0 / 255.0  # of full scale: the source's k = 5 of 8 bits
+LEAST_WIDTH_PX = 5.0  # the blur makes a disc of about half this width of one noisy pixel
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LitPart:
+    """The largest connected part of a change above a threshold; there is one inclusion, and the rest is noise.
+
+    Attributes
+    ----------
+    mask
+        True inside, shape (rows, columns); False everywhere when nothing is lit.
+    area_mm2, diameter_mm
+        Its area (6.1), and the diameter of the disc of that area (6.2).
+    centroid_px
+        Mean position (x, y) of its light, weighted by grey level, (6.7) and (6.8); None when nothing is lit.
+    total_grey
+        Sum of its grey levels.
+    threshold_grey
+        The level above which pixels were counted.
+    flags
+        What is wrong with it.
+    """
+
+    mask: NDArray[np.bool]
+    area_mm2: float
+    diameter_mm: float
+    centroid_px: tuple[float, float] | None
+    total_grey: float
+    threshold_grey: float
+    flags: tuple[str, ...]
+
+
+def lit_part(change: LightChange, threshold_grey: float | None) -> LitPart:
+    """Count the pixels brighter than ``threshold_grey``, 5 of 255 levels when None."""
+    full_scale = change.image.full_scale
+    least = SOURCE_THRESHOLD * full_scale if threshold_grey is None else threshold_grey
+    require_number("threshold_grey", least, 1e-6 * full_scale, full_scale, hint="above zero")
+    found = binary_features(change.image, least)
+    lit = found.contact and found.equivalent_diameter_px >= LEAST_WIDTH_PX
+    mask = found.patch.mask & lit
+    wrong = {
+        "no_contact": not lit,
+        "cropped": lit and found.cropped,
+        "saturated": bool(change.clipped[mask].any()),
+        "noisy": change.is_drowned(least),
+    }
+    light = np.where(mask, np.maximum(change.image.grey, 0.0), 0.0)
+    row, column = ndimage.center_of_mass(light) if lit else (0.0, 0.0)
+    return LitPart(
+        mask=mask,
+        area_mm2=(found.area_mm2 or 0.0) * lit,
+        diameter_mm=(found.equivalent_diameter_mm or 0.0) * lit,
+        centroid_px=(float(column), float(row)) if lit else None,
+        total_grey=float(light.sum()),
+        threshold_grey=float(least),
+        flags=tuple(flag for flag, is_so in wrong.items() if is_so),
+    )

@@ -1,0 +1,198 @@
+"""A relative estimate: one number, what it rests on, and what is wrong with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.errors import InputError
+from tsis.inclusion.relative._light import PLAIN, UNTOUCHED
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.model import Calibration
+
+
+NOTES = {
+    "no_contact": "Nothing exceeds the threshold: there is nothing to read.",
+    "cropped": "The lit part touches the border of the picture: it may go on outside, so it is not measured whole.",
+    "saturated": "The camera clipped inside the lit part: grey levels there are too low.",
+    "noisy": "Noise alone reaches the threshold somewhere: single lit pixels mean nothing.",
+    "no_growth": "The lit part does not grow from the first press to the second: there is no strain to divide by.",
+    "corners_lit": "The picture's corners are lit: the threshold's first guess takes them for background.",
+    "repeated_frames": "A frame is the same as the one before it, as of a camera that hangs: it adds no movement.",
+    "contact_lost": "Some frames show nothing: steps to and from them are missing, and the path is too short.",
+    "no_movement": "The positions differ by no more than noise: no movement was seen.",
+}
+COMPARED_WITH = {
+    UNTOUCHED: "Plain tissue lights nothing above the threshold; a face that touches all over is itself measured.",
+    PLAIN: "The reference was pressed as hard, on tissue of the same stiffness and thickness.",
+}
+ONE_SPHERE = "There is one inclusion, and it is a sphere."
+EVEN_LIGHT = "The face is lit evenly, and what is compared was lit and pressed alike."
+KNOWN_LIGHT = "The face is lit as the calibration says, and what is compared was pressed alike."
+
+
+def lit_alike(calibration: Calibration | None) -> str:
+    """What must hold for the light."""
+    return EVEN_LIGHT if calibration is None or calibration.light is None else KNOWN_LIGHT
+
+
+def notes_of(flags: tuple[str, ...]) -> tuple[str, ...]:
+    """The sentence of each flag."""
+    return tuple(NOTES[flag] for flag in flags)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RelativeReading:
+    """A number that is only good for comparing presses with each other; ``print`` shows it with all that it rests on.
+
+    Attributes
+    ----------
+    quantity
+        What was read, e.g. ``"relative size"``.
+    value
+        The number; None when there is nothing to read.
+    unit
+        Its unit.
+    against
+        What the reference showed: ``"untouched probe"`` or ``"plain tissue"``.
+    assumptions
+        What must hold for two such numbers to be compared, one sentence each.
+    parts
+        What the number was made of, by name with unit.
+    flags
+        Short names of what is wrong with this press.
+
+    Examples
+    --------
+    >>> print(RelativeReading(quantity="relative size", value=6.25, unit="mm", against="plain tissue",
+    ...                       assumptions=("There is one inclusion.",), flags=("cropped",)))
+    relative size: 6.25 mm (against plain tissue)
+      assumed: There is one inclusion.
+      cropped: The lit part touches the border of the picture: it may go on outside, so it is not measured whole.
+    Research use only. Not reviewed or approved by any regulator. Not for patient care.
+    """
+
+    quantity: str
+    value: float | None
+    unit: str
+    against: str
+    assumptions: tuple[str, ...]
+    parts: Mapping[str, float] = field(default_factory=dict)
+    flags: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "parts", MappingProxyType(dict(self.parts)))
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The sentence of each flag."""
+        return notes_of(self.flags)
+
+    def __str__(self) -> str:
+        value = "nothing to read" if self.value is None else f"{self.value:.4g} {self.unit}"
+        lines = [f"{self.quantity}: {value} (against {self.against})"]
+        lines += [f"  assumed: {sentence}" for sentence in self.assumptions]
+        lines += [f"  {flag}: {note}" for flag, note in zip(self.flags, self.notes, strict=True)]
+        return "\n".join([*lines, RESEARCH_USE_ONLY])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Repeats:
+    """Readings of the same quantity from repeated presses of one target.
+
+    Parameters
+    ----------
+    label
+        What the target is called.
+    readings
+        At least one, all of one quantity against one kind of reference.
+
+    Raises
+    ------
+    InputError
+        When there is no reading, or readings of different kinds are mixed.
+
+    Examples
+    --------
+    >>> readings = [RelativeReading(quantity="relative size", value=value, unit="mm", against="plain tissue",
+    ...                             assumptions=()) for value in (6.0, 7.0, 8.0)]
+    >>> repeats = Repeats(label="8 mm", readings=readings)
+    >>> repeats.mean, repeats.sd, repeats.seen
+    (7.0, 1.0, 3)
+    """
+
+    label: str
+    readings: tuple[RelativeReading, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "readings", tuple(self.readings))
+        if not self.readings:
+            raise InputError(f"readings of {self.label!r} must hold at least one RelativeReading; got none")
+        for reading in self.readings:
+            if not isinstance(reading, RelativeReading):
+                raise InputError(f"readings of {self.label!r} must be RelativeReading values; got {reading!r:.80}")
+            if _kind(reading) != _kind(self.readings[0]):
+                raise InputError(
+                    f"readings of {self.label!r} must all be of {_named(self.readings[0])}; "
+                    f"got {_named(reading)} among them"
+                )
+
+    @property
+    def values(self) -> NDArray[np.float64]:
+        """The values that were read, shape (readings with a value,)."""
+        return np.array([reading.value for reading in self.readings if reading.value is not None])
+
+    @property
+    def seen(self) -> int:
+        """Number of presses that showed anything."""
+        return sum("no_contact" not in reading.flags for reading in self.readings)
+
+    @property
+    def mean(self) -> float:
+        """Mean value; NaN when no press could be read."""
+        return float(self.values.mean()) if self.values.size else float("nan")
+
+    @property
+    def sd(self) -> float:
+        """Standard deviation from press to press; NaN below two values."""
+        return float(self.values.std(ddof=1)) if self.values.size > 1 else float("nan")
+
+
+def ratios(targets: Sequence[Repeats]) -> tuple[float, ...]:
+    """Mean of each target over that of the first; NaN where there is none, or the first is zero.
+
+    Raises
+    ------
+    InputError
+        When the targets' readings are not of one kind.
+
+    Examples
+    --------
+    >>> def repeats(value):
+    ...     return Repeats(label="", readings=[RelativeReading(quantity="relative size", value=value, unit="mm",
+    ...                                                        against="plain tissue", assumptions=())])
+    >>> ratios([repeats(2.0), repeats(8.0)])
+    (1.0, 4.0)
+    """
+    kinds = {_named(target.readings[0]) for target in targets}
+    if len(kinds) != 1:
+        raise InputError(f"targets must hold readings of one kind; got {' and '.join(sorted(kinds)) or 'none'}")
+    first = targets[0].mean
+    return tuple(target.mean / first if first else float("nan") for target in targets)
+
+
+def _kind(reading: RelativeReading) -> tuple[str, str, str]:
+    return reading.quantity, reading.unit, reading.against
+
+
+def _named(reading: RelativeReading) -> str:
+    return f"{reading.quantity} against {reading.against}"

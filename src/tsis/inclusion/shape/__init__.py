@@ -1,0 +1,6 @@
+"""FIXME."""
+
+from tsis.inclusion.shape._outline import ObjectShape, object_shape
+from tsis.inclusion.shape._threshold import TwoMeans, two_means
+
+__all__ = ["ObjectShape", "TwoMeans", "object_shape", "two_means"]

@@ -1,0 +1,167 @@
+"""Shape of the touched object: ellipse, roundness and outline of what is brighter than the two-means threshold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.imaging import NOISE_FACTOR
+from tsis.inclusion._binary import binary_features
+from tsis.inclusion.relative import COMPARED_WITH, change_of_light, lit_alike, notes_of
+from tsis.inclusion.shape._threshold import TwoMeans, two_means
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.imaging import Features
+    from tsis.inclusion.relative import LightChange
+    from tsis.model import Calibration, TactileImage
+
+
+ASSUMPTIONS = (
+    "There is one object, brighter than its surroundings, and the picture's corners show none of it.",
+    "The outline is that of the light: it lies near half the height of a rounded bump, and that of a deep object is "
+    "wider and rounder than the object.",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ObjectShape:
+    """Shape of the lit part; None throughout when nothing stands out.
+
+    Attributes
+    ----------
+    levels
+        The two classes of grey levels and the threshold between them.
+    area_mm2
+        Area of the part.
+    centre_mm
+        Its middle (x, y) from the probe's axis, every pixel counted alike.
+    semi_axes_mm, angle_deg
+        Semi-axes (long, short) of the ellipse with its second moments, and the direction of the long one in [0, 180),
+        from x towards y, that is clockwise in the picture.
+    eccentricity
+        ``sqrt(1 - (short / long)²)``: 0 for a circle.
+    circularity
+        ``4 pi area / perimeter²``: 1 for a circle.
+    contour_mm
+        Closed outline, (n, 2) points (x, y) from the probe's axis; shape (0, 2) when there is none.
+    against
+        What the reference showed.
+    assumptions
+        What the shape rests on, one sentence each.
+    flags
+        Short names of what is wrong.
+    """
+
+    levels: TwoMeans
+    area_mm2: float | None
+    centre_mm: tuple[float, float] | None
+    semi_axes_mm: tuple[float, float] | None
+    angle_deg: float | None
+    eccentricity: float | None
+    circularity: float | None
+    contour_mm: NDArray[np.float64]
+    against: str
+    assumptions: tuple[str, ...]
+    flags: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        contour = np.array(self.contour_mm)
+        contour.flags.writeable = False
+        object.__setattr__(self, "contour_mm", contour)
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """The sentence of each flag."""
+        return notes_of(self.flags)
+
+
+def object_shape(
+    image: TactileImage,
+    reference: TactileImage | Sequence[TactileImage],
+    *,
+    against: str,
+    calibration: Calibration | None = None,
+) -> ObjectShape:
+    """Area, ellipse, circularity and outline of what a press lights.
+
+    The change of light is parted by `two_means` into a binary image (6.11), whose largest part is measured.
+
+    Parameters
+    ----------
+    image, reference, against, calibration
+        As for `relative_size`.
+
+    Returns
+    -------
+    ObjectShape
+        With the flag ``no_contact`` when the two classes differ by no more than noise.
+
+    Raises
+    ------
+    InputError, ImageMismatchError
+        As `relative_size`.
+
+    Examples
+    --------
+    >>> from tsis.model import TactileImage
+    >>> y, x = np.mgrid[:120, :160]
+    >>> ellipse = np.where(((x - 80) / 40) ** 2 + ((y - 60) / 20) ** 2 < 1, 60.0, 0.0)
+    >>> dark, pressed = (TactileImage(grey=grey, mm_per_pixel=(0.1, 0.1)) for grey in (0 * ellipse, ellipse))
+    >>> shape = object_shape(pressed, dark, against="untouched probe")
+    >>> [round(axis, 1) for axis in shape.semi_axes_mm], round(shape.eccentricity, 2)
+    ([4.0, 2.0], 0.87)
+    """
+    change = change_of_light(image, reference, against=against, calibration=calibration)
+    levels = two_means(change.image.grey)
+    assumptions = (*ASSUMPTIONS, COMPARED_WITH[against], lit_alike(calibration))
+    if levels.object_grey - levels.background_grey <= NOISE_FACTOR * change.noise_grey:
+        return _nothing(levels, against, assumptions)
+    found = binary_features(change.image, levels.threshold_grey)
+    if not found.contact:
+        return _nothing(levels, against, assumptions)
+    scale, axis = image.scale(), image.axis()
+    return ObjectShape(
+        levels=levels,
+        area_mm2=found.area_mm2,
+        centre_mm=found.centroid_mm,
+        semi_axes_mm=found.semi_axes_mm,
+        angle_deg=found.angle_deg,
+        eccentricity=found.eccentricity,
+        circularity=found.circularity,
+        contour_mm=(found.patch.contour_px - axis) * scale,
+        against=against,
+        assumptions=assumptions,
+        flags=_flags(change, levels, found),
+    )
+
+
+def _flags(change: LightChange, levels: TwoMeans, found: Features) -> tuple[str, ...]:
+    wrong = {
+        "cropped": found.cropped,
+        "saturated": bool(change.clipped[found.patch.mask].any()),
+        "corners_lit": levels.corners_grey >= levels.threshold_grey,
+    }
+    return tuple(flag for flag, is_so in wrong.items() if is_so)
+
+
+def _nothing(levels: TwoMeans, against: str, assumptions: tuple[str, ...]) -> ObjectShape:
+    """Nothing stands out."""
+    return ObjectShape(
+        levels=levels,
+        area_mm2=None,
+        centre_mm=None,
+        semi_axes_mm=None,
+        angle_deg=None,
+        eccentricity=None,
+        circularity=None,
+        contour_mm=np.empty((0, 2)),
+        against=against,
+        assumptions=assumptions,
+        flags=("no_contact",),
+    )

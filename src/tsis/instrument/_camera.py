@@ -1,0 +1,225 @@
+"""How long a camera that runs may be silent before it is taken for lost: one rule for every source."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+
+import numpy as np
+
+from tsis.model import TactileImage, require_array, require_number, require_one_of, require_type
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+
+    from numpy.typing import NDArray
+
+
+SILENT_S = 1.0
+LATE_FRAMES = 3.0  # of a camera whose frames take longer
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mode:
+    """One way in which a source can deliver frames.
+
+    Parameters
+    ----------
+    width_px, height_px
+        Size of a frame in pixels.
+    full_scale
+        Grey level at which the source clips, 255 for 8 bits.
+    frames_per_s
+        Nominal rate; None when the source has no clock.
+    pixel_format
+        What the source calls the pixels, e.g. ``"Mono8"``; empty when it has no name for them.
+
+    Examples
+    --------
+    >>> Mode(width_px=768, height_px=492, frames_per_s=30, pixel_format="Mono8").label
+    'Mono8-768x492@30'
+    """
+
+    width_px: int
+    height_px: int
+    full_scale: float = 255.0
+    frames_per_s: float | None = None
+    pixel_format: str = ""
+
+    def __post_init__(self) -> None:
+        require_number("width_px", self.width_px, 1, 65535, hint="pixels")
+        require_number("height_px", self.height_px, 1, 65535, hint="pixels")
+        require_number("full_scale", self.full_scale, 1.0, 65535.0)
+        if self.frames_per_s is not None:
+            require_number("frames_per_s", self.frames_per_s, 1e-3, 1e5)
+        require_type("pixel_format", self.pixel_format, str)
+
+    @property
+    def label(self) -> str:
+        """How lists name it and a user chooses it."""
+        kind = f"{self.pixel_format}-" if self.pixel_format else ""
+        rate = "" if self.frames_per_s is None else f"@{self.frames_per_s:.4g}"
+        return f"{kind}{self.width_px}x{self.height_px}{rate}"
+
+
+def named_mode(modes: Iterable[Mode], label: str) -> Mode:
+    """The mode of that label.
+
+    Raises
+    ------
+    UnknownNameError
+        When there is none; the nearest is suggested.
+    """
+    by_label = {mode.label: mode for mode in modes}
+    return by_label[require_one_of("mode", label, by_label)]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setting:
+    """A number that a source lets one set, with its range.
+
+    Parameters
+    ----------
+    name
+        What it is called, e.g. ``"gain"``.
+    value
+        What it is now.
+    low, high
+        The range, ends included; infinite where the driver does not tell.
+    unit
+        Unit of the three numbers; empty for the driver's own.
+
+    Examples
+    --------
+    >>> Setting(name="gain", value=2.0, low=0.0, high=24.0, unit="dB").checked(6)
+    6.0
+    """
+
+    name: str
+    value: float
+    low: float = -np.inf
+    high: float = np.inf
+    unit: str = ""
+
+    def checked(self, value: float) -> float:
+        """Return ``value`` when the range holds it, else say why not."""
+        return require_number(self.name, value, self.low, self.high, hint=self.unit)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Frame:
+    """One frame as the source delivered it.
+
+    Parameters
+    ----------
+    pixels
+        Grey levels, shape (rows, columns), finite; kept as a read-only copy of its own dtype.
+    sequence
+        Number of the frame since ``start``, from 0; a gap says that frames were dropped.
+    time_s
+        Seconds since the first frame on the source's clock; None when it has none.
+    full_scale
+        Grey level at which the source clips, 255 for 8 bits.
+    name
+        What reports call it, e.g. the file's name.
+    settings
+        What the source was set to.
+    """
+
+    pixels: NDArray[Any]
+    sequence: int
+    time_s: float | None = None
+    full_scale: float = 255.0
+    name: str = ""
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        pixels = np.asarray(self.pixels)
+        object.__setattr__(self, "pixels", require_array("pixels", pixels, ndim=2, dtype=pixels.dtype.type))
+        require_number("sequence", self.sequence, 0, 2**63)
+        require_number("full_scale", self.full_scale, 1.0, 65535.0)
+        object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
+
+    def tactile_image(
+        self, *, mm_per_pixel: tuple[float, float] | None = None, force_n: float | None = None
+    ) -> TactileImage:
+        """The frame as an image of a press: ``mm_per_pixel`` is (x, y) in mm, ``force_n`` in newtons."""
+        return TactileImage(
+            grey=self.pixels,
+            mm_per_pixel=mm_per_pixel,
+            full_scale=self.full_scale,
+            force_n=force_n,
+            name=self.name,
+            settings=self.settings,
+        )
+
+
+@runtime_checkable
+class Camera(Protocol):
+    """A source of frames."""
+
+    @property
+    def name(self) -> str:
+        """What a person calls the source."""
+
+    @property
+    def lost(self) -> bool:
+        """True when the stream ended before it was stopped or before its declared end."""
+
+    def open(self) -> None:
+        """Take hold of the source; `CameraError` or `FileInputError` when that cannot be done."""
+
+    def modes(self) -> tuple[Mode, ...]:
+        """The modes it can be started in, the default first."""
+
+    def settings(self) -> tuple[Setting, ...]:
+        """What can be adjusted, with present values and ranges; empty for stored frames."""
+
+    def adjust(self, name: str, value: float) -> None:
+        """Change one setting; `UnknownNameError` or `InputError` when it has none of that name or range."""
+
+    def start(self, mode: Mode | None = None) -> None:
+        """Begin to deliver frames in ``mode``, or in the default one."""
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield frames until the source ends or is stopped; frames already yielded stay valid when it is lost."""
+
+    def stop(self) -> None:
+        """End the stream and let go of the source; calling it again does nothing."""
+
+
+PRESETS = ("default", "minimal")
+# Those of the source's panel (brightness, gain, shutter), as cameras name them.
+_OF_LIGHT = frozenset({"brightness", "gain", "gain_db", "exposure", "exposure_ms"})
+
+
+def preset(name: str, settings: Iterable[Setting]) -> dict[str, float]:
+    """Values of the settings that a preset changes, by name.
+
+    Parameters
+    ----------
+    name
+        ``"default"``: the values that ``settings`` hold. ``"minimal"``: the lowest brightness, gain and exposure that
+        the camera takes, where its driver tells.
+    settings
+        The camera's settings as it came, just opened.
+
+    Raises
+    ------
+    UnknownNameError
+        When there is no such preset.
+
+    Examples
+    --------
+    >>> from tsis.instrument import Setting
+    >>> settings = [Setting(name="exposure_ms", value=20.0, low=0.1, high=33.0, unit="ms")]
+    >>> preset("minimal", settings), preset("default", settings)
+    ({'exposure_ms': 0.1}, {'exposure_ms': 20.0})
+    """
+    minimal = require_one_of("preset", name, PRESETS) == "minimal"
+    light = [setting for setting in settings if setting.name in _OF_LIGHT]
+    if not minimal:
+        return {setting.name: setting.value for setting in light}
+    return {setting.name: setting.low for setting in light if math.isfinite(setting.low)}

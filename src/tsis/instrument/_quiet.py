@@ -1,0 +1,52 @@
+"""Decoders kept from writing to the terminal: what they complain about becomes one error or does not matter."""
+
+from __future__ import annotations
+
+import logging
+import os
+import threading
+import warnings
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import cv2
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+_FFMPEG_LEVEL, _FFMPEG_SILENT = "OPENCV_FFMPEG_LOGLEVEL", "-8"
+# warnings.catch_warnings and the two log levels belong to the whole process, so one thread at a time may change them
+_one_at_a_time = threading.Lock()
+
+
+@contextmanager
+def quiet_decoders() -> Iterator[None]:
+    """Silence the messages of Pillow and OpenCV inside the block, and put everything back after it."""
+    pillow = logging.getLogger("PIL")
+    with _one_at_a_time, warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        pillow_level, opencv_level = pillow.level, cv2.utils.logging.getLogLevel()
+        pillow.setLevel(logging.CRITICAL + 1)
+        cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+        try:
+            yield
+        finally:
+            cv2.utils.logging.setLogLevel(opencv_level)
+            pillow.setLevel(pillow_level)
+
+
+@contextmanager
+def quiet_ffmpeg() -> Iterator[None]:
+    """Silence FFmpeg inside OpenCV, unless its level was chosen outside.
+
+    OpenCV reads the level from the environment once, when the process first opens a video; it stays from then on.
+    """
+    if _FFMPEG_LEVEL in os.environ:
+        yield
+        return
+    os.environ[_FFMPEG_LEVEL] = _FFMPEG_SILENT
+    try:
+        yield
+    finally:
+        os.environ.pop(_FFMPEG_LEVEL, None)

@@ -1,0 +1,161 @@
+"""One frame saved as the source names it: in colour, raw, and with a sidecar that says how it was taken."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from contextlib import suppress
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.errors import FileInputError
+from tsis.files import as_path, printable_path, snapshot_stems, target_folder, write_durably
+from tsis.instrument._image_files import whole_levels
+from tsis.model import require_one_of
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Callable, Mapping
+    from datetime import datetime
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from tsis.instrument._camera import Frame
+
+
+FORMATS = ("bmp", "png", "jpg")
+SIDECAR_FORMAT, SIDECAR_VERSION = "tsis-snapshot", 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Snapshot:
+    """Where a frame was saved.
+
+    Attributes
+    ----------
+    colour, raw, sidecar
+        The picture for the eye, the grey levels as the camera gave them, and the JSON file about both.
+    """
+
+    colour: Path
+    raw: Path
+    sidecar: Path
+
+
+def save_snapshot(
+    frame: Frame,
+    folder: str | os.PathLike[str],
+    *,
+    target: int,
+    when: datetime,
+    colour: Callable[[Frame], NDArray[np.uint8]],
+    picture: str = "bmp",
+    name: str = "Target",
+    about: Mapping[str, Any] | None = None,
+) -> Snapshot:
+    """Save a frame as ``TargetN/TargetN-MMDDYY-HHMMSS`` in a folder; nothing is ever written over.
+
+    The sidecar is written last: a snapshot that has one is whole, each file of it on the disk.
+
+    Parameters
+    ----------
+    frame
+        What to save; its grey levels must be whole numbers.
+    folder
+        Where the targets' folders lie; made when it does not exist.
+    target
+        Number of the target, in [1, 99999].
+    when
+        Local time of the snapshot.
+    colour
+        Makes the picture for the eye: red-green-blue, shape (rows, columns, 3).
+    picture
+        Its format: ``"bmp"``, ``"png"`` or ``"jpg"``. The raw frame stays lossless: BMP beside BMP, else PNG, and PNG
+        whenever it has more than 8 bits.
+    name
+        What stands before the number.
+    about
+        What else the sidecar should hold, e.g. the identity of the calibration.
+
+    Raises
+    ------
+    InputError
+        When a name, the number, the format or the grey levels cannot be saved so.
+    FileInputError
+        When the files cannot be written; nothing is left of this snapshot then, and earlier ones are as they were.
+    """
+    require_one_of("picture format", picture, FORMATS)
+    pixels = whole_levels(frame.pixels, frame.full_scale)
+    place = as_path(folder) / target_folder(target, name=name)
+    raw_format = "bmp" if picture == "bmp" and pixels.dtype == np.uint8 else "png"
+    contents = {
+        f".{picture}": _encoded(colour(frame)[..., ::-1], picture),
+        f"-raw.{raw_format}": _encoded(pixels, raw_format),
+    }
+    sidecar = _sidecar(frame, target, when, contents, about or {})
+    try:
+        place.mkdir(parents=True, exist_ok=True)
+        stem = _reserved(place, snapshot_stems(target, when, name=name), tuple(contents))
+        _write_all(place, stem, contents, sidecar)
+    except OSError as error:
+        raise FileInputError(
+            f"the snapshot must be written into {printable_path(place)}; got: {error.strerror or error} "
+            "(free some space or choose another folder)"
+        ) from error
+    files = {ending: place / f"{stem}{ending}" for ending in contents}
+    return Snapshot(colour=files[f".{picture}"], raw=files[f"-raw.{raw_format}"], sidecar=place / f"{stem}.json")
+
+
+def _reserved(place: Path, stems: Any, endings: tuple[str, ...]) -> str:
+    """The first free stem, taken by making its sidecar, so that two programs never choose the same."""
+    for stem in stems:
+        if any((place / f"{stem}{ending}").exists() for ending in endings):
+            continue
+        with suppress(FileExistsError), (place / f"{stem}.json").open("xb"):
+            return str(stem)
+    raise AssertionError("stems never end")
+
+
+def _write_all(place: Path, stem: str, contents: Mapping[str, bytes], sidecar: bytes) -> None:
+    written = [place / f"{stem}.json"]
+    try:
+        for ending, content in contents.items():
+            written.append(place / f"{stem}{ending}")
+            write_durably(written[-1], content)
+        write_durably(written[0], sidecar)
+    except BaseException:
+        for file in written:
+            with suppress(OSError):
+                file.unlink(missing_ok=True)
+        raise
+
+
+def _encoded(pixels: NDArray[Any], picture: str) -> bytes:
+    return bytes(cv2.imencode(f".{picture}", np.ascontiguousarray(pixels))[1].tobytes())
+
+
+def _sidecar(
+    frame: Frame, target: int, when: datetime, contents: Mapping[str, bytes], about: Mapping[str, Any]
+) -> bytes:
+    document = {
+        "format": SIDECAR_FORMAT,
+        "version": SIDECAR_VERSION,
+        "notice": RESEARCH_USE_ONLY,
+        "tsis": __version__,
+        "target": int(target),
+        "taken": when.isoformat(timespec="milliseconds"),
+        "camera": frame.name,
+        "sequence": frame.sequence,
+        "time_s": frame.time_s,
+        "full_scale": frame.full_scale,
+        "shape": list(frame.pixels.shape),
+        "settings": dict(frame.settings),
+        "sha256": {ending: hashlib.sha256(content).hexdigest() for ending, content in contents.items()},
+        **about,
+    }
+    return (json.dumps(document, indent=2, default=str) + "\n").encode()

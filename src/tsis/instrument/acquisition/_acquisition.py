@@ -1,0 +1,304 @@
+"""Frames from a camera that may be unplugged: read in a thread, watched, and connected anew."""
+
+from __future__ import annotations
+
+import threading
+import time
+from contextlib import suppress
+from typing import TYPE_CHECKING, Self
+
+from tsis.errors import CameraError, TsisError
+from tsis.instrument._camera import LATE_FRAMES, named_mode
+from tsis.instrument.acquisition._intake import Intake, silence
+from tsis.instrument.acquisition._ring import FrameRing
+from tsis.model import require_number
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from types import TracebackType
+
+    from tsis.instrument._camera import Camera, Mode, Setting
+    from tsis.instrument.acquisition._intake import Account
+    from tsis.instrument.acquisition._ring import ReceivedFrame
+
+
+LOST_AFTER_S = 0.8  # so that with the watch's own steps a loss is seen within a second
+WATCH_STEP_S = 0.1
+OVERSLEPT_S = 3 * WATCH_STEP_S  # between two looks: then the computer was busy, and the camera perhaps not silent
+FIRST_FRAME_S = 5.0  # cameras need a while to begin
+OPEN_S = 10.0  # within which a driver opens a camera, or is taken for stuck
+STOP_S = 2.0  # for which a driver is waited for
+MOST_STUCK = 3  # threads inside drivers that do not return
+
+
+class Acquisition:
+    """Reads a camera in the background until it is stopped; a camera that is lost is connected anew.
+
+    All calls into the driver are made by one thread a connection, because drivers of unplugged cameras may never
+    return: such a thread is left behind, and a new one makes a new camera.
+
+    Parameters
+    ----------
+    connect
+        Makes a camera, not yet opened; called again after each loss, since old handles of lost cameras deliver nothing.
+    mode
+        Label of the mode to start in; the default one when None.
+    settings
+        Settings to make before each start, by name.
+    ring_frames
+        Frames held for readers that lag.
+    patient
+        Whether frames wait for their one reader instead of giving way: for stored ones, which have time.
+    lost_after_s
+        Silence after which the camera counts as lost, s, in [0.05, 3600]; three frames of a slower camera.
+    retry_s
+        Time between attempts to connect anew, s.
+    reconnect
+        Whether to connect anew at all.
+    clock
+        Seconds, monotonic.
+
+    Examples
+    --------
+    >>> from tsis.instrument.drivers import ImageFiles
+    >>> with Acquisition(lambda: ImageFiles("pictures")) as acquisition:  # doctest: +SKIP
+    ...     acquisition.ring.wait(0, 1.0)
+    ...     acquisition.latest().frame.pixels.shape
+    (492, 768)
+    """
+
+    def __init__(
+        self,
+        connect: Callable[[], Camera],
+        *,
+        mode: str | None = None,
+        settings: Mapping[str, float] | None = None,
+        ring_frames: int = 64,
+        patient: bool = False,
+        lost_after_s: float = LOST_AFTER_S,
+        retry_s: float = 0.5,
+        reconnect: bool = True,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self.ring = FrameRing(ring_frames, patient=patient)
+        self._connect, self._mode, self._wanted = connect, mode, dict(settings or {})
+        self._lost_after_s = require_number("lost_after_s", lost_after_s, 0.05, 3600.0, hint="seconds")
+        self._retry_s = require_number("retry_s", retry_s, 0.0, 3600.0, hint="seconds")
+        self._reconnect, self._clock = reconnect, clock
+        self._intake = Intake(self.ring, clock=clock)
+        self._camera: Camera | None = None
+        self._name = ""
+        self._modes: tuple[Mode, ...] = ()
+        self._running_mode: Mode | None = None
+        self._stopping, self._ended, self._news = threading.Event(), threading.Event(), threading.Event()
+        self._readers: list[threading.Thread] = []
+        self._watch: threading.Thread | None = None
+        self._begun, self._begun_s = 0, 0.0
+        self._awake_s = clock()  # since when the watch has looked at every step
+
+    def __enter__(self) -> Self:
+        self.start()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.stop()
+
+    @property
+    def name(self) -> str:
+        """The camera's name."""
+        return self._name
+
+    @property
+    def mode(self) -> Mode | None:
+        """The mode that frames come in; None before the camera was started."""
+        return self._running_mode
+
+    @property
+    def modes(self) -> tuple[Mode, ...]:
+        """The modes that the camera has; none before it was started."""
+        return self._modes
+
+    @property
+    def lost(self) -> bool:
+        """True while the camera is away: frames stay away, or no connection has been made again."""
+        return not self._intake.streaming and not self._ended.is_set() and not self._stopping.is_set()
+
+    @property
+    def connection(self) -> int | None:
+        """Which connection brings frames now, as `ReceivedFrame.connection`; None while the camera is away."""
+        return self._intake.connection
+
+    @property
+    def ended(self) -> bool:
+        """True when stored frames have come to their end, or a lost camera is not to be connected anew."""
+        return self._ended.is_set()
+
+    @property
+    def failure(self) -> Exception | None:
+        """Why frames stopped last; None when they never did."""
+        return self._intake.failure
+
+    def start(self) -> None:
+        """Connect and begin.
+
+        Raises
+        ------
+        TsisError
+            What the camera said, when it cannot be opened or started.
+        CameraError
+            When it does not answer.
+        """
+        if self._watch is not None:
+            raise CameraError(f"the acquisition of {self._name} runs already; stop it first")
+        self._begin_reader()
+        if not self._news.wait(OPEN_S):
+            self.stop()
+            raise CameraError(f"the camera did not open within {OPEN_S:g} s; check its cable and power")
+        failure = self._intake.failure
+        if failure is not None and self._intake.account().connections == 0:
+            self.stop()
+            raise failure
+        self._watch = threading.Thread(target=self._watch_over, name="camera watch", daemon=True)
+        self._watch.start()
+
+    def stop(self) -> None:
+        """End the stream; frames in the ring stay. Calling it again does nothing."""
+        self._stopping.set()
+        self._let_go()
+        for thread in (self._watch, *self._readers):
+            if thread is not None and thread.is_alive():
+                thread.join(timeout=STOP_S)
+        self.ring.close()
+
+    def latest(self) -> ReceivedFrame | None:
+        """The newest frame; None before the first."""
+        return self.ring.latest()
+
+    def account(self) -> Account:
+        """What became of the frames so far."""
+        return self._intake.account()
+
+    def settings(self) -> tuple[Setting, ...]:
+        """What can be adjusted now; nothing when stored frames have come to their end."""
+        return () if self.ended else self._present().settings()
+
+    def adjust(self, name: str, value: float) -> None:
+        """Change a setting now, and again after each reconnection.
+
+        Raises
+        ------
+        UnknownNameError, InputError, CameraError
+            What the camera says.
+        """
+        self._present().adjust(name, value)
+        self._wanted[name] = value
+
+    def _present(self) -> Camera:
+        if self._camera is None or not self._intake.streaming:
+            raise CameraError(f"{self._name or 'the camera'} is not connected; wait until it is back")
+        return self._camera
+
+    def _begin_reader(self) -> None:
+        number, self._begun = self._begun, self._begun + 1
+        self._begun_s = self._clock()
+        reader = threading.Thread(target=self._read, args=(number,), name=f"camera {number}", daemon=True)
+        self._readers = [thread for thread in self._readers if thread.is_alive()] + [reader]
+        reader.start()
+
+    def _read(self, number: int) -> None:
+        """Everything that one connection does."""
+        camera: Camera | None = None
+        try:
+            camera = self._connect()
+            camera.open()
+            self._prepare(camera)
+            if self._stopping.is_set() or not self._intake.begin(number):  # another came first
+                return
+            self._camera, self._name = camera, camera.name
+            self._news.set()
+            for frame in camera.frames():
+                if not self._room() or not self._intake.take(number, frame):
+                    return
+            if self._intake.finish(number):
+                self._end()
+        except TsisError as error:
+            self._fail(number, error)
+        except Exception as error:  # a driver may raise anything
+            self._fail(number, CameraError(f"the camera's driver failed: {type(error).__name__}: {error}"))
+        finally:
+            if camera is not None:
+                _stop_quietly(camera)
+            self._news.set()
+
+    def _room(self) -> bool:
+        """Wait until the ring has room; False when the acquisition is stopped."""
+        while not self._stopping.is_set():
+            if self.ring.wait_for_room(WATCH_STEP_S):
+                return True
+        return False
+
+    def _prepare(self, camera: Camera) -> None:
+        for name, value in self._wanted.items():
+            camera.adjust(name, value)
+        self._modes = camera.modes()
+        self._running_mode = self._modes[0] if self._mode is None else named_mode(self._modes, self._mode)
+        camera.start(None if self._mode is None else self._running_mode)
+
+    def _end(self) -> None:
+        self._ended.set()
+        self.ring.close()
+
+    def _let_go(self) -> None:
+        """Ask the camera to stop, in a thread of its own: drivers of cameras that have gone may not return."""
+        camera = self._camera
+        if camera is not None:
+            thread = threading.Thread(target=_stop_quietly, args=(camera,), name="camera stop", daemon=True)
+            thread.start()
+            thread.join(timeout=0.0 if self.lost else STOP_S)
+
+    def _fail(self, number: int, error: Exception) -> None:
+        if not self._intake.interrupt(number, error):
+            self._intake.failure = error  # it had not begun to stream
+
+    def _watch_over(self) -> None:
+        tried_s = looked_s = self._clock()
+        while not self._stopping.wait(WATCH_STEP_S) and not self._ended.is_set():
+            before_s, looked_s = looked_s, self._clock()
+            if looked_s - before_s > OVERSLEPT_S:
+                self._awake_s = looked_s
+            if self._intake.streaming:
+                self._require_sound()
+                tried_s = self._clock()
+            elif not self._reconnect:
+                self._end()
+            elif self._clock() - tried_s >= self._retry_s and self._free():
+                tried_s = self._clock()
+                self._begin_reader()
+
+    def _require_sound(self) -> None:
+        if self.ring.patient:  # stored frames wait for their reader, and no silence means that they are lost
+            return
+        silent_s, connection = self._intake.silent_s(), self._intake.connection
+        heard_nothing_s = min(silent_s, self._clock() - self._awake_s)
+        if connection is None or heard_nothing_s <= self._patience_s():
+            return
+        if self._intake.interrupt(connection, silence(silent_s)):
+            self._let_go()
+
+    def _patience_s(self) -> float:
+        rate = None if self._running_mode is None else self._running_mode.frames_per_s
+        slow = LATE_FRAMES / rate if rate else 0.0
+        first = 0.0 if self._intake.any_of_this else FIRST_FRAME_S
+        return max(self._lost_after_s, slow, first)
+
+    def _free(self) -> bool:
+        """Whether one more connection may be tried: none is under way, or the youngest has taken too long to open."""
+        alive = [thread for thread in self._readers if thread.is_alive()]
+        return not alive or (len(alive) < MOST_STUCK and self._clock() - self._begun_s > OPEN_S)
+
+
+def _stop_quietly(camera: Camera) -> None:
+    with suppress(Exception):  # a camera that has gone may complain, which changes nothing
+        camera.stop()

@@ -1,0 +1,258 @@
+"""What became of every frame that the camera sent."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+from tsis.errors import CameraError, ImageMismatchError
+from tsis.instrument.acquisition._ring import ReceivedFrame
+from tsis.model import require_number
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tsis.instrument._camera import Frame
+    from tsis.instrument.acquisition._ring import FrameRing
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Interruption:
+    """A time without frames that nobody asked for.
+
+    Attributes
+    ----------
+    after_frames
+        Frames received before it.
+    at_s
+        When the last frame before it came, or the stream was started where none had, seconds of the monotonic clock.
+    noticed_after_s
+        How long after that it was noticed.
+    reason
+        One sentence.
+    back_after_s
+        How long after ``at_s`` frames came again; None while they have not.
+    """
+
+    after_frames: int
+    at_s: float
+    noticed_after_s: float
+    reason: str
+    back_after_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Account:
+    """What became of the frames: every one that the camera sent is either received or missed.
+
+    Attributes
+    ----------
+    received
+        Frames that came whole.
+    missed
+        Frames that the camera numbered but that never came whole, by the gaps in its numbers.
+    disordered
+        Frames whose number did not ascend; they are not counted as received, nor kept.
+    connections
+        How often a camera was connected and began to stream.
+    frames_per_s
+        Rate at which frames came in the last two seconds.
+    interruptions
+        Times without frames.
+    """
+
+    received: int
+    missed: int
+    disordered: int
+    connections: int
+    frames_per_s: float
+    interruptions: tuple[Interruption, ...]
+
+
+class FrameRate:
+    """Rate over the last seconds, from the times at which frames came; never the nominal one.
+
+    Parameters
+    ----------
+    window_s
+        Over how long, s, in [0.01, 3600].
+
+    Examples
+    --------
+    >>> rate = FrameRate()
+    >>> for number in range(60):
+    ...     rate.add(number / 30)
+    >>> round(rate.per_s(59 / 30), 6)
+    30.0
+    >>> rate.per_s(4.0)  # two seconds without frames
+    0.0
+    """
+
+    def __init__(self, window_s: float = 2.0) -> None:
+        self._window_s = require_number("window_s", window_s, 0.01, 3600.0, hint="seconds")
+        self._times_s: deque[float] = deque()
+
+    def add(self, time_s: float) -> None:
+        """Note that a frame came."""
+        self._times_s.append(time_s)
+        self._forget(time_s)
+
+    def per_s(self, now_s: float) -> float:
+        """Frames a second in the window that ends now; 0 where fewer than two came."""
+        self._forget(now_s)
+        if len(self._times_s) < 2:
+            return 0.0
+        intervals = len(self._times_s) - 1
+        spanned = self._times_s[-1] - self._times_s[0]
+        # A frame that is overdue counts against the rate before the window forgets the last ones.
+        overdue = now_s - self._times_s[-1]
+        waited = overdue if overdue > 2 * spanned / intervals else 0.0
+        return intervals / (spanned + waited) if spanned + waited > 0 else 0.0
+
+    def _forget(self, now_s: float) -> None:
+        while self._times_s and now_s - self._times_s[0] > self._window_s:
+            self._times_s.popleft()
+
+
+KEPT_INTERRUPTIONS = 1000  # of a loose plug over a day; the number of connections goes on counting
+
+
+class Intake:
+    """Takes frames from one connection at a time; what an abandoned one still brings is turned away.
+
+    It starts no thread and never waits, so that it runs on any clock. Safe for several threads.
+
+    Parameters
+    ----------
+    ring
+        Where frames go.
+    clock
+        Seconds, monotonic.
+    """
+
+    def __init__(self, ring: FrameRing, *, clock: Callable[[], float] = time.monotonic) -> None:
+        self._ring, self._clock = ring, clock
+        self._lock = threading.Lock()
+        self._rate = FrameRate()
+        self._received = self._missed = self._disordered = self._connections = 0
+        self._interruptions: list[Interruption] = []
+        self._connection: int | None = None
+        self._sequence = -1
+        self._heard_s = clock()
+        self._shape: tuple[tuple[int, ...], float] | None = None
+        self.failure: Exception | None = None
+
+    @property
+    def streaming(self) -> bool:
+        """True while a connection may bring frames."""
+        return self._connection is not None
+
+    @property
+    def any_of_this(self) -> bool:
+        """True when the present connection has brought a frame."""
+        return self._sequence >= 0
+
+    def silent_s(self) -> float:
+        """How long ago the last frame came, or the stream began."""
+        return self._clock() - self._heard_s
+
+    @property
+    def connection(self) -> int | None:
+        """The connection that frames are taken from; None while there is none."""
+        return self._connection
+
+    def begin(self, connection: int) -> bool:
+        """Take frames from this connection and no other from now on; False when another brings frames already."""
+        with self._lock:
+            if self._connection is not None:
+                return False
+            self._connection, self._sequence = connection, -1
+            self._connections += 1
+            self._heard_s = self._clock()
+            return True
+
+    def take(self, connection: int, frame: Frame) -> bool:
+        """Count a frame and put it into the ring; False when its connection was given up.
+
+        Raises
+        ------
+        ImageMismatchError
+            When its size or full scale is not that of the first frame.
+        """
+        now_s = self._clock()
+        with self._lock:
+            if connection != self._connection:
+                return False
+            self._require_alike(frame)
+            if frame.sequence <= self._sequence:
+                self._disordered += 1
+                return True
+            self._missed += frame.sequence - self._sequence - 1
+            self._note_return(now_s)
+            self._received += 1
+            self._sequence, self._heard_s = frame.sequence, now_s
+            self._rate.add(now_s)
+            self._ring.put(ReceivedFrame(frame=frame, arrived_s=now_s, connection=connection))
+        return True
+
+    def interrupt(self, connection: int, failure: Exception) -> bool:
+        """Give up a connection; False when it had been given up before."""
+        with self._lock:
+            if connection != self._connection:
+                return False
+            self._connection, self.failure = None, failure
+            gone = Interruption(
+                after_frames=self._received,
+                at_s=self._heard_s,
+                noticed_after_s=self._clock() - self._heard_s,
+                reason=str(failure),
+            )
+            self._interruptions = [*self._interruptions[-KEPT_INTERRUPTIONS + 1 :], gone]
+            return True
+
+    def finish(self, connection: int) -> bool:
+        """The source has no more frames, as its nature is; False when its connection had been given up before."""
+        with self._lock:
+            if connection != self._connection:
+                return False
+            self._connection = None
+            return True
+
+    def account(self) -> Account:
+        """What became of the frames so far."""
+        with self._lock:
+            return Account(
+                received=self._received,
+                missed=self._missed,
+                disordered=self._disordered,
+                connections=self._connections,
+                frames_per_s=self._rate.per_s(self._clock()),
+                interruptions=tuple(self._interruptions),
+            )
+
+    def _require_alike(self, frame: Frame) -> None:
+        found = (frame.pixels.shape, frame.full_scale)
+        if self._shape is None:
+            self._shape = found
+        elif found != self._shape:
+            raise ImageMismatchError(
+                f"frames of one stream must be alike; the first had {_described(*self._shape)}, "
+                f"frame {frame.sequence} has {_described(*found)} (did another program change the camera's mode?)"
+            )
+
+    def _note_return(self, now_s: float) -> None:
+        if self._interruptions and self._interruptions[-1].back_after_s is None:
+            last = self._interruptions[-1]
+            self._interruptions[-1] = replace(last, back_after_s=now_s - last.at_s)
+
+
+def silence(seconds: float) -> CameraError:
+    """What is said of a camera whose frames stay away."""
+    return CameraError(f"no frame came for {seconds:.1f} s; check the camera's cable and power")
+
+
+def _described(shape: tuple[int, ...], full_scale: float) -> str:
+    return f"{shape[1]} x {shape[0]} pixels and full scale {full_scale:g}"

@@ -1,0 +1,189 @@
+"""What image files and videos have in common as cameras: one mode, nothing to set."""
+
+from __future__ import annotations
+
+import re
+import threading
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.errors import CameraError, FileInputError, ImageMismatchError
+from tsis.files import as_path, file_size, printable_path
+from tsis.instrument._camera import Frame, Mode
+from tsis.instrument._image_files import read_image
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from tsis.instrument._camera import Setting
+    from tsis.model import TactileImage
+
+
+class StoredFrames:
+    """Frames on disk behind the camera protocol; a subclass lists its one mode and yields the frames.
+
+    Parameters
+    ----------
+    path
+        The file or folder.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self._path = as_path(path)
+        self._running = threading.Event()
+
+    @property
+    def name(self) -> str:
+        """The file's or folder's name."""
+        return self._path.name
+
+    def modes(self) -> tuple[Mode, ...]:
+        """The one mode that the frames were stored in."""
+        raise NotImplementedError
+
+    def settings(self) -> tuple[Setting, ...]:
+        """Nothing can be set on stored frames."""
+        return ()
+
+    def adjust(self, name: str, value: float) -> None:
+        """Refuse: nothing can be set on stored frames."""
+        raise CameraError(f"{name} cannot be set to {value:g}: {printable_path(self._path)} holds stored frames")
+
+    def start(self, mode: Mode | None = None) -> None:
+        """Begin at the first frame; ``mode`` may only be the one of `modes`."""
+        (only,) = self.modes()
+        if mode not in (None, only):
+            raise CameraError(f"mode must be {only} for these stored frames; got {mode}")
+        self._running.set()
+
+    def _require_started(self) -> None:
+        if not self._running.is_set():
+            raise CameraError(f"{printable_path(self._path)} must be started before frames are read; call start()")
+
+    def _not_opened(self) -> CameraError:
+        return CameraError(f"{printable_path(self._path)} must be opened first; call open()")
+
+
+IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff"})
+
+
+def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
+    """Sort key under which ``frame2`` comes before ``frame10``; letters without regard to case.
+
+    Examples
+    --------
+    >>> sorted(["b1", "a10", "A2"], key=natural_key)
+    ['A2', 'a10', 'b1']
+    """
+    parts = re.split(r"([0-9]+)", name.casefold())
+    return tuple((0, int(part), "") if part.isdecimal() else (1, 0, part) for part in parts if part)
+
+
+class ImageFiles(StoredFrames):
+    """The frames stored in one image file or in a folder of image files.
+
+    Files are read when their frame is asked for, so a long folder costs no memory. Files of other kinds and hidden
+    files in the folder are passed over; folders inside it are not entered.
+
+    Parameters
+    ----------
+    path
+        An image file, or a folder of image files.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        super().__init__(path)
+        self._files: tuple[Path, ...] = ()
+        self._first: TactileImage | None = None
+
+    @property
+    def lost(self) -> bool:
+        """Always False: a stored frame is there, or reading it raises."""
+        return False
+
+    def open(self) -> None:
+        """List the files and read the first one.
+
+        Raises
+        ------
+        FileInputError
+            When there is no such file or folder, it holds no image, or the first image cannot be read.
+        """
+        self._files = _listed(self._path)
+        self._first = read_image(self._files[0])
+
+    def modes(self) -> tuple[Mode, ...]:
+        """The one mode: the size and range of the first image."""
+        first = self._opened()
+        rows, columns = first.grey.shape
+        return (Mode(width_px=columns, height_px=rows, full_scale=first.full_scale),)
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield one frame a file.
+
+        Raises
+        ------
+        FileInputError
+            When a file cannot be read; the frames before it have been yielded.
+        ImageMismatchError
+            When an image differs from the first in size or range.
+        """
+        self._require_started()
+        first = self._opened()
+        for sequence, file in enumerate(self._files):
+            image = first if sequence == 0 else read_image(file)
+            _require_alike(first, image)
+            yield Frame(
+                pixels=_compact(image),
+                sequence=sequence,
+                full_scale=image.full_scale,
+                name=file.name,
+                settings=image.settings,
+            )
+            if not self._running.is_set():
+                return
+
+    def stop(self) -> None:
+        """End the stream."""
+        self._running.clear()
+
+    def _opened(self) -> TactileImage:
+        if self._first is None:
+            raise self._not_opened()
+        return self._first
+
+
+def _listed(path: Path) -> tuple[Path, ...]:
+    try:
+        if not path.is_dir():
+            file_size(path)  # says what is wrong, if anything
+            return (path,)
+        found = [entry for entry in path.iterdir() if entry.suffix.lower() in IMAGE_SUFFIXES]
+    except (OSError, ValueError) as error:
+        if isinstance(error, FileInputError):
+            raise
+        raise FileInputError(f"{printable_path(path)} must be a readable file or folder; got: {error}") from error
+    files = [entry for entry in found if not entry.name.startswith(".")]
+    if not files:
+        kinds = ", ".join(sorted(IMAGE_SUFFIXES))
+        raise FileInputError(f"{printable_path(path)} must hold at least one image ({kinds}); got none")
+    return tuple(sorted(files, key=lambda entry: (natural_key(entry.name), entry.name)))
+
+
+def _require_alike(first: TactileImage, image: TactileImage) -> None:
+    if first.grey.shape != image.grey.shape or first.full_scale != image.full_scale:
+        raise ImageMismatchError(
+            f"frames of one folder must be alike; {first.name!r} has shape {first.grey.shape} and full scale "
+            f"{first.full_scale:g}, {image.name!r} has {image.grey.shape} and {image.full_scale:g}"
+        )
+
+
+def _compact(image: TactileImage) -> NDArray[Any]:
+    """Whole grey levels in the bytes that they need; those made of colour as they are."""
+    whole = image.grey.astype(np.uint8 if image.full_scale <= 255 else np.uint16)
+    return whole if np.array_equal(whole, image.grey) else image.grey

@@ -1,0 +1,231 @@
+"""Which cameras OpenCV could open, asked without disturbing them where the system can tell."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+
+from tsis.errors import CameraError
+from tsis.instrument._camera import Frame, Mode, Setting
+from tsis.instrument._discovery import CameraInfo
+from tsis.instrument._image_files import grey_of_opencv
+from tsis.instrument._quiet import quiet_decoders
+from tsis.instrument.drivers._files import natural_key
+from tsis.instrument.drivers._video import present_mode
+from tsis.model import require_number, require_one_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+
+_LINUX_DEVICES = Path("/sys/class/video4linux")
+_TRIED_ELSEWHERE = 4
+
+
+def missing_requirement() -> str | None:
+    """Nothing: OpenCV comes with the plain install."""
+    return None
+
+
+def find_cameras_here(*, devices: Path = _LINUX_DEVICES, platform: str = sys.platform) -> tuple[CameraInfo, ...]:
+    """On Linux those that the system lists; elsewhere those of the first indices that open.
+
+    Parameters
+    ----------
+    devices
+        Folder in which Linux lists video devices.
+    platform
+        As ``sys.platform``.
+    """
+    return _listed(devices) if platform == "linux" else _opening()
+
+
+def _listed(devices: Path) -> tuple[CameraInfo, ...]:
+    entries = sorted(devices.glob("video*"), key=lambda entry: natural_key(entry.name)) if devices.is_dir() else []
+    return tuple(
+        CameraInfo(
+            source="opencv",
+            identity=entry.name.removeprefix("video"),
+            model=_line(entry / "name"),
+            note=f"/dev/{entry.name}",
+        )
+        for entry in entries
+        # a driver's further devices carry metadata, not frames
+        if entry.name.removeprefix("video").isdecimal() and _line(entry / "index") in ("", "0")
+    )
+
+
+def _line(file: Path) -> str:
+    try:
+        text = file.read_text(errors="replace").strip()
+    except OSError:
+        return ""
+    return "".join(letter if letter.isprintable() else "?" for letter in text)
+
+
+def _opening() -> tuple[CameraInfo, ...]:
+    cameras = []
+    with quiet_decoders():
+        for index in range(_TRIED_ELSEWHERE):
+            capture = cv2.VideoCapture(index)
+            if capture.isOpened():
+                cameras.append(CameraInfo(source="opencv", identity=str(index)))
+            capture.release()
+    return tuple(cameras)
+
+
+_PROPERTIES = {"brightness": cv2.CAP_PROP_BRIGHTNESS, "gain": cv2.CAP_PROP_GAIN, "exposure": cv2.CAP_PROP_EXPOSURE}
+_UNSUPPORTED = -1.0  # what OpenCV answers for a property that the driver does not have
+
+
+class OpenCVDevice:
+    """A live camera that OpenCV can open.
+
+    Colour becomes grey by the Rec. 709 luma, rounded to whole levels. OpenCV tells neither the modes nor the ranges of
+    a camera, nor how many frames its driver dropped: one mode (the present one) is listed, ranges are infinite, and
+    sequence numbers count the frames received.
+
+    Parameters
+    ----------
+    index
+        Number of the camera, from 0.
+    capture
+        Opens an index like ``cv2.VideoCapture``; tests give a fake.
+    clock
+        Seconds, monotonic.
+    """
+
+    def __init__(
+        self,
+        index: int,
+        *,
+        capture: Callable[[int], Any] = cv2.VideoCapture,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._index = int(require_number("index", index, 0, 9999))
+        self._open_capture, self._clock = capture, clock
+        self._capture: Any = None
+        self._one_call = threading.Lock()  # OpenCV's captures belong to one thread at a time
+        self._running = threading.Event()
+        self._lost = False
+
+    @property
+    def name(self) -> str:
+        """What a person calls it."""
+        return f"camera {self._index}"
+
+    @property
+    def lost(self) -> bool:
+        """True when the camera stopped answering while it was running."""
+        return self._lost
+
+    def open(self) -> None:
+        """Take hold of the camera with a new handle.
+
+        Raises
+        ------
+        CameraError
+            When no camera answers at this index.
+        """
+        self.stop()
+        with quiet_decoders():
+            capture = self._open_capture(self._index)
+        if not capture.isOpened():
+            raise CameraError(
+                f"no camera answers at index {self._index}; check its cable and permissions, or try another index"
+            )
+        self._capture, self._lost = capture, False
+
+    def modes(self) -> tuple[Mode, ...]:
+        """The mode that the camera is in."""
+        return (present_mode(self._opened()),)
+
+    def settings(self) -> tuple[Setting, ...]:
+        """Brightness, gain and exposure where the driver has them, in the driver's own units."""
+        with self._one_call:
+            capture = self._opened()
+            values = {name: float(capture.get(number)) for name, number in _PROPERTIES.items()}
+        return tuple(Setting(name=name, value=value) for name, value in values.items() if value != _UNSUPPORTED)
+
+    def adjust(self, name: str, value: float) -> None:
+        """Set one of `settings`.
+
+        Raises
+        ------
+        UnknownNameError
+            When the camera has no such setting.
+        CameraError
+            When the camera does not take the value.
+        """
+        present = {setting.name: setting for setting in self.settings()}
+        if not present:
+            raise CameraError(f"{self.name} has no setting called {name!r}; it has none at all")
+        wanted = present[require_one_of("setting", name, present)].checked(value)
+        with self._one_call:
+            taken = self._opened().set(_PROPERTIES[name], wanted)
+        if not taken:
+            raise CameraError(f"{self.name} does not take {name} = {wanted:g}")
+
+    def start(self, mode: Mode | None = None) -> None:
+        """Begin to deliver frames; a ``mode`` other than the present one is asked for and checked."""
+        capture = self._opened()
+        if mode is not None and mode not in self.modes():
+            capture.set(cv2.CAP_PROP_FRAME_WIDTH, mode.width_px)
+            capture.set(cv2.CAP_PROP_FRAME_HEIGHT, mode.height_px)
+            (present,) = self.modes()
+            if (present.width_px, present.height_px) != (mode.width_px, mode.height_px):
+                raise CameraError(f"{self.name} does not take {mode}; it is in {present}")
+        self._running.set()
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield frames as they come.
+
+        Raises
+        ------
+        CameraError
+            When the camera stops answering; the frames before that stay valid.
+        """
+        if not self._running.is_set():
+            raise CameraError(f"{self.name} must be started before frames are read; call start()")
+        settings = {setting.name: setting.value for setting in self.settings()}
+        sequence, first_s = 0, None
+        while self._running.is_set():
+            present, pixels = self._read()
+            now_s = self._clock()
+            if not self._running.is_set():
+                return
+            if not present or pixels is None:
+                self._lost = True
+                raise CameraError(f"{self.name} was lost after {sequence} frames; check its cable and open it again")
+            first_s = now_s if first_s is None else first_s
+            yield Frame(
+                pixels=np.rint(grey_of_opencv(pixels)).astype(pixels.dtype),  # whole, so that it can be stored
+                sequence=sequence,
+                time_s=now_s - first_s,
+                name=f"{self.name}#{sequence}",
+                settings=settings,
+            )
+            sequence += 1
+
+    def stop(self) -> None:
+        """End the stream and let go of the camera."""
+        self._running.clear()
+        with self._one_call:
+            if self._capture is not None:
+                self._capture.release()
+                self._capture = None
+
+    def _read(self) -> tuple[bool, Any]:
+        with self._one_call:
+            return (False, None) if self._capture is None else self._capture.read()
+
+    def _opened(self) -> Any:
+        if self._capture is None:
+            raise CameraError(f"{self.name} must be opened first; call open()")
+        return self._capture

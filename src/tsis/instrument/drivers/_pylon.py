@@ -1,0 +1,176 @@
+"""Basler cameras (GigE, USB and others) through Basler's own library, pypylon.
+
+Its camera emulator needs no camera: set the environment variable ``PYLON_CAMEMU`` to the number of cameras wanted.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import time
+from typing import TYPE_CHECKING, Any
+
+from tsis.errors import MissingExtraError
+from tsis.instrument._discovery import CameraInfo
+from tsis.instrument.drivers.genicam import (
+    ChoiceNode,
+    GenICamCamera,
+    Grab,
+    NumberNode,
+    buffer_count,
+    cannot_open,
+    first_number,
+    maker_library,
+    none_found,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+_NO_NUMBER = 2**64 - 1  # what pylon answers where a link does not number its frames
+_NANOSECONDS_HZ = 1e9
+
+
+class PylonCamera(GenICamCamera):
+    """A Basler camera.
+
+    Parameters
+    ----------
+    identity
+        Its serial number or the name that its user gave it; the first found when empty.
+    clock
+        Seconds, monotonic.
+    """
+
+    def __init__(self, identity: str = "", *, clock: Callable[[], float] = time.monotonic) -> None:
+        super().__init__("pylon", identity, link=lambda: _opened(identity), clock=clock)
+
+
+def missing_requirement() -> str | None:
+    """What is not installed, and how to install it; None when nothing is missing."""
+    try:
+        _pylon()
+    except MissingExtraError as error:
+        return str(error)
+    return None
+
+
+def find_cameras_here() -> tuple[CameraInfo, ...]:
+    """The cameras that answer now."""
+    return tuple(
+        CameraInfo(
+            source="pylon",
+            identity=device.GetSerialNumber(),
+            maker=device.GetVendorName(),
+            model=device.GetModelName(),
+            note=_given_name(device),
+        )
+        for device in _pylon().TlFactory.GetInstance().EnumerateDevices()
+    )
+
+
+class _Nodes:
+    """pypylon's node map."""
+
+    def __init__(self, node_map: Any) -> None:
+        self._map, self._genicam = node_map, _genicam()
+
+    def read(self, name: str) -> NumberNode | ChoiceNode | None:
+        node, kinds = self._map.GetNode(name), self._genicam
+        if not kinds.IsReadable(node):
+            return None
+        kind = node.GetNode().GetPrincipalInterfaceType()
+        if kind == kinds.intfIEnumeration:
+            return ChoiceNode(value=node.GetValue(), options=tuple(node.GetSettableValues()))
+        if kind == kinds.intfIBoolean:
+            return NumberNode(value=float(node.GetValue()), low=0.0, high=1.0, step=1.0)
+        if kind == kinds.intfIInteger:
+            step = float(node.GetInc())
+        elif kind == kinds.intfIFloat:
+            step = 0.0
+        else:
+            return None
+        return NumberNode(value=node.GetValue(), low=node.GetMin(), high=node.GetMax(), step=step, unit=node.GetUnit())
+
+    def write(self, name: str, value: float | str) -> None:
+        node, kinds = self._map.GetNode(name), self._genicam
+        kind = node.GetNode().GetPrincipalInterfaceType()
+        cast: Any = {kinds.intfIInteger: int, kinds.intfIBoolean: bool}.get(kind, lambda same: same)
+        node.SetValue(cast(value))
+
+
+class _PylonLink:
+    """A hold on one camera through pypylon."""
+
+    def __init__(self, camera: Any, identity: str) -> None:
+        self._camera, self.identity = camera, identity
+        self.nodes = _Nodes(camera.GetNodeMap())
+        self.errors: tuple[type[Exception], ...] = (_genicam().GenericException,)
+        ticks = first_number(self.nodes, ["GevTimestampTickFrequency"])
+        self._ticks_hz = _NANOSECONDS_HZ if ticks is None else ticks[1].value
+
+    @property
+    def present(self) -> bool:
+        return not self._camera.IsCameraDeviceRemoved()
+
+    def begin(self) -> None:
+        payload = first_number(self.nodes, ["PayloadSize"])
+        self._camera.MaxNumBuffer.SetValue(buffer_count(0.0 if payload is None else payload[1].value))
+        self._camera.StartGrabbing(_pylon().GrabStrategy_OneByOne)
+
+    def grab(self, timeout_s: float) -> Grab | None:
+        result = self._camera.RetrieveResult(round(1000 * timeout_s), _pylon().TimeoutHandling_Return)
+        try:
+            if not result.IsValid():
+                return None
+            whole = result.GrabSucceeded()
+            return Grab(
+                pixels=result.GetArray() if whole else None,
+                number=None if result.BlockID == _NO_NUMBER else result.BlockID,
+                time_s=result.TimeStamp / self._ticks_hz if whole and result.TimeStamp else None,
+            )
+        finally:
+            result.Release()
+
+    def end(self) -> None:
+        self._camera.StopGrabbing()
+
+    def close(self) -> None:
+        try:
+            self._camera.Close()
+        finally:
+            self._camera.DestroyDevice()
+
+
+def _opened(identity: str) -> _PylonLink:
+    factory, failures = _pylon().TlFactory.GetInstance(), _genicam().GenericException
+    devices = factory.EnumerateDevices()
+    wanted = [one for one in devices if not identity or identity in (one.GetSerialNumber(), _given_name(one))]
+    if not wanted:
+        raise none_found("pylon", identity, [one.GetSerialNumber() for one in devices])
+    serial = wanted[0].GetSerialNumber()
+    camera = None
+    try:
+        camera = _pylon().InstantCamera(factory.CreateDevice(wanted[0]))
+        camera.Open()
+        return _PylonLink(camera, serial)
+    except failures as error:
+        busy = False
+        with contextlib.suppress(failures):
+            busy = not factory.IsDeviceAccessible(wanted[0])
+        with contextlib.suppress(failures):
+            if camera is not None:
+                camera.DestroyDevice()
+        raise cannot_open(f"pylon camera {serial}", error, busy=busy) from error
+
+
+def _given_name(device: Any) -> str:
+    return str(device.GetUserDefinedName()) if device.IsUserDefinedNameAvailable() else ""
+
+
+def _pylon() -> Any:
+    return maker_library("pypylon.pylon", source="pylon")
+
+
+def _genicam() -> Any:
+    return maker_library("pypylon.genicam", source="pylon")

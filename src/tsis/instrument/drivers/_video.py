@@ -1,0 +1,152 @@
+"""What OpenCV's captures of files and of devices have in common."""
+
+from __future__ import annotations
+
+import os
+import threading
+from typing import TYPE_CHECKING, Any
+
+import cv2
+
+from tsis.errors import FileInputError
+from tsis.files import LARGEST_PIXELS, printable_path, read_head
+from tsis.instrument._camera import Frame, Mode
+from tsis.instrument._image_files import grey_of_opencv
+from tsis.instrument._quiet import quiet_decoders, quiet_ffmpeg
+from tsis.instrument.drivers._files import StoredFrames
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+
+def present_mode(capture: Any) -> Mode:
+    """Size and rate that an opened capture declares; no rate where it tells none."""
+    rate = float(capture.get(cv2.CAP_PROP_FPS))
+    return Mode(
+        width_px=int(capture.get(cv2.CAP_PROP_FRAME_WIDTH)),
+        height_px=int(capture.get(cv2.CAP_PROP_FRAME_HEIGHT)),
+        frames_per_s=rate if rate > 0 else None,
+    )
+
+
+# containers without an index only estimate their number of frames, from the duration
+_COUNT_TOLERANCE = 0.01
+# what FFmpeg would follow to other files or addresses
+_LISTS = (b"#", b"<", b"ffconcat", b"v=0", b"[")
+
+
+class VideoFile(StoredFrames):
+    """The frames of a video file, decoded one at a time; colour becomes grey by the Rec. 709 luma.
+
+    Videos are 8 bits and mostly compressed with loss: good for looking, weak for measuring. A video that ends before
+    its declared number of frames is reported after its last whole frame.
+
+    Parameters
+    ----------
+    path
+        A video file that OpenCV's FFmpeg can decode (AVI, MP4, MKV and others).
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        super().__init__(path)
+        self._capture: Any = None
+        self._one_call = threading.Lock()  # OpenCV's captures belong to one thread at a time
+        self._lost = False
+
+    @property
+    def lost(self) -> bool:
+        """True when the file ended before its declared number of frames."""
+        return self._lost
+
+    def open(self) -> None:
+        """Open the file and read its header.
+
+        Raises
+        ------
+        FileInputError
+            When there is no such file, it is no regular file, empty, cut short or no video.
+        """
+        self.stop()
+        if read_head(self._path).lstrip().startswith(_LISTS):
+            raise FileInputError(
+                f"{printable_path(self._path)} must be a video file; got a list that names other files"
+            )
+        with quiet_decoders(), quiet_ffmpeg():
+            # by its absolute path, so that no name is taken for an address, a device or a pattern
+            capture = cv2.VideoCapture(os.path.realpath(self._path), cv2.CAP_FFMPEG)
+        if not capture.isOpened():
+            raise FileInputError(
+                f"{printable_path(self._path)} must be a complete video file; no decoder could open it"
+            )
+        columns, rows = (int(capture.get(side)) for side in (cv2.CAP_PROP_FRAME_WIDTH, cv2.CAP_PROP_FRAME_HEIGHT))
+        if not 0 < columns * rows <= LARGEST_PIXELS:
+            capture.release()
+            size = f"{columns} x {rows}"
+            raise FileInputError(
+                f"{printable_path(self._path)} must hold at most {LARGEST_PIXELS} pixels a frame; got {size}"
+            )
+        self._capture, self._lost = capture, False
+
+    def modes(self) -> tuple[Mode, ...]:
+        """The one mode: size and rate as the file declares them."""
+        return (present_mode(self._opened()),)
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield the frames in order, with their times in the video.
+
+        Raises
+        ------
+        FileInputError
+            After the last whole frame, when the file ends before its declared number of frames.
+        """
+        self._require_started()
+        declared = int(self._opened().get(cv2.CAP_PROP_FRAME_COUNT))
+        # one frame is held back: the last one of a file that is cut short may be decoded from half its bytes
+        held, read = self._next(0), 1
+        while held is not None and self._running.is_set():
+            following = self._next(read)
+            if following is None:
+                break
+            yield held
+            held, read = following, read + 1
+        if not self._running.is_set():
+            return
+        delivered = read if held is not None else 0
+        if delivered + max(1.0, _COUNT_TOLERANCE * declared) <= declared:
+            self._lost = True
+            raise FileInputError(
+                f"{printable_path(self._path)} declares {declared} frames and is cut short after {max(delivered - 1, 0)}"
+            )
+        if held is not None:
+            yield held
+
+    def stop(self) -> None:
+        """End the stream and close the file."""
+        self._running.clear()
+        with self._one_call:
+            if self._capture is not None:
+                self._capture.release()
+                self._capture = None
+
+    def _opened(self) -> Any:
+        if self._capture is None:
+            raise self._not_opened()
+        return self._capture
+
+    def _next(self, sequence: int) -> Frame | None:
+        pixels: NDArray[Any] | None
+        with self._one_call:
+            if self._capture is None:  # stopped by another thread
+                return None
+            try:
+                present, pixels = self._capture.read()
+            except (cv2.error, MemoryError) as error:
+                raise FileInputError(
+                    f"{printable_path(self._path)} must be a readable video; decoding failed"
+                ) from error
+            time_s = float(self._capture.get(cv2.CAP_PROP_POS_MSEC)) / 1000.0
+        if not present or pixels is None:
+            return None
+        return Frame(pixels=grey_of_opencv(pixels), sequence=sequence, time_s=time_s, name=f"{self.name}#{sequence}")

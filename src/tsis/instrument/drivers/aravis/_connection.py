@@ -1,0 +1,191 @@
+"""Buffers that travel between Aravis and the reader of a camera."""
+
+from __future__ import annotations
+
+import ctypes
+import ipaddress
+import threading
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.errors import CameraError
+from tsis.instrument.drivers.aravis._search import search
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from typing import Self
+
+    from numpy.typing import NDArray
+
+    from tsis.instrument._camera import Mode
+    from tsis.instrument.drivers.aravis._library import Aravis
+
+
+BUFFERS = 16  # half a second of 30 frames/s that a reader may be late
+BACKLOG, MOST_BACKLOG_BYTES = 4, 2**26  # frames that wait in the system; it may grant less
+WHOLE = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ReceivedBuffer:
+    """One buffer as it came; ``pixels`` is a view that ends with the buffer's loan, None when not all of it arrived."""
+
+    number: int
+    device_ns: int
+    arrived_ns: int
+    pixels: NDArray[Any] | None
+
+
+class Stream:
+    """A stream of a camera with its buffers.
+
+    Parameters
+    ----------
+    aravis
+        The library.
+    camera
+        Handle of a camera that is in the mode wanted.
+    mode
+        That mode.
+
+    Raises
+    ------
+    CameraError
+        When the camera gives no stream.
+    """
+
+    def __init__(self, aravis: Aravis, camera: int, mode: Mode) -> None:
+        self._aravis = aravis
+        self._shape = (mode.height_px, mode.width_px)
+        self._dtype = np.dtype("u1" if mode.full_scale <= 255 else "<u2")
+        self._bytes = int(np.prod(self._shape)) * self._dtype.itemsize
+        payload = max(aravis.call("camera_get_payload", camera), self._bytes)
+        self.handle: int = aravis.call("camera_create_stream", camera, None, None)
+        if aravis.call("camera_is_gv_device", camera):
+            # the system's default holds a fraction of a frame, and a camera sends a whole one at once
+            aravis.set_whole(self.handle, "socket-buffer-size", min(BACKLOG * payload, MOST_BACKLOG_BYTES))
+        for _ in range(BUFFERS):
+            aravis.call("stream_push_buffer", self.handle, aravis.call("buffer_new_allocate", payload))
+
+    @contextmanager
+    def next(self, timeout_s: float) -> Iterator[ReceivedBuffer | None]:
+        """Lend the next buffer; None when none came in time."""
+        buffer = self._aravis.call("stream_timeout_pop_buffer", self.handle, round(1e6 * timeout_s))
+        if not buffer:
+            yield None
+            return
+        try:
+            yield ReceivedBuffer(
+                number=self._of(buffer, "frame_id"),
+                device_ns=self._of(buffer, "timestamp"),
+                arrived_ns=self._of(buffer, "system_timestamp"),
+                pixels=self._pixels(buffer),
+            )
+        finally:
+            self._aravis.call("stream_push_buffer", self.handle, buffer)
+
+    def _of(self, buffer: int, what: str) -> int:
+        return int(self._aravis.call(f"buffer_get_{what}", buffer))
+
+    def _pixels(self, buffer: int) -> NDArray[Any] | None:
+        if self._of(buffer, "status") != WHOLE:
+            return None
+        if (self._of(buffer, "image_height"), self._of(buffer, "image_width")) != self._shape:
+            return None  # of the mode before
+        size = ctypes.c_size_t()
+        data = self._aravis.call("buffer_get_data", buffer, ctypes.byref(size))
+        if not data or size.value < self._bytes:
+            return None
+        lent = (ctypes.c_ubyte * self._bytes).from_address(data)
+        return np.ctypeslib.as_array(lent).view(self._dtype).reshape(self._shape)
+
+
+HOLDER_ADDRESS = 0x0A14  # GigE Vision's register of the network address that controls the camera; 0 where not kept
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class Connection:
+    """Handles of one camera, which belong together and are given back together."""
+
+    aravis: Aravis
+    camera: int
+    identity: str
+    stream: Stream | None = field(default=None)
+
+    @classmethod
+    def made(cls, aravis: Aravis, identity: str | None) -> Self:
+        """Hold the camera of that identity or address, or the first that answers.
+
+        Raises
+        ------
+        CameraError
+            When none answers, or another program holds it.
+        """
+        chosen, address = _chosen(aravis, identity)
+        try:
+            camera = aravis.call("camera_new", address.encode())
+        except CameraError as error:
+            raise CameraError(f"{chosen} could not be opened: {error}; check its cable and power") from error
+        connection = cls(aravis=aravis, camera=camera, identity=chosen)
+        holder = connection._holder()
+        if holder is not None:
+            connection.close(wait_s=0.0)
+            raise CameraError(f"{connection.identity} is held by {holder}; close it there, then open the camera again")
+        return connection
+
+    def close(self, *, wait_s: float = 0.5) -> None:
+        """Give the camera back; one that does not answer is left to a thread after ``wait_s``."""
+        leaving = threading.Thread(target=self._release, name=f"leaving {self.identity}", daemon=True)
+        leaving.start()
+        leaving.join(wait_s)
+
+    def _release(self) -> None:
+        if self.stream is not None:
+            with suppress(CameraError):  # it is gone, or stops when control ends
+                self.aravis.call("camera_stop_acquisition", self.camera)
+            self.aravis.unref(self.stream.handle)  # and its buffers
+        self.aravis.unref(self.camera)
+
+    def _holder(self) -> str | None:
+        """Who else controls the camera; of USB cameras the driver has said so before."""
+        if not self.aravis.call("camera_is_gv_device", self.camera):
+            return None
+        device = self.aravis.call("camera_get_device", self.camera)
+        if self.aravis.call("gv_device_is_controller", device):
+            return None
+        address = ctypes.c_uint32()
+        try:
+            self.aravis.call("device_read_register", device, HOLDER_ADDRESS, ctypes.byref(address))
+        except CameraError:
+            address.value = 0
+        known = f" at {ipaddress.ip_address(address.value)}" if address.value else ""
+        return f"another program{known}"
+
+
+def _chosen(aravis: Aravis, identity: str | None) -> tuple[str, str]:
+    """Identity of the camera that is meant, and what the library opens it by."""
+    if identity is not None and _is_address(identity):  # perhaps on a network that a search does not reach
+        return identity, identity
+    cameras = search(aravis)
+    for camera, address in cameras:
+        if identity in (None, camera.identity):
+            # Aravis may hear a camera of this machine over another network, where its frames would not come.
+            return camera.identity, address if _is_loopback(address) else camera.identity
+    wanted = "no camera answers" if identity is None else f"no camera called {identity!r} answers"
+    names = ", ".join(camera.identity for camera, _ in cameras) or "none"
+    raise CameraError(f"{wanted} through Aravis; found: {names}; check its power, cable and network, or name another")
+
+
+def _is_address(text: str) -> bool:
+    try:
+        ipaddress.ip_address(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _is_loopback(address: str) -> bool:
+    return _is_address(address) and ipaddress.ip_address(address).is_loopback

@@ -1,0 +1,18 @@
+"""FIXME."""
+
+from tsis.instrument.drivers.genicam._camera import GenICamCamera
+from tsis.instrument.drivers.genicam._link import Grab, buffer_count, cannot_open, maker_library, none_found, reason
+from tsis.instrument.drivers.genicam._settings import ChoiceNode, NumberNode, first_number
+
+__all__ = [
+    "ChoiceNode",
+    "GenICamCamera",
+    "Grab",
+    "NumberNode",
+    "buffer_count",
+    "cannot_open",
+    "first_number",
+    "maker_library",
+    "none_found",
+    "reason",
+]

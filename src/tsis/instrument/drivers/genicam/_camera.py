@@ -1,0 +1,314 @@
+"""The modes of a GenICam camera: grey pixel formats, the region it sends, its rate."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from typing import TYPE_CHECKING
+
+from tsis.errors import CameraError
+from tsis.instrument._camera import Frame, Mode
+from tsis.instrument.drivers._frame_numbers import FULL_SCALE, BlockCount
+from tsis.instrument.drivers.genicam import _settings as genicam_settings
+from tsis.instrument.drivers.genicam._link import reason
+from tsis.instrument.drivers.genicam._settings import ChoiceNode, adjust, choice_node, first_number, number_node
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from tsis.instrument._camera import Setting
+    from tsis.instrument.drivers.genicam._link import Grab, Link
+    from tsis.instrument.drivers.genicam._settings import Nodes, NumberNode
+
+
+_RATES = (
+    "ResultingFrameRate",
+    "ResultingFrameRateAbs",
+    "AcquisitionResultingFrameRate",
+    "AcquisitionFrameRate",
+    "AcquisitionFrameRateAbs",
+)
+
+
+def modes(nodes: Nodes) -> tuple[Mode, ...]:
+    """Each grey format at the present size and at the full one; the present format and size first.
+
+    The rate is told for the present size alone: a camera tells it for no other.
+
+    Raises
+    ------
+    CameraError
+        When the camera does not tell its size or offers no grey format.
+    """
+    formats = _grey_formats(nodes)
+    width, height = _size(nodes)
+    found = first_number(nodes, _RATES)
+    rate = found[1].value if found is not None and 1e-3 <= found[1].value <= 1e5 else None
+    full = _full("WidthMax", nodes, width), _full("HeightMax", nodes, height)
+    present = (int(width.value), int(height.value))
+    sizes = [(*present, rate)] if full == present else [(*present, rate), (*full, None)]
+    return tuple(
+        Mode(width_px=w, height_px=h, full_scale=FULL_SCALE[name], frames_per_s=fps, pixel_format=name)
+        for w, h, fps in sizes
+        for name in formats
+    )
+
+
+def apply_mode(nodes: Nodes, mode: Mode) -> None:
+    """Bring the camera into ``mode``; a size other than the present one becomes a region in the middle of the sensor.
+
+    Raises
+    ------
+    CameraError
+        When the camera does not offer the format or the size.
+    InputError
+        When it does not take the rate.
+    """
+    formats = _grey_formats(nodes)
+    if mode.pixel_format not in formats or mode.full_scale != FULL_SCALE[mode.pixel_format]:
+        known = ", ".join(f"{name} (full scale {FULL_SCALE[name]:g})" for name in formats)
+        raise CameraError(f"the camera has no mode {mode.label} of full scale {mode.full_scale:g}; it offers {known}")
+    held = choice_node(nodes, "PixelFormat")
+    if held is not None and held.value != mode.pixel_format:
+        nodes.write("PixelFormat", mode.pixel_format)
+    width, height = _size(nodes)
+    if (width.value, height.value) != (mode.width_px, mode.height_px):
+        _resize(nodes, mode)
+    found = first_number(nodes, _RATES)
+    if mode.frames_per_s is not None and (found is None or found[1].value != mode.frames_per_s):
+        adjust(nodes, "frames_per_s", mode.frames_per_s)
+
+
+def _grey_formats(nodes: Nodes) -> list[str]:
+    held = choice_node(nodes, "PixelFormat") or ChoiceNode(value="", options=())
+    grey = [name for name in held.options if name in FULL_SCALE]
+    if not grey:
+        offered = ", ".join(held.options) or "none"
+        raise CameraError(f"the camera must offer a grey pixel format ({', '.join(FULL_SCALE)}); it offers {offered}")
+    return sorted(grey, key=lambda name: (name != held.value, FULL_SCALE[name]))
+
+
+def _size(nodes: Nodes) -> tuple[NumberNode, NumberNode]:
+    width, height = number_node(nodes, "Width"), number_node(nodes, "Height")
+    if width is None or height is None:
+        raise CameraError("the camera does not tell the size of its frames")
+    return width, height
+
+
+def _full(name: str, nodes: Nodes, present: NumberNode) -> int:
+    sensor = number_node(nodes, name)
+    return int(present.high if sensor is None else sensor.value)
+
+
+def _resize(nodes: Nodes, mode: Mode) -> None:
+    for offset in ("OffsetX", "OffsetY"):
+        held = number_node(nodes, offset)
+        if held is not None and held.value != held.low:
+            nodes.write(offset, held.low)  # a size may only grow as far as the offset leaves room
+    for name, offset, wanted in (("Width", "OffsetX", mode.width_px), ("Height", "OffsetY", mode.height_px)):
+        held = number_node(nodes, name)
+        if held is None or held.nearest(wanted) != wanted:
+            room = "" if held is None else f"; its {name} goes from {held.low:g} to {held.high:g} by {held.step:g}"
+            raise CameraError(f"the camera has no mode {mode.label}{room}")
+        nodes.write(name, wanted)
+        place = number_node(nodes, offset)
+        if place is not None and place.high > place.low:
+            nodes.write(offset, place.nearest((place.low + place.high) / 2))
+
+
+_LOOK_S = 0.1  # how long one look for a frame takes at most, so how late a stop or a removal is noticed
+
+# some libraries open a camera twice in one process and let the two holds disturb each other
+_held_here: set[str] = set()
+_holding = threading.Lock()
+
+
+class GenICamCamera:
+    """A camera behind a `Link`.
+
+    Frames carry the number and the time that the camera gave them: a lost or incomplete frame is a gap in `sequence`
+    and is never delivered. Starting switches triggers and automatic exposure, gain and black level off. The settings
+    written beside a frame are those in force when it was received; after `adjust`, frames already on their way differ.
+
+    Parameters
+    ----------
+    source
+        Name of the source, for messages.
+    identity
+        Of the camera; the first found when empty.
+    link
+        Opens the camera and returns the hold on it.
+    clock
+        Seconds, monotonic; used to notice silence, and as the time of frames where the camera tells none.
+    """
+
+    def __init__(
+        self, source: str, identity: str, *, link: Callable[[], Link], clock: Callable[[], float] = time.monotonic
+    ) -> None:
+        self._name = f"{source} camera {identity}".rstrip()
+        self._source, self._connect, self._clock = source, link, clock
+        self._link: Link | None = None
+        self._held = ""
+        self._running = threading.Event()
+        self._lost = False
+        self._values: dict[str, float] = {}
+        self._full_scale = 255.0
+        self._looking, self._features = threading.Lock(), threading.Lock()
+
+    @property
+    def name(self) -> str:
+        """What a person calls it."""
+        return self._name
+
+    @property
+    def lost(self) -> bool:
+        """True when the camera fell silent or was removed while it was running."""
+        return self._lost
+
+    def open(self) -> None:
+        """Take hold of the camera with a new handle.
+
+        Raises
+        ------
+        CameraError
+            When it is not found, is held by another program or by this one, or does not answer.
+        MissingExtraError
+            When the library that reaches it is not installed.
+        """
+        self.stop()
+        link = self._connect()
+        name = f"{self._source} camera {link.identity}"
+        with _holding:
+            free = name not in _held_here
+            if free:
+                _held_here.add(name)
+        if not free:
+            with contextlib.suppress(*link.errors):
+                link.close()
+            raise CameraError(f"{name} is busy: this program holds it already; stop() that camera first")
+        self._link, self._name, self._held, self._lost = link, name, name, False
+
+    def modes(self) -> tuple[Mode, ...]:
+        """Each grey format at the present size and at the full one, the present one first."""
+        with self._speaking("tell its modes") as link:
+            return modes(link.nodes)
+
+    def settings(self) -> tuple[Setting, ...]:
+        """Those of exposure_ms, gain, brightness and frames_per_s that the camera has."""
+        with self._speaking("tell its settings") as link:
+            return genicam_settings.settings(link.nodes)
+
+    def adjust(self, name: str, value: float) -> None:
+        """Change one of `settings`, running or not; what the camera would do to it by itself is switched off."""
+        with self._speaking(f"take {name} = {value}") as link:
+            genicam_settings.adjust(link.nodes, name, value)
+            self._remember(link)
+
+    def start(self, mode: Mode | None = None) -> None:
+        """Begin to deliver frames in ``mode``, or in the first of `modes`.
+
+        A mode of a size that is not listed is taken where the camera takes it, as a region in the middle.
+        """
+        with self._speaking("start") as link:
+            if self._running.is_set():
+                raise CameraError(f"{self.name} is running already; call stop() and open() first")
+            genicam_settings.run_free(link.nodes)
+            chosen = mode or modes(link.nodes)[0]
+            apply_mode(link.nodes, chosen)
+            self._full_scale = chosen.full_scale
+            self._remember(link)
+            link.begin()
+            self._running.set()
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield frames as they come, until stopped.
+
+        Raises
+        ------
+        CameraError
+            When none comes for 1 s (or two frames, where those take longer) or the camera is removed.
+        """
+        if not self._running.is_set():
+            raise CameraError(f"{self.name} must be started before frames are read; call start()")
+        count, first_s, own_clock = BlockCount(), None, True
+        silent_since_s = self._clock()
+        while (link := self._link) is not None and self._running.is_set():
+            grab = self._look(link, silent_since_s)
+            now_s = self._clock()
+            if grab is None:
+                continue
+            silent_since_s = now_s
+            if grab.pixels is None:
+                if grab.number is not None:
+                    count.at(grab.number)
+                continue
+            if first_s is None:
+                own_clock = grab.time_s is not None
+            stamp_s = grab.time_s if own_clock and grab.time_s is not None else now_s
+            first_s = stamp_s if first_s is None else first_s
+            sequence = count.at(grab.number)
+            yield Frame(
+                pixels=grab.pixels,
+                sequence=sequence,
+                time_s=stamp_s - first_s,
+                full_scale=self._full_scale,
+                name=f"{self.name}#{sequence}",
+                settings=self._values,
+            )
+            silent_since_s = self._clock()  # a slow reader is not a silent camera
+
+    def stop(self) -> None:
+        """End the stream and let go of the camera; a thread that waits in `frames` is released at once."""
+        self._running.clear()
+        with self._looking, self._features:  # nobody is speaking to the camera while it is taken away
+            link, self._link = self._link, None
+            held, self._held = self._held, ""
+        if link is None:
+            return
+        try:
+            for step in (link.end, link.close):
+                with contextlib.suppress(*link.errors):  # a lost camera cannot be told to stop
+                    step()
+        finally:
+            with _holding:
+                _held_here.discard(held)
+
+    def _look(self, link: Link, silent_since_s: float) -> Grab | None:
+        """One look for a frame; the camera counts as lost when it was removed or silent too long."""
+        try:
+            with self._looking:
+                if self._link is not link:
+                    return None
+                present = link.present
+                grab = link.grab(_LOOK_S) if present else None
+        except link.errors as error:
+            if not self._running.is_set():
+                return None
+            raise self._loss(f"reading it failed: {reason(error)}") from error
+        if grab is None and self._running.is_set():
+            if not present:
+                raise self._loss("it was removed")
+            silent_s = self._clock() - silent_since_s
+            if silent_s >= genicam_settings.patience_s(self._values):
+                raise self._loss(f"no frame came for {silent_s:.1f} s")
+        return grab
+
+    def _loss(self, why: str) -> CameraError:
+        self._lost = True
+        self._running.clear()
+        return CameraError(f"{self.name} was lost: {why}; check its cable and power, and open it again")
+
+    def _remember(self, link: Link) -> None:
+        self._values = {setting.name: setting.value for setting in genicam_settings.settings(link.nodes)}
+
+    @contextlib.contextmanager
+    def _speaking(self, what: str) -> Iterator[Link]:
+        """Hold the camera's features for one call, and make a sentence of what its library raises."""
+        with self._features:
+            if self._link is None:
+                raise CameraError(f"{self.name} must be opened first; call open()")
+            try:
+                yield self._link
+            except self._link.errors as error:
+                raise CameraError(f"{self.name} does not {what}: {reason(error)}") from error

@@ -1,0 +1,254 @@
+"""A hold on one camera through Harvesters: its node map, and its buffers as they come."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.errors import CameraError, MissingExtraError
+from tsis.instrument._discovery import CameraInfo
+from tsis.instrument.drivers._frame_numbers import FULL_SCALE
+from tsis.instrument.drivers.genicam import _producers as genicam_producers
+from tsis.instrument.drivers.genicam._camera import GenICamCamera
+from tsis.instrument.drivers.genicam._link import Grab, buffer_count, cannot_open, none_found
+from tsis.instrument.drivers.genicam._producers import PATH_VARIABLE, PRODUCERS
+from tsis.instrument.drivers.genicam._settings import ChoiceNode, NumberNode, first_number
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Generator, Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+
+# A look inside Harvesters holds Python's interpreter lock, so looks are short and other threads run between them.
+_LOOK_S, _PAUSE_S = 0.001, 0.002
+
+
+class HarvestersNodes:
+    """Harvesters' node map."""
+
+    def __init__(self, node_map: Any) -> None:
+        self._map = node_map
+        _, self._failure = genicam_producers.failures()
+
+    def read(self, name: str) -> NumberNode | ChoiceNode | None:
+        """What the camera holds under that name; None when it is absent or cannot be read now."""
+        try:
+            node = getattr(self._map, name)
+            value = node.value
+            if hasattr(node, "symbolics"):
+                return ChoiceNode(value=value, options=tuple(node.symbolics))
+            if isinstance(value, bool):
+                return NumberNode(value=float(value), low=0.0, high=1.0, step=1.0)
+            if not isinstance(value, (int, float)):
+                return None
+            step = float(node.inc) if isinstance(value, int) else 0.0
+            return NumberNode(value=value, low=node.min, high=node.max, step=step, unit=node.unit)
+        except (AttributeError, self._failure):  # absent, or not readable in the present state
+            return None
+
+    def write(self, name: str, value: float | str) -> None:
+        """Change it, in the kind of number that the camera holds."""
+        node = getattr(self._map, name)
+        node.value = value if isinstance(value, str) else type(node.value)(value)
+
+
+class HarvestersLink:
+    """A hold on one camera through Harvesters."""
+
+    def __init__(self, acquirer: Any, identity: str, file: Path) -> None:
+        self._acquirer, self.identity, self._file = acquirer, identity, file
+        self.nodes = HarvestersNodes(acquirer.remote_device.node_map)
+        self.errors = genicam_producers.failures()
+        self.present = True  # GenTL tells no removal without events; silence does
+        self._torn = threading.Event()
+        events = genicam_producers.harvesters().ImageAcquirer.Events
+        acquirer.add_callback(events.INCOMPLETE_BUFFER, _incomplete_buffers(self._torn))
+
+    def begin(self) -> None:
+        """Announce buffers and let the camera send."""
+        payload = first_number(self.nodes, ["PayloadSize"])
+        self._acquirer.num_buffers = max(
+            buffer_count(0.0 if payload is None else payload[1].value), self._acquirer.min_num_buffers
+        )
+        self._acquirer.start()
+
+    def grab(self, timeout_s: float) -> Grab | None:
+        """The next buffer, given back once its pixels are copied; None when none came within the time."""
+        end_s = time.monotonic() + timeout_s
+        while True:
+            buffer = self._acquirer.try_fetch(timeout=_LOOK_S)
+            if buffer is not None:
+                try:
+                    return Grab(pixels=_grey(buffer), number=_number(buffer), time_s=_stamp_s(buffer))
+                finally:
+                    buffer.queue()
+            if self._torn.is_set():
+                self._torn.clear()
+                return Grab(pixels=None)
+            if time.monotonic() >= end_s:
+                return None
+            time.sleep(_PAUSE_S)
+
+    def end(self) -> None:
+        """Let the camera send no more."""
+        self._acquirer.stop()
+
+    def close(self) -> None:
+        """Let go of the camera, and of its producer when nobody else uses that."""
+        chunks = getattr(self._acquirer, "_chunk_adapter", None)
+        with contextlib.ExitStack() as afterwards:
+            afterwards.callback(PRODUCERS.give_back, self._file)
+            last_act = getattr(chunks, "_finalizer", None)
+            if last_act is not None:  # left alone, it would keep the node map, half a megabyte, until the program ends
+                afterwards.callback(last_act)
+            self._acquirer.__exit__(None, None, None)  # as destroy(), but leaves nothing to be done at the end
+
+
+def _incomplete_buffers(seen: threading.Event) -> Any:
+    """Sets ``seen`` for each buffer that comes incomplete, which Harvesters queues again without a word."""
+    core = genicam_producers.harvesters()
+    return type("IncompleteBuffers", (core.Callback,), {"emit": lambda *_: seen.set()})()
+
+
+def _grey(buffer: Any) -> NDArray[Any] | None:
+    """The grey part of a buffer, copied; None when it has none."""
+    for part in buffer.payload.components:
+        if part is not None and part.data_format in FULL_SCALE:
+            rows = np.asarray(part.data).reshape(part.height, -1)  # a row may end in padding
+            return rows[:, : part.width].copy()
+    return None
+
+
+def _number(buffer: Any) -> int | None:
+    try:
+        return int(buffer.module.frame_id)
+    except genicam_producers.failures():
+        return None
+
+
+def _stamp_s(buffer: Any) -> float | None:
+    """The camera's own time; Harvesters answers 0 where the producer tells none."""
+    ticks = buffer.timestamp
+    return ticks / buffer.timestamp_frequency if ticks else None
+
+
+class HarvestersCamera(GenICamCamera):
+    """A camera behind a GenTL producer.
+
+    Parameters
+    ----------
+    identity
+        Its GenTL id, its serial number or the name that its user gave it; the first found when empty.
+    producers
+        The producers to ask; those of ``GENICAM_GENTL64_PATH`` when None.
+    clock
+        Seconds, monotonic.
+    """
+
+    def __init__(
+        self,
+        identity: str = "",
+        *,
+        producers: Sequence[Path] | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        super().__init__("genicam", identity, link=lambda: _opened(identity, _chosen(producers)), clock=clock)
+
+
+def missing_requirement() -> str | None:
+    """What is not installed or not set, and the cure; None when nothing is missing."""
+    try:
+        genicam_producers.harvesters()
+    except MissingExtraError as error:
+        return str(error)
+    if genicam_producers.producer_files():
+        return None
+    return (
+        "the camera source genicam needs a GenTL producer (a .cti file of the camera maker's software) and found none; "
+        f"install that software, or set {PATH_VARIABLE} to the folder of the file"
+    )
+
+
+def find_cameras_here(producers: Sequence[Path] | None = None) -> tuple[CameraInfo, ...]:
+    """The cameras that the producers list now.
+
+    Raises
+    ------
+    CameraError
+        When there is none and a producer cannot be loaded.
+    """
+    return tuple(
+        CameraInfo(
+            source="genicam",
+            identity=device.id_,
+            maker=_told(device, "vendor"),
+            model=_told(device, "model"),
+            note=file.name,
+        )
+        for device, file in _listed(_chosen(producers))
+    )
+
+
+def _chosen(producers: Sequence[Path] | None) -> Sequence[Path]:
+    return genicam_producers.producer_files() if producers is None else producers
+
+
+def _told(device: Any, what: str) -> str:
+    """One of the words that a producer may tell of a camera; empty when it does not."""
+    untold: tuple[type[Exception], ...] = (AttributeError, *genicam_producers.failures())
+    try:
+        return str(getattr(device, what) or "")
+    except untold:
+        return ""
+
+
+def _listed(producers: Sequence[Path]) -> Generator[tuple[Any, Path]]:
+    """Each device of each producer, that producer in use meanwhile; one that cannot be loaded is passed over."""
+    seen, broken = 0, None
+    for file in producers:
+        try:
+            harvester = PRODUCERS.take(file)
+        except CameraError as error:
+            broken = error
+            continue
+        try:
+            for device in genicam_producers.devices(harvester):
+                seen += 1
+                yield device, file
+        finally:
+            PRODUCERS.give_back(file)
+    if broken is not None and not seen:
+        raise broken
+
+
+def _opened(identity: str, producers: Sequence[Path]) -> HarvestersLink:
+    if not producers:
+        raise CameraError(missing_requirement() or "the camera source genicam was given no GenTL producer")
+    others: list[str] = []
+    with contextlib.closing(_listed(producers)) as listed:
+        for device, file in listed:
+            names = device.id_, _told(device, "serial_number"), _told(device, "user_defined_name")
+            if not identity or identity in names:
+                return _link(device, file)
+            others.append(device.id_)
+    raise none_found("genicam", identity, others)
+
+
+def _link(device: Any, file: Path) -> HarvestersLink:
+    identity = device.id_
+    harvester = PRODUCERS.take(file)
+    core = genicam_producers.harvesters()
+    chunks_off = core.ParameterSet({core.ParameterKey.ENABLE_AUTO_CHUNK_DATA_UPDATE: False})
+    try:
+        with genicam_producers.interrupts_kept():
+            return HarvestersLink(harvester.create(device, config=chunks_off), identity, file)
+    except Exception as error:  # of any kind: Harvesters unpacks and parses a file that the camera sends
+        PRODUCERS.give_back(file)
+        busy = isinstance(error, genicam_producers.busy_failures())
+        raise cannot_open(f"genicam camera {identity}", error, busy=busy) from error

@@ -1,0 +1,81 @@
+"""One reading of a force gauge."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
+
+from tsis.model import require_number
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+
+LARGEST_FORCE_N = 1e6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ForceReading:
+    """A force and when it acted.
+
+    Parameters
+    ----------
+    time_s
+        When it acted, in seconds on the host's monotonic clock.
+    force_n
+        Force in newtons, as the gauge signs it.
+    resolution_n
+        Step of the gauge's display in newtons, 0 when it is not known.
+    time_error_s
+        Half-width of the time in which the gauge must have taken the reading, in seconds; 0 when it is not known.
+
+    Raises
+    ------
+    InputError
+        When a number is not finite or out of its range.
+
+    Examples
+    --------
+    >>> ForceReading(time_s=12.5, force_n=0.8).force_n
+    0.8
+    """
+
+    time_s: float
+    force_n: float
+    resolution_n: float = 0.0
+    time_error_s: float = 0.0
+
+    def __post_init__(self) -> None:
+        require_number("time_s", self.time_s, -1e12, 1e12)
+        require_number("force_n", self.force_n, -LARGEST_FORCE_N, LARGEST_FORCE_N)
+        require_number("resolution_n", self.resolution_n, 0.0, LARGEST_FORCE_N)
+        require_number("time_error_s", self.time_error_s, 0.0, 1e6)
+
+
+@runtime_checkable
+class Gauge(Protocol):
+    """A source of force readings, used in the order open, readings, close."""
+
+    @property
+    def name(self) -> str:
+        """What a person calls it."""
+
+    @property
+    def lost(self) -> bool:
+        """True when it stopped answering before it was closed."""
+
+    @property
+    def skipped(self) -> int:
+        """How many replies since it was opened were no reading and were left out."""
+
+    def open(self) -> None:
+        """Take hold of the gauge; `GaugeError` or `FileInputError` when that cannot be done."""
+
+    def readings(self) -> Iterator[ForceReading]:
+        """Yield readings with ascending times until it is closed or its file ends; `GaugeError` when it fails."""
+
+    def tare(self) -> None:
+        """Make the present force the zero; `GaugeError` when it has no such command."""
+
+    def close(self) -> None:
+        """End the readings and let go of the gauge; calling it again does nothing."""

@@ -1,0 +1,227 @@
+"""The constant delay between a gauge's readings and a camera's frames, found from one course that both saw.
+
+The sum of grey levels follows the force, with a gain and an offset that nobody needs to know here. Both courses are
+smoothed over twice the longer of the two sampling intervals, so that noise between samples does not favour some delays
+over others, and their rates of change are correlated: rates, because slow drift of the light or of the gauge's zero
+would shift the levels. The delay is where the correlation is highest. Its uncertainty is that of the jackknife over
+eight stretches of the record: each is left out once, which needs no model of the noise.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+import scipy
+from scipy.ndimage import gaussian_filter1d
+
+from tsis.errors import GaugeError, InputError
+from tsis.instrument.gauge._alignment import reading_noise
+from tsis.model import require_array, require_number
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from tsis.instrument.gauge._gauge import ForceReading
+
+    Floats = NDArray[np.float64]
+
+_LEAST = 24  # frames, and readings: three a stretch
+_STRETCHES = 8
+_STEPS = 4  # of the common grid in the shorter interval
+_SMOOTHING = 2.0  # in longer intervals
+_LEAST_CORRELATION = 0.5
+_RIVAL = 0.95  # share of the highest correlation that no other delay may reach
+_LEAST_CHANGE = 10.0  # in standard deviations of the gauge's noise, and in steps of its display
+_MOST_STEPS = 400_000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Latency:
+    """A measured delay.
+
+    Parameters
+    ----------
+    latency_s
+        How much later than frames the gauge shows a force, in seconds; `force_at` takes it.
+    sd_s
+        Its standard deviation.
+    degrees_of_freedom
+        On how many ``sd_s`` rests.
+    correlation
+        Of the two rates of change at this delay, at most 1.
+    """
+
+    latency_s: float
+    sd_s: float
+    degrees_of_freedom: int
+    correlation: float
+
+    def interval(self, level: float = 0.95) -> tuple[float, float]:
+        """Ends of the interval of Student's t that holds the delay with probability ``level``."""
+        require_number("level", level, 1e-6, 1 - 1e-9, hint="a probability")
+        half = float(scipy.stats.t.ppf(0.5 + level / 2, self.degrees_of_freedom)) * self.sd_s
+        return self.latency_s - half, self.latency_s + half
+
+
+def find_latency(
+    frame_times_s: ArrayLike,
+    frame_sums: ArrayLike,
+    readings: Sequence[ForceReading],
+    *,
+    longest_s: float = 0.5,
+) -> Latency:
+    """Measure how much later than the frames the gauge shows a force.
+
+    Press and release several times, unevenly and for different times, while both run; ten seconds are enough.
+
+    Parameters
+    ----------
+    frame_times_s
+        When the frames were taken, on the readings' clock, shape (n,), ascending.
+    frame_sums
+        Sum of grey levels of each frame, or anything else that grows or falls with the force, shape (n,).
+    readings
+        Readings over the same time.
+    longest_s
+        Delays up to this, either way, are tried.
+
+    Raises
+    ------
+    InputError
+        When the arrays do not fit together or times do not ascend.
+    GaugeError
+        When a course is flat, the two do not go together, the delay is not unique, or it is longer than ``longest_s``.
+
+    Examples
+    --------
+    >>> from tsis.instrument.gauge import ForceReading
+    >>> def course(time_s):
+    ...     return 1 - np.cos(2 * np.pi * (0.2 * time_s + 0.02 * time_s**2))
+    >>> frames = np.arange(0.0, 12.0, 1 / 30)
+    >>> taken = np.arange(0.01, 12.0, 0.05)
+    >>> readings = [ForceReading(time_s=t, force_n=course(t - 0.08)) for t in taken]
+    >>> round(find_latency(frames, 500 + 3e4 * course(frames), readings).latency_s, 3)
+    0.08
+    """
+    require_number("longest_s", longest_s, 1e-3, 60.0)
+    frames = _series("frame", require_array("frame_times_s", frame_times_s, ndim=1), frame_sums)
+    forces = _series("reading", [each.time_s for each in readings], [each.force_n for each in readings])
+    step_n = max(each.resolution_n for each in readings)
+    _refuse_flat("force", *forces, step=step_n, cure="press and release while both run")
+    _refuse_flat("sum of grey levels", *frames, step=0.0, cure="let the camera see the press")
+    intervals = [float(np.median(np.diff(times))) for times, _ in (frames, forces)]
+    smoothing, step = _SMOOTHING * max(intervals), min(intervals) / _STEPS
+    origin = frames[0][0]
+    lit = _rate(frames, origin, step, smoothing)
+    pressed = _rate(forces, origin, step, smoothing)
+    first, last = forces[0][0] + longest_s + smoothing, forces[0][-1] - longest_s - smoothing
+    kept = (lit[0] >= first - origin) & (lit[0] <= last - origin)
+    if step * np.count_nonzero(kept) < 4 * longest_s:
+        raise GaugeError(
+            f"frames and readings must overlap for more than {6 * longest_s:g} s to find delays up to {longest_s:g} s; "
+            "record longer, or lower longest_s"
+        )
+    return _highest(lit[0][kept], lit[1][kept], pressed, longest_s, step)
+
+
+def _series(what: str, times: ArrayLike, values: ArrayLike) -> tuple[Floats, Floats]:
+    if len(np.atleast_1d(np.asarray(times))) < _LEAST:
+        raise GaugeError(f"at least {_LEAST} {what}s are needed to find a delay; got {np.size(times)}")
+    checked = require_array(f"{what} times", times, ndim=1), require_array(f"{what} values", values, ndim=1)
+    if checked[0].shape != checked[1].shape:
+        raise InputError(f"each {what} must have a time and a value; got {checked[0].size} and {checked[1].size}")
+    if not (np.diff(checked[0]) > 0).all():
+        raise InputError(f"{what} times must ascend; sort them, or keep those of one run")
+    return checked
+
+
+def _refuse_flat(what: str, times: Floats, values: Floats, *, step: float, cure: str) -> None:
+    noise = _noise(times, values)
+    change, needed = float(np.ptp(values)), _LEAST_CHANGE * max(noise, step)
+    if change <= needed:
+        raise GaugeError(f"the {what} must change by more than {needed:.3g} to find a delay; got {change:.3g}; {cure}")
+
+
+def _noise(times: Floats, values: Floats) -> float:
+    """Median over stretches, so that the moments of a press that bend do not count."""
+    stretches = max(len(times) // 12, 1)
+    pairs = zip(np.array_split(times, stretches), np.array_split(values, stretches), strict=True)
+    return float(np.median([reading_noise(each, value)[0] for each, value in pairs]))
+
+
+def _rate(series: tuple[Floats, Floats], origin: float, step: float, smoothing: float) -> tuple[Floats, Floats]:
+    """Times from ``origin`` and the smoothed rate of change there."""
+    times, values = series[0] - origin, series[1]
+    count = int((times[-1] - times[0]) / step) + 1
+    if count > _MOST_STEPS:
+        raise InputError(
+            f"a record must span at most {_MOST_STEPS // _STEPS} of its shorter intervals; got {count // _STEPS}; "
+            "give a part of it"
+        )
+    grid = times[0] + step * np.arange(count)
+    level = np.interp(grid, times, values - values.mean())
+    return grid, gaussian_filter1d(level, smoothing / step, order=1, mode="nearest") / step
+
+
+def _highest(times: Floats, lit: Floats, pressed: tuple[Floats, Floats], longest_s: float, step: float) -> Latency:
+    reach = int(longest_s / step)
+    delays = step * np.arange(-reach, reach + 1, dtype=float)
+    starts = len(times) * np.arange(_STRETCHES) // _STRETCHES
+    # Sums over each stretch, of which those over all but one are differences.
+    shifted = [np.interp(times + delay, *pressed) for delay in delays]
+    sums = np.array([_moments(lit, force, starts) for force in shifted])  # (delay, moment, stretch)
+    whole = sums.sum(axis=2)
+    without = whole[:, :, None] - sums
+    correlation = _correlation(whole)
+    sign = float(np.sign(correlation[np.argmax(np.abs(correlation))]))  # grey may fall with force
+    best, height = _peak(delays, sign * correlation)
+    _refuse_unclear(delays, sign * correlation, best, height, longest_s)
+    left_out = [_peak(delays, sign * _correlation(without[:, :, k]))[0] for k in range(_STRETCHES)]
+    share = (_STRETCHES - 1) / _STRETCHES
+    sd = float(np.sqrt(share * np.sum((np.array(left_out) - np.mean(left_out)) ** 2)))
+    return Latency(latency_s=best, sd_s=sd, degrees_of_freedom=_STRETCHES - 1, correlation=height)
+
+
+def _moments(lit: Floats, force: Floats, starts: NDArray[np.int_]) -> Floats:
+    """Sums of 1, x, y, xx, yy, xy over each stretch, shape (6, stretches)."""
+    products = np.stack((np.ones_like(lit), lit, force, lit * lit, force * force, lit * force))
+    return np.asarray(np.add.reduceat(products, starts, axis=1))
+
+
+def _correlation(moments: Floats) -> Floats:
+    """Pearson's, from the moments in the second axis."""
+    count, x, y, xx, yy, xy = moments.T
+    scatter = (xx - x * x / count) * (yy - y * y / count)
+    return np.asarray((xy - x * y / count) / np.sqrt(np.maximum(scatter, np.finfo(float).tiny)))
+
+
+def _peak(delays: Floats, correlation: Floats) -> tuple[float, float]:
+    """Vertex of the parabola through the highest value and its neighbours."""
+    top = int(np.clip(np.argmax(correlation), 1, len(delays) - 2))
+    before, at, after = correlation[top - 1 : top + 2]
+    bend = before - 2 * at + after
+    shift = 0.0 if bend >= 0 else float(np.clip((before - after) / (2 * bend), -1, 1))
+    return float(delays[top] + shift * (delays[1] - delays[0])), float(at - (before - after) * shift / 4)
+
+
+def _refuse_unclear(delays: Floats, correlation: Floats, best: float, height: float, longest_s: float) -> None:
+    if height < _LEAST_CORRELATION:
+        raise GaugeError(
+            f"force and grey levels must go together, with a correlation of at least {_LEAST_CORRELATION:g} at some "
+            f"delay up to {longest_s:g} s; got {height:.2f}; check that both saw the same press"
+        )
+    if np.argmax(correlation) in (0, len(delays) - 1):
+        raise GaugeError(f"the delay must be shorter than {longest_s:g} s; got no peak within; raise longest_s")
+    inner = correlation[1:-1]
+    peaks = (inner >= correlation[:-2]) & (inner >= correlation[2:])
+    rivals = delays[1:-1][peaks & (inner > _RIVAL * height)]
+    far = rivals[np.abs(rivals - best) > 2 * (delays[1] - delays[0])]
+    if far.size:
+        raise GaugeError(
+            f"the delay must be unique; {best:.3f} s and {far[0]:.3f} s fit alike because the course repeats itself; "
+            "press unevenly, or lower longest_s"
+        )

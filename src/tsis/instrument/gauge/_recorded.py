@@ -1,0 +1,173 @@
+"""Force readings in a CSV file: written, and read back as a gauge."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import threading
+from array import array
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from tsis.errors import FileInputError, GaugeError, InputError
+from tsis.files import as_path, printable_path, read_bytes, text_lines, write_durably
+from tsis.instrument.gauge._gauge import ForceReading
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Iterable, Iterator
+    from pathlib import Path
+
+
+LARGEST_BYTES, MOST_READINGS = 160 * 2**20, 4_000_000  # more than an hour at 1 kHz; a line takes about 40 bytes
+HEAD = ("time_s", "force_n", "resolution_n", "time_error_s")
+_NEEDED = 2  # the columns that a file made elsewhere must have
+
+
+def write_readings(path: str | os.PathLike[str], readings: Iterable[ForceReading]) -> Path:
+    """Write readings as CSV with the columns time_s, force_n, resolution_n, time_error_s; nothing is rounded.
+
+    The times are those of the host's monotonic clock, which starts anew with the machine: they align with frames
+    recorded by the same run, not with a date.
+
+    Raises
+    ------
+    InputError
+        When there are none, their times do not ascend, or they are more than are read back.
+    FileInputError
+        When the file exists or cannot be written.
+
+    Examples
+    --------
+    >>> import tempfile
+    >>> from pathlib import Path
+    >>> with tempfile.TemporaryDirectory() as folder:
+    ...     path = write_readings(Path(folder) / "force.csv", [ForceReading(time_s=1.5, force_n=0.25)])
+    ...     path.read_text().splitlines()
+    ['time_s,force_n,resolution_n,time_error_s', '1.5,0.25,0.0,0.0']
+    """
+    file, rows = as_path(path), list(readings)
+    if not 0 < len(rows) <= MOST_READINGS:
+        raise InputError(
+            f"readings must be 1 to {MOST_READINGS}, so that they can be read back; got {len(rows) or 'none'} "
+            "(write parts of a long run as files of their own)"
+        )
+    if any(after.time_s <= before.time_s for before, after in pairwise(rows)):
+        raise InputError("readings must have ascending times; sort them, or keep those of one run")
+    if file.exists():
+        raise FileInputError(f"{printable_path(file)} exists and is not overwritten; choose another name")
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(HEAD)
+    writer.writerows([float(getattr(row, name)) for name in HEAD] for row in rows)
+    content = text.getvalue().encode()
+    if len(content) > LARGEST_BYTES:
+        raise InputError(
+            f"readings must take at most {LARGEST_BYTES} bytes, so that they can be read back; got {len(content)} "
+            "(write parts of a long run as files of their own)"
+        )
+    try:
+        write_durably(file, content)
+    except OSError as error:
+        raise FileInputError(f"{printable_path(file)} must be writable; got: {error.strerror}") from error
+    return file
+
+
+class RecordedGauge:
+    """A file of readings behind the gauge protocol; they come as fast as they are fetched.
+
+    Parameters
+    ----------
+    path
+        CSV with the header ``time_s,force_n``, optionally with ``resolution_n`` and ``time_error_s``: seconds, newtons.
+    """
+
+    def __init__(self, path: str | os.PathLike[str]) -> None:
+        self._path = as_path(path)
+        self._numbers = array("d")  # of all readings one after the other: an hour of objects would take a gigabyte
+        self._running = threading.Event()
+
+    @property
+    def name(self) -> str:
+        """The file's name."""
+        return self._path.name
+
+    @property
+    def lost(self) -> bool:
+        """False: a file is whole or refused."""
+        return False
+
+    @property
+    def skipped(self) -> int:
+        """0: a file with something else in it is refused."""
+        return 0
+
+    def open(self) -> None:
+        """Read the file.
+
+        Raises
+        ------
+        FileInputError
+            When it is missing, its header is another, or a line is not finite numbers with ascending times.
+        """
+        content = read_bytes(self._path, most=LARGEST_BYTES)
+        try:
+            self._numbers = array("d", (getattr(row, name) for row in _parsed(content) for name in HEAD))
+        except _LineError as error:
+            raise FileInputError(f"{printable_path(self._path)} {error}") from error
+        except FileInputError as error:
+            raise FileInputError(f"{printable_path(self._path)} must be CSV text: {error}") from error
+        self._running.set()
+
+    def readings(self) -> Iterator[ForceReading]:
+        """Yield the file's readings until its end, or until it is closed."""
+        if not self._running.is_set():
+            raise GaugeError(f"{printable_path(self._path)} must be opened first; call open()")
+        for start in range(0, len(self._numbers), len(HEAD)):
+            if not self._running.is_set():
+                return
+            yield ForceReading(**dict(zip(HEAD, self._numbers[start : start + len(HEAD)], strict=True)))
+
+    def tare(self) -> None:
+        """Refuse: stored readings have the zero that they were taken with."""
+        raise GaugeError(f"{printable_path(self._path)} holds stored readings, whose zero cannot be set")
+
+    def close(self) -> None:
+        """End the readings."""
+        self._running.clear()
+
+
+class _LineError(Exception):
+    """What is wrong with the content of a file, as the end of a sentence."""
+
+
+def _parsed(content: bytes) -> Iterator[ForceReading]:
+    lines = text_lines(content, most=MOST_READINGS)
+    head = tuple(cell.strip() for cell in next(lines, (1, ""))[1].split(","))
+    if head[:_NEEDED] != HEAD[:_NEEDED] or head != HEAD[: len(head)]:
+        raise _LineError(f"must begin with the header {','.join(HEAD[:_NEEDED])} (s and N); got {','.join(head)!r:.80}")
+    before_s, count = -math.inf, 0
+    for number, line in lines:
+        if not line.strip():
+            continue
+        reading = _row(number, line.split(","), head)
+        if reading.time_s <= before_s:
+            raise _LineError(
+                f"line {number} must be later than the line before; got {reading.time_s!r} s after {before_s!r} s"
+            )
+        before_s, count = reading.time_s, count + 1
+        yield reading
+    if not count:
+        raise _LineError("must hold at least one reading; got none")
+
+
+def _row(number: int, cells: list[str], head: tuple[str, ...]) -> ForceReading:
+    if len(cells) != len(head):
+        raise _LineError(f"line {number} must have {len(head)} columns as the header; got {len(cells)}")
+    try:
+        return ForceReading(**{name: float(cell) for name, cell in zip(head, cells, strict=True)})
+    except InputError as error:
+        raise _LineError(f"line {number}: {error}") from error
+    except ValueError as error:
+        raise _LineError(f"line {number} must hold numbers; got {','.join(cells)!r:.80}") from error

@@ -1,0 +1,254 @@
+"""Lines out of the bytes of a serial line, with when each began to arrive."""
+
+from __future__ import annotations
+
+import errno
+import threading
+from collections import deque
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from serial.tools import list_ports
+
+from tsis.errors import GaugeError
+from tsis.instrument.gauge._replies import LONGEST_REPLY_BYTES
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+
+_ENDS = b"\r\n"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Line:
+    """One line that came.
+
+    Parameters
+    ----------
+    content
+        Its bytes without the end, at most `LONGEST_REPLY_BYTES`.
+    time_s, time_error_s
+        When its first byte came, and how far from that it may truly lie.
+    whole
+        False for what was cut: a line whose beginning or whose end nobody saw.
+    """
+
+    content: bytes
+    time_s: float
+    time_error_s: float
+    whole: bool = True
+
+
+class LineBuffer:
+    r"""Gathers bytes until a line is complete; never holds more than `LONGEST_REPLY_BYTES`.
+
+    The first line is never whole: the port may have been opened in the middle of it, and the end of ``-0.123 N`` is
+    a number too.
+
+    Examples
+    --------
+    >>> lines = LineBuffer()
+    >>> [(line.content, line.whole) for line in lines.feed(b"23 N\r\n0.12", since_s=1.0, now_s=1.0)]
+    [(b'23 N', False)]
+    >>> [(line.content, line.whole) for line in lines.feed(b"5 N\r\n", since_s=1.0, now_s=1.1)]
+    [(b'0.125 N', True)]
+    """
+
+    def __init__(self) -> None:
+        self._content = bytearray()
+        self._cut = True
+        self._began: tuple[float, float] | None = None
+
+    @property
+    def held(self) -> int:
+        """How many bytes of an unfinished line it holds."""
+        return len(self._content)
+
+    def feed(self, chunk: bytes, *, since_s: float, now_s: float) -> list[Line]:
+        """Take bytes that arrived between two times, evenly as far as anyone knows; return the lines they complete."""
+        lines = []
+        for index, byte in enumerate(chunk):
+            if byte in _ENDS:
+                if self._began is not None:
+                    lines.append(self._line(whole=not self._cut))
+                self._cut = False
+                continue
+            if self._began is None:
+                self._began = _arrival(index / len(chunk), since_s, now_s)
+            if len(self._content) == LONGEST_REPLY_BYTES:
+                lines.append(self._line(whole=False))
+                self._cut = True
+                self._began = _arrival(index / len(chunk), since_s, now_s)
+            self._content.append(byte)
+        return lines
+
+    def _line(self, *, whole: bool) -> Line:
+        time_s, error_s = self._began or (0.0, 0.0)
+        line = Line(content=bytes(self._content), time_s=time_s, time_error_s=error_s, whole=whole)
+        self._content.clear()
+        self._began = None
+        return line
+
+
+def _arrival(share: float, since_s: float, now_s: float) -> tuple[float, float]:
+    time_s = since_s + share * (now_s - since_s)
+    return time_s, max(time_s - since_s, now_s - time_s)
+
+
+# What a driver raises when a port goes away or was closed by another thread; termios' error is none of OSError.
+PORT_FAILURES: tuple[type[Exception], ...] = (OSError, ValueError, TypeError)
+with suppress(ImportError):  # on Windows
+    import termios
+
+    PORT_FAILURES += (termios.error,)
+
+# Windows' ports carry no number: the name of the error is in the text.
+_CAUSES = {
+    "FileNotFoundError": errno.ENOENT,
+    "PermissionError": errno.EACCES,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SerialPort:
+    """A serial port of this machine: its name, as ``"/dev/ttyUSB0"`` or ``"COM3"``, and what the system says of it."""
+
+    device: str
+    description: str
+
+
+def find_ports() -> tuple[SerialPort, ...]:
+    """The serial ports of this machine, by name.
+
+    Raises
+    ------
+    GaugeError
+        When the system does not list them.
+
+    Examples
+    --------
+    >>> all(port.device for port in find_ports())
+    True
+    """
+    try:
+        found = list_ports.comports()
+    except PORT_FAILURES as error:
+        raise GaugeError(f"the serial ports of this machine cannot be listed; got: {error!s:.120}") from error
+    return tuple(
+        SerialPort(device=str(each.device), description=str(each.description))
+        for each in sorted(found, key=lambda each: str(each.device))
+    )
+
+
+def opened(port: str, open_port: Callable[..., Any], **settings: Any) -> Any:
+    """The port, held for this program alone.
+
+    Raises
+    ------
+    GaugeError
+        When there is none of that name, another program holds it, or this user may not use it.
+    """
+    try:
+        return open_port(port, exclusive=True, **settings)
+    except PORT_FAILURES as error:
+        raise GaugeError(_refusal(port, error)) from error
+
+
+def _refusal(port: str, error: Exception) -> str:
+    number = getattr(error, "errno", None)
+    number = number or next((code for name, code in _CAUSES.items() if name in str(error)), None)
+    shown = f"{port!r:.120}"
+    if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO):
+        found = ", ".join(each.device for each in find_ports()) or "none"
+        return f"no serial port is called {shown}; check the cable and the name (found: {found})"
+    if number in (errno.EBUSY, errno.EAGAIN):
+        return f"serial port {shown} is in use by another program; close that one"
+    if number in (errno.EACCES, errno.EPERM):
+        return (
+            f"serial port {shown} must be open to you; close other programs that use it, or on Linux have "
+            "yourself added to its group (often dialout) and log in again"
+        )
+    return f"{shown} cannot be opened as a serial port; got: {error!s:.120}"
+
+
+_LARGEST_CHUNK = 4096
+
+
+class SerialLine:
+    """Asks, listens and cuts what comes into lines; one thread reads, any may write or close.
+
+    Parameters
+    ----------
+    port
+        An open port like ``serial.Serial`` whose reads end within a short timeout.
+    poll
+        What asks for one line; None where they come without being asked for.
+    clock
+        Seconds, monotonic.
+    """
+
+    def __init__(self, port: Any, *, poll: bytes | None, clock: Callable[[], float]) -> None:
+        self._port, self._poll, self._clock = port, poll, clock
+        self._buffer, self._lines = LineBuffer(), deque[Line]()
+        self._asked_s: float | None = None
+        self._looked_s = clock()
+        self._lock = threading.Lock()  # a port is not closed while a thread reads from it
+        self._first, self._closed, self.heard = True, False, False
+
+    @property
+    def closed(self) -> bool:
+        """True when no more lines come."""
+        return self._closed
+
+    def take(self) -> Line | None:
+        """The next line, or None when none was complete within the port's timeout; ``heard`` tells whether bytes came.
+
+        A line's time is when its first byte came. After a question it is the middle between that and the question,
+        with half the time between them as its error: the gauge answered somewhere in between.
+        """
+        if not self._lines:
+            with self._lock:
+                if not self._closed:
+                    self._exchange()
+        if not self._lines:
+            return None
+        line = self._lines.popleft()
+        asked_s, self._asked_s = self._asked_s, None
+        first, self._first = self._first, False
+        return self.take() if first and not line.whole else _answered(line, asked_s)
+
+    def write(self, command: bytes) -> None:
+        """Send bytes."""
+        self._port.write(command)
+
+    def close(self) -> None:
+        """Let go of the port."""
+        self._closed = True
+        with self._lock:
+            try:
+                self._port.close()
+            except PORT_FAILURES:  # a port that is gone cannot be closed, and need not be
+                return
+
+    def _exchange(self) -> None:
+        waiting = min(self._port.in_waiting, _LARGEST_CHUNK)
+        # While something still comes a question would have its answer queue behind that, and be older than it looks.
+        if self._poll is not None and self._asked_s is None and not waiting and not self._buffer.held:
+            self._asked_s = self._clock()
+            self._port.write(self._poll)
+        chunk = self._port.read(waiting or 1)
+        now_s = self._clock()
+        # Bytes that already waited came since the last look; a byte that was waited for came now.
+        since_s = self._looked_s if waiting else now_s
+        self._looked_s = now_s
+        self.heard = self.heard or bool(chunk)
+        self._lines.extend(self._buffer.feed(chunk, since_s=since_s, now_s=now_s))
+
+
+def _answered(line: Line, asked_s: float | None) -> Line:
+    latest_s = line.time_s + line.time_error_s
+    if asked_s is None or latest_s < asked_s:
+        return line
+    return replace(line, time_s=(asked_s + latest_s) / 2, time_error_s=(latest_s - asked_s) / 2)

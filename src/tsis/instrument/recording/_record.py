@@ -1,0 +1,241 @@
+"""Record a sequence: every frame is kept or accounted for, whatever happens to camera, disk or program."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+import time
+from contextlib import closing
+from dataclasses import asdict, dataclass, replace
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.errors import TsisError
+from tsis.files import as_path, printable_path, write_durably
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from pathlib import Path
+
+    from tsis.instrument.acquisition import Account, Acquisition, ReceivedFrame
+    from tsis.instrument.recording._sinks import FrameSink
+
+
+RECORDING_FORMAT, RECORDING_VERSION = "tsis-recording", 1
+RECORDING_INDEX, RECORDING_SUMMARY = "frames.csv", "recording.json"
+RECORDING_COLUMNS = ("number", "kept_in", "connection", "sequence", "time_s", "arrived_s")
+WAIT_S = 0.2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FurtherColumns:
+    """Columns of the index beside its own.
+
+    Attributes
+    ----------
+    names
+        Their headings.
+    of
+        Their values for a frame.
+    """
+
+    names: tuple[str, ...]
+    of: Callable[[ReceivedFrame], Sequence[Any]]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordingReport:
+    """What became of the frames while a recording ran: the camera's are ``kept + missed + overrun``.
+
+    Attributes
+    ----------
+    kept
+        Frames on the disk.
+    missed
+        Frames that the camera numbered and that never came whole, on the way to this computer.
+    overrun
+        Frames that came and gave way to newer ones before the disk had taken them.
+    interruptions
+        How often the camera was lost meanwhile.
+    seconds
+        From the first frame kept to the last.
+    frames_per_s
+        Kept frames over that time; 0 for fewer than two.
+    ended_by
+        One sentence where the recording ended before its time; empty else.
+    """
+
+    kept: int
+    missed: int
+    overrun: int
+    interruptions: int
+    seconds: float
+    frames_per_s: float
+    ended_by: str = ""
+
+
+def record(
+    acquisition: Acquisition,
+    sink: FrameSink,
+    folder: str | os.PathLike[str],
+    *,
+    frames: int | None = None,
+    seconds: float | None = None,
+    stopped: Callable[[], bool] = lambda: False,
+    progress: Callable[[int, float], None] = lambda kept, seconds: None,
+    beside: FurtherColumns | None = None,
+    about: Callable[[], Mapping[str, Any]] = dict,
+    clock: Callable[[], float] = time.monotonic,
+) -> RecordingReport:
+    """Keep the frames that come from now on; of stored ones all.
+
+    Beside the frames the folder gets ``frames.csv``, a line a frame, and at the end ``recording.json`` with the report.
+    When the disk fills or the program is interrupted, what was kept stays and the report says what is missing.
+
+    The report's file says when it began, twice: in UTC, and as the ``clock`` showed it, by which ``arrived_s`` of a
+    frame becomes a time of day.
+
+    Parameters
+    ----------
+    acquisition
+        A running acquisition.
+    sink
+        Keeps frames.
+    folder
+        Existing folder for index and report.
+    frames, seconds
+        When to end; a recording without either ends with the source or by ``stopped``.
+    stopped
+        Asked between frames whether to end.
+    progress
+        Told (frames kept, seconds) after each batch.
+    beside
+        Further columns of the index, e.g. the force at each frame.
+    about
+        Asked at the end what else the report's file should hold, e.g. the calibration and what the gauge did.
+    clock
+        Seconds, monotonic: that of the acquisition.
+    """
+    place = as_path(folder)
+    tally, end = _Tally(most=frames), _End(clock() + seconds if seconds is not None else None, stopped, clock)
+    beside = beside or FurtherColumns(names=(), of=lambda arrival: ())
+    begun, begun_s = datetime.now(UTC), clock()
+    ended_by, missed = "", 0 if acquisition.ring.patient else acquisition.account().missed
+    try:
+        with (place / RECORDING_INDEX).open("x", newline="", encoding="utf-8") as index, closing(sink):
+            rows = csv.writer(index)
+            rows.writerow((*RECORDING_COLUMNS, *beside.names))
+            for batch, overrun in _batches(acquisition, lambda: end.reached() or tally.full):
+                tally.overrun += overrun
+                for arrival in batch[: tally.left]:
+                    where = sink.keep(arrival.frame, tally.kept)
+                    rows.writerow((*_row(arrival, tally.kept, where), *beside.of(arrival)))
+                    tally.add(arrival)
+                index.flush()
+                progress(tally.kept, clock() - begun_s)
+            os.fsync(index.fileno())
+        ended_by = "" if end.reached() or tally.full else _end_of(acquisition)
+    except OSError as error:
+        ended_by = f"{printable_path(place)} took no more frames after {tally.kept}: {error.strerror or error}"
+    except TsisError as error:
+        ended_by = str(error)
+    account = acquisition.account()
+    report = tally.report(account, begun_s, account.missed - missed, ended_by)
+    started = {"begun": begun.isoformat(timespec="microseconds"), "begun_s": begun_s}
+    return _with_summary(place, report, acquisition, {**started, **about()})
+
+
+def _batches(acquisition: Acquisition, ended: Callable[[], bool]) -> Iterator[tuple[tuple[ReceivedFrame, ...], int]]:
+    """Frames as they come, with how many gave way before they were read; until ``ended`` or the source's end."""
+    place = 0 if acquisition.ring.patient else acquisition.ring.end
+    while not ended():
+        acquisition.ring.wait(place, WAIT_S)
+        closed = acquisition.ring.closed  # asked before reading, so that the last frames are not left behind
+        batch, place, overrun = acquisition.ring.read(place)
+        yield batch, overrun
+        if closed:
+            return
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    """When a recording is over by its own terms."""
+
+    at_s: float | None
+    stopped: Callable[[], bool]
+    clock: Callable[[], float]
+
+    def reached(self) -> bool:
+        return self.stopped() or (self.at_s is not None and self.clock() >= self.at_s)
+
+
+@dataclass(slots=True, kw_only=True)
+class _Tally:
+    """Counts frames by their numbers."""
+
+    most: int | None
+    kept: int = 0
+    overrun: int = 0
+    first_s: float = 0.0
+    last: ReceivedFrame | None = None
+
+    @property
+    def full(self) -> bool:
+        return self.most is not None and self.kept >= self.most
+
+    @property
+    def left(self) -> int | None:
+        return None if self.most is None else self.most - self.kept
+
+    def add(self, arrival: ReceivedFrame) -> None:
+        if self.last is None:
+            self.first_s = arrival.arrived_s
+        self.kept += 1
+        self.last = arrival
+
+    def report(self, account: Account, begun_s: float, missed: int, ended_by: str) -> RecordingReport:
+        seconds = 0.0 if self.last is None else self.last.arrived_s - self.first_s
+        return RecordingReport(
+            kept=self.kept,
+            missed=missed,
+            overrun=self.overrun,
+            interruptions=sum(gone.at_s + gone.noticed_after_s >= begun_s for gone in account.interruptions),
+            seconds=seconds,
+            frames_per_s=(self.kept - 1) / seconds if seconds > 0 else 0.0,
+            ended_by=ended_by,
+        )
+
+
+def _row(arrival: ReceivedFrame, number: int, where: str) -> tuple[Any, ...]:
+    frame = arrival.frame
+    return number, where, arrival.connection, frame.sequence, frame.time_s, f"{arrival.arrived_s:.6f}"
+
+
+def _end_of(acquisition: Acquisition) -> str:
+    """Why the source ended: nothing to say of stored frames, the loss of a camera that is not connected anew."""
+    return "" if acquisition.failure is None else str(acquisition.failure)
+
+
+def _with_summary(
+    place: Path, report: RecordingReport, acquisition: Acquisition, about: Mapping[str, Any]
+) -> RecordingReport:
+    """Write the report's file; a report that could not be written says so."""
+    document = {
+        "format": RECORDING_FORMAT,
+        "version": RECORDING_VERSION,
+        "notice": RESEARCH_USE_ONLY,
+        "tsis": __version__,
+        "camera": acquisition.name,
+        "mode": None if acquisition.mode is None else asdict(acquisition.mode),
+        "report": asdict(report),
+        "interruptions": [asdict(gone) for gone in acquisition.account().interruptions],
+        **about,
+    }
+    try:
+        write_durably(place / RECORDING_SUMMARY, (json.dumps(document, indent=2, default=str) + "\n").encode())
+    except OSError as error:
+        unwritten = f"{RECORDING_SUMMARY} could not be written: {error.strerror or error}"
+        return replace(report, ended_by="; ".join(part for part in (report.ended_by, unwritten) if part))
+    return report

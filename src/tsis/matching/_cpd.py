@@ -1,0 +1,182 @@
+"""Coherent point drift (Myronenko and Song 2010), non-rigid: Gaussians about the moved points explain the target.
+
+Expectation and maximisation alternate. The displacement field is smooth over a width `WIDTH`, and smoother the larger
+`STIFFNESS`. Its Gaussian kernel matrix has few eigenvalues that matter, whatever the number of points, so that it is
+kept as a pivoted Cholesky factor, which ends where nothing above rounding is left.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import solve_triangular
+from scipy.linalg.lapack import dpstrf
+from scipy.spatial.distance import cdist
+
+from tsis.compiled import compiled
+from tsis.matching._fit import MatchFit, ridge_solution
+from tsis.matching._pairing import REACH, nearest_pairs, spacing
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+WIDTH = 2.0  # beta of the paper, in root-mean-square radii of the points
+STIFFNESS = 2.0  # lambda of the paper
+OUTLIERS = 0.1  # w of the paper: share of target points that belong to none
+ROUNDS = 150
+SETTLED = 0.02  # relative change of the variance below which it has ended; going on follows outliers
+SHARPEST = 1e-6  # least variance: places are not better known than a thousandth of the points' radius
+NEGLIGIBLE = 37.0  # exp(-37) is lost beside 1
+KERNEL_ROUNDING = 1e-12
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DisplacementField:
+    """A displacement field: Gaussians of the width `WIDTH` about control points.
+
+    Attributes
+    ----------
+    control
+        Control points, shape (k, d).
+    weights
+        Their displacements, shape (k, d).
+    """
+
+    control: NDArray[np.float64]
+    weights: NDArray[np.float64]
+
+    def __call__(self, points: NDArray[np.float64], /) -> NDArray[np.float64]:
+        """Where ``points``, shape (n, d), go."""
+        return np.asarray(points + gaussian(points, self.control) @ self.weights)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ExpectedPairs:
+    """What the expectation leaves: sums over the matrix of the chances that target j is source i's.
+
+    Attributes
+    ----------
+    source
+        Sum of the chances over the target, shape (n,).
+    target
+        Sum over the source, shape (m,).
+    drawn
+        Target points summed with the chances, shape (n, d).
+    """
+
+    source: NDArray[np.float64]
+    target: NDArray[np.float64]
+    drawn: NDArray[np.float64]
+
+
+def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator) -> MatchFit:
+    """Match normalised points, shapes (n, d) and (m, d), by coherent point drift; nothing in it is left to chance."""
+    del rng
+    move, variance = fit_displacement(source, target)
+    tolerance = max(REACH * np.sqrt(variance), spacing(target) / 2)
+    matches, trust = nearest_pairs(move(source), target, tolerance=tolerance)
+    return MatchFit(move=move, matches=matches, trust=trust)
+
+
+def fit_displacement(
+    source: NDArray[np.float64],
+    target: NDArray[np.float64],
+    *,
+    outliers: float = OUTLIERS,
+    rounds: int = ROUNDS,
+    settled: float = SETTLED,
+) -> tuple[DisplacementField, float]:
+    """The displacement field that takes source to target, and the variance of places that is left.
+
+    Parameters
+    ----------
+    source, target
+        Shapes (n, d) and (m, d), normalised.
+    outliers
+        Share of target points taken to belong to none, in [0, 1).
+    rounds
+        Most rounds of expectation and maximisation.
+    settled
+        Relative change of the variance from round to round below which it ends.
+    """
+    factor, control, triangle = _kernel_factor(source)
+    dimension, moved = source.shape[1], source
+    coordinates = np.zeros((factor.shape[1], dimension))
+    variance = max(float(cdist(source, target, "sqeuclidean").mean() / dimension), SHARPEST)
+    for _ in range(rounds):
+        of_source, of_target, drawn = expect(moved, target, variance, outliers)
+        seen = ExpectedPairs(source=of_source, target=of_target, drawn=drawn)
+        coordinates = _maximise(factor, source, seen, STIFFNESS * variance)
+        moved = source + factor @ coordinates
+        before, variance = variance, _variance(moved, target, seen)
+        if abs(variance - before) <= settled * before:
+            break
+    return DisplacementField(
+        control=control, weights=solve_triangular(triangle, coordinates, lower=True, trans="T")
+    ), variance
+
+
+def gaussian(points: NDArray[np.float64], control: NDArray[np.float64]) -> NDArray[np.float64]:
+    """``exp(-|x - c|**2 / (2 WIDTH**2))`` between two sets of points, shape (n, k)."""
+    return np.asarray(np.exp(-cdist(points, control, "sqeuclidean") / (2 * WIDTH**2)))
+
+
+def _kernel_factor(
+    points: NDArray[np.float64],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """L with L L' the kernel matrix, shape (n, k); the k points that it rests on; its rows at these, shape (k, k)."""
+    factor, pivots, rank, _ = dpstrf(gaussian(points, points), tol=KERNEL_ROUNDING, lower=1)
+    lower = np.tril(factor)[:, :rank]
+    placed = np.empty_like(lower)
+    placed[pivots - 1] = lower
+    return placed, points[pivots[:rank] - 1], lower[:rank]
+
+
+def _maximise(
+    factor: NDArray[np.float64], source: NDArray[np.float64], seen: ExpectedPairs, ridge: float
+) -> NDArray[np.float64]:
+    """Coordinates c of the displacement L c that draws each point to its targets and has a small sum of squares."""
+    normal = factor.T @ (seen.source[:, None] * factor)
+    right = factor.T @ (seen.drawn - seen.source[:, None] * source)
+    return ridge_solution(normal, right, ridge)
+
+
+def _variance(moved: NDArray[np.float64], target: NDArray[np.float64], seen: ExpectedPairs) -> float:
+    """Mean square distance, a coordinate, of target points from the points that explain them."""
+    total = seen.target @ np.sum(target**2, axis=1) + seen.source @ np.sum(moved**2, axis=1)
+    total -= 2 * np.sum(moved * seen.drawn)
+    return max(float(total / max(seen.source.sum() * moved.shape[1], 1e-300)), SHARPEST)
+
+
+@compiled
+def expect(
+    moved: NDArray[np.float64], target: NDArray[np.float64], variance: float, outliers: float
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """The sums of `ExpectedPairs` without the matrix, leaving out what rounding would."""
+    n, dimension = moved.shape
+    m = len(target)
+    source, explained, drawn = np.zeros(n), np.zeros(m), np.zeros((n, dimension))
+    uniform = (2 * np.pi * variance) ** (dimension / 2) * outliers / (1 - outliers) * n / m
+    away, chance = np.empty(n), np.empty(n)
+    for j in range(m):
+        for i in range(n):
+            square = 0.0
+            for k in range(dimension):
+                square += (target[j, k] - moved[i, k]) ** 2
+            away[i] = square / (2 * variance)
+        nearest = away.min()  # measured from it, no chance underflows that matters
+        total = uniform * np.exp(nearest) if outliers > 0 else 0.0
+        for i in range(n):
+            chance[i] = np.exp(nearest - away[i]) if away[i] - nearest < NEGLIGIBLE else 0.0
+            total += chance[i]
+        for i in range(n):
+            if chance[i] > 0:
+                share = chance[i] / total
+                source[i] += share
+                explained[j] += share
+                for k in range(dimension):
+                    drawn[i, k] += share * target[j, k]
+    return source, explained, drawn

@@ -1,0 +1,161 @@
+"""Evidence for a map between two point sets: by it maps that began differently are compared, and all with none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from tsis.compiled import fused
+from tsis.matching._fit import ridge_solution
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.matching._spline import SplineBasis
+
+
+BENDING_VARIANCES = (1e-4, 1e-3, 1e-2)  # prior, of a bending coordinate of normalised points; the likeliest counts
+FIRST_OUTLIERS = 0.1
+NARROWEST = 1e-3  # standard deviation of a pair, of normalised points
+ROUNDS = 6
+REACH = 50.0  # variances, squared distance beyond which nothing is explained
+FEWEST_OUTLIERS, MOST_OUTLIERS = 0.01, 0.95
+UPRIGHT = 0.2  # log odds a target point of sets the same way up against those turned by half a turn: a true pose
+# explains each point by more, a false one of many points does not
+SLACK = 1e-6  # ridge that draws the affine part to rest, lest no responsibility at all leaves it undetermined
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ExplainedTarget:
+    """How moved source points explain the target.
+
+    Attributes
+    ----------
+    likelihood
+        Log of the target's probability.
+    paired
+        Sum of each source point's responsibilities, shape (n,).
+    drawn
+        Sum of the targets that they weigh, shape (n, d).
+    squared
+        Sum of the squared distances that they weigh.
+    """
+
+    likelihood: float
+    paired: NDArray[np.float64]
+    drawn: NDArray[np.float64]
+    squared: float
+
+
+def log_evidence(basis: SplineBasis, coordinates: NDArray[np.float64], target: NDArray[np.float64]) -> float:
+    """Log probability of the target, over that of points spread evenly, when the moved source explains it.
+
+    Each target point is an outlier anywhere in the target's box, or lies about a moved source point. The spline, the
+    outliers' share and the common standard deviation are those that explain the target best near the spline that is
+    given; the bending coordinates are normal before the data are seen, and integrated over by Laplace's method.
+
+    Parameters
+    ----------
+    basis, coordinates
+        The spline, at the source's points.
+    target
+        Shape (m, d).
+    """
+    return max(_evidence(basis, coordinates, target, bending_variance) for bending_variance in BENDING_VARIANCES)
+
+
+def upright_prior(matrix: NDArray[np.float64], points: int) -> float:
+    """Log prior of a pose's matrix, shape (d, d), of 0 for one that turns nothing; `points` of the target are to judge.
+
+    Sets are likelier the same way up than turned. That decides between poses that the points hardly tell apart.
+    """
+    return UPRIGHT * points * (_cosine_of_turn(matrix) - 1) / 2
+
+
+def _evidence(
+    basis: SplineBasis, coordinates: NDArray[np.float64], target: NDArray[np.float64], bending_variance: float
+) -> float:
+    count, dimension = target.shape
+    box = float(np.prod(np.ptp(target, axis=0)))
+    nearest, _ = KDTree(target).query(basis.design @ coordinates)
+    outliers, variance = FIRST_OUTLIERS, max(float(np.mean(nearest**2)) / dimension, NARROWEST**2)
+    for _ in range(ROUNDS):
+        now = explained(basis.design @ coordinates, target, variance, outliers, 1 / box)
+        total = max(float(now.paired.sum()), 1e-9)
+        outliers = float(np.clip(1 - total / count, FEWEST_OUTLIERS, MOST_OUTLIERS))
+        variance = max(now.squared / (dimension * total), NARROWEST**2)
+        coordinates = _follow(basis, now, variance / bending_variance)
+    now = explained(basis.design @ coordinates, target, variance, outliers, 1 / box)
+    bends = basis.design[:, : basis.bent]
+    precision = (bends * now.paired[:, None]).T @ bends * (bending_variance / variance)
+    precision[np.diag_indices_from(precision)] += 1
+    _, volume = np.linalg.slogdet(precision)
+    bending = float((coordinates[: basis.bent] ** 2).sum()) / bending_variance
+    return float(now.likelihood + count * np.log(box) - 0.5 * bending - 0.5 * dimension * volume)
+
+
+def _follow(basis: SplineBasis, now: ExplainedTarget, bending: float) -> NDArray[np.float64]:
+    """Coordinates of the spline that follows the weighed targets."""
+    normal = basis.design.T @ (now.paired[:, None] * basis.design)
+    right = basis.design.T @ now.drawn
+    ridge = np.full(len(normal), bending)
+    ridge[basis.bent :] = SLACK
+    right[basis.bent :] += SLACK * basis.rest[basis.bent :]
+    return ridge_solution(normal, right, ridge)
+
+
+def _cosine_of_turn(matrix: NDArray[np.float64]) -> float:
+    """Cosine of the angle of the rotation that is nearest to a matrix, shape (d, d)."""
+    left, _, right = np.linalg.svd(matrix)
+    trace = float(np.trace(left @ right))
+    return float(np.clip(trace / 2 if len(matrix) == 2 else (trace - 1) / 2, -1.0, 1.0))
+
+
+def explained(
+    moved: NDArray[np.float64], target: NDArray[np.float64], variance: float, outliers: float, even: float
+) -> ExplainedTarget:
+    """How moved source points, shape (n, d), explain the target, shape (m, d), at a common variance.
+
+    ``outliers`` is the share of targets that lie anywhere, with the density ``even``; the others lie normally about one
+    of the source points, each as likely as another.
+    """
+    order = np.argsort(moved[:, 0], kind="stable")
+    likelihood, inner, outer, squared = _explained(moved[order], target, variance, outliers, even)
+    paired, drawn = np.empty_like(inner), np.empty_like(outer)
+    paired[order], drawn[order] = inner, outer
+    return ExplainedTarget(likelihood=likelihood, paired=paired, drawn=drawn, squared=squared)
+
+
+@fused
+def _explained(
+    moved: NDArray[np.float64], target: NDArray[np.float64], variance: float, outliers: float, even: float
+) -> tuple[float, NDArray[np.float64], NDArray[np.float64], float]:
+    """The parts of `ExplainedTarget`; the moved points ascend along the first axis, so that the near ones lie in one run."""
+    n, dimension = moved.shape
+    near = (1 - outliers) / n * (2 * np.pi * variance) ** (-dimension / 2)
+    paired, drawn, weights, away = np.zeros(n), np.zeros((n, dimension)), np.empty(n), np.empty(n)
+    likelihood, squared = 0.0, 0.0
+    reach = np.sqrt(REACH * variance)
+    first_axis = np.ascontiguousarray(moved[:, 0])
+    for j in range(len(target)):
+        total = outliers * even
+        first = np.searchsorted(first_axis, target[j, 0] - reach)
+        last = np.searchsorted(first_axis, target[j, 0] + reach)
+        for i in range(first, last):
+            away[i] = 0.0
+            for axis in range(dimension):
+                away[i] += (moved[i, axis] - target[j, axis]) ** 2
+            weights[i] = near * np.exp(-0.5 * away[i] / variance) if away[i] < REACH * variance else 0.0
+            total += weights[i]
+        likelihood += np.log(total)
+        for i in range(first, last):
+            if weights[i] > 0:
+                share = weights[i] / total
+                paired[i] += share
+                squared += share * away[i]
+                for axis in range(dimension):
+                    drawn[i, axis] += share * target[j, axis]
+    return likelihood, paired, drawn, squared

@@ -1,0 +1,228 @@
+"""Shape contexts: how the other points lie around each point, counted in bins of distance and direction.
+
+Belongie, Malik and Puzicha (2002): `DISTANCE_BINS` bins whose edges double from `INNER` to `OUTER` times the scale,
+the first one reaching down to 0, by `ANGLE_BINS` equal angles; in space also by `POLAR_BINS` bins of equal solid angle
+about the z axis. A bin is a column: distance slowest, angle fastest, so that turning the points shifts the last axis of
+``histograms.reshape(n, DISTANCE_BINS, -1, ANGLE_BINS)``.
+
+A neighbour is shared linearly among the bins whose centres it lies between, and fades out beyond the centre of the
+outermost: on deformed shapes of which the true pairs are known, more points then have their partner as the nearest
+histogram than with sharp bins.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial.distance import pdist
+
+from tsis.compiled import compiled
+from tsis.errors import InputError
+from tsis.model import require_array, require_number
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+
+DISTANCE_BINS = 5
+ANGLE_BINS = 12
+POLAR_BINS = 6
+INNER, OUTER = 1 / 8, 2.0  # of the scale; four doublings between them leave five bins
+SMALLEST = 1e-300
+
+
+def histograms(points: ArrayLike, *, turn: float = 0.0, scale: float | None = None) -> NDArray[np.float64]:
+    """Shape context of every point, directions measured from the x axis.
+
+    Parameters
+    ----------
+    points
+        Shape (n, d), d being 2 or 3, in any unit.
+    turn
+        By how much the axis that angles are measured from is turned from x towards y, in radians; the histograms are
+        those of the points turned back by it.
+    scale
+        Distance that the bins are relative to, in the unit of the points; by default the mean distance of two points.
+
+    Returns
+    -------
+    NDArray
+        Shape (n, 60) in the plane, (n, 360) in space; each row sums to 1, or to 0 where no point lies near enough.
+
+    Raises
+    ------
+    InputError
+        When the points are not in the plane or in space, or all lie in one place.
+
+    Examples
+    --------
+    >>> histograms([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]).shape
+    (3, 60)
+    """
+    points = _points(points)
+    axis = np.full(len(points), float(turn))
+    return _normalised(_counts(points, axis, mean_distance(points) if scale is None else _scale(scale)))
+
+
+def axis_histograms(points: ArrayLike, *, scale: float | None = None) -> NDArray[np.float64]:
+    """Shape context of every point, directions measured from where the mass centre lies: the same for turned points.
+
+    In space only the angle to that direction is left, in `POLAR_BINS` bins, for nothing says where around it to start.
+
+    Parameters
+    ----------
+    points
+        Shape (n, d), d being 2 or 3, in any unit.
+    scale
+        Distance that the bins are relative to, in the unit of the points; by default the mean distance of two points.
+
+    Returns
+    -------
+    NDArray
+        Shape (n, 60) in the plane, (n, 30) in space; each row sums to 1, or to 0 where no point lies near enough.
+
+    Raises
+    ------
+    InputError
+        When the points are not in the plane or in space, or all lie in one place.
+
+    Examples
+    --------
+    >>> corner = [[0.0, 0.0], [3.0, 0.0], [0.0, 1.0]]
+    >>> turned = [[0.0, 0.0], [0.0, 3.0], [-1.0, 0.0]]
+    >>> bool(np.allclose(axis_histograms(corner), axis_histograms(turned)))
+    True
+    """
+    points = _points(points)
+    scale = mean_distance(points) if scale is None else _scale(scale)
+    towards = points.mean(axis=0) - points
+    if points.shape[1] == 2:
+        return _normalised(_counts(points, np.arctan2(towards[:, 1], towards[:, 0]), scale))
+    away = points[None, :, :] - points[:, None, :]
+    length = np.linalg.norm(away, axis=2)
+    whole = np.linalg.norm(towards, axis=1)[:, None] * length
+    cosine = np.einsum("nk,nmk->nm", towards, away) / np.maximum(whole, SMALLEST)
+    ring, latitude = _rings(length / scale), (1 + np.clip(cosine, -1, 1)) / 2 * POLAR_BINS
+    return _normalised(_share(ring, _within(latitude, POLAR_BINS), np.zeros_like(ring), (DISTANCE_BINS, POLAR_BINS, 1)))
+
+
+def chi_squared(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Chi-squared distances ``sum_k (a_k - b_k)**2 / (a_k + b_k) / 2`` of histograms, shapes (n, k), (m, k).
+
+    Returns
+    -------
+    NDArray
+        Shape (n, m); in [0, 1] for histograms that sum to 1.
+
+    Examples
+    --------
+    >>> chi_squared(np.array([[1.0, 0.0]]), np.array([[1.0, 0.0], [0.0, 1.0]])).tolist()
+    [[0.0, 1.0]]
+    """
+    common = _common(np.ascontiguousarray(a), np.ascontiguousarray(b.T))
+    return np.asarray(np.maximum(0.5 * (a.sum(axis=1)[:, None] + b.sum(axis=1)) - 2 * common, 0.0))
+
+
+def mean_distance(points: NDArray[np.float64]) -> float:
+    """Mean distance of two of the points, shape (n, d)."""
+    return _scale(float(pdist(points).mean()) if len(points) > 1 else 0.0)
+
+
+@compiled
+def _common(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    """``sum_k a_k b_k / (a_k + b_k)``, which chi squared has to add up pair by pair; b is transposed, shape (k, m)."""
+    total = np.zeros((len(a), b.shape[1]))
+    for i in range(len(a)):
+        for k in range(len(b)):
+            x = a[i, k]
+            if x > 0:  # most bins are empty
+                for j in range(b.shape[1]):
+                    total[i, j] += x * b[k, j] / (x + b[k, j])
+    return total
+
+
+@compiled
+def _counts(points: NDArray[np.float64], axis: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
+    """Neighbours in each bin, shape (n, distance, polar, angle), with an axis of angles for each point."""
+    number, dimension = points.shape
+    polar = 1 if dimension == 2 else POLAR_BINS
+    counts = np.zeros((number, DISTANCE_BINS, polar, ANGLE_BINS))
+    for i in range(number):
+        for j in range(number):
+            x, y = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1]
+            z = 0.0 if dimension == 2 else points[j, 2] - points[i, 2]
+            r = np.sqrt(x * x + y * y + z * z)
+            if i == j:
+                continue
+            # Places are in bins, counted from the centre of the first.
+            ring = max(np.log2(max(r / scale, SMALLEST) / INNER) + 0.5, 0.0)
+            if ring >= DISTANCE_BINS:
+                continue
+            angle = ((np.arctan2(y, x) - axis[i]) / (2 * np.pi) * ANGLE_BINS - 0.5) % ANGLE_BINS
+            latitude = 0.0 if dimension == 2 or r == 0 else min(max((1 + z / r) / 2 * polar - 0.5, 0.0), polar - 1.0)
+            for k in range(int(ring), min(int(ring) + 2, DISTANCE_BINS)):
+                near = 1 - abs(ring - k)
+                for h in range(int(latitude), min(int(latitude) + 2, polar)):
+                    weight = near * (1 - abs(latitude - h))
+                    low = int(angle)
+                    counts[i, k, h, low % ANGLE_BINS] += weight * (1 - angle + low)
+                    counts[i, k, h, (low + 1) % ANGLE_BINS] += weight * (angle - low)
+    return counts
+
+
+def plain_counts(points: NDArray[np.float64], axis: NDArray[np.float64], scale: float) -> NDArray[np.float64]:
+    """What the compiled loop counts, written plainly: shape (n, distance, polar, angle)."""
+    away = points[None, :, :] - points[:, None, :]
+    length = np.linalg.norm(away, axis=2)
+    angle = (np.arctan2(away[..., 1], away[..., 0]) - axis[:, None]) / (2 * np.pi) * ANGLE_BINS - 0.5
+    ring, latitude, polar = _rings(length / scale), np.zeros_like(length), 1
+    if points.shape[1] == 3:
+        polar = POLAR_BINS
+        latitude = np.where(length > 0, (1 + away[..., 2] / np.maximum(length, SMALLEST)) / 2 * polar, 0.0)
+    return _share(ring, _within(latitude, polar), angle, (DISTANCE_BINS, polar, ANGLE_BINS))
+
+
+def _rings(distance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Place among the distance bins, counted from the centre of the first, of distances relative to the scale."""
+    return np.maximum(np.log2(np.maximum(distance, SMALLEST) / INNER) + 0.5, 0.0)
+
+
+def _within(place: NDArray[np.float64], bins: int) -> NDArray[np.float64]:
+    """Places counted from the centre of the first of ``bins``, none outside the centres of the outermost."""
+    return np.clip(place - 0.5, 0.0, bins - 1.0)
+
+
+def _share(
+    ring: NDArray[np.float64], latitude: NDArray[np.float64], angle: NDArray[np.float64], bins: tuple[int, int, int]
+) -> NDArray[np.float64]:
+    """Share each pair's neighbour, shape (n, n), linearly among the bins about its place; a point is not its own."""
+    counts = np.zeros((len(ring), *bins))
+    row = np.broadcast_to(np.arange(len(ring))[:, None], ring.shape)
+    for corner in np.ndindex(2, 2, 2):
+        weight = 1.0 - np.eye(len(ring))
+        place = []
+        for at, up in zip((ring, latitude, angle), corner, strict=True):
+            low = np.floor(at)
+            weight *= at - low if up else 1 - at + low
+            place.append(low.astype(int) + up)
+        inside = (place[0] < bins[0]) & (place[1] < bins[1])
+        where = row[inside], place[0][inside], place[1][inside], place[2][inside] % bins[2]
+        np.add.at(counts, where, weight[inside])
+    return counts
+
+
+def _normalised(counts: NDArray[np.float64]) -> NDArray[np.float64]:
+    flat = counts.reshape(len(counts), -1)
+    return np.asarray(flat / np.maximum(flat.sum(axis=1, keepdims=True), SMALLEST))
+
+
+def _scale(value: float) -> float:
+    return require_number("scale", value, SMALLEST, 1e300, hint="the points must not all lie in one place")
+
+
+def _points(value: ArrayLike) -> NDArray[np.float64]:
+    points = require_array("points", value, ndim=2)
+    if points.shape[1] not in (2, 3):
+        raise InputError(f"points must have 2 or 3 coordinates each; got shape {points.shape}")
+    return points

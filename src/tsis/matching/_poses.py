@@ -1,0 +1,145 @@
+"""Rotation hypotheses: under each, shape contexts and relaxation find partners, and most of them agree on a pose.
+
+The printed method measures angles from the direction to the mass centre, which any outlier or missing part turns; it is
+the main cause of its failures. Here the source is turned as a whole, by one of so many rotations that the nearest lies
+within reach of the shape contexts, and the pose is the affine map that the most trusted pairs agree on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from tsis.matching._log_polar import ANGLE_BINS, chi_squared, histograms, mean_distance
+from tsis.matching._relaxation import NEIGHBOURS as SOURCE_NEIGHBOURS
+from tsis.matching._relaxation import TARGET_NEIGHBOURS, Neighbourhood, label
+from tsis.matching._spline import far_apart
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+ALONE = 0.07  # support for having no partner
+UPDATES = 20
+COMPARED = 150  # source points whose shape contexts choose the rotations
+LABELLED = {2: 6, 3: 30}  # rotations that are labelled, by dimension
+MANY, LABELLED_OF_MANY = 200_000, 2  # pairs beyond which fewer are
+CLEAR = 0.65  # agreement that ends the search
+DRAWS = 250  # of as many pairs as fix an affine map
+CLOSE = 0.25  # root-mean-square radii: a pair farther from an affine map does not agree with it
+LEAST_VOLUME, MOST_VOLUME = 0.1, 6.0  # by which a pose may scale areas or volumes
+MOST_SHEAR = 1.6  # mean squared singular value over their squared geometric mean; 1 for a similarity
+LEAST_SPREAD = 0.1  # area or volume of the drawn points
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Pose:
+    """An affine map: row 0 the translation, the others the matrix, shape (d + 1, d); and how many pairs agree on it."""
+
+    affine: NDArray[np.float64]
+    agreement: float
+
+
+def poses(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator) -> list[Pose]:
+    """Poses of the source on the target, the best agreed on first; normalised points, shapes (n, d) and (m, d)."""
+    scale = mean_distance(target)
+    contexts = histograms(target, scale=scale)
+    likely = _likely_rotations(source, contexts, scale)
+    about = Neighbourhood.of(target, TARGET_NEIGHBOURS)
+    here = Neighbourhood.of(source, SOURCE_NEIGHBOURS)
+    found: list[Pose] = []
+    for rotation in likely[: LABELLED[source.shape[1]] if len(source) * len(target) < MANY else LABELLED_OF_MANY]:
+        cost = chi_squared(histograms(source @ rotation.T, scale=scale), contexts)
+        around = Neighbourhood.among(source @ rotation.T, here.index)
+        labels = label(around, about, cost, alone=ALONE, updates=UPDATES)
+        pose = agreed(source, target[labels.best], labels.trust**2, rng=rng)
+        found.append(Pose(affine=pose.affine, agreement=pose.agreement * float(labels.trust.mean())))
+        if found[-1].agreement > CLEAR:
+            break
+    return sorted(found, key=lambda pose: -pose.agreement)
+
+
+def _likely_rotations(
+    source: NDArray[np.float64], contexts: NDArray[np.float64], scale: float
+) -> list[NDArray[np.float64]]:
+    """All rotations, those first under which some source points have the likest shape contexts among the target's."""
+    some = far_apart(source, COMPARED)
+    turned = []
+    plain = histograms(source, scale=scale)[some]
+    for number, rotation in enumerate(rotations(source.shape[1])):
+        if source.shape[1] == 2:  # a turn by whole angle bins only shifts them
+            shifted = np.roll(plain.reshape(len(some), -1, ANGLE_BINS), number, axis=-1).reshape(plain.shape)
+        else:
+            shifted = histograms(source @ rotation.T, scale=scale)[some]
+        turned.append((float(chi_squared(shifted, contexts).min(axis=1).mean()), number, rotation))
+    return [rotation for _, _, rotation in sorted(turned, key=lambda one: one[:2])]
+
+
+def rounded_poses(source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator) -> list[Pose]:
+    """The same, found on both shapes made as wide as long.
+
+    That takes away whatever affine part lies between whole shapes; where a part is missing, or points are added, it
+    may as well bring one in.
+    """
+    here, there = _rounding(source), _rounding(target)
+    back = np.linalg.inv(there)
+    found = poses(source @ here, target @ there, rng=rng)
+    return [replace(pose, affine=np.vstack([pose.affine[0] @ back, here @ pose.affine[1:] @ back])) for pose in found]
+
+
+def _rounding(points: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Matrix that gives points, shape (n, d), the same spread in all directions, turning them least."""
+    value, axis = np.linalg.eigh(np.cov(points, rowvar=False))
+    return np.asarray((axis / np.sqrt(value * len(value))) @ axis.T)
+
+
+def rotations(dimension: int) -> NDArray[np.float64]:
+    """Rotation matrices, shape (k, d, d): by whole angle bins in the plane, those of the icosahedron in space."""
+    if dimension == 3:
+        return np.asarray(Rotation.create_group("I").as_matrix())
+    angles = 2 * np.pi * np.arange(ANGLE_BINS) / ANGLE_BINS
+    return np.moveaxis(np.array([[np.cos(angles), -np.sin(angles)], [np.sin(angles), np.cos(angles)]]), 2, 0)
+
+
+def agreed(
+    source: NDArray[np.float64],
+    partners: NDArray[np.float64],
+    trust: NDArray[np.float64],
+    *,
+    rng: np.random.Generator,
+) -> Pose:
+    """The affine map that most pairs agree on, of those through d + 1 of them drawn by trust (random sample consensus).
+
+    Where no draw gives a plausible map, it is a shift alone.
+
+    Parameters
+    ----------
+    source, partners
+        Points that belong together, shape (n, d) each.
+    trust
+        Of each pair, not negative, shape (n,).
+    rng
+        Source of the draws.
+    """
+    count, dimension = source.shape
+    chance = trust + 1e-9
+    drawn = rng.choice(count, size=(DRAWS, dimension + 1), p=chance / chance.sum())
+    from_, to = source[drawn], partners[drawn]
+    spread, reach = from_[:, 1:] - from_[:, :1], to[:, 1:] - to[:, :1]
+    wide = np.abs(np.linalg.det(spread)) > LEAST_SPREAD
+    matrix = np.linalg.solve(spread[wide], reach[wide])
+    volume = np.linalg.det(matrix)
+    size = np.maximum(volume, 1e-12) ** (2 / dimension)
+    plausible = (volume > LEAST_VOLUME) & (volume < MOST_VOLUME)
+    plausible &= (matrix**2).sum(axis=(1, 2)) < MOST_SHEAR * dimension * size
+    matrix = np.concatenate([matrix[plausible], np.eye(dimension)[None]])
+    origin_from = np.concatenate([from_[wide, 0][plausible], source.mean(axis=0)[None]])
+    origin_to = np.concatenate([to[wide, 0][plausible], partners.mean(axis=0)[None]])
+    shift = origin_to - np.einsum("td,tde->te", origin_from, matrix)
+    away = np.einsum("nd,tde->tne", source, matrix) + shift[:, None, :] - partners
+    closeness = np.maximum(1 - (away**2).sum(axis=2) / CLOSE**2, 0.0) @ chance / chance.sum()
+    best = int(np.argmax(closeness))
+    return Pose(affine=np.vstack([shift[best], matrix[best]]), agreement=float(closeness[best]))

@@ -1,0 +1,278 @@
+"""How far an answer can be relied on, whatever method gave it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.compiled import one_blas_thread
+from tsis.errors import InputError
+from tsis.matching import _cpd as cpd
+from tsis.matching import _rpm_lns as rpm_lns
+from tsis.matching import _shape_context as shape_context
+from tsis.matching import _tprl as tprl
+from tsis.matching import _tps_rpm as tps_rpm
+from tsis.matching._evidence import log_evidence
+from tsis.matching._fit import UNMATCHED, NormalFrame, moved_in_blocks
+from tsis.matching._pairing import MOST_POINTS, drawn, matched_all
+from tsis.matching._spline import far_apart, spline_basis, spread_out
+from tsis.model import require_array, require_one_of, require_type
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from tsis.matching._fit import MatchFit, MatchMethod, Move
+
+
+RELIABLE = 0.5
+SCALE = 3.0  # of log evidence, in which confidence grows from a quarter to three
+MOST = 600  # points of each set that are looked at
+PASSING = 1e-6  # bending that is held back when the spline is read back from the moved points
+
+
+def confidence_of(fit: MatchFit, source: NDArray[np.float64], target: NDArray[np.float64]) -> float:
+    """Confidence in [0, 1] that an answer says more than chance: from the evidence for it, over that for no relation.
+
+    No relation is the likelier of points spread evenly and one normal cloud; the map pays for its affine part.
+
+    A wrong answer that explains much, as half of a shape that lies on another, is not told from a right one.
+
+    Parameters
+    ----------
+    fit
+        What a method found.
+    source, target
+        The normalised points that it was given.
+    """
+    dimension = source.shape[1]
+    if np.count_nonzero(fit.matches != UNMATCHED) < dimension + 2:
+        return 0.0
+    seen = source[far_apart(source, MOST)] if len(source) > MOST else source
+    there = target[far_apart(target, MOST)] if len(target) > MOST else target
+    basis = spline_basis(seen)
+    coordinates = basis.coordinates(fit.move(seen), bending=PASSING)
+    for_it = log_evidence(basis, coordinates, there) - _price_of_a_pose(there) - _normal_over_even(there)
+    return float(1 / (1 + np.exp(np.clip(-for_it / SCALE, -50, 50))))
+
+
+def _price_of_a_pose(target: NDArray[np.float64]) -> float:
+    """What an affine map fitted to the points gains where there is none (Schwarz's criterion)."""
+    dimension = target.shape[1]
+    return float(0.5 * dimension * (dimension + 1) * np.log(target.size))
+
+
+def _normal_over_even(target: NDArray[np.float64]) -> float:
+    """Log probability of the points as one normal cloud, over that of points spread evenly in their box; at least 0."""
+    count, dimension = target.shape
+    _, volume = np.linalg.slogdet(np.cov(target, rowvar=False, bias=True))
+    box = float(np.log(np.ptp(target, axis=0)).sum())
+    return float(max(0.0, count * (box - 0.5 * (dimension * np.log(2 * np.pi * np.e) + volume))))
+
+
+FEWEST = 4  # points: three in the plane fit any affine map
+FEW = {2: 9, 3: 16}  # points, by dimension, that a bent map takes close to unrelated ones
+LARGEST = 1e100  # coordinate whose square is a number
+THIN = 1e-6  # extent of points across a line or plane, of that along it, that rounding could make
+
+METHODS: Mapping[str, MatchMethod] = MappingProxyType(
+    {
+        "tprl": tprl.fit,
+        "cpd": cpd.fit,
+        "tps-rpm": tps_rpm.fit,
+        "rpm-lns": rpm_lns.fit,
+        "shape-context": shape_context.fit,
+    }
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Registration:
+    """How one point set goes over into another.
+
+    Attributes
+    ----------
+    method
+        Name of the method.
+    moved
+        The source's points after the transform, shape (n, d).
+    matches
+        Index of each source point's target point, -1 where it has none, shape (n,).
+    trust
+        How sure each match is, in [0, 1], shape (n,); 0 where there is none.
+    confidence
+        How sure the whole is, in [0, 1].
+    reliable
+        Whether the confidence suffices. Where it does not, nothing is matched and the transform leaves points alone.
+    notes
+        What the reader must know, a sentence each.
+    move
+        The transform without checks of its points; `transform` is the one to call.
+    """
+
+    method: str
+    moved: NDArray[np.float64]
+    matches: NDArray[np.int64]
+    trust: NDArray[np.float64]
+    confidence: float
+    reliable: bool
+    notes: tuple[str, ...]
+    move: Move
+
+    def transform(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Where points of the source's space, shape (k, d), go.
+
+        Raises
+        ------
+        InputError
+            When the points are not finite or of another dimension.
+        """
+        checked = require_array("points", points, ndim=2)
+        dimension = self.moved.shape[1]
+        if checked.shape[1] != dimension:
+            raise InputError(f"points must have {dimension} coordinates each, as the source; got shape {checked.shape}")
+        return moved_in_blocks(self.move, checked)
+
+    @property
+    def outliers(self) -> NDArray[np.bool_]:
+        """Which source points have no match, shape (n,)."""
+        return np.asarray(self.matches == UNMATCHED)
+
+
+def register(
+    source: ArrayLike, target: ArrayLike, *, method: str = "tprl", rng: np.random.Generator | None = None
+) -> Registration:
+    """Match two point sets that differ by a smooth deformation, of which either may lack or add points.
+
+    Parameters
+    ----------
+    source, target
+        Points, shapes (n, d) and (m, d), d being 2 or 3, in any one unit; at least 4 each, not all in a line or plane.
+        Above some thousands of points a sample of both is matched and the note says so; above two millions they are
+        refused.
+    method
+        ``"tprl"``, ``"cpd"``, ``"tps-rpm"``, ``"rpm-lns"`` or ``"shape-context"``. All but the first expect the
+        sets to be turned little against each other.
+    rng
+        Source of chance, for the sample of large sets and for methods that draw; seeded with 0 by default.
+
+    Raises
+    ------
+    UnknownNameError
+        When there is no such method.
+    InputError
+        When shapes do not fit, values are not finite, or the points are too few, too many, or in a line or plane.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> angle = np.linspace(0, 5, 40)
+    >>> spiral = np.column_stack([angle * np.cos(angle), angle * np.sin(angle)])
+    >>> found = register(spiral, 2 * spiral[::-1] + [3.0, 1.0])
+    >>> bool((found.matches == np.arange(40)[::-1]).all()), found.reliable
+    (True, True)
+    >>> found.transform([[0.0, 0.0]]).round(0).tolist()
+    [[3.0, 1.0]]
+    """
+    found = match_points(source, target, method=method, rng=rng)
+    return found if found.reliable else _withheld(found, np.array(source, dtype=float))
+
+
+def match_points(
+    source: ArrayLike, target: ArrayLike, *, method: str = "tprl", rng: np.random.Generator | None = None
+) -> Registration:
+    """What a method finds, however little it can be relied on; the rest is as `register` says.
+
+    For comparisons with programs that withhold nothing. Parameters and errors are those of `register`.
+    """
+    require_one_of("method", method, METHODS)
+    source, target = _points("source", source), _points("target", target)
+    if source.shape[1] != target.shape[1]:
+        raise InputError(
+            f"source and target must have as many coordinates; got {source.shape[1]} and {target.shape[1]}"
+        )
+    rng = np.random.default_rng(0) if rng is None else rng
+    require_type("rng", rng, np.random.Generator)
+    with one_blas_thread():
+        return _guess(method, source, target, rng)
+
+
+def _guess(
+    method: str, source: NDArray[np.float64], target: NDArray[np.float64], rng: np.random.Generator
+) -> Registration:
+    start, end = NormalFrame.of(source), NormalFrame.of(target)
+    here, there = start.inward(source), end.inward(target)
+    some, others = drawn(here, there, rng=rng)
+    fit = METHODS[method](some, others, rng=rng)
+    confidence = confidence_of(fit, some, others)
+    notes = []
+    if min(len(some), len(others)) < FEW[source.shape[1]]:
+        notes.append("so few points fit almost any others; the confidence says little")
+    if len(some) < len(here) or len(others) < len(there):
+        fit = matched_all(fit, here, there)
+        notes.append(
+            f"{len(source):,} and {len(target):,} points are too many for tables of all pairs; "
+            f"{len(some):,} and {len(others):,} drawn from them were matched"
+        )
+
+    def move(points: NDArray[np.float64], /) -> NDArray[np.float64]:
+        return end.outward(fit.move(start.inward(points)))
+
+    found = Registration(
+        method=method,
+        moved=source,
+        matches=fit.matches,
+        trust=fit.trust,
+        confidence=confidence,
+        reliable=confidence >= RELIABLE,
+        notes=tuple(notes),
+        move=move,
+    )
+    return replace(found, moved=found.transform(source))
+
+
+def _withheld(found: Registration, source: NDArray[np.float64]) -> Registration:
+    """The registration that leaves points alone and matches none."""
+    note = f"no reliable match: confidence {found.confidence:.2f} lies below {RELIABLE:g}; the points were left alone"
+    return replace(
+        found,
+        moved=source,
+        matches=np.full(len(source), UNMATCHED),
+        trust=np.zeros(len(source)),
+        notes=(*found.notes, note),
+        move=_stay,
+    )
+
+
+def _stay(points: NDArray[np.float64], /) -> NDArray[np.float64]:
+    return points.copy()
+
+
+def _points(name: str, value: ArrayLike) -> NDArray[np.float64]:
+    points = require_array(name, value, ndim=2)
+    dimension = points.shape[1]
+    if dimension not in (2, 3):
+        raise InputError(f"{name} must have 2 or 3 coordinates a point; got shape {points.shape}")
+    if len(points) > MOST_POINTS:
+        raise InputError(
+            f"{name} must hold at most {MOST_POINTS:,} points; got {len(points):,}, which would take about "
+            f"{len(points) * 1e-6:.0f} GB (match a sample and transform the rest with Registration.transform)"
+        )
+    if np.abs(points).max() > LARGEST:
+        raise InputError(f"{name} must lie within {LARGEST:g} of the origin; got {np.abs(points).max():g}")
+    places = spread_out(points, FEWEST)
+    if len(places) < FEWEST:
+        raise InputError(f"{name} must hold at least {FEWEST} points in different places; got {len(places)}")
+    extent = np.linalg.svd(points - points.mean(axis=0), full_matrices=False, compute_uv=False)
+    if extent[0] < 1 / LARGEST:
+        raise InputError(f"{name} must extend over at least {1 / LARGEST:g}; got {extent[0]:g}")
+    if extent[-1] <= THIN * extent[0]:
+        raise InputError(
+            f"{name} must not lie in a {'line' if dimension == 2 else 'plane'}; got {len(points)} points that do"
+            + ("" if dimension == 2 else " (match them in two dimensions)")
+        )
+    return points

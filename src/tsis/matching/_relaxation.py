@@ -1,0 +1,283 @@
+"""Relaxation labelling that preserves topology: neighbours of partners support each other (5.8-5.13, corrected).
+
+A pair (i, j) is supported by pairs (a, b) of neighbours a of i and b of j whose places relative to i and j agree:
+``r = alpha * beta * gamma``, alpha for their distances, beta for their directions, gamma for how near a is. Printed
+with five distance and twelve angle bins, alpha and beta are taken here of the distances and angles themselves, which
+bins only round; beta is printed without the angle's being circular, and all are printed with sums over all points where
+those over neighbours are meant.
+
+Only `CANDIDATES` targets of each source point are weighed, and the supports between them are listed once; an update
+then costs as many products as there are supports.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial import KDTree
+
+from tsis.compiled import fused
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+NEIGHBOURS = 10  # of a source point
+TARGET_NEIGHBOURS = 14  # more, for outliers lie among them
+CANDIDATES = 20
+UPDATES = 30
+SETTLED = 1e-3
+NOTHING = 1e-6  # a probability below it is zero
+NORMALISATIONS = 3  # of rows and columns after each update
+SHARPNESS = 0.05  # of the first probabilities: the cost by which one falls to 1/e of another
+FARTHEST = 1.25  # gamma vanishes so many times beyond the farthest neighbour
+SAME_DISTANCE = 1.0  # difference of the logarithms of two distances at which alpha vanishes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Neighbourhood:
+    """The nearest points of every point, and where they lie.
+
+    Attributes
+    ----------
+    index
+        Shape (n, k), nearest first.
+    log_distance
+        Logarithm of their distance, shape (n, k).
+    direction
+        Unit vector towards them, shape (n, k, d).
+    """
+
+    index: NDArray[np.int64]
+    log_distance: NDArray[np.float64]
+    direction: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, points: NDArray[np.float64], count: int) -> Neighbourhood:
+        """Neighbours of points, shape (n, d)."""
+        _, index = KDTree(points).query(points, k=min(count + 1, len(points)))
+        return cls.among(points, np.asarray(index)[:, 1:])
+
+    @classmethod
+    def among(cls, points: NDArray[np.float64], index: NDArray[np.int64]) -> Neighbourhood:
+        """The given neighbours of points, shape (n, d)."""
+        away = points[index] - points[:, None, :]
+        distance = np.maximum(np.linalg.norm(away, axis=2), 1e-12)
+        return cls(index=index, log_distance=np.log(distance), direction=away / distance[..., None])
+
+    @property
+    def nearness(self) -> NDArray[np.float64]:
+        """Gamma of each neighbour, summing to one over those of a point, shape (n, k)."""
+        distance = np.exp(self.log_distance)
+        gamma = 1 - distance / (FARTHEST * distance.max(axis=1, keepdims=True))
+        return np.asarray(gamma / gamma.sum(axis=1, keepdims=True))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Labels:
+    """Probabilities of partners.
+
+    Attributes
+    ----------
+    candidates
+        Target points that are weighed, shape (n, c).
+    probability
+        Of each, shape (n, c); with what is left for none they sum to one.
+    """
+
+    candidates: NDArray[np.int64]
+    probability: NDArray[np.float64]
+
+    @property
+    def best(self) -> NDArray[np.int64]:
+        """The likeliest target point, shape (n,)."""
+        rows = np.arange(len(self.candidates))
+        return np.asarray(self.candidates[rows, self.probability.argmax(axis=1)])
+
+    @property
+    def trust(self) -> NDArray[np.float64]:
+        """Probability of the likeliest, shape (n,)."""
+        return np.asarray(self.probability.max(axis=1))
+
+
+def label(
+    source: Neighbourhood, target: Neighbourhood, cost: NDArray[np.float64], *, alone: float, updates: int = UPDATES
+) -> Labels:
+    """Probabilities of partners after relaxation.
+
+    Parameters
+    ----------
+    source, target
+        Neighbours of the n and m points.
+    cost
+        Cost of each pair before its neighbours are asked, shape (n, m).
+    alone
+        Support for having no partner, in (0, 1], 1 being what full agreement of all neighbours gives a pair.
+    updates
+        Most updates.
+    """
+    candidates = cheapest(cost, CANDIDATES)
+    costs = np.take_along_axis(cost, candidates, axis=1)
+    probability = np.exp((costs.min(axis=1, keepdims=True) - costs) / SHARPNESS)
+    none = 1 / (candidates.shape[1] + 1)
+    probability *= (1 - none) / probability.sum(axis=1, keepdims=True)
+    slot = np.full(cost.shape, -1, dtype=np.int16)
+    np.put_along_axis(slot, candidates, np.arange(candidates.shape[1], dtype=np.int16)[None, :], axis=1)
+    supports = _supports(
+        candidates,
+        slot,
+        source.index,
+        target.index,
+        source.log_distance,
+        target.log_distance,
+        source.direction,
+        target.direction,
+        source.nearness,
+        SAME_DISTANCE,
+    )
+    _relax(probability, np.full(len(cost), none), candidates, *supports, alone, cost.shape[1], updates)
+    return Labels(candidates=candidates, probability=probability)
+
+
+def cheapest(cost: NDArray[np.float64], count: int) -> NDArray[np.int64]:
+    """The ``count`` cheapest columns of each row, in no order; all where there are no more."""
+    if count >= cost.shape[1]:
+        return np.tile(np.arange(cost.shape[1]), (len(cost), 1))
+    return np.asarray(np.argpartition(cost, count - 1, axis=1)[:, :count])
+
+
+@fused
+def _supports(
+    candidates: NDArray[np.int64],
+    slot: NDArray[np.int16],
+    source_index: NDArray[np.int64],
+    target_index: NDArray[np.int64],
+    source_log: NDArray[np.float64],
+    target_log: NDArray[np.float64],
+    source_direction: NDArray[np.float64],
+    target_direction: NDArray[np.float64],
+    nearness: NDArray[np.float64],
+    same: float,
+) -> tuple[NDArray[np.int64], NDArray[np.int32], NDArray[np.float32]]:
+    """Which entries support each entry, and how much: rows of a sparse matrix over the flattened probabilities."""
+    n, c = candidates.shape
+    dimension = source_direction.shape[2]
+    start = np.zeros(n * c + 1, dtype=np.int64)
+    entry = np.empty(8 * n * c, dtype=np.int32)
+    weight = np.empty(len(entry), dtype=np.float32)
+    count = 0
+    for i in range(n):
+        for s in range(c):
+            j = candidates[i, s]
+            for a in range(source_index.shape[1]):
+                for b in range(target_index.shape[1]):
+                    found = slot[source_index[i, a], target_index[j, b]]
+                    if found < 0:
+                        continue
+                    alpha = 1 - abs(source_log[i, a] - target_log[j, b]) / same
+                    beta = 0.0
+                    for axis in range(dimension):
+                        beta += source_direction[i, a, axis] * target_direction[j, b, axis]
+                    if alpha <= 0 or beta <= 0:
+                        continue
+                    if count == len(entry):
+                        entry = np.append(entry, np.empty(count, dtype=np.int32))
+                        weight = np.append(weight, np.empty(count, dtype=np.float32))
+                    entry[count], weight[count] = source_index[i, a] * c + found, alpha * beta * nearness[i, a]
+                    count += 1
+            start[i * c + s + 1] = count
+    return start, entry[:count], weight[:count]
+
+
+@fused
+def _relax(
+    probability: NDArray[np.float64],
+    none: NDArray[np.float64],
+    candidates: NDArray[np.int64],
+    start: NDArray[np.int64],
+    entry: NDArray[np.int32],
+    weight: NDArray[np.float32],
+    alone: float,
+    columns: int,
+    updates: int,
+) -> None:
+    """Update (5.13) and normalise rows to one and columns to at most one, in place, until nothing changes."""
+    n, c = probability.shape
+    flat = probability.reshape(-1)
+    support = np.empty(n * c)
+    for _ in range(updates):
+        for at in range(n * c):
+            total = 0.0
+            for k in range(start[at], start[at + 1]):
+                total += weight[k] * flat[entry[k]]
+            support[at] = total
+        before = flat.copy()
+        flat *= support
+        none *= alone
+        for _ in range(NORMALISATIONS):
+            _rows_to_one(probability, none)
+            taken = np.zeros(columns)
+            for i in range(n):
+                for s in range(c):
+                    taken[candidates[i, s]] += probability[i, s]
+            for i in range(n):
+                for s in range(c):
+                    if taken[candidates[i, s]] > 1:
+                        probability[i, s] /= taken[candidates[i, s]]
+        for i in range(n):
+            none[i] = max(1 - probability[i].sum(), 0.0)  # what two points wanted, and one of them did not get
+        change = 0.0
+        for at in range(n * c):
+            if flat[at] < NOTHING:
+                flat[at] = 0.0
+            change = max(change, abs(flat[at] - before[at]))
+        if change < SETTLED:
+            break
+
+
+@fused
+def _rows_to_one(probability: NDArray[np.float64], none: NDArray[np.float64]) -> None:
+    for i in range(len(none)):
+        total = none[i] + probability[i].sum()
+        none[i] /= total
+        probability[i] /= total
+
+
+def plain_supports(source: Neighbourhood, target: Neighbourhood) -> NDArray[np.float64]:
+    """Support ``[i, j, a, b]`` that pair (a, b) gives pair (i, j), shape (n, m, n, m): the sum in (5.12), in full."""
+    apart = np.abs(source.log_distance[:, None, :, None] - target.log_distance[None, :, None, :])
+    alpha = np.maximum(1 - apart / SAME_DISTANCE, 0)
+    beta = np.maximum(np.einsum("iad,jbd->ijab", source.direction, target.direction), 0)
+    n, m = len(source.index), len(target.index)
+    i, j = np.arange(n)[:, None, None, None], np.arange(m)[None, :, None, None]
+    supports = np.zeros((n, m, n, m))
+    supports[i, j, source.index[:, None, :, None], target.index[None, :, None, :]] = (
+        alpha * beta * source.nearness[:, None, :, None]
+    )
+    return supports
+
+
+def plain_label(
+    source: Neighbourhood, target: Neighbourhood, cost: NDArray[np.float64], *, alone: float, updates: int = UPDATES
+) -> NDArray[np.float64]:
+    """The probabilities of `label` as a whole matrix, shape (n, m), from products of whole matrices."""
+    supports, candidates = plain_supports(source, target), cheapest(cost, CANDIDATES)
+    weighed = np.zeros(cost.shape)
+    none = np.full((len(cost), 1), 1 / (candidates.shape[1] + 1))
+    np.put_along_axis(weighed, candidates, 1.0, axis=1)
+    probability = weighed * np.exp((cost.min(axis=1, keepdims=True) - cost) / SHARPNESS)
+    probability *= (1 - none) / probability.sum(axis=1, keepdims=True)
+    for _ in range(updates):
+        before = probability
+        probability, none = probability * np.tensordot(supports, probability, axes=2), none * alone
+        for _ in range(NORMALISATIONS):
+            total = none + probability.sum(axis=1, keepdims=True)
+            probability, none = probability / total, none / total
+            probability = probability / np.maximum(probability.sum(axis=0), 1)
+        none = np.maximum(1 - probability.sum(axis=1, keepdims=True), 0)
+        probability[probability < NOTHING] = 0
+        if np.max(np.abs(probability - before)) < SETTLED:
+            break
+    return np.asarray(probability)

@@ -1,0 +1,215 @@
+"""Robust point matching that preserves local neighbourhoods (Zheng and Doermann 2006), by relaxation labelling.
+
+Neighbours should be matched with neighbours. A pair (i, j) is supported by the pairs (a, b) of i's neighbours a with
+j's neighbours b, every one counting alike. Chances begin with the likeness of shape contexts, are multiplied by their
+support again and again, and normalised over rows and columns with a chance of having no partner; a thin-plate spline
+follows the pairs, and all begins anew from the moved points.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.spatial import KDTree
+
+from tsis.compiled import compiled
+from tsis.matching._fit import UNMATCHED, MatchFit
+from tsis.matching._log_polar import chi_squared, histograms
+from tsis.matching._pairing import assign
+from tsis.matching._spline import spline_basis
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+ROUNDS = 10
+UPDATES = 10  # published as 300: more are slower and find no more, for what is wrong hardens too
+NEIGHBOURS = 5
+CANDIDATES = 25  # of each point, by shape context
+SHARPNESS = 0.03  # chi-squared distance that makes a pair e times less likely
+FIRST_ALONE = 0.2  # chance of having no partner to begin with
+ALONE = 0.35  # share of the neighbours that must agree for a pair to be likelier than none
+BALANCINGS = 2  # of rows and columns after each update
+SETTLED = 1e-3  # no chance changed by more
+BENDING, SOFTENING = 30.0, 0.5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Pairs:
+    """Pairs that are thought possible, as the entries of a sparse matrix in row order.
+
+    Attributes
+    ----------
+    row, column
+        Source and target point of each, shape (p,).
+    shape
+        Numbers of source and target points.
+    """
+
+    row: NDArray[np.int64]
+    column: NDArray[np.int64]
+    shape: tuple[int, int]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Chances:
+    """How likely each pair is, and how likely each point is to have no partner.
+
+    Attributes
+    ----------
+    pair
+        In the order of `Pairs`, shape (p,).
+    source, target
+        Chances of having none, shapes (n,) and (m,).
+    """
+
+    pair: NDArray[np.float64]
+    source: NDArray[np.float64]
+    target: NDArray[np.float64]
+
+
+def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator) -> MatchFit:
+    """Match normalised points, shapes (n, d) and (m, d), by their neighbourhoods; nothing in it is left to chance."""
+    del rng
+    basis, wanted = spline_basis(source), histograms(target)
+    graphs = neighbours(source), neighbours(target)
+    moved, last = source, np.full(len(source), UNMATCHED)
+    for number in range(ROUNDS):
+        cost = chi_squared(histograms(moved), wanted)
+        pairs = candidates(cost)
+        likely = np.exp(-cost[pairs.row, pairs.column] / SHARPNESS)
+        matches, trust = _best(relax(likely, support(pairs, *graphs), pairs), pairs)
+        coordinates = basis.coordinates(
+            np.where(matches[:, None] != UNMATCHED, target[matches], 0.0),
+            bending=BENDING * SOFTENING**number,
+            weights=trust,
+        )
+        moved = basis.design @ coordinates
+        if number >= ROUNDS // 2 and np.array_equal(matches, last):  # no sooner: the spline still softens
+            break
+        last = matches
+    return MatchFit(move=basis.spline(coordinates), matches=matches, trust=trust)
+
+
+def neighbours(points: NDArray[np.float64]) -> csr_array:
+    """Which points are neighbours: `NEIGHBOURS` nearest of either; 1 where they are, shape (n, n)."""
+    number = len(points)
+    count = min(NEIGHBOURS, number - 1)
+    _, index = KDTree(points).query(points, k=range(1, count + 2))
+    row = np.repeat(np.arange(number), count + 1)
+    graph = csr_array((np.ones(row.size), (row, index.ravel())), shape=(number, number))
+    graph = graph + graph.T
+    graph.setdiag(0)  # of points in one place, any may be the first
+    graph.eliminate_zeros()
+    graph.data[:] = 1
+    return graph
+
+
+def candidates(cost: NDArray[np.float64]) -> Pairs:
+    """The `CANDIDATES` cheapest pairs of each row."""
+    n, m = cost.shape
+    count = min(CANDIDATES, m)
+    column = np.sort(np.argpartition(cost, count - 1, axis=1)[:, :count], axis=1)
+    return Pairs(row=np.repeat(np.arange(n), count), column=column.ravel().astype(np.int64), shape=(n, m))
+
+
+def support(pairs: Pairs, source: csr_array, target: csr_array) -> csr_array:
+    """Weight with which each pair supports each other, shape (p, p).
+
+    It is one over the larger number of neighbours where both points are neighbours of the other pair's, else 0: the
+    support by chances is the share of the neighbours that agree.
+    """
+    place = np.full(pairs.shape, -1, dtype=np.int64)
+    place[pairs.row, pairs.column] = np.arange(len(pairs.row))
+    start, end, weight = _supporters(
+        pairs.row, pairs.column, place, source.indptr, source.indices, target.indptr, target.indices
+    )
+    return csr_array((weight, end, start), shape=(len(pairs.row), len(pairs.row)))
+
+
+def relax(likely: NDArray[np.float64], supported: csr_array, pairs: Pairs) -> Chances:
+    """Chances that agree with their neighbours', from how likely each pair is by itself, shape (p,)."""
+    n, m = pairs.shape
+    chances = Chances(pair=likely * n / likely.sum(), source=np.full(n, FIRST_ALONE), target=np.full(m, FIRST_ALONE))
+    for _ in range(UPDATES):
+        before = chances.pair
+        chances = _balanced(
+            Chances(pair=before * (supported @ before), source=chances.source * ALONE, target=chances.target * ALONE),
+            pairs,
+        )
+        if np.max(np.abs(chances.pair - before)) < SETTLED:
+            break
+    return chances
+
+
+def plain_relax(
+    likely: NDArray[np.float64], source: NDArray[np.float64], target: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """What `relax` finds where every pair is a candidate, by whole matrices, all shape (n, m), (n, n) and (m, m)."""
+    chance = np.zeros((len(source) + 1, len(target) + 1))
+    chance[:-1, :-1] = likely * len(source) / likely.sum()
+    chance[:-1, -1] = chance[-1, :-1] = FIRST_ALONE
+    agreeing = np.maximum(source.sum(axis=1)[:, None], target.sum(axis=1))
+    for _ in range(UPDATES):
+        before = chance[:-1, :-1].copy()
+        chance[:-1, :-1] *= source @ before @ target / agreeing
+        chance[:-1, -1] *= ALONE
+        chance[-1, :-1] *= ALONE
+        for _ in range(BALANCINGS):
+            chance[:-1] /= chance[:-1].sum(axis=1, keepdims=True)
+            chance[:, :-1] /= chance[:, :-1].sum(axis=0, keepdims=True)
+        if np.max(np.abs(chance[:-1, :-1] - before)) < SETTLED:
+            break
+    return np.asarray(chance[:-1, :-1])
+
+
+def _balanced(chances: Chances, pairs: Pairs) -> Chances:
+    """Rows, then columns, brought to the sum of one with the chance of having no partner."""
+    pair, source, target = chances.pair, chances.source, chances.target
+    for _ in range(BALANCINGS):
+        row = 1 / (np.bincount(pairs.row, pair, pairs.shape[0]) + source)
+        pair, source = pair * row[pairs.row], source * row
+        column = 1 / (np.bincount(pairs.column, pair, pairs.shape[1]) + target)
+        pair, target = pair * column[pairs.column], target * column
+    return Chances(pair=pair, source=source, target=target)
+
+
+def _best(chances: Chances, pairs: Pairs) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Matches of the largest total chance, and the chance of each."""
+    chance = np.zeros(pairs.shape)
+    chance[pairs.row, pairs.column] = np.minimum(chances.pair, 1.0)
+    matches = assign(-chance, dummy=-SETTLED)
+    return matches, np.where(matches == UNMATCHED, 0.0, chance[np.arange(len(matches)), matches])
+
+
+@compiled
+def _supporters(
+    row: NDArray[np.int64],
+    column: NDArray[np.int64],
+    place: NDArray[np.int64],
+    source_start: NDArray[np.int32],
+    source_end: NDArray[np.int32],
+    target_start: NDArray[np.int32],
+    target_end: NDArray[np.int32],
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """Rows of the support matrix; ``place`` is a pair's number among the candidates, -1 where it is none."""
+    start = np.zeros(len(row) + 1, np.int64)
+    most = 0
+    for e in range(len(row)):
+        i, j = row[e], column[e]
+        most += (source_start[i + 1] - source_start[i]) * (target_start[j + 1] - target_start[j])
+    end, weight = np.empty(most, np.int64), np.empty(most)
+    filled = 0
+    for e in range(len(row)):
+        i, j = row[e], column[e]
+        larger = max(source_start[i + 1] - source_start[i], target_start[j + 1] - target_start[j])
+        for a in source_end[source_start[i] : source_start[i + 1]]:
+            for b in target_end[target_start[j] : target_start[j + 1]]:
+                if place[a, b] >= 0:
+                    end[filled], weight[filled] = place[a, b], 1 / larger
+                    filled += 1
+        start[e + 1] = filled
+    return start, end[:filled], weight[:filled]

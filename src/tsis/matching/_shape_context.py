@@ -1,0 +1,60 @@
+"""Matching by shape contexts (Belongie, Malik and Puzicha 2002): like surroundings are paired, a spline follows, anew.
+
+Each round compares the histograms of `log_polar`, pairs the points at the least total cost with some left alone, and
+fits a thin-plate spline, which may bend more from round to round.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.matching._fit import UNMATCHED, MatchFit
+from tsis.matching._log_polar import axis_histograms, chi_squared, histograms
+from tsis.matching._pairing import assign
+from tsis.matching._spline import spline_basis
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+ROUNDS = 6
+ALONE = 0.25  # chi-squared distance beyond which a pair is given up,
+SPARED = 0.75  # but no more than the worst quarter of them: turned or noisy points are all unlike
+BENDING = 3.0  # of the first round
+SOFTENING = 0.5  # of the bending, from round to round
+
+
+def fit(
+    source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator, turned: bool = False
+) -> MatchFit:
+    """Match normalised points, shapes (n, d) and (m, d), by their shape contexts; nothing in it is left to chance.
+
+    With ``turned``, directions are measured from the mass centre, so that any rotation between the two is found, at
+    the price of contexts that tell less apart and change with whatever moves the mass centre.
+    """
+    del rng
+    describe = axis_histograms if turned else histograms
+    wanted, basis = describe(target), spline_basis(source)
+    moved = source
+    for number in range(ROUNDS):
+        cost = chi_squared(describe(moved), wanted)
+        matches = _alike(cost)
+        paired = matches != UNMATCHED
+        coordinates = basis.coordinates(
+            np.where(paired[:, None], target[matches], 0.0),
+            bending=BENDING * SOFTENING**number,
+            weights=paired.astype(float),
+        )
+        moved = basis.design @ coordinates
+    alike = 1 - np.minimum(cost[np.arange(len(source)), matches], 1.0)  # the sums of histograms round
+    return MatchFit(move=basis.spline(coordinates), matches=matches, trust=np.where(paired, alike, 0.0))
+
+
+def _alike(cost: NDArray[np.float64]) -> NDArray[np.int64]:
+    """Cheapest pairs of all points of the smaller set, less those that are too unlike."""
+    matches = assign(cost, dummy=np.inf)
+    paid = np.where(matches == UNMATCHED, np.inf, cost[np.arange(len(cost)), matches])
+    limit = max(ALONE, float(np.quantile(paid[np.isfinite(paid)], SPARED)))
+    return np.where(paid <= limit, matches, UNMATCHED)

@@ -1,0 +1,288 @@
+"""Thin-plate splines in two and three dimensions: regularised, weighted, with as many control points as one likes.
+
+A spline is an affine map plus ``sum_c w_c U(|x - c|)`` over its control points c, with the kernel ``U(r) = r**2 log r``
+in the plane and ``-r`` in space (the dissertation prints ``r**3 log r**3``, which bends infinitely at its control
+points in no dimension that it is used in). It minimises ``sum_i v_i |y_i - f(x_i)|**2 + bending * J(f)``, J being the
+bending energy, a quadratic form of the w_c.
+
+The work that depends on the points alone is done once, in `SplineBasis`: its coordinates make the bending energy the
+sum of their squares, so that a fit is a ridge regression, and no rotation of the points changes it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial.distance import cdist
+
+from tsis.errors import InputError
+from tsis.matching._fit import NormalFrame, ridge_solution
+from tsis.model import require_array, require_number
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+
+CONTROL_POINTS = 300  # more of them only cost time: between them a smooth deformation has nothing left to tell
+JITTER = 1e-12  # of the largest eigenvalue, lest rounding makes the bending energy negative
+ABSENT = 1e-12  # of the largest weight: a pair of less could not be told from rounding
+ANCHOR = 1e-12  # ridge on the affine part, of the whole weight: no weight at all leaves the points where they are
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ThinPlateSpline:
+    """A smooth map of the plane or of space.
+
+    Attributes
+    ----------
+    control
+        Control points c, shape (k, d), d being 2 or 3.
+    weights
+        Their weights w, shape (k, d); orthogonal to 1 and to the coordinates of the control points.
+    affine
+        Row 0 is the translation, the rows below it are the matrix that points, as rows, are multiplied by;
+        shape (d + 1, d).
+    """
+
+    control: NDArray[np.float64]
+    weights: NDArray[np.float64]
+    affine: NDArray[np.float64]
+
+    def __call__(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Where ``points``, shape (n, d), go."""
+        at = _points("points", points, self.control.shape[1])
+        return np.asarray(kernel(at, self.control) @ self.weights + self.affine[0] + at @ self.affine[1:])
+
+    def gradient(self, points: ArrayLike) -> NDArray[np.float64]:
+        """Derivatives ``[n, i, j] = d f_i / d x_j`` at ``points``, shape (n, d, d)."""
+        at = _points("points", points, self.control.shape[1])
+        away = at[:, None, :] - self.control[None, :, :]
+        rate = _kernel_rate(np.linalg.norm(away, axis=2), at.shape[1])
+        return np.asarray(self.affine[1:].T + np.einsum("ck,nc,ncj->nkj", self.weights, rate, away))
+
+    @property
+    def bending_energy(self) -> float:
+        """The quadratic form of the weights that a fit keeps small."""
+        return float(np.einsum("ck,cd,dk->", self.weights, kernel(self.control, self.control), self.weights))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SplineBasis:
+    """All splines over the same control points, in coordinates in which bending is a sum of squares.
+
+    Attributes
+    ----------
+    points
+        The points that fits are asked at, shape (n, d).
+    control
+        Control points, shape (k, d).
+    design
+        Values at the points of the basis functions, shape (n, k): the first k - d - 1 bend, the last d + 1 are affine.
+    weights_of
+        Kernel weights of the bending coordinates, shape (k, k - d - 1).
+    """
+
+    points: NDArray[np.float64]
+    control: NDArray[np.float64]
+    design: NDArray[np.float64]
+    weights_of: NDArray[np.float64]
+
+    @property
+    def bent(self) -> int:
+        """How many coordinates bend."""
+        return int(self.weights_of.shape[1])
+
+    @property
+    def rest(self) -> NDArray[np.float64]:
+        """Coordinates of the map that leaves all points where they are, shape (k, d)."""
+        return np.eye(self.design.shape[1], self.points.shape[1], -(self.bent + 1))
+
+    def at(self, rows: NDArray[np.int64]) -> SplineBasis:
+        """The same splines, fitted at some of the points."""
+        return replace(self, points=self.points[rows], design=self.design[rows])
+
+    def coordinates(
+        self, targets: NDArray[np.float64], *, bending: float, weights: NDArray[np.float64] | None = None
+    ) -> NDArray[np.float64]:
+        """Coordinates of the spline that takes the points to ``targets``, shape (k, d); unchecked, for inner loops."""
+        weighted = self.design if weights is None else self.design * weights[:, None]
+        normal = weighted.T @ self.design
+        ridge = np.full(len(normal), bending)
+        ridge[self.bent :] = ANCHOR * max(float(np.trace(normal)), 1e-300)
+        right = weighted.T @ targets + self._still(ridge)
+        return ridge_solution(normal, right, ridge)
+
+    def _still(self, ridge: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Right-hand side of the affine ridge, which draws to the identity."""
+        right = np.zeros((len(ridge), self.points.shape[1]))
+        right[self.bent + 1 :] = np.diag(ridge[self.bent + 1 :])
+        return right
+
+    def spline(self, coordinates: NDArray[np.float64]) -> ThinPlateSpline:
+        """The spline of ``coordinates``, shape (k, d)."""
+        return ThinPlateSpline(
+            control=self.control,
+            weights=self.weights_of @ coordinates[: self.bent],
+            affine=coordinates[self.bent :],
+        )
+
+
+def spline_basis(points: ArrayLike, *, control: ArrayLike | None = None) -> SplineBasis:
+    """Basis of the splines that are fitted at ``points``.
+
+    Parameters
+    ----------
+    points
+        Shape (n, d), d being 2 or 3, n at least d + 1, not all in a line or plane; normalised, as by `NormalFrame`, for the
+        bounds on rounding are meant for numbers near 1.
+    control
+        Control points, shape (k, d); by default the points, or `CONTROL_POINTS` of them that lie far apart.
+
+    Raises
+    ------
+    InputError
+        When the shapes do not fit or the control points lie in a line or plane.
+    """
+    points = _points("points", points)
+    dimension = points.shape[1]
+    chosen = spread_out(points, CONTROL_POINTS) if control is None else _points("control", control, dimension)
+    affine = np.column_stack([np.ones(len(chosen)), chosen])
+    span, _, _ = np.linalg.svd(affine, full_matrices=True)
+    if len(chosen) <= dimension or np.linalg.cond(affine - [0.0, *chosen.mean(axis=0)]) > 1e8:
+        raise InputError(
+            f"control points must span {'a plane' if dimension == 2 else 'space'}, that is at least {dimension + 1} of "
+            f"them not in a {'line' if dimension == 2 else 'plane'}; got {len(chosen)} that do not"
+        )
+    null = span[:, dimension + 1 :]
+    energy = null.T @ kernel(chosen, chosen) @ null
+    value, vector = np.linalg.eigh((energy + energy.T) / 2)
+    value = np.maximum(value, JITTER * value[-1]) if len(value) else value
+    weights_of = null @ (vector / np.sqrt(value))
+    return SplineBasis(
+        points=points,
+        control=chosen,
+        design=np.column_stack([kernel(points, chosen) @ weights_of, np.ones(len(points)), points]),
+        weights_of=weights_of,
+    )
+
+
+def fit_spline(
+    points: ArrayLike,
+    targets: ArrayLike,
+    *,
+    bending: float = 0.0,
+    weights: ArrayLike | None = None,
+    control: ArrayLike | None = None,
+) -> ThinPlateSpline:
+    """The thin-plate spline that takes ``points`` near ``targets`` and bends little (5.14-5.16, kernel corrected).
+
+    Parameters
+    ----------
+    points, targets
+        Shape (n, d) each, d being 2 or 3, in any unit.
+    bending
+        How much bending is held back, in [0, 1e12], in units of the points, in the plane squared; 0 interpolates,
+        where every point is a control point.
+    weights
+        Trust in each pair, shape (n,), not negative; 1 by default. A pair of weight 0 is as good as absent.
+    control
+        Control points, shape (k, d); by default the points, or `CONTROL_POINTS` of them that lie far apart. Where
+        bending is 0, no more than there are places of points.
+
+    Raises
+    ------
+    InputError
+        When the shapes do not fit, a value is out of range, the points lie in a line or plane, or they do not
+        determine the spline.
+
+    Examples
+    --------
+    >>> corners = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]
+    >>> spline = fit_spline(corners, [[0.0, 0.0], [2.0, 0.0], [0.0, 1.0], [2.0, 1.0]])
+    >>> spline([[0.5, 0.5]]).round(6).tolist()
+    [[1.0, 0.5]]
+    """
+    at = _points("points", points)
+    to = _points("targets", targets, at.shape[1])
+    if len(to) != len(at):
+        raise InputError(f"targets must be as many as the points, {len(at)}; got {len(to)}")
+    require_number("bending", bending, 0.0, 1e12)
+    trust = np.ones(len(at)) if weights is None else require_array("weights", weights, ndim=1)
+    if len(trust) != len(at) or trust.min() < 0 or trust.max() == 0:
+        raise InputError(f"weights must be {len(at)} numbers that are not negative, one of them positive")
+    kept = trust > ABSENT * trust.max()
+    at, to, trust = at[kept], to[kept], trust[kept]
+    here = NormalFrame.of(at)
+    if here.size == 0:
+        raise InputError(f"points must lie in at least {at.shape[1] + 1} places; got {len(at)} in one")
+    there = NormalFrame(centre=to.mean(axis=0), size=here.size)
+    chosen = None if control is None else here.inward(_points("control", control, at.shape[1]))
+    basis = spline_basis(here.inward(at), control=chosen)
+    places = len(np.unique(at, axis=0))
+    if bending == 0 and places < len(basis.control):
+        raise InputError(
+            f"bending must be positive where control points are more than the places of points; got "
+            f"{len(basis.control)} and {places}"
+        )
+    stiffness = bending / here.size ** (4 - at.shape[1])
+    return _outward(basis.spline(basis.coordinates(there.inward(to), bending=stiffness, weights=trust)), here, there)
+
+
+def _outward(spline: ThinPlateSpline, here: NormalFrame, there: NormalFrame) -> ThinPlateSpline:
+    """The same map from the unit of one frame to that of another, which is as large."""
+    weights, shift = spline.weights, there.outward(spline.affine[0]) - here.centre @ spline.affine[1:]
+    if spline.control.shape[1] == 2:
+        # Of (r / size)**2 log(r / size), r**2 log(size) is left, which sums to a constant over all control points.
+        shift = shift - here.size * np.log(here.size) * ((spline.control**2).sum(axis=1) @ weights)
+        weights = weights / here.size
+    affine = np.vstack([shift, spline.affine[1:]])
+    return ThinPlateSpline(control=here.outward(spline.control), weights=weights, affine=affine)
+
+
+def kernel(points: NDArray[np.float64], control: NDArray[np.float64]) -> NDArray[np.float64]:
+    """``r**2 log r`` in the plane, ``-r`` in space, between two sets of points, shape (n, k)."""
+    if points.shape[1] == 3:
+        return np.asarray(-cdist(points, control))
+    squared = cdist(points, control, "sqeuclidean")
+    return np.asarray(0.5 * squared * np.log(np.maximum(squared, 1e-300)))
+
+
+def _kernel_rate(distance: NDArray[np.float64], dimension: int) -> NDArray[np.float64]:
+    """``U'(r) / r``: it times the vector from the control point is the kernel's gradient."""
+    if dimension == 3:
+        return np.asarray(np.where(distance > 0, -1 / np.maximum(distance, 1e-300), 0.0))
+    return np.asarray(2 * np.log(np.maximum(distance, 1e-300)) + 1)
+
+
+def spread_out(points: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    """At most ``count`` of the points, no two in one place, each the farthest from those before it."""
+    return points[far_apart(points, count)]
+
+
+def far_apart(points: NDArray[np.float64], count: int) -> NDArray[np.int64]:
+    """Indices of at most ``count`` of the points, no two in one place, each the farthest from those before it."""
+    first = int(np.argmin(np.linalg.norm(points - points.mean(axis=0), axis=1)))
+    chosen, nearest = [first], np.linalg.norm(points - points[first], axis=1)
+    while len(chosen) < min(count, len(points)):
+        farthest = int(np.argmax(nearest))
+        if nearest[farthest] == 0:
+            break
+        chosen.append(farthest)
+        nearest = np.minimum(nearest, np.linalg.norm(points - points[farthest], axis=1))
+    return np.array(chosen)
+
+
+def spread_order(points: NDArray[np.float64]) -> NDArray[np.int64]:
+    """All indices, ordered so that the first ones of any number lie far apart."""
+    first = far_apart(points, len(points))
+    return np.concatenate([first, np.setdiff1d(np.arange(len(points)), first)])
+
+
+def _points(name: str, value: ArrayLike, dimension: int | None = None) -> NDArray[np.float64]:
+    points = require_array(name, value, ndim=2)
+    if points.shape[1] not in ((2, 3) if dimension is None else (dimension,)):
+        wanted = "2 or 3" if dimension is None else str(dimension)
+        raise InputError(f"{name} must have {wanted} coordinates each; got shape {points.shape}")
+    return points

@@ -1,0 +1,171 @@
+"""The last step: partners one to one, and a spline as stiff as the pairs themselves say."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.spatial.distance import cdist
+
+from tsis.matching._annealing import START, Cooling, anneal
+from tsis.matching._evidence import log_evidence, upright_prior
+from tsis.matching._fit import UNMATCHED, MatchFit
+from tsis.matching._pairing import assign, nearest_pairs, spacing
+from tsis.matching._poses import MANY, poses, rounded_poses
+from tsis.matching._spline import spline_basis
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from tsis.matching._poses import Pose
+    from tsis.matching._spline import SplineBasis
+
+
+# Distances beyond which there is no partner, unless the spacing is more.
+REACHES = (0.5, 0.3, 0.18, 0.1, 0.0)
+NEAREST = 1.5  # spacings up to which there always may be one
+SPREADS = 4.0  # standard deviations beyond which a pair is taken for a false one
+BEYOND_DOUBT = 0.2  # root-mean-square distance of partners, of the spacing, below which none is taken for another
+BENDINGS = np.logspace(-7, 2, 28)
+
+
+def assigned(
+    basis: SplineBasis, coordinates: NDArray[np.float64], target: NDArray[np.float64], spacing: float
+) -> NDArray[np.float64]:
+    """Coordinates of the spline through partners one to one, found from those of a spline that comes near.
+
+    One-to-one pairs of the least sum of squares undo what soft pairs leave when points slid along a line: many small
+    steps are cheaper than the one large one at its end.
+    """
+    for reach in REACHES:
+        moved = basis.design @ coordinates
+        squared = cdist(moved, target, "sqeuclidean")
+        pairs = assign(squared, dummy=max(reach, NEAREST * spacing) ** 2)
+        rows = np.flatnonzero(pairs != UNMATCHED)
+        if len(rows) <= 2 * basis.points.shape[1] + 2:
+            return coordinates
+        for _ in range(2):
+            bending = likeliest_bending(basis.design[rows], basis.bent, target[pairs[rows]])
+            coordinates = basis.at(rows).coordinates(target[pairs[rows]], bending=bending)
+            away = ((basis.design[rows] @ coordinates - target[pairs[rows]]) ** 2).sum(axis=1)
+            kept = away <= SPREADS**2 * max(float(np.median(away)), 1e-8)
+            if kept.all() or kept.sum() <= 2 * basis.points.shape[1] + 2:
+                break
+            rows = rows[kept]
+    return coordinates
+
+
+def interpolated(
+    basis: SplineBasis, coordinates: NDArray[np.float64], target: NDArray[np.float64], spacing: float
+) -> NDArray[np.float64]:
+    """Coordinates of the spline that takes points onto their partners, where these are beyond doubt; else as given.
+
+    What is left between points and partners is noise, that a spline should pass by, or deformation too fine for it,
+    that it should follow. Nothing in the points tells which; but where it is small against their spacing, the partner
+    is the better guess of where the point belongs.
+    """
+    squared = cdist(basis.design @ coordinates, target, "sqeuclidean")
+    pairs = assign(squared, dummy=(NEAREST * spacing) ** 2)
+    rows = np.flatnonzero(pairs != UNMATCHED)
+    away = squared[rows, pairs[rows]]
+    if len(rows) <= basis.points.shape[1] or np.mean(away) > (BEYOND_DOUBT * spacing) ** 2:
+        return coordinates
+    return basis.at(rows).coordinates(target[pairs[rows]], bending=BENDINGS[0])
+
+
+def likeliest_bending(design: NDArray[np.float64], bent: int, values: NDArray[np.float64]) -> float:
+    """Ridge on the bending coordinates that makes the values, shape (n, d), likeliest.
+
+    Restricted maximum likelihood: bending coordinates normal with one variance, errors normal with another, any affine
+    part; the ridge is the ratio of the two.
+    """
+    affine, _ = np.linalg.qr(design[:, bent:])
+    bends = design[:, :bent] - affine @ (affine.T @ design[:, :bent])
+    values = values - affine @ (affine.T @ values)
+    # The eigenvalues of the small normal matrix are the squared singular values.
+    strength, axes = np.linalg.eigh(bends.T @ bends)
+    strength = np.maximum(strength, 1e-14 * strength[-1])
+    along = (axes.T @ (bends.T @ values)) ** 2 / strength[:, None]
+    beyond = max(float((values**2).sum() - along.sum()), 0.0)
+    free = (len(values) - affine.shape[1]) * values.shape[1]
+    spread = strength[None, :] / BENDINGS[:, None] + 1
+    variance = ((along.sum(axis=1) / spread).sum(axis=1) + beyond) / free + 1e-12
+    surprise = values.shape[1] * np.log(spread).sum(axis=1) + free * np.log(variance)
+    return float(BENDINGS[int(np.argmin(surprise))])
+
+
+POSES = {2: 2, 3: 6}  # of each kind that are followed, the best agreed on, by dimension; of very many points one
+SAME = 0.15  # a pose moves points as one before it does, within so many root-mean-square radii
+FACTOR, ROUNDS = 0.85, 3
+WARM = 0.15  # temperature from which a pose is followed
+COLDEST = 0.35  # last standard deviation, of the distance between neighbours
+VAGUE = 0.3  # agreement below which no pose at all is tried first
+ENOUGH = {2: 2.0, 3: 5.0}  # log evidence a target point that ends the search, by dimension
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PoseFit:
+    """A spline's coordinates, and the evidence for it, with the prior of its pose."""
+
+    coordinates: NDArray[np.float64]
+    evidence: float
+
+
+def fit(source: NDArray[np.float64], target: NDArray[np.float64], /, *, rng: np.random.Generator) -> MatchFit:
+    """Match normalised points, shapes (n, d) and (m, d); ``rng`` draws the pairs that poses are tried on."""
+    basis = spline_basis(source)
+    step = max(spacing(source), spacing(target))
+
+    def judged(coordinates: NDArray[np.float64]) -> PoseFit:
+        prior = upright_prior(coordinates[basis.bent + 1 :], len(target))
+        return PoseFit(coordinates=coordinates, evidence=prior + log_evidence(basis, coordinates, target))
+
+    def followed(coordinates: NDArray[np.float64], start: float) -> PoseFit:
+        cooling = Cooling(factor=FACTOR, start=start, end=(COLDEST * step) ** 2, rounds=ROUNDS)
+        cooled = judged(anneal(basis, coordinates, target, cooling))
+        paired = judged(assigned(basis, cooled.coordinates, target, step))
+        return max(cooled, paired, key=lambda one: one.evidence)
+
+    found: list[PoseFit] = []
+    for coordinates, start in _starts(basis, source, target, rng):
+        found.append(followed(coordinates, start))
+        if found[-1].evidence >= ENOUGH[source.shape[1]] * len(target):
+            break
+    best = max(found, key=lambda one: one.evidence).coordinates
+    best = interpolated(basis, best, target, step)
+    matches, trust = nearest_pairs(basis.design @ best, target, tolerance=step)
+    return MatchFit(move=basis.spline(best), matches=matches, trust=trust)
+
+
+def _starts(
+    basis: SplineBasis, source: NDArray[np.float64], target: NDArray[np.float64], rng: np.random.Generator
+) -> Iterator[tuple[NDArray[np.float64], float]]:
+    """Coordinates to begin with and their temperatures.
+
+    The best poses and no pose at all, the latter first where poses are vague; then the best poses of rounded shapes.
+    """
+    found = poses(source, target, rng=rng)
+    many = len(source) * len(target) >= MANY
+    if found[0].agreement < VAGUE:
+        yield basis.rest, START
+    yield from ((start, WARM) for start in _unlike(basis, found[: 1 if many else POSES[source.shape[1]]]))
+    if found[0].agreement >= VAGUE:
+        yield basis.rest, START
+    if not many:
+        rounded = rounded_poses(source, target, rng=rng)
+        yield from ((start, WARM) for start in _unlike(basis, rounded[: POSES[source.shape[1]]]))
+
+
+def _unlike(basis: SplineBasis, found: list[Pose]) -> Iterator[NDArray[np.float64]]:
+    """Coordinates of poses, leaving out those much like one before."""
+    placed: list[NDArray[np.float64]] = []
+    for pose in found:
+        start = np.zeros_like(basis.rest)
+        start[basis.bent :] = pose.affine
+        moved = basis.design @ start
+        if all(((moved - other) ** 2).sum(axis=1).mean() > SAME**2 for other in placed):
+            placed.append(moved)
+            yield start

@@ -1,0 +1,259 @@
+"""Shapes distorted at random, with the true matches kept: what a matching method is tuned and judged on.
+
+The deformation is the one of the public trials of Chui and Rangarajan. It was read back from their points, which it
+explains to the last digit that they are stored with: the identity, plus an affine map whose coefficients are all
+normal with one standard deviation, plus Gaussian bumps ``exp(-|x - c|**2 / 0.09)`` at a dozen or two of places c on
+the shape, each with a normal coefficient an axis.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Literal, TypeAlias
+
+import numpy as np
+from scipy.spatial.distance import cdist
+
+from tsis.errors import InputError
+from tsis.matching._fit import UNMATCHED
+from tsis.model import require_array, require_integer, require_number, require_one_of
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+
+BUMP_WIDTH = 0.3  # a bump falls to 1/e over it
+BUMP_SPACING = 0.12  # the least distance of two bumps: about as many as the public shapes have, 12 and 18
+ROUNDING = 1e-9  # a share times a count that should be whole may come out just below
+OUTLIER_SIDE = 1.0  # of the box, about the mean of the target, that outliers fill evenly
+
+Occlusion: TypeAlias = Literal["patch", "scattered"]
+Family: TypeAlias = Literal["deformation", "noise", "outliers", "rotation", "occlusion"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Distortion:
+    """What is done to a shape that about fills the unit box; lengths are in the unit of its points.
+
+    Attributes
+    ----------
+    bending
+        Standard deviation of the bumps' coefficients, in [0, 1]; 0.02 to 0.08 in the public trials.
+    affine
+        Standard deviation of the coefficients of the affine part, its translation among them, in [0, 1].
+    noise_sd
+        Standard deviation of each coordinate of each target point, in [0, 1].
+    outlier_ratio
+        Target points without a partner, as a share of the points of the shape, in [0, 100].
+    rotation_deg
+        Angle of a rotation about the mean, in [0, 180]; its sense is random, and in space its axis.
+    occluded
+        Share of the points that have no partner in the target, in [0, 0.9].
+    occlusion
+        Whether these lie in one ``"patch"``, as in the public trials, or are ``"scattered"``.
+    """
+
+    bending: float = 0.0
+    affine: float = 0.0
+    noise_sd: float = 0.0
+    outlier_ratio: float = 0.0
+    rotation_deg: float = 0.0
+    occluded: float = 0.0
+    occlusion: Occlusion = "patch"
+
+    def __post_init__(self) -> None:
+        for name, high in (("bending", 1.0), ("affine", 1.0), ("noise_sd", 1.0), ("outlier_ratio", 100.0)):
+            require_number(name, getattr(self, name), 0.0, high)
+        require_number("rotation_deg", self.rotation_deg, 0.0, 180.0)
+        require_number("occluded", self.occluded, 0.0, 0.9)
+        require_one_of("kind of occlusion", self.occlusion, ("patch", "scattered"))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Trial:
+    """Two point sets whose true matches are known.
+
+    Attributes
+    ----------
+    source
+        Points to be moved, shape (n, d).
+    target
+        Where they should go, in another order, less those that are occluded, plus outliers, shape (m, d).
+    target_clean
+        The target before noise was added, row by row, shape (m, d).
+    truth
+        Row of each source point's true target, or `UNMATCHED`, shape (n,).
+    name
+        What the trial is called in tables.
+    """
+
+    source: NDArray[np.float64]
+    target: NDArray[np.float64]
+    target_clean: NDArray[np.float64]
+    truth: NDArray[np.int64]
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        for field in ("source", "target", "target_clean"):
+            object.__setattr__(self, field, require_array(field, getattr(self, field), ndim=2))
+        object.__setattr__(self, "truth", require_array("truth", self.truth, ndim=1, dtype=np.int64))
+        same = {self.source.shape[1], self.target.shape[1]} in ({2}, {3})
+        if not same or self.target.shape != self.target_clean.shape:
+            raise InputError(
+                "source, target and target_clean must have 2 or 3 coordinates each, the last two the same shape; "
+                f"got {self.source.shape}, {self.target.shape} and {self.target_clean.shape}"
+            )
+        partners = self.truth[self.truth != UNMATCHED]
+        once = len(np.unique(partners)) == len(partners) > 0
+        if len(self.truth) != len(self.source) or not once or partners.min() < 0 or partners.max() >= len(self.target):
+            raise InputError(
+                f"truth must give each of the {len(self.source)} source points a row of the target of its own or "
+                f"{UNMATCHED}, and at least one of them a row"
+            )
+
+
+def public_distortion(family: Family, level: int) -> Distortion:
+    """What the public trials of Chui and Rangarajan do to their two shapes.
+
+    Parameters
+    ----------
+    family
+        What grows with the level.
+    level
+        From 1; 5 levels of deformation and outliers, 6 of the others.
+
+    Raises
+    ------
+    InputError
+        When there is no such level.
+
+    Examples
+    --------
+    >>> public_distortion("deformation", 1).bending, public_distortion("noise", 6).noise_sd
+    (0.02, 0.05)
+    """
+    require_one_of("family of trials", family, PUBLIC_LEVELS)
+    levels = PUBLIC_LEVELS[family]
+    return levels[require_integer("level", level, 1, len(levels)) - 1]
+
+
+def distort(shape: ArrayLike, distortion: Distortion, *, rng: np.random.Generator, name: str = "") -> Trial:
+    """Distort a shape at random and shuffle the result.
+
+    Parameters
+    ----------
+    shape
+        Points that about fill the unit square or cube, shape (n, d), d being 2 or 3, n at least 5.
+    distortion
+        What is done to them. Strong affine parts now and then mirror a shape, as they do in the public trials.
+    rng
+        The only source of chance.
+    name
+        What the trial is called in tables.
+
+    Raises
+    ------
+    InputError
+        When the shape is not of this kind.
+
+    Examples
+    --------
+    >>> square = [[0.1, 0.1], [0.9, 0.1], [0.9, 0.9], [0.1, 0.9], [0.5, 0.5]]
+    >>> trial = distort(square, Distortion(noise_sd=0.01, outlier_ratio=1.0), rng=np.random.default_rng(0))
+    >>> trial.target.shape, bool(abs(trial.target_clean[trial.truth] - square).max() < 1e-12)
+    ((10, 2), True)
+    """
+    source = require_array("shape", shape, ndim=2)
+    if source.shape[1] not in (2, 3) or len(source) < 5:
+        raise InputError(f"shape must hold 5 or more points with 2 or 3 coordinates each; got shape {source.shape}")
+    moved = rotated(deformed(source, distortion, rng=rng), distortion.rotation_deg, rng=rng)
+    seen = visible(moved, distortion.occluded, kind=distortion.occlusion, rng=rng)
+    outliers = moved[seen].mean(axis=0) + OUTLIER_SIDE * rng.uniform(
+        -0.5, 0.5, (int(distortion.outlier_ratio * len(source) + ROUNDING), source.shape[1])
+    )
+    clean = np.concatenate([moved[seen], outliers])
+    noisy = clean.copy()
+    noisy[: len(seen)] += rng.normal(0.0, distortion.noise_sd, (len(seen), source.shape[1]))
+    truth = np.full(len(source), UNMATCHED)
+    truth[seen] = np.arange(len(seen))
+    return shuffled(source, noisy, clean, truth, rng=rng, name=name)
+
+
+def shuffled(
+    source: NDArray[np.float64],
+    target: NDArray[np.float64],
+    target_clean: NDArray[np.float64],
+    truth: NDArray[np.int64],
+    *,
+    rng: np.random.Generator,
+    name: str = "",
+) -> Trial:
+    """A trial with its target rows in random order, so that no method can profit from the order of the data."""
+    order = rng.permutation(len(target))
+    place = np.argsort(order)
+    return Trial(
+        source=source,
+        target=target[order],
+        target_clean=target_clean[order],
+        truth=np.where(truth == UNMATCHED, UNMATCHED, place[truth]),
+        name=name,
+    )
+
+
+def deformed(points: NDArray[np.float64], distortion: Distortion, *, rng: np.random.Generator) -> NDArray[np.float64]:
+    """The points after the affine map and the bumps."""
+    dimension = points.shape[1]
+    centres = _apart(points, rng=rng)
+    bumps = np.exp(-cdist(points, centres, "sqeuclidean") / BUMP_WIDTH**2)
+    affine = rng.normal(0.0, distortion.affine, (dimension + 1, dimension))
+    bent = bumps @ rng.normal(0.0, distortion.bending, (len(centres), dimension))
+    return np.asarray(points + affine[0] + points @ affine[1:] + bent)
+
+
+def rotated(points: NDArray[np.float64], angle_deg: float, *, rng: np.random.Generator) -> NDArray[np.float64]:
+    """The points turned by ``angle_deg`` about their mean, in a random sense or about a random axis."""
+    middle = points.mean(axis=0)
+    angle = np.radians(angle_deg) * rng.choice([-1.0, 1.0])
+    if points.shape[1] == 2:
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    else:
+        axis = rng.normal(size=3)
+        x, y, z = axis / np.linalg.norm(axis)
+        cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+        turn = np.eye(3) + np.sin(angle) * cross + (1 - np.cos(angle)) * cross @ cross
+    return np.asarray((points - middle) @ turn.T + middle)
+
+
+def visible(
+    points: NDArray[np.float64], occluded: float, *, kind: Occlusion, rng: np.random.Generator
+) -> NDArray[np.int64]:
+    """Rows of the points that are left when a share of them is occluded, at least one, in ascending order."""
+    gone = int(occluded * len(points) + ROUNDING)
+    if kind == "scattered":
+        order = rng.permutation(len(points))
+    else:
+        start = points[rng.integers(len(points))]
+        order = np.argsort(np.linalg.norm(points - start, axis=1), kind="stable")
+    return np.sort(order[gone:])
+
+
+def _apart(points: NDArray[np.float64], *, rng: np.random.Generator) -> NDArray[np.float64]:
+    """Points taken at random, none nearer to another than `BUMP_SPACING`."""
+    free, centres = rng.permutation(points), []
+    while len(free):
+        centres.append(free[0])
+        free = free[np.linalg.norm(free - free[0], axis=1) >= BUMP_SPACING]
+    return np.array(centres)
+
+
+_USUAL = Distortion(bending=0.05, affine=0.2)  # under all that is not about deformation
+PUBLIC_LEVELS: dict[Family, tuple[Distortion, ...]] = {
+    "deformation": tuple(
+        Distortion(bending=bending, affine=affine)
+        for bending, affine in ((0.02, 0.05), (0.035, 0.1125), (0.05, 0.175), (0.065, 0.2375), (0.08, 0.3))
+    ),
+    "noise": tuple(replace(_USUAL, noise_sd=sd) for sd in (0.0, 0.01, 0.02, 0.03, 0.04, 0.05)),
+    "outliers": tuple(replace(_USUAL, outlier_ratio=ratio) for ratio in (0.0, 0.5, 1.0, 1.5, 2.0)),
+    "rotation": tuple(replace(_USUAL, rotation_deg=angle) for angle in (0.0, 30.0, 60.0, 90.0, 120.0, 180.0)),
+    "occlusion": tuple(replace(_USUAL, occluded=share) for share in (0.0, 0.1, 0.2, 0.3, 0.4, 0.5)),
+}

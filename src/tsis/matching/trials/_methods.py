@@ -1,0 +1,150 @@
+"""Coherent point drift as others program it, beside which the methods here are measured: pycpd and probreg.
+
+Neither library is needed for anything else, and neither comes with an install; what is absent is named as absent.
+Both leave it to their user to bring two sets to one scale, which matters more than anything that they can be told, so
+each stands here under several names; the best of them is what a method is compared with.
+"""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+from tsis.errors import MissingExtraError
+from tsis.matching._registration import METHODS, match_points
+from tsis.matching.trials._runs import MatchOutcome
+from tsis.model import require_one_of
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Peer:
+    """One way of using another library.
+
+    Attributes
+    ----------
+    library
+        Name that it is installed and imported by.
+    scaling
+        ``"apart"`` takes from each set its own mean and root-mean-square radius, ``"common"`` its own mean and the
+        source's radius, ``"raw"`` nothing.
+    outliers
+        Share of target points that the library is told to take for outliers, in [0, 1).
+    """
+
+    library: Literal["pycpd", "probreg"]
+    scaling: Literal["apart", "common", "raw"]
+    outliers: float = 0.1
+
+    def absent(self) -> str:
+        """Why it cannot be run here, in a few words; empty when it can."""
+        try:
+            importlib.import_module(self.library)
+        except ModuleNotFoundError as error:
+            return f"{error.name} is not installed"
+        except ImportError as error:  # a system library that one of its own libraries wants
+            return f"{self.library} cannot be loaded: {error}"
+        return ""
+
+    def moved(self, source: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Where the library moves the source, shape (n, d), in the target's unit.
+
+        Raises
+        ------
+        MissingExtraError
+            When the library is not installed or does not load.
+        """
+        absent = self.absent()
+        if absent:
+            raise MissingExtraError(
+                f"{self.library} must be installed to be compared with; {absent} (pip install {self.library})"
+            )
+        centre, scale = _frame(source, self.scaling)
+        target_centre, target_scale = _frame(target, self.scaling)
+        if self.scaling == "common":
+            target_scale = scale
+        run = _pycpd if self.library == "pycpd" else _probreg
+        moved = run((source - centre) / scale, (target - target_centre) / target_scale, self.outliers)
+        return np.asarray(moved * target_scale + target_centre)
+
+
+PEERS: dict[str, Peer] = {
+    "pycpd": Peer(library="pycpd", scaling="apart"),
+    "pycpd-common": Peer(library="pycpd", scaling="common"),
+    "pycpd-outliers": Peer(library="pycpd", scaling="common", outliers=0.5),
+    "pycpd-raw": Peer(library="pycpd", scaling="raw"),
+    "probreg": Peer(library="probreg", scaling="apart"),
+    "probreg-common": Peer(library="probreg", scaling="common"),
+}
+
+
+def peer(name: str) -> Peer:
+    """The peer of that name.
+
+    Examples
+    --------
+    >>> peer("pycpd-raw").scaling
+    'raw'
+    """
+    return PEERS[require_one_of("peer", name, PEERS)]
+
+
+def _frame(points: NDArray[np.float64], scaling: str) -> tuple[NDArray[np.float64], float]:
+    """What is subtracted and then divided by."""
+    if scaling == "raw":
+        return np.zeros(points.shape[1]), 1.0
+    centre = points.mean(axis=0)
+    return centre, float(np.sqrt(((points - centre) ** 2).sum(axis=1).mean()))
+
+
+def _pycpd(source: NDArray[np.float64], target: NDArray[np.float64], outliers: float) -> NDArray[np.float64]:
+    pycpd: Any = importlib.import_module("pycpd")
+    return np.asarray(pycpd.DeformableRegistration(X=target, Y=source, w=outliers).register()[0])
+
+
+def _probreg(source: NDArray[np.float64], target: NDArray[np.float64], outliers: float) -> NDArray[np.float64]:
+    probreg: Any = importlib.import_module("probreg.cpd")
+    found = probreg.registration_cpd(source, target, tf_type_name="nonrigid", w=outliers, maxiter=100)
+    return np.asarray(found.transformation.transform(source))
+
+
+OWN_METHODS = tuple(METHODS)
+RIVAL_METHODS = ("cpd", *PEERS)  # every way of coherent point drift: a method is compared with the best of them
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class BenchmarkMethod:
+    """A method by its name; a value, so that it can be handed to another process.
+
+    Attributes
+    ----------
+    name
+        One of `OWN_METHODS`, or of `tsis.matching.trials.PEERS`.
+    """
+
+    name: str
+
+    def __post_init__(self) -> None:
+        require_one_of("method", self.name, (*OWN_METHODS, *PEERS))
+
+    def absent(self) -> str:
+        """Why it cannot be run here; empty when it can."""
+        return peer(self.name).absent() if self.name in PEERS else ""
+
+    def __call__(
+        self, source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator
+    ) -> MatchOutcome:
+        """Match two point sets, shapes (n, d) and (m, d).
+
+        The answer of a method of this package is judged even where `tsis.matching.register` would withhold it, as it
+        does when the confidence is low: other programs withhold nothing.
+        """
+        if self.name in PEERS:
+            return MatchOutcome(moved=peer(self.name).moved(source, target), reliable=None)
+        found = match_points(source, target, method=self.name, rng=rng)
+        return MatchOutcome(moved=found.moved, reliable=found.reliable)

@@ -1,0 +1,332 @@
+"""Rows of a benchmark, one a trial and method, in a CSV file that is added to while the benchmark runs."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+import multiprocessing
+import time
+import zlib
+from concurrent.futures import ProcessPoolExecutor
+from contextlib import ExitStack, contextmanager, suppress
+from dataclasses import astuple, dataclass, fields
+from functools import partial
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from tsis.errors import FileInputError
+from tsis.files import one_line, printable_path, read_bytes
+from tsis.matching.trials._distort import Distortion, distort
+from tsis.matching.trials._shapes import scattered_texture, tactile_surface
+from tsis.matching.trials._trials import matching_error
+from tsis.model import require_integer
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from tsis.matching.trials._distort import Trial
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialRow:
+    """What one method made of one trial.
+
+    Attributes
+    ----------
+    trial
+        Name of the trial: what it belongs to, its level and its number, with slashes between.
+    method
+        Name of the method.
+    seed
+        Of the run.
+    error
+        Root-mean-square error in the unit of the trial's points. A method that breaks or refuses has moved nothing,
+        and is judged by that.
+    seconds
+        Time that it took, without compiling.
+    reliable
+        Whether the method trusted its answer: ``"yes"``, ``"no"``, or empty where it does not say.
+    refused
+        Why there is no answer; empty where there is one.
+    """
+
+    trial: str
+    method: str
+    seed: int
+    error: float
+    seconds: float
+    reliable: str
+    refused: str
+
+    @property
+    def group(self) -> str:
+        """The trial's name without its level and number."""
+        return self.trial.rsplit("/", 2)[0]
+
+    @property
+    def level(self) -> str:
+        """The trial's level."""
+        return self.trial.rsplit("/", 2)[1]
+
+
+LARGEST_BYTES, MOST_LINES = 64 * 2**20, 300_000
+TRIAL_ROW_HEAD = tuple(field.name for field in fields(TrialRow))
+
+
+def read_trial_rows(file: Path) -> list[TrialRow]:
+    """Rows of a file that `run_trials` wrote; a last line that was cut off is left out.
+
+    Raises
+    ------
+    FileInputError
+        When the file cannot be read or holds something else.
+    """
+    try:
+        content = read_bytes(file, most=LARGEST_BYTES)
+        if content.count(b"\n") + content.count(b"\r") > MOST_LINES:
+            raise FileInputError(f"{printable_path(file)} must have at most {MOST_LINES} lines; it has more")
+        text = content.decode("utf-8")
+        lines = list(csv.reader(io.StringIO(_whole(text), newline="")))
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise FileInputError(f"{printable_path(file)} must be a file of trials; got: {one_line(error, 80)}") from error
+    if not lines or tuple(lines[0]) != TRIAL_ROW_HEAD:
+        raise FileInputError(f"{str(file)!r:.160} must be a file of trials; its first line is another")
+    try:
+        return [_read(cells) for cells in lines[1:]]
+    except ValueError as error:
+        raise FileInputError(f"{str(file)!r:.160} must hold one row a trial; got: {one_line(error, 80)}") from error
+
+
+def _read(cells: list[str]) -> TrialRow:
+    trial, method, seed, error, seconds, reliable, refused = cells
+    row = TrialRow(
+        trial=trial,
+        method=method,
+        seed=int(seed),
+        error=float(error),
+        seconds=float(seconds),
+        reliable=reliable,
+        refused=refused,
+    )
+    if trial.count("/") < 2 or not math.isfinite(row.error + row.seconds):
+        raise ValueError(",".join(cells))
+    return row
+
+
+def resumable_rows(file: Path, *, seed: int, resume: bool) -> list[TrialRow]:
+    """Rows that a run with ``seed`` may go on with, none where the file does not exist yet.
+
+    Raises
+    ------
+    FileInputError
+        When the file exists and is not to be resumed, was begun with another seed, or holds something else.
+    """
+    if not file.exists():
+        return []
+    if not resume:
+        raise FileInputError(f"{str(file)!r:.160} must be new; it exists (choose another folder, or resume it)")
+    rows = read_trial_rows(file)
+    other = next((row.seed for row in rows if row.seed != seed), seed)
+    if other != seed:
+        raise FileInputError(f"{str(file)!r:.160} must have been begun with the seed {seed}; got {other}")
+    return rows
+
+
+@contextmanager
+def append_rows(file: Path) -> Iterator[Callable[[Sequence[TrialRow]], None]]:
+    """A call that adds rows to the file, made where it is missing; they are in the file when it returns.
+
+    Raises
+    ------
+    FileInputError
+        When the file cannot be written.
+    """
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        before = _whole(file.read_text(encoding="utf-8")) if file.exists() else ",".join(TRIAL_ROW_HEAD) + "\n"
+        file.write_text(before, encoding="utf-8")
+        stream = file.open("a", encoding="utf-8", newline="")
+    except OSError as error:
+        raise FileInputError(f"{str(file)!r:.160} must be writable; got: {error.strerror}") from error
+    with stream:
+
+        def add(rows: Sequence[TrialRow]) -> None:
+            csv.writer(stream, lineterminator="\n").writerows(map(astuple, rows))
+            stream.flush()
+
+        yield add
+
+
+def _whole(text: str) -> str:
+    """The text up to its last line end: what follows was cut off when a run was killed."""
+    return text[: text.rfind("\n") + 1]
+
+
+MOST_WORKERS = 256
+LONGEST_REASON = 120
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MatchOutcome:
+    """What a method says.
+
+    Attributes
+    ----------
+    moved
+        The source's points after they were moved, shape (n, d).
+    reliable
+        Whether the method trusts its own answer; None where it does not say.
+    """
+
+    moved: NDArray[np.float64]
+    reliable: bool | None
+
+
+class Matcher(Protocol):
+    """Anything that matches two point sets; picklable where several processes are asked for."""
+
+    def __call__(
+        self, source: NDArray[np.float64], target: NDArray[np.float64], *, rng: np.random.Generator
+    ) -> MatchOutcome:
+        """Match them."""
+
+
+def run_trials(
+    trials: Iterable[Trial],
+    matchers: Mapping[str, Matcher],
+    *,
+    seed: int = 0,
+    file: Path | None = None,
+    resume: bool = False,
+    workers: int = 1,
+    progress: Callable[[int, int], None] | None = None,
+) -> list[TrialRow]:
+    """Run every method on every trial.
+
+    Parameters
+    ----------
+    trials
+        Trials of different names.
+    matchers
+        Methods by name.
+    seed
+        Of the methods' chance, in [0, 2**32); each trial and method has its own stream, whatever else is run.
+    file
+        CSV file that rows are added to as they are found; None keeps them in memory alone.
+    resume
+        Go on with the rows of ``file``; otherwise the file must not exist.
+    workers
+        Processes, in [1, 256]; times are comparable with one alone.
+    progress
+        Called with the number of trials that are done, and of all.
+
+    Returns
+    -------
+    list of Row
+        In the order of trials and methods, those of the file among them.
+
+    Raises
+    ------
+    FileInputError
+        When the file exists and is not to be resumed, was begun with another seed, or holds something else.
+    InputError
+        When a value is out of range.
+    """
+    require_integer("seed", seed, 0, 2**32 - 1)
+    require_integer("workers", workers, 1, MOST_WORKERS)
+    wanted = list(trials)
+    kept = [] if file is None else resumable_rows(file, seed=seed, resume=resume)
+    found = {(row.trial, row.method): row for row in kept}
+    left = [(trial, [name for name in matchers if (trial.name, name) not in found]) for trial in wanted]
+    todo = [(trial, names) for trial, names in left if names]
+    done = len(wanted) - len(todo)
+    with ExitStack() as stack:
+        add = None if file is None else stack.enter_context(append_rows(file))
+        for rows in _judged(todo, matchers, seed, workers, stack):
+            found.update({(row.trial, row.method): row for row in rows})
+            if add is not None:
+                add(rows)
+            done += 1
+            if progress is not None:
+                progress(done, len(wanted))
+    return [found[trial.name, name] for trial in wanted for name in matchers]
+
+
+def evaluate_trial(trial: Trial, matchers: Mapping[str, Matcher], *, seed: int) -> list[TrialRow]:
+    """Run the methods on one trial.
+
+    Parameters
+    ----------
+    trial
+        What to match.
+    matchers
+        Methods by name.
+    seed
+        Of their chance.
+    """
+    return [_row(trial, name, matcher, seed) for name, matcher in matchers.items()]
+
+
+def _row(trial: Trial, name: str, matcher: Matcher, seed: int) -> TrialRow:
+    rng = np.random.default_rng([seed, zlib.crc32(f"{trial.name} {name}".encode())])
+    start = time.perf_counter()
+    refused, reliable = "", None
+    try:
+        matched = matcher(trial.source, trial.target, rng=rng)
+        seconds = time.perf_counter() - start
+        error, reliable = matching_error(trial, matched.moved), matched.reliable
+    except Exception as broken:  # hours of other trials must not be lost because a method breaks on this one
+        seconds = time.perf_counter() - start
+        error = matching_error(trial, trial.source)
+        refused = " ".join(f"{type(broken).__name__}: {broken}".split())[:LONGEST_REASON]
+    return TrialRow(
+        trial=trial.name,
+        method=name,
+        seed=seed,
+        error=error,
+        seconds=seconds,
+        reliable="" if reliable is None else "yes" if reliable else "no",
+        refused=refused,
+    )
+
+
+def _judged(
+    todo: Sequence[tuple[Trial, list[str]]],
+    matchers: Mapping[str, Matcher],
+    seed: int,
+    workers: int,
+    stack: ExitStack,
+) -> Iterator[list[TrialRow]]:
+    """Rows of each trial, here or from a pool of processes."""
+    tasks = [(trial, {name: matchers[name] for name in names}) for trial, names in todo]
+    if workers == 1 or len(tasks) < 2:
+        if tasks:
+            _warm(matchers, tasks[0][0].source.shape[1])
+        return (evaluate_trial(trial, chosen, seed=seed) for trial, chosen in tasks)
+    # Forked children would share what threads of the libraries hold at that moment.
+    pool = ProcessPoolExecutor(
+        workers,
+        mp_context=multiprocessing.get_context("spawn"),
+        initializer=_warm,
+        initargs=(matchers, tasks[0][0].source.shape[1]),
+    )
+    stack.callback(pool.shutdown, cancel_futures=True)
+    return pool.map(partial(_judge_task, seed=seed), tasks)
+
+
+def _warm(matchers: Mapping[str, Matcher], dimension: int) -> None:
+    """Run each method once, lest compiling and loading count as time of the first trial."""
+    rng = np.random.default_rng(0)
+    trial = distort((scattered_texture if dimension == 2 else tactile_surface)(30, rng=rng), Distortion(), rng=rng)
+    for matcher in matchers.values():
+        with suppress(Exception):  # told of where it matters, in the rows
+            matcher(trial.source, trial.target, rng=rng)
+
+
+def _judge_task(task: tuple[Trial, dict[str, Matcher]], *, seed: int) -> list[TrialRow]:
+    return evaluate_trial(*task, seed=seed)

@@ -1,0 +1,230 @@
+"""What many trials say together: median, mean, failures and the ratio to the best rival, never the mean alone."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.model import require_number
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable, Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.matching.trials._runs import TrialRow
+
+
+FAILURE_RMS = (
+    0.1  # root-mean-square error, in units of a shape that about fills the unit box, from which a match failed
+)
+DRAWS = 2000
+LEVEL = 0.95
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ErrorRatio:
+    """Mean error of a method over that of the best rival on the same trials.
+
+    Attributes
+    ----------
+    value
+        The ratio; below 1 the method is better.
+    low, high
+        Bootstrap interval of 95 %, trials drawn with replacement, method and rival together.
+    """
+
+    value: float
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialSummary:
+    """One method on all trials of one kind.
+
+    Attributes
+    ----------
+    group, level
+        What was done to which shape, and how much; the level of a pooled summary is empty.
+    method
+        Name of the method.
+    trials
+        How many.
+    median, mean
+        Of the errors, in the unit of the points.
+    failures
+        Share of the trials whose error exceeds the limit, in [0, 1].
+    unannounced
+        Share of the trials that failed although the method trusted its answer; None where it never says.
+    withheld
+        Share of the trials whose answer the method did not trust; None where it never says.
+    refused
+        Share of the trials that it gave no answer to.
+    seconds
+        Median time.
+    ratio
+        To the best rival; None where there is no rival, or one that never errs.
+    rival
+        Name of the best rival: that of the lowest mean error at each level. Empty where pooled levels differ in it.
+    """
+
+    group: str
+    level: str
+    method: str
+    trials: int
+    median: float
+    mean: float
+    failures: float
+    unannounced: float | None
+    withheld: float | None
+    refused: float
+    seconds: float
+    ratio: ErrorRatio | None
+    rival: str
+
+
+def summarise(
+    rows: Iterable[TrialRow], *, rivals: Collection[str], failure: float = FAILURE_RMS, seed: int = 0
+) -> list[TrialSummary]:
+    """One summary a group, level and method, in the order of the rows.
+
+    Parameters
+    ----------
+    rows
+        As `tsis.matching.trials.run_trials` returns them.
+    rivals
+        Methods among which the best is what all are compared with.
+    failure
+        Error from which a trial counts as failed, in the unit of the points.
+    seed
+        Of the bootstrap.
+
+    Raises
+    ------
+    InputError
+        When ``failure`` is not positive.
+    """
+    require_number("failure", failure, 1e-300, 1e300)
+    return [
+        _summary(group, level, method, cell[method], _best(cell, rivals), failure, seed)
+        for (group, level), cell in _cells(rows).items()
+        for method in cell
+    ]
+
+
+def summarise_pooled(
+    rows: Iterable[TrialRow], *, rivals: Collection[str], failure: float = FAILURE_RMS, seed: int = 0
+) -> list[TrialSummary]:
+    """One summary a kind of distortion and method, over all shapes and levels.
+
+    The rival is the best of each level by itself, which no single rival can beat.
+
+    Parameters
+    ----------
+    rows, rivals, failure, seed
+        As for `summarise`; the kind is the last part of the group's name.
+
+    Raises
+    ------
+    InputError
+        When ``failure`` is not positive.
+    """
+    require_number("failure", failure, 1e-300, 1e300)
+    kinds: dict[str, list[dict[str, list[TrialRow]]]] = defaultdict(list)
+    for (group, _), cell in _cells(rows).items():
+        kinds[group.rsplit("/", 1)[-1]].append(cell)
+    found = []
+    for kind, cells in kinds.items():
+        bests = [_best(cell, rivals) for cell in cells]
+        names = {best[0].method for best in bests if best}
+        against = [row for best in bests for row in best]
+        for method in dict.fromkeys(name for cell in cells for name in cell):
+            own = [row for cell in cells for row in cell.get(method, [])]
+            summary = _summary(kind, "", method, own, against, failure, seed, rival=", ".join(sorted(names)))
+            found.append(summary)
+    return found
+
+
+def ratio_of_means(
+    errors: NDArray[np.float64], others: NDArray[np.float64], *, rng: np.random.Generator, draws: int = DRAWS
+) -> ErrorRatio | None:
+    """Ratio of two means over the same trials, with the bootstrap's interval of 95 %; None where the rival never errs.
+
+    Parameters
+    ----------
+    errors, others
+        Errors of the method and of its rival, trial by trial, shape (trials,).
+    rng
+        Source of the draws.
+    draws
+        How many.
+
+    Examples
+    --------
+    >>> ratio_of_means(np.array([1.0, 2.0]), np.array([2.0, 4.0]), rng=np.random.default_rng(0))
+    ErrorRatio(value=0.5, low=0.5, high=0.5)
+    """
+    picked = rng.integers(0, len(errors), (draws, len(errors)))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        drawn = errors[picked].mean(axis=1) / others[picked].mean(axis=1)
+        value = float(np.divide(errors.mean(), others.mean()))
+    if not np.isfinite(drawn).all() or not np.isfinite(value):
+        return None
+    low, high = np.quantile(drawn, [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
+    return ErrorRatio(value=value, low=float(low), high=float(high))
+
+
+def _cells(rows: Iterable[TrialRow]) -> dict[tuple[str, str], dict[str, list[TrialRow]]]:
+    """Rows by group and level, then by method."""
+    cells: dict[tuple[str, str], dict[str, list[TrialRow]]] = defaultdict(lambda: defaultdict(list))
+    for row in rows:
+        cells[row.group, row.level][row.method].append(row)
+    return cells
+
+
+def _best(cell: dict[str, list[TrialRow]], rivals: Collection[str]) -> list[TrialRow]:
+    """Rows of the rival with the lowest mean error; empty without rivals."""
+    present = [cell[name] for name in rivals if name in cell]
+    return min(present, key=lambda rows: np.mean([row.error for row in rows]), default=[])
+
+
+def _summary(
+    group: str,
+    level: str,
+    method: str,
+    rows: Sequence[TrialRow],
+    against: Sequence[TrialRow],
+    failure: float,
+    seed: int,
+    *,
+    rival: str | None = None,
+) -> TrialSummary:
+    errors = np.array([row.error for row in rows])
+    failed = errors > failure
+    told = [bool(wrong) and row.reliable == "yes" for wrong, row in zip(failed, rows, strict=True)]
+    says = any(row.reliable for row in rows)
+    other = {row.trial: row.error for row in against}
+    shared = [row for row in rows if row.trial in other]
+    ratio = None
+    if shared:
+        pair = np.array([(row.error, other[row.trial]) for row in shared])
+        ratio = ratio_of_means(pair[:, 0], pair[:, 1], rng=np.random.default_rng(seed))
+    return TrialSummary(
+        group=group,
+        level=level,
+        method=method,
+        trials=len(rows),
+        median=float(np.median(errors)),
+        mean=float(errors.mean()),
+        failures=float(failed.mean()),
+        unannounced=float(np.mean(told)) if says else None,
+        withheld=float(np.mean([row.reliable == "no" for row in rows])) if says else None,
+        refused=float(np.mean([bool(row.refused) for row in rows])),
+        seconds=float(np.median([row.seconds for row in rows])),
+        ratio=ratio,
+        rival=(against[0].method if against else "") if rival is None else rival,
+    )

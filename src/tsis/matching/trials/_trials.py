@@ -1,0 +1,330 @@
+"""Trials that matching methods are judged on: the public ones, the hotel sequence, and generated ones."""
+
+from __future__ import annotations
+
+import hashlib
+import io
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import scipy.io
+
+from tsis.errors import FileInputError, InputError
+from tsis.files import arrays_of, one_line, printable_path, read_bytes
+from tsis.matching._fit import UNMATCHED
+from tsis.matching.trials._distort import PUBLIC_LEVELS, Trial, distort, public_distortion, shuffled, visible
+from tsis.matching.trials._shapes import SHAPES
+from tsis.model import require_array, require_integer, require_number, require_one_of
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from pathlib import Path
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from tsis.matching.trials._distort import Family
+
+
+PUBLIC_FILE, SEQUENCE_FILE = "chui_rangarajan_trials1-70.npz", "cmum.mat"
+# SciPy's reader of MATLAB files, which is compiled, ends the process on some that are damaged: it gets this one alone.
+SEQUENCE_SHA256 = "d428f3a01bee927dfeb71deaeb5229dbcf0cd2da07d3842e820a84f23ec50091"
+LARGEST_BYTES = 64 * 2**20  # of a file, and of what it unpacks to
+PUBLIC_SHAPES = ("fish", "chinese")
+FAMILIES: tuple[Family, ...] = tuple(PUBLIC_LEVELS)
+LEVEL_LABELS: dict[Family, tuple[str, tuple[float, ...]]] = {
+    "deformation": ("degree of deformation", tuple(each.bending for each in PUBLIC_LEVELS["deformation"])),
+    "noise": ("standard deviation of the noise", tuple(each.noise_sd for each in PUBLIC_LEVELS["noise"])),
+    "outliers": ("outliers / points", tuple(each.outlier_ratio for each in PUBLIC_LEVELS["outliers"])),
+    "rotation": ("rotation / degrees", tuple(each.rotation_deg for each in PUBLIC_LEVELS["rotation"])),
+    "occlusion": ("share occluded", tuple(each.occluded for each in PUBLIC_LEVELS["occlusion"])),
+}
+_PREFIX: dict[Family, str] = {
+    "deformation": "def",
+    "noise": "noise",
+    "outliers": "outlier",
+    "rotation": "rot",
+    "occlusion": "occlusion",
+}
+SEPARATIONS = tuple(range(10, 101, 10))  # frames
+HIDDEN_FRACTIONS = (0.0, 0.1, 0.2, 0.3)  # share of the landmarks of the first frame that the second lacks
+GENERATED_POINTS = 100
+
+
+def matching_error(trial: Trial, moved: ArrayLike) -> float:
+    """Root-mean-square distance of the moved source points from their true, noise-free targets.
+
+    Parameters
+    ----------
+    trial
+        Source and target with the true matches; points without a partner do not count.
+    moved
+        The source after a method moved it, shape (n, d), in the unit of the trial.
+
+    Returns
+    -------
+    float
+        In the unit of the trial's points.
+
+    Raises
+    ------
+    InputError
+        When ``moved`` has another shape than the source, or is not finite.
+
+    Examples
+    --------
+    >>> points = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]])
+    >>> trial = Trial(source=points, target=points + 3, target_clean=points + 3, truth=np.arange(3))
+    >>> matching_error(trial, points + [3.0, 0.0])
+    3.0
+    """
+    moved = require_array("moved", moved, ndim=2)
+    if moved.shape != trial.source.shape:
+        raise InputError(f"moved must have the source's shape {trial.source.shape}; got {moved.shape}")
+    true = trial.truth != UNMATCHED
+    away = moved[true] - trial.target_clean[trial.truth[true]]
+    return float(np.sqrt((away**2).sum(axis=1).mean()))
+
+
+def public_trials(
+    folder: Path, *, shape: str, family: Family, level: int, count: int | None = None, seed: int = 0
+) -> Iterator[Trial]:
+    """Trials of Chui and Rangarajan, targets shuffled; a trial's order does not depend on which others are asked for.
+
+    Parameters
+    ----------
+    folder
+        Holds ``chui_rangarajan_trials1-70.npz``.
+    shape
+        ``"fish"`` (98 points) or ``"chinese"`` (105 points).
+    family, level
+        What is distorted, and how much, from 1.
+    count
+        The first so many trials of the 70; None for all.
+    seed
+        Of the shuffling.
+
+    Raises
+    ------
+    InputError
+        When there is no such shape, family or level, or the file is missing or broken.
+    """
+    require_one_of("shape", shape, PUBLIC_SHAPES)
+    public_distortion(family, level)
+    key = f"{shape}_{_PREFIX[family]}_{level}"
+    stored = _public_arrays(folder / PUBLIC_FILE, (f"{key}_x1", f"{key}_target", f"{key}_target_clean"))
+    models, targets = stored[f"{key}_x1"], stored[f"{key}_target"]
+    cleans = stored.get(f"{key}_target_clean", targets)
+    for number in range(len(targets))[:count]:
+        model = models[number] if models.ndim == 3 else models
+        rng = np.random.default_rng([seed, PUBLIC_SHAPES.index(shape), FAMILIES.index(family), level, number])
+        truth = np.where(np.arange(len(model)) < targets.shape[1], np.arange(len(model)), UNMATCHED)
+        yield shuffled(
+            model, targets[number], cleans[number], truth, rng=rng, name=f"{shape}/{family}/{level}/{number}"
+        )
+
+
+def hotel_trials(
+    folder: Path, *, separation: int, hidden: float = 0.0, count: int | None = None, seed: int = 0
+) -> Iterator[Trial]:
+    """Pairs of frames of the CMU hotel sequence, 30 landmarks each, in pixels, targets shuffled.
+
+    Parameters
+    ----------
+    folder
+        Holds ``cmum.mat``.
+    separation
+        Frames between the two, in [1, 100].
+    hidden
+        Share of the landmarks of the first frame that is taken out of the second at random, in [0, 0.9].
+    count
+        At most so many pairs, evenly spread over the sequence; None for all.
+    seed
+        Of the landmarks taken out and of the shuffling.
+
+    Raises
+    ------
+    InputError
+        When a value is out of range, or the file is missing or not the published one.
+    """
+    frames = _frames(folder / SEQUENCE_FILE, "hotel")
+    require_integer("separation", separation, 1, len(frames) - 1)
+    require_number("hidden", hidden, 0.0, 0.9)
+    starts = np.arange(len(frames) - separation)
+    if count is not None and count < len(starts):
+        starts = np.unique(np.linspace(0, len(starts) - 1, count).round().astype(int))
+    for start in starts.tolist():
+        rng = np.random.default_rng([seed, separation, round(100 * hidden), start])
+        first, second = frames[start], frames[start + separation]
+        seen = visible(second, hidden, kind="scattered", rng=rng)
+        truth = np.full(len(first), UNMATCHED)
+        truth[seen] = np.arange(len(seen))
+        name = f"hotel/hidden {hidden:g}/{separation}/{start}"
+        yield shuffled(first, second[seen], second[seen], truth, rng=rng, name=name)
+
+
+def generated_trials(
+    *, shape: str, family: Family, level: int, count: int, seed: int = 0, points: int = GENERATED_POINTS
+) -> Iterator[Trial]:
+    """Trials like the public ones on generated shapes, each trial with a shape of its own.
+
+    Parameters
+    ----------
+    shape
+        A name of `tsis.matching.trials.SHAPES`.
+    family, level
+        As for `public_trials`.
+    count
+        How many.
+    seed
+        Of shapes, distortions and shuffling; a trial does not depend on how many there are.
+    points
+        Points a shape, at least 10.
+
+    Raises
+    ------
+    InputError
+        When there is no such shape, family or level.
+    """
+    make = SHAPES[require_one_of("shape", shape, SHAPES)]
+    distortion = public_distortion(family, level)
+    for number in range(count):
+        key = [seed, list(SHAPES).index(shape), FAMILIES.index(family), level, points, number]
+        rng = np.random.default_rng(key)
+        yield distort(make(points, rng=rng), distortion, rng=rng, name=f"{shape}/{family}/{level}/{number}")
+
+
+def _public_arrays(path: Path, wanted: tuple[str, ...]) -> dict[str, NDArray[np.float64]]:
+    """Those of the wanted arrays that the file holds."""
+    content = read_bytes(path, most=LARGEST_BYTES)
+    try:
+        stored = arrays_of(content, wanted, most=LARGEST_BYTES)
+        found = {key: np.asarray(values, dtype=float) for key, values in stored.items()}
+    except ValueError as error:  # among them what a file is refused for
+        raise _unreadable(path, error) from error
+    missing = [key for key in wanted[:2] if key not in found]
+    if missing:
+        raise FileInputError(
+            f"{path.name!r} must hold {missing[0]!r}; it does not (take the file of the public trials)"
+        )
+    return found
+
+
+def _frames(path: Path, name: str) -> NDArray[np.float64]:
+    """Landmarks of each frame, shape (frames, landmarks, 2)."""
+    content = read_bytes(path, most=LARGEST_BYTES)
+    found = hashlib.sha256(content).hexdigest()
+    if found != SEQUENCE_SHA256:
+        raise FileInputError(
+            f"{printable_path(path)} must be {SEQUENCE_FILE} as its authors published it, "
+            f"of SHA-256 {SEQUENCE_SHA256}; got one of {found}"
+        )
+    file: Any = io.BytesIO(content)
+    stored: Any = scipy.io.loadmat(file, simplify_cells=True)
+    frames = np.stack([np.asarray(frame, dtype=float) for frame in stored["CMUM"][name]["XTs"]])
+    return frames if frames.shape[2] == 2 else np.asarray(frames.transpose(0, 2, 1))
+
+
+def _unreadable(path: Path, error: Exception) -> FileInputError:
+    return FileInputError(f"{str(path)!r:.160} must be the file of the public trials; got: {one_line(error, 160)}")
+
+
+GENERATED_SHAPES = ("curve", "strokes")
+MOST_TRIALS = 10_000
+
+
+def distorted_set(
+    folder: Path | None,
+    *,
+    families: Sequence[Family] = FAMILIES,
+    shapes: Sequence[str] | None = None,
+    levels: Sequence[int] | None = None,
+    count: int = 10,
+    seed: int = 0,
+) -> list[Trial]:
+    """Trials of both shapes at every level of every kind of distortion.
+
+    Parameters
+    ----------
+    folder
+        Where the public trials lie; None generates trials of the same kinds.
+    families
+        Kinds of distortion.
+    shapes
+        Names of the shapes; None for both public ones, or two generated ones.
+    levels
+        From 1; None for all. A kind that has no such level leaves it out.
+    count
+        Trials a shape and level, at least 1; there are 70 public ones.
+    seed
+        Of the shuffling, and of generated shapes and distortions.
+
+    Raises
+    ------
+    InputError
+        When there is no such kind, shape or level, or the file is missing or broken.
+
+    Examples
+    --------
+    >>> len(distorted_set(None, families=["noise"], levels=[1, 6], count=3))
+    12
+    """
+    require_integer("count", count, 1, MOST_TRIALS)
+    for family in families:
+        require_one_of("family of trials", family, FAMILIES)
+    if not families:
+        raise InputError("families must name at least one kind of trials; got none")
+    deepest = max(len(PUBLIC_LEVELS[family]) for family in families)
+    for level in levels or ():
+        require_integer("level", level, 1, deepest)
+    chosen = shapes or (GENERATED_SHAPES if folder is None else PUBLIC_SHAPES)
+    for shape in chosen:
+        require_one_of("shape", shape, SHAPES if folder is None else PUBLIC_SHAPES)
+    trials: list[Trial] = []
+    for shape in dict.fromkeys(chosen):
+        for family in dict.fromkeys(families):
+            for level in range(1, len(PUBLIC_LEVELS[family]) + 1):
+                if levels is not None and level not in levels:
+                    continue
+                if folder is None:
+                    trials += generated_trials(shape=shape, family=family, level=level, count=count, seed=seed)
+                else:
+                    trials += public_trials(folder, shape=shape, family=family, level=level, count=count, seed=seed)
+    return trials
+
+
+def hotel_set(
+    folder: Path,
+    *,
+    separations: Sequence[int] = SEPARATIONS,
+    hidden: Sequence[float] = HIDDEN_FRACTIONS,
+    count: int | None = None,
+    seed: int = 0,
+) -> list[Trial]:
+    """Pairs of frames of the hotel sequence at every separation and share of hidden landmarks.
+
+    Parameters
+    ----------
+    folder
+        Where the sequence lies.
+    separations
+        Frames between two of a pair.
+    hidden
+        Shares of the landmarks that the second frame lacks.
+    count
+        At most so many pairs a separation and share; None for all.
+    seed
+        Of the shuffling and of which landmarks are hidden.
+
+    Raises
+    ------
+    InputError
+        When a value is out of range, or the file is missing or broken.
+    """
+    if count is not None and count < 1:
+        raise InputError(f"count must be at least 1; got {count}")
+    return [
+        trial
+        for share in hidden
+        for separation in separations
+        for trial in hotel_trials(folder, separation=separation, hidden=share, count=count, seed=seed)
+    ]

@@ -1,0 +1,237 @@
+"""Strain energy, forces and tangent of meshed neo-Hookean bodies, element interiors eliminated element by element.
+
+Total Lagrangian: the operators from displacements to the deformation gradient are computed once. Unknowns are the
+displacements of the skeleton (nodes on the sides of elements) first, then those inside the elements.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.mechanics._element import lame_constants, reference_element
+from tsis.mechanics.finite_strain import _neo_hookean as neo_hookean
+from tsis.mechanics.finite_strain._neo_hookean import HOOP, RR, RZ, ZR, ZZ
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.mechanics.finite_strain._patches import Solid
+
+
+FIXED, OWN = -1, -2  # what a node's direction may be instead of moved by a shared unknown
+RADIAL, AXIAL = (RR, RZ, HOOP), (ZR, ZZ)  # components that u_r and u_z act on
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Numbering:
+    """Which unknown moves a node: shape (nodes, 2), `FIXED` where none does.
+
+    Attributes
+    ----------
+    of_node
+        Number of the unknown behind (u_r, u_z) of every node.
+    skeleton
+        How many unknowns are not inside an element; they come first.
+    total
+        How many unknowns there are.
+    """
+
+    of_node: NDArray[np.int64]
+    skeleton: int
+    total: int
+
+    def displacements(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Displacements (u_r, u_z) of all nodes in mm."""
+        return np.append(unknowns, 0.0)[self.of_node]
+
+
+def number_unknowns(solid: Solid, shared: NDArray[np.int64], shared_count: int) -> Numbering:
+    """Number the unknowns of a mesh.
+
+    Parameters
+    ----------
+    solid
+        The mesh.
+    shared
+        Shape (nodes, 2): `FIXED`, the number of a shared unknown (from 0), or `OWN`.
+    shared_count
+        How many shared unknowns there are; they come first.
+    """
+    inner = _inner(solid.order)
+    inside = np.zeros(len(solid.nodes), dtype=bool)
+    inside[solid.cells[:, inner]] = True
+    of_node = shared.copy()
+    own = shared == OWN
+    skeleton = own & ~inside[:, None]
+    edge_count = int(skeleton.sum())
+    of_node[skeleton] = shared_count + np.arange(edge_count)
+    first = shared_count + edge_count
+    interior = solid.cells[:, inner]
+    of_node[interior] = first + np.arange(interior.size * 2).reshape(*interior.shape, 2)
+    return Numbering(of_node=of_node, skeleton=first, total=first + interior.size * 2)
+
+
+def _inner(order: int) -> NDArray[np.int64]:
+    grid = np.arange((order + 1) ** 2).reshape(order + 1, order + 1)
+    return np.asarray(grid[1:-1, 1:-1].ravel())
+
+
+def _outer(order: int) -> NDArray[np.int64]:
+    return np.setdiff1d(np.arange((order + 1) ** 2), _inner(order))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Tangent:
+    """A quadratic model of the energy, reduced to the skeleton.
+
+    Attributes
+    ----------
+    matrices
+        Condensed tangent of each element, shape (elements, m, m), mN/mm.
+    forces
+        Condensed gradient of each element, shape (elements, m), mN.
+    back, rest
+        Interior displacements are ``rest - back @ (skeleton's)``.
+    gradient
+        Deformation gradient at the integration points.
+    relief
+        Interior forces times ``rest``, mN mm: what moving the interiors alone adds to the slope of the energy.
+    """
+
+    matrices: NDArray[np.float64]
+    forces: NDArray[np.float64]
+    back: NDArray[np.float64]
+    rest: NDArray[np.float64]
+    gradient: NDArray[np.float64]
+    relief: float
+
+
+class ElasticBody:
+    """Meshed neo-Hookean bodies with numbered unknowns.
+
+    Parameters
+    ----------
+    solid
+        Nodes, elements and materials.
+    numbering
+        The unknowns.
+    """
+
+    def __init__(self, solid: Solid, numbering: Numbering) -> None:
+        self.solid, self.numbering = solid, numbering
+        self._operator, self.volume = _operators(solid)
+        mu, lam = lame_constants(solid.young_kpa, solid.poisson)
+        self._mu, self._lam = mu[:, None], lam[:, None]
+        self._inner, self._outer = _inner(solid.order), _outer(solid.order)
+        self.element_unknowns = numbering.of_node[solid.cells[:, self._outer]].reshape(len(solid.cells), -1)
+
+    def gradient(self, displacements: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Deformation gradient at the integration points, shape (5, elements, points)."""
+        result = self._spread(displacements)
+        for i in (RR, ZZ, HOOP):
+            result[i] += 1
+        return result
+
+    def _spread(self, displacements: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Derivatives of displacements at the integration points, shape (5, elements, points)."""
+        local = displacements[self.solid.cells]
+        elements, points, _, count = self._operator.shape
+        flat = self._operator.reshape(elements, points * 3, count)
+        found = (flat @ local).reshape(elements, points, 3, 2)
+        result = np.empty((5, elements, points))
+        result[RR], result[RZ], result[HOOP] = found[:, :, 0, 0], found[:, :, 1, 0], found[:, :, 2, 0]
+        result[ZR], result[ZZ] = found[:, :, 0, 1], found[:, :, 1, 1]
+        return result
+
+    def energy(self, displacements: NDArray[np.float64]) -> float:
+        """Strain energy in mN mm; infinite where an element is turned over."""
+        density = neo_hookean.energy(self.gradient(displacements), self._mu, self._lam)
+        return float(np.sum(density * self.volume))
+
+    def forces(self, displacements: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Gradient of the energy by all nodal displacements in mN, shape (elements, nodes an element, 2)."""
+        gradient = self.gradient(displacements)
+        return self._element_forces(neo_hookean.stress(gradient, self._mu, self._lam) * self.volume)
+
+    def _element_forces(self, stress: NDArray[np.float64]) -> NDArray[np.float64]:
+        elements, points, _, count = self._operator.shape
+        flat = self._operator.reshape(elements, points * 3, count)
+        radial = np.stack([stress[i] for i in RADIAL], axis=-1).reshape(elements, 1, points * 3)
+        axial = np.stack([*(stress[i] for i in AXIAL), np.zeros_like(stress[0])], axis=-1)
+        both = np.concatenate([radial, axial.reshape(elements, 1, points * 3)], axis=1)
+        return np.swapaxes(both @ flat, 1, 2)
+
+    def matrices(self, displacements: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Tangents of all elements in mN/mm, shape (elements, n, n) with unknowns (u_r, u_z) node by node."""
+        return self._element_matrices(self.gradient(displacements), None)
+
+    def volumetric_stress(self, displacements: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Volumetric stress at the integration points in kPa, shape (elements, points)."""
+        return self.volumetric_stress_at(self.gradient(displacements))
+
+    def volumetric_stress_at(self, gradient: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The same from the deformation gradient."""
+        return neo_hookean.volumetric_stress(gradient, self._lam)
+
+    def volumetric_change(
+        self, gradient: NDArray[np.float64], displacements: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """First-order change of the volumetric stress with more ``displacements``, kPa, shape (elements, points)."""
+        return neo_hookean.volumetric_stress_change(gradient, self._spread(displacements), self._lam)
+
+    def _element_matrices(self, gradient: NDArray[np.float64], pull: NDArray[np.float64] | None) -> NDArray[np.float64]:
+        tangent = neo_hookean.tangent(gradient, self._mu, self._lam, pull) * self.volume
+        operator = self._operator
+        elements, points, _, count = operator.shape
+        flat = operator.reshape(elements, points * 3, count).swapaxes(1, 2)
+        result = np.empty((elements, count, 2, count, 2))
+        blocks = {(0, 0): (RADIAL, RADIAL), (0, 1): (RADIAL, AXIAL), (1, 1): (AXIAL, AXIAL)}
+        for (row, column), (left, right) in blocks.items():
+            carried = np.zeros((elements, points, 3, count))
+            for i, one in enumerate(left):
+                for j, other in enumerate(right):
+                    carried[:, :, i] += tangent[one, other][..., None] * operator[:, :, j]
+            result[:, :, row, :, column] = flat @ carried.reshape(elements, points * 3, count)
+        result[:, :, 1, :, 0] = np.swapaxes(result[:, :, 0, :, 1], 1, 2)
+        return result.reshape(elements, 2 * count, 2 * count)
+
+    def tangent(self, displacements: NDArray[np.float64], pull: NDArray[np.float64] | None = None) -> Tangent:
+        """Gradient and tangent, reduced to the skeleton.
+
+        ``pull`` is a volumetric stress (elements, points) in kPa that Newton's method keeps as an unknown of its own:
+        after a large step the true one, which punishes any error in the volume, would bend the tangent beyond use.
+        """
+        gradient = self.gradient(displacements)
+        force = self._element_forces(neo_hookean.stress(gradient, self._mu, self._lam) * self.volume)
+        matrix = self._element_matrices(gradient, pull)
+        inner = (2 * self._inner[:, None] + [0, 1]).ravel()
+        outer = (2 * self._outer[:, None] + [0, 1]).ravel()
+        force = force.reshape(len(force), -1)
+        coupling = matrix[:, inner[:, None], outer]
+        right = np.concatenate([coupling, -force[:, inner, None]], axis=2)
+        solved = np.linalg.solve(matrix[:, inner[:, None], inner], right)
+        back, rest = solved[:, :, :-1], solved[:, :, -1]
+        turned = np.swapaxes(coupling, 1, 2)
+        return Tangent(
+            matrices=matrix[:, outer[:, None], outer] - turned @ back,
+            forces=force[:, outer] + (turned @ rest[..., None])[..., 0],
+            back=back,
+            rest=rest,
+            gradient=gradient,
+            relief=float((force[:, inner] * rest).sum()),
+        )
+
+
+def _operators(solid: Solid) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Operator (elements, points, 3, nodes) to d/dR, d/dZ and 1/R, and the volume of every integration point."""
+    ref = reference_element(solid.order)
+    nodes = solid.nodes[solid.cells]
+    jacobian = np.stack([ref.slope_a @ nodes, ref.slope_b @ nodes], axis=-2)
+    determinant = np.linalg.det(jacobian)
+    slopes = np.linalg.inv(jacobian) @ np.stack([ref.slope_a, ref.slope_b], axis=1)
+    radius = nodes[..., 0] @ ref.value.T
+    operator = np.concatenate([slopes, (ref.value / radius[..., None])[:, :, None]], axis=2)
+    return np.ascontiguousarray(operator), 2 * np.pi * radius * np.abs(determinant) * ref.weight

@@ -1,0 +1,210 @@
+"""Newton's method, and the steps of the load along which it is repeated.
+
+Pressures, of the contacts and of nearly incompressible matter, are unknowns beside the displacements: a large step then
+spoils neither the tangent nor what is closed. A step is shortened when it would turn an element over.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.errors import MechanicsError
+from tsis.mechanics.finite_strain._potential import Load, Potential, Quadratic
+from tsis.model import MN_PER_N
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.mechanics.finite_strain._potential import Pressures
+
+
+DECREMENT = 1e-9  # of the stored energy: what Newton's last step may still gain
+ROUNDS = 25
+TOUCHES = 12
+PATIENCE = 5  # Newton steps in which at least one has to be better than all before
+SMALLEST_SHARE = 1 / 64
+TOUCHING = 1e-1  # the same at the first touch
+ROUGH = 1e-6  # the same between the loads that were asked for
+SMALLEST_STEP = 1e-3  # of the force it would lead to
+FIRST_STEP = 0.35  # of the largest force
+FIRST_GROWTH = 5.0  # of the force at the first touch
+GROWTH = 2.0
+EASY_ROUNDS = 9  # a step that took no more is followed by a larger one
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class State:
+    """A state of equilibrium.
+
+    Attributes
+    ----------
+    unknowns
+        All unknowns, mm.
+    pressures
+        Volumetric stress of the elements and pressures of the contacts, kPa.
+    load
+        What holds it.
+    model
+        The energy's quadratic model next to it.
+    rounds
+        How many Newton steps led there.
+    """
+
+    unknowns: NDArray[np.float64]
+    pressures: Pressures
+    load: Load
+    model: Quadratic
+    rounds: int
+
+
+def solve_equilibrium(
+    potential: Potential,
+    start: NDArray[np.float64],
+    pressures: Pressures,
+    load: Load,
+    *,
+    decrement: float = DECREMENT,
+) -> State | None:
+    """Newton's method from ``start``; None when it does not converge, or to no minimum of the energy."""
+    unknowns, slopes = start, [np.inf]
+    if not np.isfinite(potential.stored(unknowns)):
+        return None
+    for count in range(1, ROUNDS + 1):
+        model = potential.quadratic(unknowns, pressures, load)
+        step = model.step()
+        slope = abs(model.slope(step))
+        share = _upright(potential, unknowns, step)
+        if (
+            not np.isfinite(slope)
+            or share is None
+            or (count > PATIENCE and min(slopes[-PATIENCE:]) > min(slopes[:-PATIENCE]))
+        ):
+            return None
+        slopes.append(slope)
+        reached = model.pressures(step)
+        pressures = tuple(old + share * (new - old) for old, new in zip(pressures, reached, strict=True))
+        unknowns = unknowns + share * step
+        if slope < decrement * max(abs(potential.energy(unknowns, load)), 1e-9) and share == 1.0:
+            found = State(unknowns=unknowns, pressures=pressures, load=load, model=model, rounds=count)
+            return found if model.stable else None
+    return None
+
+
+def _upright(potential: Potential, unknowns: NDArray[np.float64], step: NDArray[np.float64]) -> float | None:
+    """The largest halved share of ``step`` that turns no element over."""
+    share = 1.0
+    while not potential.upright(unknowns + share * step):
+        share /= 2
+        if share < SMALLEST_SHARE:
+            return None
+    return share
+
+
+def find_first_contact(
+    potential: Potential,
+    moved: Callable[[float], NDArray[np.float64]],
+    travel_mm: float,
+    spring: float,
+    *,
+    below_mn: float,
+) -> State:
+    """The first contact, roughly: a stiff spring pulls the bodies together.
+
+    Parameters
+    ----------
+    potential
+        Bodies, contacts and travel.
+    moved
+        Unknowns at a given travel when nothing deforms.
+    travel_mm
+        Travel to begin with; halved until Newton's method converges and the force stays below ``below_mn``.
+    spring
+        Its stiffness, mN/mm.
+    below_mn
+        Largest force in mN.
+    """
+    for _ in range(TOUCHES):
+        start = moved(travel_mm)
+        nothing = tuple(np.zeros_like(one) for one in potential.pressures(start))
+        load = Load(spring=spring, travel_mm=travel_mm)
+        state = solve_equilibrium(potential, start, nothing, load, decrement=TOUCHING)
+        if state is not None and potential.reaction(state.unknowns, load) < below_mn:
+            return state
+        travel_mm /= 2 if state is None else max(2.0, potential.reaction(state.unknowns, load) / below_mn)
+    raise MechanicsError("the first touch of this press does not converge; ask for another resolution")
+
+
+def follow_load_path(
+    potential: Potential, first: State, forces_mn: Sequence[float], *, refuse: Callable[[State], str | None]
+) -> Iterator[State]:
+    """Equilibrium at each of the ascending ``forces_mn``, with as many steps between them as it takes.
+
+    Parameters
+    ----------
+    potential
+        Bodies, contacts and travel.
+    first
+        Where the bodies touch.
+    forces_mn
+        Ascending forces in mN.
+    refuse
+        Says why a state lies outside what the model may be used for, or None.
+
+    Raises
+    ------
+    MechanicsError
+        When a load does not converge or is refused; the last load that may be asked for is named.
+    """
+    state, force, before = first, potential.reaction(first.unknowns, first.load), None
+    largest = float(forces_mn[-1])
+    step = min(FIRST_STEP * largest, FIRST_GROWTH * force)
+    for target in forces_mn:
+        while force < target:
+            left = target - force
+            next_force = target if step > 0.8 * left else force + (step if step < 0.5 * left else left / 2)
+            start = _ahead(potential, state, before, next_force)
+            exact = DECREMENT if next_force == target else ROUGH
+            found = solve_equilibrium(potential, *start, Load(force_mn=next_force), decrement=exact)
+            if found is None:
+                step, before = (next_force - force) / 2, None
+                if step < SMALLEST_STEP * next_force:
+                    raise MechanicsError(_last(f"the press does not converge at {next_force / MN_PER_N:.3g} N", force))
+                continue
+            why = refuse(found)
+            if why is not None:
+                raise MechanicsError(_last(f"{why} at {next_force / MN_PER_N:.3g} N", force))
+            step = (next_force - force) * (GROWTH if found.rounds <= EASY_ROUNDS else 1.0)
+            before = state if state is not first else None
+            state, force = found, next_force
+        yield state
+
+
+def _ahead(
+    potential: Potential, state: State, before: State | None, force_mn: float
+) -> tuple[NDArray[np.float64], Pressures]:
+    """A guess for a larger force: the parabola along the tangent through the state before, or the tangent alone."""
+    tangent = state.model.answer(potential.travel)
+    ahead = force_mn - potential.reaction(state.unknowns, state.load)
+
+    def follow(now: NDArray[np.float64], rate: NDArray[np.float64], then: NDArray[np.float64]) -> NDArray[np.float64]:
+        if before is None:
+            return now + ahead * rate
+        back = state.load.force_mn - before.load.force_mn
+        bend = (then - now + back * rate) / back**2
+        return np.asarray(now + ahead * rate + ahead**2 * bend)
+
+    rates = state.model.pressures_by(tangent)
+    past = state if before is None else before
+    pressures = tuple(follow(*three) for three in zip(state.pressures, rates, past.pressures, strict=True))
+    return follow(state.unknowns, tangent, past.unknowns), pressures
+
+
+def _last(problem: str, force_mn: float) -> str:
+    digits = 10.0 ** (2 - np.floor(np.log10(force_mn)))
+    valid = np.floor(force_mn * digits) / digits / MN_PER_N  # rounded down: asking for it must succeed
+    return f"{problem}; the last load that converged is {valid:.3g} N: ask for at most that"

@@ -1,0 +1,304 @@
+"""The outline of a probe whose rim is rounded, so that contact at its edge has a direction everywhere."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.mechanics._mesh import (
+    LayeredMesh,
+    Spheroid,
+    face_lines,
+    graded,
+    mesh_around,
+    mesh_inside,
+    mesh_rectangle,
+    outer_lines,
+    refine,
+)
+from tsis.mechanics.finite_strain._patches import MeshPatch, Solid, weld
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.model import Phantom, Probe
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RoundedProbe:
+    """A probe with a rounded rim.
+
+    Places on the outline are lengths in mm along the face of the flat probe, from the axis over the rim up the side.
+
+    Parameters
+    ----------
+    probe
+        The probe.
+    fillet_mm
+        Radius of the rim; see `rounded`.
+    """
+
+    probe: Probe
+    fillet_mm: float
+
+    @property
+    def radius_mm(self) -> float:
+        """Radius of the face, the rim included, mm."""
+        return self.probe.radius_mm
+
+    @property
+    def middle_mm(self) -> float:
+        """Place of the middle of the rim on the outline, mm."""
+        return self.radius_mm - self.fillet_mm * (1 - np.pi / 4)
+
+    def points(self, arc_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points (r, z) of the undeformed outline, z downwards from the apex, mm, shape (k, 2)."""
+        return self.bulge(self.flat_points(arc_mm))
+
+    def flat_points(self, arc_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The same before the face is domed."""
+        flat, fillet = self.radius_mm - self.fillet_mm, self.fillet_mm
+        turn = np.clip((arc_mm - flat) / fillet, 0.0, np.pi / 2)
+        up = np.maximum(arc_mm - flat - fillet * np.pi / 2, 0.0)
+        return np.column_stack([np.minimum(arc_mm, flat) + fillet * np.sin(turn), -fillet * (1 - np.cos(turn)) - up])
+
+    def arc_at(self, radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Places of the face's material points at ``radius_mm``, mm."""
+        flat = self.radius_mm - self.fillet_mm
+        beyond = np.clip((radius_mm - flat) / self.fillet_mm, 0.0, 1.0)
+        return np.asarray(np.minimum(radius_mm, flat) + self.fillet_mm * np.arcsin(beyond))
+
+    def radius_at(self, arc_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Material radius of places on the outline, mm."""
+        return self.flat_points(arc_mm)[:, 0]
+
+    def bulge(self, nodes: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Nodes (r, z) of a flat probe after its layers bulge in proportion, the glass staying flat."""
+        thickness = self.probe.thickness_mm
+        share = (thickness - self.probe.sag_mm(np.minimum(nodes[:, 0], self.radius_mm))) / thickness
+        return np.column_stack([nodes[:, 0], (nodes[:, 1] + thickness) * share - thickness])
+
+
+def rounded(probe: Probe, fillet_mm: float) -> RoundedProbe:
+    """Round the rim with ``fillet_mm``, or less on thin first layers (a quarter) and small faces (a tenth)."""
+    return RoundedProbe(probe=probe, fillet_mm=min(fillet_mm, probe.layers[0].thickness_mm / 4, probe.radius_mm / 10))
+
+
+SLIDING_MM = 2.0  # width of the fine strip of skin inside the rim, which large loads drag around it
+SLIDING_SHARE = 0.3  # of the face's radius at most
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FiniteResolution:
+    """How fine the meshes of the finite-strain model are.
+
+    Parameters
+    ----------
+    order
+        Polynomial order of the elements; at least 3.
+    fillet_mm
+        Radius of the probe's rounded rim; less on thin first layers and small faces. A sharp rim has no solution.
+    rim_mm
+        Size of the smallest cells, where the face ends.
+    growth
+        Ratio of neighbouring cells away from it.
+    largest
+        Size of the largest cell on the face as a share of its radius; half of it is taken on a domed face.
+    ray_layers, sphere_layers
+        Element layers around and inside the inclusion.
+    """
+
+    order: int = 4
+    fillet_mm: float = 0.5
+    rim_mm: float = 0.4
+    growth: float = 2.2
+    largest: float = 0.2
+    ray_layers: int = 4
+    sphere_layers: int = 1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MeshedProbe:
+    """The probe's mesh.
+
+    Attributes
+    ----------
+    solid
+        Nodes with z downwards, the face's apex at z = 0 and the glass at minus the thickness.
+    face
+        Nodes of the face from the axis over the rounded rim up the side, in order.
+    arc_mm
+        Place of the face's nodes on the outline, mm.
+    glass
+        Nodes on the glass.
+    side
+        Nodes on the straight side, without the rounded rim.
+    """
+
+    solid: Solid
+    face: NDArray[np.int64]
+    arc_mm: NDArray[np.float64]
+    glass: NDArray[np.int64]
+    side: NDArray[np.int64]
+
+
+def mesh_probe(shape: RoundedProbe, face_lines: NDArray[np.float64], resolution: FiniteResolution) -> MeshedProbe:
+    """Mesh a probe in three patches that meet inside its rounded rim.
+
+    Parameters
+    ----------
+    shape
+        The probe and its rim.
+    face_lines
+        Element boundaries along the face as shares of its length from the axis to the middle of the rounded rim.
+    resolution
+        Element order and density.
+    """
+    order, probe, fillet, radius = resolution.order, shape.probe, shape.fillet_mm, shape.radius_mm
+    frame = 2 * fillet  # thickness of the strip along face and side
+    corner = radius - frame
+    depth = graded(frame, 0.7 * resolution.rim_mm, resolution.growth, frame)
+    inwards = refine(depth / frame, order)
+    # Along the face: from the axis to the middle of the rounded rim; the inner line ends at the corner of the strip.
+    along = refine(face_lines, order)
+    start = shape.middle_mm
+    outer = shape.flat_points(along * start)
+    inner = np.column_stack([along * corner, np.full_like(along, -frame)])
+    below = _shaped(shape, _between(outer, inner, inwards), order)
+    # Along the side: each layer of the probe is a piece of its own.
+    ends = np.cumsum([layer.thickness_mm for layer in probe.layers])
+    inner_ends, outer_ends = np.concatenate([[frame], ends]), np.concatenate([[0.0], ends - fillet * (1 - np.pi / 4)])
+    pieces = [
+        graded(1.0, min(1.0, max(resolution.rim_mm, 0.25 * size) / size), resolution.growth, 1.0)
+        for size in np.diff(inner_ends)
+    ]
+    counts = [len(piece) - 1 for piece in pieces]
+    shares = [refine(piece, order) for piece in pieces]
+    up = _chain(inner_ends, shares)
+    side_inner = np.column_stack([np.full_like(up, corner), -up])
+    side_arc = start + _chain(outer_ends, shares)
+    side_outer = shape.flat_points(side_arc)
+    # Turned, so that direction b runs from layer to layer.
+    turned = _shaped(shape, np.swapaxes(_between(side_outer, side_inner, inwards), 0, 1), order)
+    core = _shaped(shape, np.stack(np.meshgrid(along * corner, -up, indexing="ij"), axis=-1), order)
+    young = np.repeat([layer.young_kpa for layer in probe.layers], counts)
+    poisson = np.repeat([layer.poisson for layer in probe.layers], counts)
+    first = probe.layers[0]
+    rows = below.layers
+    solid = weld(
+        [
+            MeshPatch(mesh=below, young_kpa=np.full(rows, first.young_kpa), poisson=np.full(rows, first.poisson)),
+            MeshPatch(mesh=turned, young_kpa=young, poisson=poisson),
+            MeshPatch(mesh=core, young_kpa=young, poisson=poisson),
+        ]
+    )
+    face_numbers, side_numbers, core_numbers = solid.patches
+    outer_side = side_numbers[0]
+    flat = solid.nodes[outer_side, 0] > radius - 1e-9
+    return MeshedProbe(
+        solid=solid,
+        face=np.concatenate([face_numbers[:, 0], outer_side[1 : counts[0] * order + 1]]),
+        arc_mm=np.concatenate([along * start, side_arc[1 : counts[0] * order + 1]]),
+        glass=np.unique(np.concatenate([core_numbers[:, -1], side_numbers[:, -1]])),
+        side=outer_side[flat],
+    )
+
+
+def _shaped(shape: RoundedProbe, nodes: NDArray[np.float64], order: int) -> LayeredMesh:
+    return LayeredMesh(nodes=shape.bulge(nodes.reshape(-1, 2)).reshape(nodes.shape), order=order)
+
+
+def _between(outer: NDArray[np.float64], inner: NDArray[np.float64], share: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(outer[:, None] + share[None, :, None] * (inner - outer)[:, None])
+
+
+def _chain(ends: NDArray[np.float64], shares: list[NDArray[np.float64]]) -> NDArray[np.float64]:
+    """Node coordinates of pieces between ``ends``, each divided by its ``shares``; common nodes once."""
+    parts = [low + share * (high - low) for low, high, share in zip(ends[:-1], ends[1:], shares, strict=True)]
+    return np.concatenate([parts[0], *(part[1:] for part in parts[1:])])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MeshedSlab:
+    """The slab's mesh.
+
+    Attributes
+    ----------
+    solid
+        Nodes with z downwards from the skin.
+    skin
+        Nodes of the skin from the axis outwards, in order, as far as the probe may reach.
+    inclusion
+        Which elements lie in the inclusion.
+    """
+
+    solid: Solid
+    skin: NDArray[np.int64]
+    inclusion: NDArray[np.bool_]
+
+
+def mesh_slab(phantom: Phantom, probe: Probe, resolution: FiniteResolution) -> MeshedSlab:
+    """Mesh a slab with the inclusion of ``phantom``, or without any."""
+    order, thickness = resolution.order, phantom.thickness_mm
+    edge = probe.radius_mm
+    largest = resolution.largest * probe.radius_mm
+    cells = int(np.ceil(min(SLIDING_MM, SLIDING_SHARE * probe.radius_mm) / resolution.rim_mm))
+    fine = edge - resolution.rim_mm * np.arange(cells + 1)[::-1]
+    coarse = face_lines(
+        float(fine[0]), finest=resolution.rim_mm * resolution.growth, growth=resolution.growth, largest=largest
+    )
+    inside = np.concatenate([coarse[:-1], fine])
+    outer = max(8 * probe.radius_mm, 3.2 * thickness)
+    beyond = outer_lines(edge, outer, finest=resolution.rim_mm, growth=resolution.growth)
+    lines = np.concatenate([inside, beyond[1:]])
+    depth = graded(thickness, 1.5 * resolution.rim_mm, resolution.growth, thickness / 4)
+    reach = int(np.searchsorted(lines, edge + 2 * resolution.rim_mm))
+    tissue = {"young_kpa": phantom.young_kpa, "poisson": phantom.poisson}
+
+    def plain(body: LayeredMesh) -> MeshPatch:
+        return MeshPatch(mesh=body, **{name: np.full(body.layers, value) for name, value in tissue.items()})
+
+    inclusion = phantom.inclusion
+    if inclusion is None:
+        solid = weld([plain(mesh_rectangle(lines, depth, order, a_is_radius=True))])
+        return MeshedSlab(
+            solid=solid, skin=solid.patches[0][: reach * order + 1, 0], inclusion=np.zeros(len(solid.cells), dtype=bool)
+        )
+    across, _, upright = inclusion.half_axes_mm
+    block = max(0.75 * probe.radius_mm, 1.3 * across)
+    split = int(np.searchsorted(lines, block))
+    near, far = lines[: split + 1], lines[split:]
+    spheroid = Spheroid(centre_depth=inclusion.centre_depth_mm, half_width=across, half_height=upright)
+    boundary = _outline(near, depth, order, cells=max(2, len(near) // 2))
+    around = mesh_around(boundary, spheroid, order, layers=resolution.ray_layers)
+    within = mesh_inside(boundary, spheroid, order, layers=resolution.sphere_layers)
+    solid = weld(
+        [
+            plain(around),
+            plain(within),
+            plain(mesh_rectangle(far, depth, order, a_is_radius=True)),
+        ]
+    )
+    columns = (len(boundary) - 1) // order
+    member = np.zeros(len(solid.cells), dtype=bool)
+    member[columns * around.layers : columns * (around.layers + within.layers)] = True
+    skin = np.concatenate(
+        [solid.patches[0][: split * order + 1, 0], solid.patches[2][1 : (reach - split) * order + 1, 0]]
+    )
+    return MeshedSlab(solid=solid, skin=skin, inclusion=member)
+
+
+def _outline(near: NDArray[np.float64], depth: NDArray[np.float64], order: int, *, cells: int) -> NDArray[np.float64]:
+    """Outer nodes of the block around the inclusion: along the skin, down its side, back along the chest wall."""
+    edge, bottom = near[-1], depth[-1]
+    top, side = refine(near, order), refine(depth, order)
+    back = refine(np.linspace(edge, 0.0, cells + 1), order)
+    return np.concatenate(
+        [
+            np.column_stack([top, np.zeros_like(top)]),
+            np.column_stack([np.full_like(side, edge), side])[1:],
+            np.column_stack([back, np.full_like(back, bottom)])[1:],
+        ]
+    )

@@ -1,0 +1,112 @@
+"""Meshes of bodies that deform by much: patches of quadrilaterals welded together, one list of nodes a body."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from tsis.mechanics._mesh import layer_of
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.mechanics._mesh import LayeredMesh
+
+
+SAME_PLACE_MM = 1e-7
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class MeshPatch:
+    """One logical rectangle of elements and what each of its element layers is made of.
+
+    Attributes
+    ----------
+    mesh
+        Nodes, direction b from element layer to element layer.
+    young_kpa, poisson
+        Of each element layer, shape (layers,).
+    """
+
+    mesh: LayeredMesh
+    young_kpa: NDArray[np.float64]
+    poisson: NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Solid:
+    """A body as a list of nodes and elements.
+
+    Attributes
+    ----------
+    nodes
+        Reference positions (r, z) in mm, shape (n, 2).
+    cells
+        Nodes of each element, shape (elements, (order + 1)**2), ordered as `element.reference` wants them.
+    order
+        Polynomial order.
+    young_kpa, poisson
+        Material of each element.
+    patches
+        Node numbers of each welded patch in its logical grid, shape (na, nb) each.
+    """
+
+    nodes: NDArray[np.float64]
+    cells: NDArray[np.int64]
+    order: int
+    young_kpa: NDArray[np.float64]
+    poisson: NDArray[np.float64]
+    patches: tuple[NDArray[np.int64], ...]
+
+    def shifted(self, first: int) -> tuple[NDArray[np.int64], ...]:
+        """Node numbers of the patches when the body's own numbering starts at ``first``."""
+        return tuple(patch + first for patch in self.patches)
+
+
+def weld(patches: Sequence[MeshPatch]) -> Solid:
+    """One body from patches that share nodes where they touch; nodes of collapsed edges become one as well."""
+    places = np.concatenate([patch.mesh.nodes.reshape(-1, 2) for patch in patches])
+    pairs = cKDTree(places).query_pairs(SAME_PLACE_MM, output_type="ndarray")
+    links = coo_array((np.ones(len(pairs), dtype=bool), (pairs[:, 0], pairs[:, 1])), shape=(len(places),) * 2)
+    count, label = connected_components(links, directed=False)
+    nodes = np.zeros((count, 2))
+    nodes[label] = places
+    numbers, cells, young, poisson, start = [], [], [], [], 0
+    for patch in patches:
+        shape = patch.mesh.nodes.shape[:2]
+        grid = label[start : start + shape[0] * shape[1]].reshape(shape).astype(np.int64)
+        start += grid.size
+        numbers.append(grid)
+        for layer in range(patch.mesh.layers):
+            found = layer_of(grid, patch.mesh.order, layer)
+            cells.append(found)
+            young.append(np.full(len(found), patch.young_kpa[layer]))
+            poisson.append(np.full(len(found), patch.poisson[layer]))
+    return Solid(
+        nodes=nodes,
+        cells=np.concatenate(cells),
+        order=patches[0].mesh.order,
+        young_kpa=np.concatenate(young),
+        poisson=np.concatenate(poisson),
+        patches=tuple(numbers),
+    )
+
+
+def join_meshes(one: Solid, other: Solid) -> Solid:
+    """Two bodies of one order in one list of nodes, not joined: those of ``other`` follow those of ``one``."""
+    first = len(one.nodes)
+    return Solid(
+        nodes=np.concatenate([one.nodes, other.nodes]),
+        cells=np.concatenate([one.cells, other.cells + first]),
+        order=one.order,
+        young_kpa=np.concatenate([one.young_kpa, other.young_kpa]),
+        poisson=np.concatenate([one.poisson, other.poisson]),
+        patches=one.patches + other.shifted(first),
+    )

@@ -1,0 +1,203 @@
+"""The total energy of bodies in contact, and the Newton step that goes with it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.sparse import csc_array
+from scipy.sparse.linalg import SuperLU, splu
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.mechanics.finite_strain._contact import Linearised, SlidingContact
+    from tsis.mechanics.finite_strain._elastic_body import ElasticBody, Tangent
+
+    Pressures = tuple[NDArray[np.float64], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Load:
+    """What drives the travel: a force, or a stiff spring that is pulled to a travel (then ``force_mn`` is 0)."""
+
+    force_mn: float = 0.0
+    spring: float = 0.0
+    travel_mm: float = 0.0
+
+    def energy(self, travel: float) -> float:
+        """Energy of the drive in mN mm."""
+        return self.spring / 2 * (travel - self.travel_mm) ** 2 - self.force_mn * travel
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Quadratic:
+    """The energy's second-order model at one state, factorised.
+
+    Attributes
+    ----------
+    gradient
+        By the skeleton's unknowns, mN.
+    factors
+        Of the condensed tangent, its rows and columns permuted.
+    """
+
+    gradient: NDArray[np.float64]
+    factors: SuperLU
+    permutation: NDArray[np.int64]
+    elements: Tangent
+    body: ElasticBody
+    contacts: tuple[tuple[float, NDArray[np.int64], Linearised], ...]
+
+    def pressures(self, step: NDArray[np.float64]) -> Pressures:
+        """Pressures after ``step``, by the linearised gaps, kPa."""
+        found = tuple(-stiffness * contact.gap_mm for stiffness, _, contact in self.contacts)
+        rates = self.pressures_by(step)
+        bulk = self.body.volumetric_stress_at(self.elements.gradient)
+        return (bulk + rates[0], *(now + rate for now, rate in zip(found, rates[1:], strict=True)))
+
+    def pressures_by(self, direction: NDArray[np.float64]) -> Pressures:
+        """How the pressures change along ``direction``, kPa."""
+        moved = np.append(direction, 0.0)
+        bulk = self.body.volumetric_change(self.elements.gradient, self.body.numbering.displacements(direction))
+        return (
+            bulk,
+            *(-stiffness * (found.slope @ moved[touching]) for stiffness, touching, found in self.contacts),
+        )
+
+    @property
+    def stable(self) -> bool:
+        """Whether the energy has a minimum there and no saddle: all pivots are positive."""
+        return bool(self.factors.U.diagonal().min() > 0)
+
+    def step(self) -> NDArray[np.float64]:
+        """Newton's step of all unknowns."""
+        return self._complete(self._solve(-self.gradient), self.elements.rest)
+
+    def slope(self, step: NDArray[np.float64]) -> float:
+        """Derivative of the energy along Newton's ``step``, mN mm."""
+        return float(self.gradient @ step[: len(self.gradient)]) + self.elements.relief
+
+    def answer(self, unknown: int) -> NDArray[np.float64]:
+        """What all unknowns do for a unit force on one of the skeleton's, mm/mN."""
+        force = np.zeros(len(self.gradient))
+        force[unknown] = 1.0
+        return self._complete(self._solve(force), np.zeros_like(self.elements.rest))
+
+    def _solve(self, right: NDArray[np.float64]) -> NDArray[np.float64]:
+        result = np.empty_like(right)
+        result[self.permutation] = self.factors.solve(right[self.permutation])
+        return result
+
+    def _complete(self, skeleton: NDArray[np.float64], rest: NDArray[np.float64]) -> NDArray[np.float64]:
+        local = np.append(skeleton, 0.0)[self.body.element_unknowns]
+        inside = rest - (self.elements.back @ local[..., None])[..., 0]
+        return np.concatenate([skeleton, inside.ravel()])
+
+
+class Potential:
+    """Elastic bodies, their contacts, and a travel that is driven.
+
+    Parameters
+    ----------
+    body
+        The bodies.
+    contacts
+        What slides on what.
+    travel
+        Number of the unknown that is driven, mm.
+    """
+
+    def __init__(self, body: ElasticBody, contacts: Sequence[SlidingContact], travel: int) -> None:
+        self.body, self.contacts, self.travel = body, tuple(contacts), travel
+        self.size = body.numbering.total
+        skeleton = body.numbering.skeleton
+        self._touching = [body.numbering.of_node[contact.nodes].ravel() for contact in self.contacts]
+        groups = [body.element_unknowns, *(found[None] for found in self._touching)]
+        rows = np.concatenate([np.repeat(group, group.shape[1], axis=1).ravel() for group in groups])
+        columns = np.concatenate([np.tile(group, (1, group.shape[1])).ravel() for group in groups])
+        rows, columns = np.append(rows, travel), np.append(columns, travel)
+        self._kept = (rows >= 0) & (columns >= 0)
+        rows, columns = rows[self._kept], columns[self._kept]
+        self._permutation = _ordering(rows, columns, skeleton)
+        place = np.empty(skeleton, dtype=np.int64)
+        place[self._permutation] = np.arange(skeleton)
+        key, self._slot = np.unique(place[columns] * skeleton + place[rows], return_inverse=True)
+        self._rows = (key % skeleton).astype(np.int32)
+        self._starts = np.searchsorted(key // skeleton, np.arange(skeleton + 1)).astype(np.int32)
+
+    def displacements(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Displacements of all nodes, mm."""
+        return self.body.numbering.displacements(unknowns)
+
+    def positions(self, unknowns: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Positions of all nodes, mm."""
+        return np.asarray(self.body.solid.nodes + self.displacements(unknowns))
+
+    def upright(self, unknowns: NDArray[np.float64]) -> bool:
+        """Whether no element is turned over."""
+        return bool(np.isfinite(self.body.energy(self.displacements(unknowns))))
+
+    def stored(self, unknowns: NDArray[np.float64]) -> float:
+        """Strain energy of the bodies and of the contact's springs, mN mm."""
+        strain = self.body.energy(self.displacements(unknowns))
+        if not np.isfinite(strain):
+            return strain
+        positions = self.positions(unknowns)
+        return strain + sum(contact.energy(positions) for contact in self.contacts)
+
+    def reaction(self, state_unknowns: NDArray[np.float64], load: Load) -> float:
+        """Force in mN with which the load drives the travel."""
+        return load.force_mn - load.spring * (float(state_unknowns[self.travel]) - load.travel_mm)
+
+    def energy(self, unknowns: NDArray[np.float64], load: Load) -> float:
+        """Total energy, mN mm."""
+        return self.stored(unknowns) + load.energy(float(unknowns[self.travel]))
+
+    def pressures(self, unknowns: NDArray[np.float64]) -> Pressures:
+        """Pressures that the overlaps of the contacts mean, kPa."""
+        positions = self.positions(unknowns)
+        bulk = self.body.volumetric_stress(self.displacements(unknowns))
+        return (bulk, *(contact.pressure(positions) for contact in self.contacts))
+
+    def quadratic(self, unknowns: NDArray[np.float64], pressures: Pressures, load: Load) -> Quadratic:
+        """Gradient and factorised tangent at ``unknowns`` and contact ``pressures``."""
+        tangent = self.body.tangent(self.displacements(unknowns), pressures[0])
+        positions = self.positions(unknowns)
+        skeleton = self.body.numbering.skeleton
+        gradient = np.zeros(skeleton + 1)  # the last one collects what is fixed
+        np.add.at(gradient, self.body.element_unknowns, tangent.forces)
+        values, contacts = [tangent.matrices.ravel()], []
+        for contact, touching, pressure in zip(self.contacts, self._touching, pressures[1:], strict=True):
+            found = contact.derivatives(positions, pressure)
+            np.add.at(gradient, touching, found.forces)
+            values.append(found.matrix.ravel())
+            contacts.append((contact.stiffness, touching, found))
+        gradient = gradient[:-1]
+        gradient[self.travel] += load.spring * (unknowns[self.travel] - load.travel_mm) - load.force_mn
+        data = np.append(np.concatenate(values), load.spring)[self._kept]
+        summed = np.bincount(self._slot, weights=data, minlength=len(self._rows))
+        matrix = csc_array((summed, self._rows, self._starts), shape=(skeleton, skeleton))
+        factors = splu(
+            matrix, permc_spec="NATURAL", diag_pivot_thresh=0.0, options={"SymmetricMode": True, "Equil": False}
+        )
+        return Quadratic(
+            gradient=gradient,
+            factors=factors,
+            permutation=self._permutation,
+            elements=tangent,
+            body=self.body,
+            contacts=tuple(contacts),
+        )
+
+
+def _ordering(rows: NDArray[np.int64], columns: NDArray[np.int64], size: int) -> NDArray[np.int64]:
+    """An elimination order that keeps the factors sparse."""
+    ones = csc_array((np.ones(len(rows)), (rows, columns)), shape=(size, size))
+    ones.data[:] = -1.0
+    ones.setdiag(2.0 * np.diff(ones.indptr))
+    factors = splu(csc_array(ones), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    return np.argsort(factors.perm_c).astype(np.int64)

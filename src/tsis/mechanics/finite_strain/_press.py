@@ -1,0 +1,148 @@
+"""A probe pressed on a slab with large deformations: neo-Hookean bodies, frictionless sliding, unilateral contact."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from itertools import pairwise
+from typing import TYPE_CHECKING
+
+from threadpoolctl import threadpool_limits
+
+from tsis.errors import InputError, MechanicsError
+from tsis.mechanics._mesh import shape_on_axis
+from tsis.mechanics.finite_strain._meshes import FiniteResolution
+from tsis.mechanics.finite_strain._probe_on_slab import FinitePress, ProbeOnSlab
+from tsis.model import MN_PER_N, Phantom, PressField, Probe, require_number, require_type
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+
+LARGEST_FORCE_N = 50.0
+LIGHTEST = 2.5e-3  # of modulus times radius squared
+
+
+def press_finite(
+    probe: Probe, phantom: Phantom, *, force_n: float, resolution: FiniteResolution | None = None
+) -> PressField:
+    """Press a probe on a phantom, with large deformations.
+
+    Probe, tissue and inclusion are neo-Hookean; the tissue is bonded to the chest wall and slides without friction on
+    the face, which it may leave. The face ends in a rim rounded with 0.5 mm (less on thin first layers and small
+    faces); a material radius on the rim is that of the undeformed probe. The field of a phantom with an inclusion is
+    that of plain tissue plus the inclusion's change, the latter computed with and without contrast on one mesh, so that
+    ``press_finite(p, with) - press_finite(p, without)`` is a converged signal.
+
+    Parameters
+    ----------
+    probe, phantom
+        What presses and what is pressed; an inclusion is a sphere or spheroid on the probe's axis.
+    force_n
+        Force in newtons, in [1e-6, 50].
+    resolution
+        Mesh density.
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range or the inclusion is not axisymmetric.
+    MechanicsError
+        When the load does not converge or strains leave the range of the model; the load that may be asked for is
+        named.
+
+    Examples
+    --------
+    >>> import tsis
+    >>> from tsis.mechanics.finite_strain import press_finite
+    >>> field = press_finite(tsis.load_probe("tsis-2011"), tsis.load_phantom("plain"), force_n=0.25)
+    >>> f"{field.approach_mm:.2f} mm of travel"
+    '1.07 mm of travel'
+    """
+    (field,) = press_path(probe, phantom, forces_n=(force_n,), resolution=resolution)
+    return field
+
+
+def press_path(
+    probe: Probe, phantom: Phantom, *, forces_n: Sequence[float], resolution: FiniteResolution | None = None
+) -> tuple[PressField, ...]:
+    """Fields of `press_finite` at several ascending forces in newtons, on one path; arguments and errors as there."""
+    plain = _steps(probe, phantom.without_inclusion(), tuple(forces_n), resolution)
+    if phantom.inclusion is None:
+        return tuple(step.field for step in plain)
+    pairs = press_pairs(probe, phantom, forces_n=forces_n, resolution=resolution)
+    return tuple(_plus(step.field, *pair) for step, pair in zip(plain, pairs, strict=True))
+
+
+def press_pairs(
+    probe: Probe, phantom: Phantom, *, forces_n: Sequence[float], resolution: FiniteResolution | None = None
+) -> tuple[tuple[PressField, PressField], ...]:
+    """Fields with the inclusion and without it, ON ONE MESH, at several ascending forces in newtons.
+
+    Their difference is the signal; it costs two paths, where two calls of `press_finite` cost three.
+    """
+    with_it = _steps(probe, phantom, tuple(forces_n), resolution)
+    without = _steps(probe, phantom, tuple(forces_n), resolution, contrast=False)
+    return tuple((one.field, other.field) for one, other in zip(with_it, without, strict=True))
+
+
+def press_steps(
+    probe: Probe, phantom: Phantom, *, forces_n: Sequence[float], resolution: FiniteResolution | None = None
+) -> tuple[FinitePress, ...]:
+    """States of one path on the phantom's own mesh, with their energy and largest stretch; nothing is paired."""
+    return _steps(probe, phantom, tuple(forces_n), resolution)
+
+
+def _plus(plain: PressField, with_it: PressField, without: PressField) -> PressField:
+    return PressField(
+        radius_mm=plain.radius_mm,
+        face_displacement_mm=plain.face_displacement_mm + with_it.face_displacement_mm - without.face_displacement_mm,
+        pressure_kpa=plain.pressure_kpa + with_it.pressure_kpa - without.pressure_kpa,
+        approach_mm=plain.approach_mm + with_it.approach_mm - without.approach_mm,
+        force_n=plain.force_n,
+    )
+
+
+def _steps(
+    probe: Probe,
+    phantom: Phantom,
+    forces_n: tuple[float, ...],
+    resolution: FiniteResolution | None,
+    *,
+    contrast: bool = True,
+) -> tuple[FinitePress, ...]:
+    require_type("probe", probe, Probe)
+    require_type("phantom", phantom, Phantom)
+    require_ascending_forces(forces_n)
+    softer = min(phantom.young_kpa, probe.layers[0].young_kpa)
+    require_enough_force(forces_n[0], softer, probe.radius_mm, lightest=LIGHTEST)
+    if phantom.inclusion is not None:
+        shape_on_axis(phantom)  # refuses what does not turn around the axis
+    return _walked(probe, phantom, forces_n, resolution or FiniteResolution(), contrast)
+
+
+def require_ascending_forces(forces_n: Sequence[float]) -> None:
+    """Refuse forces in newtons that no path goes through in turn."""
+    if not forces_n:
+        raise InputError("forces_n must hold at least one force; got none")
+    for force in forces_n:
+        require_number("force_n", force, 1e-6, LARGEST_FORCE_N, hint="newtons")
+    if any(later <= earlier for earlier, later in pairwise(forces_n)):
+        raise InputError(f"forces_n must ascend; got {tuple(forces_n)}")
+
+
+def require_enough_force(force_n: float, young_kpa: float, radius_mm: float, *, lightest: float) -> None:
+    """Refuse forces at which less touches than the mesh sees, ``lightest`` of modulus times radius squared."""
+    least = lightest * young_kpa * radius_mm**2 / MN_PER_N
+    if force_n < least:
+        raise MechanicsError(
+            f"force_n must be at least {least:.2g} here for strain='finite', or the contact is smaller than its mesh; "
+            f"got {force_n:g}: small strain describes it"
+        )
+
+
+@lru_cache(maxsize=16)
+def _walked(
+    probe: Probe, phantom: Phantom, forces_n: tuple[float, ...], resolution: FiniteResolution, contrast: bool
+) -> tuple[FinitePress, ...]:
+    with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
+        return ProbeOnSlab(probe, phantom, resolution, contrast=contrast).path(forces_n)

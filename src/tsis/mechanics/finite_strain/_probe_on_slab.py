@@ -1,0 +1,267 @@
+"""What a deformed mesh says about the face of the probe: displacement and pressure over the material radius."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.polynomial import legendre
+
+from tsis.errors import MechanicsError
+from tsis.mechanics._element import gauss_points, lagrange
+from tsis.mechanics._face import FACE_POINTS, hat_areas
+from tsis.mechanics._mesh import face_lines
+from tsis.mechanics.finite_strain import _load_path as load_path
+from tsis.mechanics.finite_strain import _neo_hookean as neo_hookean
+from tsis.mechanics.finite_strain._contact import SlidingContact
+from tsis.mechanics.finite_strain._elastic_body import FIXED, OWN, ElasticBody, number_unknowns
+from tsis.mechanics.finite_strain._meshes import FiniteResolution, RoundedProbe, mesh_probe, mesh_slab, rounded
+from tsis.mechanics.finite_strain._patches import join_meshes
+from tsis.mechanics.finite_strain._potential import Potential
+from tsis.mechanics.finite_strain._surfaces import SmoothFace, SoftFace
+from tsis.model import MN_PER_N, PressField
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.mechanics.finite_strain._load_path import State
+    from tsis.model import Phantom, Probe
+
+
+PARTS = 24  # of every closed part of an element edge, between which the force is summed up
+PRESSURE_DEGREES_LESS = 2  # than the displacement has: what of the pressure on an edge is not ripple
+
+
+def face_displacement_mm(
+    shape: RoundedProbe,
+    face: SoftFace,
+    displacements: NDArray[np.float64],
+    radius_mm: NDArray[np.float64],
+    *,
+    glass_mm: float,
+) -> NDArray[np.float64]:
+    """Displacement of the face towards the glass at ``radius_mm``, mm; ``glass_mm`` is how far the glass moved.
+
+    Radii on the rounded rim are material points of it: nothing is extrapolated.
+    """
+    weights = face.face.weights(shape.arc_at(radius_mm))[:, 1]
+    return np.asarray(glass_mm - weights @ displacements[face.nodes, 1])
+
+
+def face_pressure_kpa(
+    shape: RoundedProbe,
+    contact: SlidingContact,
+    face: SoftFace,
+    positions: NDArray[np.float64],
+    radius_mm: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Axial force per area of the undeformed face in kPa, as means around each of ``radius_mm``.
+
+    The means weigh by area and by distance to the neighbours, so that their integral is the force. On each element edge
+    the pressure is reduced to the polynomial that the displacements can resolve, which keeps its integral.
+    """
+    radius, force = _force_within(shape, contact, face, positions)
+
+    # The mean of a hat function over the force is a difference of the integrals of "force within a radius".
+    # Between two radii the pressure is taken as even, so the force goes with the square of the radius.
+    def primitive(cell: NDArray[np.int64], at: NDArray[np.float64]) -> NDArray[np.float64]:
+        low, high = radius[cell], radius[cell + 1]
+        pressure = (force[cell + 1] - force[cell]) / np.maximum(high**2 - low**2, 1e-12)
+        return np.asarray((at - low) * force[cell] + pressure * ((at**3 - low**3) / 3 - low**2 * (at - low)))
+
+    whole = primitive(np.arange(len(radius) - 1), radius[1:])
+    up_to = np.concatenate([[0.0], np.cumsum(whole)])
+    inside = np.minimum(radius_mm, radius[-1])
+    cell = np.clip(np.searchsorted(radius, inside, side="right") - 1, 0, len(radius) - 2)
+    total = force[-1]
+    reached = up_to[cell] + primitive(cell, inside) + (radius_mm - inside) * total
+    means = np.diff(reached) / np.diff(radius_mm)
+    ring = np.concatenate([means, [total]]) - np.concatenate([[0.0], means])
+    return np.asarray(ring / hat_areas(radius_mm))
+
+
+def _force_within(
+    shape: RoundedProbe, contact: SlidingContact, face: SoftFace, positions: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Material radii, ascending from 0, and the axial force in mN that the face takes inside each."""
+    gauss, weight = gauss_points(4)
+    radii, forces = [np.zeros(1)], [np.zeros(1)]
+    for part in contact.pressed(positions):
+        ends = np.linspace(part.low, part.high, PARTS + 1)
+        half = np.diff(ends) / 2
+        place = ((ends[:-1] + half)[:, None] + half[:, None] * gauss).ravel()
+        share = (half[:, None] * weight).ravel() * contact.area(np.full(len(place), part.edge), place)
+        values, _ = lagrange(contact.gauss, place)
+        pressure = (values @ part.pressure_kpa) * (values @ part.axial)
+        middle = 2 * (place - part.low) / (part.high - part.low) - 1
+        basis = legendre.legvander(middle, contact.order - PRESSURE_DEGREES_LESS)
+        smooth = basis @ np.linalg.solve(basis.T @ (share[:, None] * basis), basis.T @ (share * pressure))
+        pieces = (share * smooth).reshape(PARTS, -1).sum(axis=1)
+        points = contact.points(np.full(PARTS, part.edge), ends[1:], positions)
+        foot = face.face.closest(positions[face.nodes], points)
+        radii.append(shape.radius_at(foot.place))
+        forces.append(forces[-1][-1] + np.cumsum(pieces))
+    radius, force = np.concatenate(radii), np.concatenate(forces)
+    return np.maximum.accumulate(np.clip(radius, 0.0, shape.radius_mm)), force
+
+
+SPRING = 1e7  # mN/mm, pulls the bodies together for the first touch
+STIFFNESS = 400.0  # of the contact's springs, kPa/mm for each kPa of the softer one of what meets
+STEERING = 20.0  # the same for what steers Newton's method
+TOUCH = 0.02  # travel of the first touch as a share of the slab's or the probe's thickness, the smaller
+LARGEST_STRETCH = 3.0
+RIM_CELL = 0.8  # largest cell on the rim as a share of its radius
+PULLING = 0.05  # of the mean pressure: more tension says that the mesh does not resolve the contact
+INNER = 0.9  # of the face's radius; outside it the rounded rim makes the pressure steep
+RIM_FILLETS = 3.0  # distance from the rim in its radii within which strains are those of its rounding
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FinitePress:
+    """One state of a press with large deformations.
+
+    Attributes
+    ----------
+    field
+        What happens on the probe's face.
+    stored_mn_mm
+        Strain energy of probe and tissue and of the contact's springs, mN mm: the work of the force on its way.
+    stretch
+        Largest ratio of a length to its reference length, or of the reference length to it, outside the rounded rim.
+    """
+
+    field: PressField
+    stored_mn_mm: float
+    stretch: float
+
+
+class ProbeOnSlab:
+    """A probe on a slab.
+
+    Parameters
+    ----------
+    probe, phantom
+        What presses and what is pressed.
+    resolution
+        Mesh density.
+    contrast
+        False gives the inclusion the tissue's own material, on the same mesh.
+    """
+
+    def __init__(self, probe: Probe, phantom: Phantom, resolution: FiniteResolution, *, contrast: bool = True) -> None:
+        if probe.face_curvature_mm is not None:  # the edge of the contact travels over the whole face
+            resolution = replace(resolution, largest=resolution.largest / 2)
+        self.shape = rounded(probe, resolution.fillet_mm)
+        # The cells of a small rim are small too.
+        resolution = replace(resolution, rim_mm=min(resolution.rim_mm, RIM_CELL * self.shape.fillet_mm))
+        largest, finest = resolution.largest, resolution.rim_mm / probe.radius_mm
+        lines = face_lines(1.0, finest=finest, growth=resolution.growth, largest=largest)
+        meshed, slab = mesh_probe(self.shape, lines, resolution), mesh_slab(phantom, probe, resolution)
+        tissue = slab.solid
+        if contrast and phantom.inclusion is not None:
+            tissue = replace(
+                tissue,
+                young_kpa=np.where(slab.inclusion, phantom.inclusion.young_kpa, tissue.young_kpa),
+                poisson=np.where(slab.inclusion, phantom.inclusion.poisson, tissue.poisson),
+            )
+        solid = join_meshes(meshed.solid, tissue)
+        self._probe_nodes = len(meshed.solid.nodes)
+        shared = np.full((len(solid.nodes), 2), OWN)
+        shared[np.abs(solid.nodes[:, 0]) < 1e-9, 0] = FIXED
+        shared[meshed.glass] = [FIXED, 0]
+        if probe.sides == "bonded":
+            shared[meshed.side] = [FIXED, 0]  # the housing moves with the glass
+        shared[np.abs(solid.nodes[:, 1] - phantom.thickness_mm) < 1e-7] = FIXED
+        body = ElasticBody(solid, number_unknowns(solid, shared, 1))
+        curve = SmoothFace(meshed.arc_mm, resolution.order, self.shape.points)
+        self.face = SoftFace(curve, meshed.face)
+        softer = min(phantom.young_kpa, probe.layers[0].young_kpa)
+        self.contact = SlidingContact(
+            solid.nodes,
+            slab.skin + self._probe_nodes,
+            resolution.order,
+            self.face,
+            STIFFNESS * softer,
+            STEERING * softer,
+        )
+        self.potential = Potential(body, [self.contact], 0)
+        self._touch_mm = TOUCH * min(probe.thickness_mm, phantom.thickness_mm)
+        self._inner = _away_from_rim(solid.nodes[solid.cells].mean(axis=1), self.shape)
+
+    def path(self, forces_n: Sequence[float]) -> tuple[FinitePress, ...]:
+        """States at ascending ``forces_n`` in newtons."""
+        forces = [force * MN_PER_N for force in forces_n]
+        first = load_path.find_first_contact(
+            self.potential, self._moved, self._touch_mm, SPRING, below_mn=forces[0] / 2
+        )
+        states = load_path.follow_load_path(self.potential, first, forces, refuse=self._refuse)
+        return tuple(self.read(state, force) for state, force in zip(states, forces_n, strict=True))
+
+    def _moved(self, travel_mm: float) -> NDArray[np.float64]:
+        """Unknowns when the whole probe moves by ``travel_mm``."""
+        unknowns = np.zeros(self.potential.size)
+        axial = self.potential.body.numbering.of_node[: self._probe_nodes, 1]
+        unknowns[axial[axial >= 0]] = travel_mm
+        return unknowns
+
+    def read(self, state: State, force_n: float) -> FinitePress:
+        """What a state says about the face."""
+        displacements, positions = (
+            self.potential.displacements(state.unknowns),
+            self.potential.positions(state.unknowns),
+        )
+        travel = float(state.unknowns[self.potential.travel])
+        radius = np.linspace(0.0, self.shape.radius_mm, FACE_POINTS)
+        field = PressField(
+            radius_mm=radius,
+            face_displacement_mm=face_displacement_mm(self.shape, self.face, displacements, radius, glass_mm=travel),
+            pressure_kpa=face_pressure_kpa(self.shape, self.contact, self.face, positions, radius),
+            approach_mm=travel,
+            force_n=force_n,
+        )
+        _refuse_pulling(field)
+        return FinitePress(
+            field=field,
+            stored_mn_mm=self.potential.stored(state.unknowns),
+            stretch=largest_stretch(self.potential, state, self._inner),
+        )
+
+    def _refuse(self, state: State) -> str | None:
+        return stretch_problem(largest_stretch(self.potential, state, self._inner), LARGEST_STRETCH)
+
+
+def _refuse_pulling(field: PressField) -> None:
+    inside = field.radius_mm < INNER * field.radius_mm[-1]
+    mean = field.force_n * MN_PER_N / (np.pi * field.radius_mm[-1] ** 2)
+    least = float(field.pressure_kpa[inside].min())
+    if least < -PULLING * mean:
+        raise MechanicsError(
+            f"the contact's pressure is not resolved: it falls to {least:.2g} kPa at a mean of {mean:.2g} kPa; "
+            "choose a finer FiniteResolution, a smaller force, or a deeper or less flat inclusion"
+        )
+
+
+def largest_stretch(potential: Potential, state: State, elements: NDArray[np.bool_]) -> float:
+    """Largest ratio of a length to its reference length, or of the reference length to it, in some ``elements``."""
+    gradient = potential.body.gradient(potential.displacements(state.unknowns))[:, elements]
+    stretches = neo_hookean.principal_stretches(gradient)
+    return float(max(stretches.max(), (1 / stretches).max()))
+
+
+def stretch_problem(stretch: float, largest: float) -> str | None:
+    """Why a state is no answer of this model, or None."""
+    if stretch <= largest:
+        return None
+    return f"lengths change {stretch:.2g} times, more than the {largest:g} that this model is good for,"
+
+
+def _away_from_rim(centres: NDArray[np.float64], shape: RoundedProbe) -> NDArray[np.bool_]:
+    """Which elements lie outside the neighbourhood of the rounded rim, where strains are those of the rounding."""
+    probe = shape.probe
+    on_probe = np.array([probe.radius_mm, -float(probe.sag_mm(probe.radius_mm))])
+    on_skin = np.array([probe.radius_mm, 0.0])
+    apart = np.minimum(np.linalg.norm(centres - on_probe, axis=1), np.linalg.norm(centres - on_skin, axis=1))
+    return np.asarray(apart > RIM_FILLETS * shape.fillet_mm)

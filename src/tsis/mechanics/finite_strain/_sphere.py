@@ -1,0 +1,321 @@
+"""A ball as a mesh: a square core around its centre and rings of elements between the core and its surface."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from threadpoolctl import threadpool_limits
+
+from tsis.mechanics._face import FACE_POINTS
+from tsis.mechanics._mesh import LayeredMesh, graded, refine
+from tsis.mechanics.finite_strain import _load_path as load_path
+from tsis.mechanics.finite_strain._contact import SlidingContact
+from tsis.mechanics.finite_strain._elastic_body import FIXED, OWN, ElasticBody, number_unknowns
+from tsis.mechanics.finite_strain._meshes import FiniteResolution, mesh_probe, rounded
+from tsis.mechanics.finite_strain._patches import MeshPatch, Solid, join_meshes, weld
+from tsis.mechanics.finite_strain._potential import Potential
+from tsis.mechanics.finite_strain._press import require_ascending_forces, require_enough_force
+from tsis.mechanics.finite_strain._probe_on_slab import (
+    SPRING,
+    STEERING,
+    STIFFNESS,
+    face_displacement_mm,
+    face_pressure_kpa,
+    largest_stretch,
+    stretch_problem,
+)
+from tsis.mechanics.finite_strain._surfaces import Plate, SmoothFace, SoftFace
+from tsis.model import MN_PER_N, PressField, Probe, require_number, require_type
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.mechanics.finite_strain._load_path import State
+
+
+CORE = 0.5  # half the core's side as a share of the radius
+
+
+def mesh_ball(
+    *, radius_mm: float, young_kpa: float, poisson: float, order: int, cells: int, rings: int
+) -> tuple[Solid, NDArray[np.int64]]:
+    """Mesh a ball that rests with its pole (0, 0) on a face, its centre at z = radius.
+
+    Parameters
+    ----------
+    radius_mm, young_kpa, poisson
+        The ball.
+    order
+        Order of the elements.
+    cells
+        Elements along an eighth of the circle.
+    rings
+        Element layers between core and surface.
+
+    Returns
+    -------
+    The body, and the nodes of its surface from the pole at z = 0 to the other pole.
+    """
+    side = CORE * radius_mm
+    centre = np.array([0.0, radius_mm])
+    line = refine(np.linspace(0.0, 1.0, cells + 1), order)
+    upright = refine(np.linspace(-1.0, 1.0, cells + 1), order)
+    flat = np.zeros_like(line)
+    below = np.column_stack([line, flat - 1])
+    beside = np.column_stack([np.ones_like(upright), upright])
+    above = np.column_stack([line[::-1], flat + 1])
+    outline = side * np.concatenate([below, beside[1:], above[1:]])
+    angles = np.pi * np.concatenate([line / 4, (1 / 4 + (upright + 1) / 4)[1:], (3 / 4 + line / 4)[1:]])
+    circle = radius_mm * np.column_stack([np.sin(angles), -np.cos(angles)])
+    circle[[0, -1], 0] = 0.0
+    share = refine(np.linspace(0.0, 1.0, rings + 1), order)
+    ring = centre + circle[:, None] + share[None, :, None] * (outline - circle)[:, None]
+    core = centre + side * np.stack(np.meshgrid(line, upright, indexing="ij"), axis=-1)
+    patches = [
+        MeshPatch(
+            mesh=LayeredMesh(nodes=nodes, order=order),
+            young_kpa=np.full(layers, young_kpa),
+            poisson=np.full(layers, poisson),
+        )
+        for nodes, layers in ((ring, rings), (core, cells))
+    ]
+    solid = weld(patches)
+    return solid, solid.patches[0][:, 0]
+
+
+LIGHTEST = 3e-4  # force over modulus times radius squared, below which the contact is smaller than its mesh
+TOUCH = 0.02  # travel of the first touch as a share of the sphere's radius
+WIDEST = 0.6  # radius of the sphere as a share of the face's: what spreads stays on the face
+LARGEST_STRETCH = 4.0
+FIT_DEGREE = 3  # of the polynomial in r^2 that the square of the pressure is fitted with
+FIT_POINTS = 12  # on each closed part of an element edge
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SphereResolution:
+    """How fine the meshes are.
+
+    Parameters
+    ----------
+    order
+        Polynomial order of the elements; at least 3.
+    cells
+        Elements along an eighth of the sphere's circumference.
+    rings
+        Element layers between the sphere's core and its surface.
+    face_cells
+        Elements on the face along one radius of the sphere.
+    """
+
+    order: int = 4
+    cells: int = 8
+    rings: int = 2
+    face_cells: int = 7
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SpherePress:
+    """A sphere between a plate and the probe.
+
+    Attributes
+    ----------
+    approach_mm
+        Travel of the plate since first contact.
+    contact_radius_mm
+        Radius of the contact on the deformed face.
+    peak_pressure_kpa
+        Pressure on the axis, per deformed area, from an even fit of its square over the contact.
+    field
+        What happens on the probe's face, over its material radius.
+    stored_mn_mm
+        Strain energy of sphere and probe and of the contacts' springs, mN mm.
+    stretch
+        Largest ratio of a length to its reference length, or of the reference length to it.
+    """
+
+    approach_mm: float
+    contact_radius_mm: float
+    peak_pressure_kpa: float
+    field: PressField
+    stored_mn_mm: float
+    stretch: float
+
+
+def squeeze_sphere(
+    probe: Probe,
+    *,
+    sphere_radius_mm: float,
+    young_kpa: float,
+    poisson: float = 0.49,
+    force_n: float,
+    resolution: SphereResolution | None = None,
+) -> SpherePress:
+    """Squeeze an elastic sphere between a rigid frictionless plate and the probe's face.
+
+    Parameters
+    ----------
+    probe
+        The probe; its glass stands still.
+    sphere_radius_mm, young_kpa, poisson
+        The sphere, neo-Hookean; its radius is at most 0.6 of the face's.
+    force_n
+        Force in newtons, in [1e-6, 50].
+    resolution
+        Mesh density.
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range.
+    MechanicsError
+        When the load does not converge or strains leave the range of the model; the load that may be asked for is
+        named.
+    """
+    (result,) = squeeze_path(
+        probe,
+        sphere_radius_mm=sphere_radius_mm,
+        young_kpa=young_kpa,
+        poisson=poisson,
+        forces_n=(force_n,),
+        resolution=resolution,
+    )
+    return result
+
+
+def squeeze_path(
+    probe: Probe,
+    *,
+    sphere_radius_mm: float,
+    young_kpa: float,
+    poisson: float = 0.49,
+    forces_n: Sequence[float],
+    resolution: SphereResolution | None = None,
+) -> tuple[SpherePress, ...]:
+    """Results of `squeeze_sphere` at several ascending forces in newtons, on one path; arguments, errors as there."""
+    require_type("probe", probe, Probe)
+    require_number("sphere_radius_mm", sphere_radius_mm, 0.1, WIDEST * probe.radius_mm, hint="0.6 of the face's radius")
+    require_number("young_kpa", young_kpa, 0.1, 1e6, hint="kilopascals")
+    require_number("poisson", poisson, 0.0, 0.495)
+    require_ascending_forces(forces_n)
+    softer = min(young_kpa, probe.layers[0].young_kpa)
+    require_enough_force(forces_n[0], softer, sphere_radius_mm, lightest=LIGHTEST)
+    with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
+        press = SphereOnProbe(probe, sphere_radius_mm, young_kpa, poisson, resolution or SphereResolution())
+        return press.path(forces_n)
+
+
+class SphereOnProbe:
+    """A sphere between a plate and a probe as one potential energy; units as in `squeeze_sphere`."""
+
+    def __init__(
+        self, probe: Probe, radius_mm: float, young_kpa: float, poisson: float, resolution: SphereResolution
+    ) -> None:
+        order, size = resolution.order, radius_mm / resolution.face_cells
+        layers = FiniteResolution(order=order, rim_mm=size, growth=2.0)
+        self.shape = rounded(probe, layers.fillet_mm)
+        meshed = mesh_probe(self.shape, _lines(probe, radius_mm, size), layers)
+        ball, surface = mesh_ball(
+            radius_mm=radius_mm,
+            young_kpa=young_kpa,
+            poisson=poisson,
+            order=order,
+            cells=resolution.cells,
+            rings=resolution.rings,
+        )
+        both = join_meshes(meshed.solid, ball)
+        plate = len(both.nodes)
+        solid = replace(both, nodes=np.concatenate([both.nodes, np.zeros((1, 2))]))
+        shared = np.full((len(solid.nodes), 2), OWN)
+        shared[np.abs(solid.nodes[:, 0]) < 1e-9, 0] = FIXED
+        shared[meshed.glass] = FIXED
+        if probe.sides == "bonded":
+            shared[meshed.side] = FIXED
+        shared[plate] = [FIXED, 0]
+        body = ElasticBody(solid, number_unknowns(solid, shared, 1))
+        self._first, self._plate, self._radius = len(meshed.solid.nodes), plate, radius_mm
+        curve = SmoothFace(meshed.arc_mm, order, self.shape.points)
+        self.face = SoftFace(curve, meshed.face)
+        softer = min(young_kpa, probe.layers[0].young_kpa)
+        stiffness = (STIFFNESS * softer, STEERING * softer)
+        reach = (2 * len(surface) // 3) // order * order + 1  # each contact may climb past the equator
+        nodes = solid.nodes
+        self.contact = SlidingContact(nodes, surface[:reach] + self._first, order, self.face, *stiffness)
+        above = SlidingContact(
+            nodes, surface[::-1][:reach] + self._first, order, Plate(plate, 2 * radius_mm), *stiffness
+        )
+        self.potential = Potential(body, [self.contact, above], 0)
+        self._everywhere = np.ones(len(solid.cells), dtype=bool)
+
+    def path(self, forces_n: Sequence[float]) -> tuple[SpherePress, ...]:
+        """States at ascending ``forces_n`` in newtons."""
+        forces = [force * MN_PER_N for force in forces_n]
+        first = load_path.find_first_contact(
+            self.potential, self._moved, TOUCH * self._radius, SPRING, below_mn=forces[0] / 2
+        )
+        states = load_path.follow_load_path(self.potential, first, forces, refuse=self._refuse)
+        return tuple(self.read(state, force) for state, force in zip(states, forces_n, strict=True))
+
+    def _moved(self, travel_mm: float) -> NDArray[np.float64]:
+        """Unknowns when the plate moves by ``travel_mm`` and the sphere by half of it."""
+        unknowns = np.zeros(self.potential.size)
+        axial = self.potential.body.numbering.of_node[self._first : self._plate, 1]
+        unknowns[axial[axial >= 0]] = -travel_mm / 2
+        unknowns[self.potential.travel] = travel_mm
+        return unknowns
+
+    def _refuse(self, state: State) -> str | None:
+        return stretch_problem(largest_stretch(self.potential, state, self._everywhere), LARGEST_STRETCH)
+
+    def read(self, state: State, force_n: float) -> SpherePress:
+        """What a state says."""
+        displacements = self.potential.displacements(state.unknowns)
+        positions = self.potential.positions(state.unknowns)
+        radius = np.linspace(0.0, self.shape.radius_mm, FACE_POINTS)
+        travel = float(state.unknowns[self.potential.travel])
+        edge, peak = self._contact(positions)
+        return SpherePress(
+            approach_mm=travel,
+            contact_radius_mm=edge,
+            peak_pressure_kpa=peak,
+            field=PressField(
+                radius_mm=radius,
+                face_displacement_mm=face_displacement_mm(self.shape, self.face, displacements, radius, glass_mm=0.0),
+                pressure_kpa=face_pressure_kpa(self.shape, self.contact, self.face, positions, radius),
+                approach_mm=travel,
+                force_n=force_n,
+            ),
+            stored_mn_mm=self.potential.stored(state.unknowns),
+            stretch=largest_stretch(self.potential, state, self._everywhere),
+        )
+
+    def _contact(self, positions: NDArray[np.float64]) -> tuple[float, float]:
+        """Radius of the contact in mm and pressure on the axis in kPa."""
+        radii, pressures, areas, edge = [], [], [], 0.0
+        for part in self.contact.pressed(positions):
+            gauss, weight = np.polynomial.legendre.leggauss(FIT_POINTS)
+            place = (part.high + part.low + (part.high - part.low) * gauss) / 2
+            numbers = np.full(FIT_POINTS, part.edge)
+            area = self.contact.area(numbers, place, positions)
+            nominal = self.contact.between(place) @ part.pressure_kpa
+            pressures.append(nominal * self.contact.area(numbers, place) / area)
+            areas.append(weight * area * (part.high - part.low) / 2)
+            radii.append(self.contact.points(numbers, place, positions)[:, 0])
+            end = self.contact.points(np.array([part.edge]), np.array([part.high]), positions)
+            edge = max(edge, float(end[0, 0]))
+        squared = np.concatenate(radii) ** 2 / edge**2
+        basis = np.vander(squared, FIT_DEGREE + 1, increasing=True)
+        root = np.sqrt(np.concatenate(areas))
+        fit, *_ = np.linalg.lstsq(root[:, None] * basis, root * np.concatenate(pressures) ** 2, rcond=None)
+        return edge, float(np.sqrt(max(fit[0], 0.0)))
+
+
+def _lines(probe: Probe, radius_mm: float, size: float) -> NDArray[np.float64]:
+    """Element boundaries along the face as shares: even under the sphere, coarser beyond it."""
+    even = int(np.ceil(min(1.4 * radius_mm, 0.8 * probe.radius_mm) / size))
+    near = size * np.arange(even + 1)
+    far = near[-1] + graded(probe.radius_mm - near[-1], 2 * size, 2.0, probe.radius_mm / 3)
+    return np.asarray(np.concatenate([near, far[1:]]) / probe.radius_mm)

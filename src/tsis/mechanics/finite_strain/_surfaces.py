@@ -1,0 +1,280 @@
+"""A twice differentiable curve through the nodes of a face, for other bodies to slide on.
+
+Faces of finite elements have kinks between elements, and a closest point jumps across a kink. Here the undeformed
+outline is followed as it is, and its displacement is the cubic spline nearest to the elements' displacement in the mean
+over the face's area. So the curve is linear in the nodes' positions, and a smooth pressure reaches the nodes as the
+elements themselves would take it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.polynomial import legendre
+from scipy.interpolate import BSpline, make_interp_spline
+
+from tsis.mechanics._element import lagrange, lobatto_points
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+
+DEGREE = 3
+OUTLINE_POINTS = 4001
+CLOSEST_ROUNDS = 12
+START_POINTS = 5  # between two nodes, where the search for the closest point may start
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ClosestPoints:
+    """Closest points of a curve, and how they follow its nodes.
+
+    Attributes
+    ----------
+    place
+        Parameter of each point, shape (k,): the arc length in the reference shape from the axis, mm.
+    gap_mm
+        Signed distance, positive outside the body, shape (k,).
+    normal
+        Outward unit normal, shape (k, 2).
+    slope, bend
+        First and second derivative of the position by the parameter, shape (k, 2).
+    """
+
+    place: NDArray[np.float64]
+    gap_mm: NDArray[np.float64]
+    normal: NDArray[np.float64]
+    slope: NDArray[np.float64]
+    bend: NDArray[np.float64]
+
+
+class SmoothFace:
+    """The curve of a face from the axis outwards; the body lies at smaller z, or where the curve comes from.
+
+    Parameters
+    ----------
+    parameter
+        Place of each node on the outline, ascending from 0 on the axis, mm, shape (n,).
+    order
+        Order of the elements that end on the face.
+    outline
+        The undeformed outline: points (r, z) in mm at given places, shape (k, 2).
+    """
+
+    def __init__(
+        self, parameter: NDArray[np.float64], order: int, outline: Callable[[NDArray[np.float64]], NDArray[np.float64]]
+    ) -> None:
+        self.parameter, steps = parameter, np.diff(parameter)
+        self.end = float(self.parameter[-1])
+        nodes = outline(parameter)
+        self._nodes = nodes
+        dense = np.linspace(0.0, self.end, OUTLINE_POINTS)
+        both = np.concatenate([outline(dense)[:0:-1] * [-1.0, 1.0], outline(dense)])
+        shape = make_interp_spline(np.concatenate([-dense[:0:-1], dense]), both, k=DEGREE)
+        self._shape = (shape, shape.derivative(1), shape.derivative(2))
+        self._knots, self._controls = _projection(parameter, nodes[:, 0], order)
+        self._splines = tuple(BSpline(self._knots, controls, DEGREE) for controls in self._controls)
+        self._derivatives = tuple(
+            tuple(spline if nu == 0 else spline.derivative(nu) for spline in self._splines) for nu in (0, 1)
+        )
+        fine = np.arange(START_POINTS) / START_POINTS
+        self._starts = np.append((self.parameter[:-1, None] + steps[:, None] * fine).ravel(), self.end)
+
+        self._start_shape, self._start_weights = self._shape[0](self._starts), self.weights(self._starts)
+
+    def weights(self, place: NDArray[np.float64], derivative: int = 0) -> NDArray[np.float64]:
+        """Matrices from nodal r and nodal z to the position (or its slope) at ``place``, shape (k, 2, nodes)."""
+        return np.stack([spline(place) for spline in self._derivatives[derivative]], axis=1)
+
+    def closest(self, positions: NDArray[np.float64], points: NDArray[np.float64]) -> ClosestPoints:
+        """Points of the curve closest to ``points`` (k, 2), the curve's nodes lying at ``positions``."""
+        moved = positions - self._nodes
+        controls = np.stack([self._controls[i] @ moved[:, i] for i in (0, 1)], axis=1)
+        displaced = BSpline(self._knots, controls, DEGREE)
+        shifts = (displaced, displaced.derivative(1), displaced.derivative(2))
+
+        def curve(place: NDArray[np.float64], nu: int) -> NDArray[np.float64]:
+            return np.asarray(self._shape[nu](place) + shifts[nu](place))
+
+        starts = self._start_shape + np.einsum("skn,nk->sk", self._start_weights, moved)
+        distance = ((points[:, None] - starts) ** 2).sum(axis=2)
+        place = self._starts[distance.argmin(axis=1)]
+        reach = self.end / len(self._starts)
+        for _ in range(CLOSEST_ROUNDS):
+            away, slope, bend = points - curve(place, 0), curve(place, 1), curve(place, 2)
+            residual = (away * slope).sum(axis=1)
+            steep = (slope**2).sum(axis=1)
+            curvature = np.maximum(steep - (away * bend).sum(axis=1), 0.1 * steep)
+            step = np.clip(residual / curvature, -reach, reach)
+            # The axis may be crossed: the curve goes on mirrored. The outer end may not.
+            there = np.minimum(place + step, self.end)
+            done = np.abs(there - place).max(initial=0.0) < 1e-13 * self.end
+            place = there
+            if done:
+                break
+        slope = curve(place, 1)
+        normal = np.stack([-slope[:, 1], slope[:, 0]], axis=1) / np.linalg.norm(slope, axis=1)[:, None]
+        gap = ((points - curve(place, 0)) * normal).sum(axis=1)
+        return ClosestPoints(place=place, gap_mm=gap, normal=normal, slope=slope, bend=curve(place, 2))
+
+
+def _projection(
+    parameter: NDArray[np.float64], radius: NDArray[np.float64], order: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Knots of the spline, and matrices (2, controls, nodes) from nodal (r, z) to its controls.
+
+    The least squares over the area of the face; r is odd across the axis and z is even.
+    """
+    ends = parameter[::order]
+    spans = max(1, order // 2)
+    inner = (ends[:-1, None] + np.diff(ends)[:, None] * np.arange(spans) / spans).ravel()
+    half = np.append(inner, ends[-1])
+    whole = np.concatenate([-half[:0:-1], half])
+    knots = np.concatenate([[whole[0]] * DEGREE, whole, [whole[-1]] * DEGREE])
+    count = len(knots) - DEGREE - 1
+    gauss, weight = legendre.leggauss(order + 2)
+    size = np.diff(half) / 2
+    place = ((half[:-1] + size)[:, None] + size[:, None] * gauss).ravel()
+    cell = np.clip(np.searchsorted(ends, place, side="right") - 1, 0, len(ends) - 2)
+    local, _ = lagrange(lobatto_points(order), 2 * (place - ends[cell]) / np.diff(ends)[cell] - 1)
+    trace = np.zeros((len(place), len(parameter)))
+    np.put_along_axis(trace, cell[:, None] * order + np.arange(order + 1), local, axis=1)
+    area = (size[:, None] * weight).ravel() * (trace @ radius)
+    basis = BSpline(knots, np.eye(count), DEGREE)(place)
+    controls = []
+    for sign in (-1.0, 1.0):
+        fold = np.eye(count)[:, (count // 2 if sign > 0 else (count + 1) // 2) :]
+        fold = fold + sign * fold[::-1] * (np.arange(count)[:, None] != np.arange(count)[::-1][:, None])
+        folded = basis @ fold
+        controls.append(fold @ np.linalg.solve(folded.T @ (area[:, None] * folded), folded.T @ (area[:, None] * trace)))
+    return knots, np.stack(controls)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Gaps:
+    """Signed gaps of k points and their derivatives by the m unknown coordinates that they depend on.
+
+    Attributes
+    ----------
+    gap_mm
+        Shape (k,).
+    slope
+        First derivatives, shape (k, m).
+    curvature
+        Sum over the points of a weight times the second derivatives, shape (m, m).
+    """
+
+    gap_mm: NDArray[np.float64]
+    slope: NDArray[np.float64]
+    curvature: NDArray[np.float64]
+
+
+class Obstacle(Protocol):
+    """What a surface slides on."""
+
+    nodes: NDArray[np.int64]
+
+    def gap(self, positions: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Signed distance of ``points`` (k, 2) in mm, positive outside."""
+
+    def normals(self, positions: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Outward unit normals at the feet of ``points``, shape (k, 2)."""
+
+    def differentiate(
+        self,
+        positions: NDArray[np.float64],
+        points: NDArray[np.float64],
+        shapes: NDArray[np.float64],
+        force: NDArray[np.float64],
+    ) -> Gaps:
+        """Gaps with derivatives by (slave coordinates, own coordinates); ``shapes`` (k, slaves), ``force`` (k,)."""
+
+
+class SoftFace:
+    """The face of a deformable body, smoothed."""
+
+    def __init__(self, face: SmoothFace, nodes: NDArray[np.int64]) -> None:
+        self.face, self.nodes = face, nodes
+
+    def gap(self, positions: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Signed distance of ``points`` (k, 2) in mm, positive outside."""
+        return self.face.closest(positions, points).gap_mm
+
+    def normals(self, positions: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Outward unit normals at the feet of ``points``, shape (k, 2)."""
+        return self.face.closest(positions, points).normal
+
+    def differentiate(
+        self,
+        positions: NDArray[np.float64],
+        points: NDArray[np.float64],
+        shapes: NDArray[np.float64],
+        force: NDArray[np.float64],
+    ) -> Gaps:
+        """Exact first and second derivatives of the closest-point gap.
+
+        With the curve ``y(t)``, its normal n, ``m = |y'|^2``, ``k = n y''`` and ``D = m - g k``: the gap changes by
+        ``n (dx - dy)``, and twice by ``-(k/m a a + a b + b a + g b b)/D`` with ``a = y' (dx - dy)``, ``b = n dy'``.
+        """
+        foot = self.face.closest(positions, points)
+        here, there = self.face.weights(foot.place), self.face.weights(foot.place, 1)
+        count, slaves, own = len(points), shapes.shape[1], len(self.nodes)
+        relative = np.zeros((count, slaves + own, 2, 2))  # of the point to its foot: direction, moved coordinate
+        turning = np.zeros((count, slaves + own, 2, 2))
+        for i in (0, 1):
+            relative[:, :slaves, i, i] = shapes
+            relative[:, slaves:, i, i] = -here[:, i]
+            turning[:, slaves:, i, i] = there[:, i]
+        flat = (count, (slaves + own) * 2)
+        slope = np.einsum("ksdi,kd->ksi", relative, foot.normal).reshape(flat)
+        a = np.einsum("ksdi,kd->ksi", relative, foot.slope).reshape(flat)
+        b = np.einsum("ksdi,kd->ksi", turning, foot.normal).reshape(flat)
+        metric = (foot.slope**2).sum(axis=1)
+        bend = (foot.normal * foot.bend).sum(axis=1)
+        share = force / (metric - foot.gap_mm * bend)
+        mixed = a.T @ (share[:, None] * b)
+        curvature = -(
+            a.T @ ((share * bend / metric)[:, None] * a) + mixed + mixed.T + b.T @ ((share * foot.gap_mm)[:, None] * b)
+        )
+        return Gaps(gap_mm=foot.gap_mm, slope=slope, curvature=curvature)
+
+
+class Plate:
+    """A rigid frictionless plane that faces a body from larger z and moves towards smaller z.
+
+    Parameters
+    ----------
+    node
+        A point of the list of nodes that belongs to no element; its displacement along z is the plate's travel.
+    height_mm
+        Where the plate is before it travels, mm.
+    """
+
+    def __init__(self, node: int, height_mm: float) -> None:
+        self.nodes, self._height = np.array([node]), height_mm
+
+    def gap(self, positions: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Signed distance of ``points`` (k, 2) in mm, positive outside."""
+        return np.asarray(self._height - positions[0, 1] - points[:, 1])
+
+    def normals(self, positions: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Outward unit normals at the feet of ``points``, shape (k, 2)."""
+        return np.tile([0.0, -1.0], (len(points), 1))
+
+    def differentiate(
+        self,
+        positions: NDArray[np.float64],
+        points: NDArray[np.float64],
+        shapes: NDArray[np.float64],
+        force: NDArray[np.float64],
+    ) -> Gaps:
+        """The gap is linear in the coordinates."""
+        slope = np.zeros((len(points), shapes.shape[1] + 1, 2))
+        slope[:, :-1, 1], slope[:, -1, 1] = -shapes, -1.0
+        flat = slope.reshape(len(points), -1)
+        size = flat.shape[1]
+        return Gaps(gap_mm=self.gap(positions, points), slope=flat, curvature=np.zeros((size, size)))

@@ -1,0 +1,269 @@
+"""The probe, reduced to its compliance on the contact face, and how fine its mesh is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.mechanics._face import Face
+from tsis.mechanics._mesh import (
+    LayeredMesh,
+    face_lines,
+    graded,
+    mesh_around,
+    mesh_inside,
+    mesh_rectangle,
+    outer_lines,
+    refine,
+    two_sided_lines,
+)
+from tsis.mechanics.small_strain._condensation import EMPTY, FIXED, Condensate, condense_layers
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.mechanics._mesh import Spheroid
+    from tsis.model import Probe
+
+
+LARGEST_CELL_MM = 4.0  # what lies a centimetre under a large face bends it over a centimetre
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Resolution:
+    """How fine the meshes are.
+
+    Parameters
+    ----------
+    order
+        Polynomial order of the elements.
+    edge
+        Size of the smallest cell, at the singular edge of the contact, as a share of the face's radius.
+    growth
+        Ratio of neighbouring cells away from the edge.
+    largest
+        Size of the largest cell on the face as a share of its radius.
+    below_cells
+        Cells along the chest wall under the inclusion.
+    ray_layers
+        Fewest element layers between the inclusion and the block that holds it; small inclusions get more.
+    ray_ratio
+        Largest ratio of distances from the inclusion's centre across one of these layers.
+    sphere_layers
+        Element layers inside the inclusion.
+    """
+
+    order: int = 5
+    edge: float = 0.01
+    growth: float = 2.2
+    largest: float = 0.2
+    below_cells: int = 3
+    ray_layers: int = 5
+    ray_ratio: float = 2.4
+    sphere_layers: int = 1
+
+
+@lru_cache(maxsize=16)
+def face_of(radius_mm: float, resolution: Resolution, central_mm: float = np.inf) -> Face:
+    """The contact face of a probe of ``radius_mm``; its cell on the axis is at most ``central_mm`` wide."""
+    lines = face_lines(
+        radius_mm,
+        finest=resolution.edge * radius_mm,
+        growth=resolution.growth,
+        largest=min(resolution.largest * radius_mm, LARGEST_CELL_MM),
+        central=central_mm,
+    )
+    return Face(lines=lines, order=resolution.order)
+
+
+@lru_cache(maxsize=16)
+def probe_compliance(probe: Probe, face: Face, resolution: Resolution) -> NDArray[np.float64]:
+    """Normal displacement of the face's nodes by normal forces on them in mm/mN, shape (n, n).
+
+    The glass is bonded and fixed. Only normal displacements of the face survive the condensation: the contact is
+    frictionless, so tangential ones are free. A rim that is bonded to the housing does not move at all.
+    """
+    depth, young, poisson = [np.zeros(1)], [], []
+    finest = resolution.edge * probe.radius_mm
+    for layer in probe.layers:
+        lines = two_sided_lines(
+            layer.thickness_mm, finest=finest, growth=resolution.growth, largest=probe.radius_mm / 3
+        )
+        depth.append(depth[-1][-1] + lines[1:])
+        young += [layer.young_kpa] * (len(lines) - 1)
+        poisson += [layer.poisson] * (len(lines) - 1)
+    flat = mesh_rectangle(face.lines, np.concatenate(depth)[::-1], resolution.order, a_is_radius=True)
+    body = LayeredMesh(nodes=_bulged(flat.nodes, probe), order=flat.order)
+    count, layers, _ = body.nodes.shape
+    dofs = count + np.arange(count * layers * 2).reshape(count, layers, 2)
+    dofs[:, -1, 1] = np.arange(count)
+    dofs[:, 0] = FIXED  # bonded to the glass
+    dofs[0, :, 0] = FIXED  # the axis
+    if probe.sides == "bonded":
+        dofs[-1] = FIXED
+    keep = np.arange(count)
+    swept = condense_layers(
+        body, dofs, keep=keep, young_kpa=np.array(young[::-1]), poisson=np.array(poisson[::-1])
+    ).keep(keep)
+    compliance = np.zeros((count, count))
+    compliance[np.ix_(swept.dofs, swept.dofs)] = np.linalg.inv(swept.stiffness)
+    compliance.flags.writeable = False  # one array for everybody who asks
+    return compliance
+
+
+def _bulged(nodes: NDArray[np.float64], probe: Probe) -> NDArray[np.float64]:
+    """Bend the layers to the dome: every layer keeps its share of the thickness, the glass stays flat."""
+    radius, depth = nodes[..., 0], nodes[..., 1]
+    share = 1 - probe.sag_mm(radius) / probe.thickness_mm
+    return np.stack([radius, probe.thickness_mm - (probe.thickness_mm - depth) * share], axis=-1)
+
+
+class Slab:
+    """Plain tissue of unit modulus around the block that an inclusion may occupy, condensed once.
+
+    Parameters
+    ----------
+    thickness_mm, poisson
+        The slab, bonded to a rigid chest wall below.
+    face
+        The face that presses it.
+    block_mm
+        Least radius of the block around the axis in which inclusions are meshed.
+    resolution
+        Mesh density.
+    """
+
+    def __init__(
+        self, *, thickness_mm: float, poisson: float, face: Face, block_mm: float, resolution: Resolution
+    ) -> None:
+        self.thickness_mm, self.poisson, self.face, self.resolution = thickness_mm, poisson, face, resolution
+        # Cut off where neither the face nor the thickness is felt any more: 4 thicknesses leave 0.1 %.
+        edge = float(face.lines[-1])
+        outer, finest = max(10 * edge, 4 * thickness_mm), resolution.edge * edge
+        beyond = outer_lines(edge, outer, finest=finest, growth=resolution.growth)
+        lines = np.concatenate([face.lines, beyond[1:]])
+        split = int(np.searchsorted(lines, block_mm))
+        self._block_lines, self._far_lines = lines[: split + 1], lines[split:]
+        self._depth = graded(thickness_mm, finest, resolution.growth, thickness_mm / 3)
+
+    @property
+    def _contacts(self) -> int:
+        return len(self.face.radius_mm)
+
+    @cached_property
+    def _far(self) -> tuple[Condensate, NDArray[np.int64]]:
+        """Tissue outside the block, and the numbers of the block's side, shape (depths, 2)."""
+        body, dofs = self._strip(self._far_lines, self._contacts)
+        return self._sweep(body, dofs, np.arange(self._contacts)), dofs[:, -1]
+
+    @cached_property
+    def compliance(self) -> NDArray[np.float64]:
+        """Compliance of the face in mm/mN, (n, n), of plain tissue of 1 kPa, on a mesh that knows of no inclusion."""
+        far, side = self._far
+        body, dofs = self._strip(self._block_lines, 1 + max(int(far.dofs.max()), int(side.max())))
+        dofs[:, 0] = side
+        dofs[:, -1, 0] = FIXED  # the axis
+        faces = np.arange(self._contacts)
+        return _inverse(self._sweep(body, dofs, faces, start=far).keep(faces))
+
+    def _strip(self, lines: NDArray[np.float64], first: int) -> tuple[LayeredMesh, NDArray[np.int64]]:
+        """The whole depth between two radii, swept inwards, its displacements numbered from ``first``."""
+        body = mesh_rectangle(self._depth, lines[::-1], self.resolution.order, a_is_radius=False)
+        depths, radii, _ = body.nodes.shape
+        dofs = first + np.arange(depths * radii * 2).reshape(depths, radii, 2)
+        dofs[-1] = FIXED  # bonded to the chest wall
+        self._number_contacts(body.nodes[0, :, 0], dofs[0, :, 1])
+        return body, dofs
+
+    def _sweep(
+        self,
+        body: LayeredMesh,
+        dofs: NDArray[np.int64],
+        keep: NDArray[np.int64],
+        *,
+        start: Condensate = EMPTY,
+        poisson: float | None = None,
+    ) -> Condensate:
+        """Condense a part of the slab; all of it has unit modulus."""
+        ratio = np.full(body.layers, self.poisson if poisson is None else poisson)
+        return condense_layers(body, dofs, keep=keep, young_kpa=np.ones(body.layers), poisson=ratio, start=start)
+
+    def _number_contacts(self, radius: NDArray[np.float64], normal: NDArray[np.int64]) -> None:
+        """Give the face's nodes among ``radius`` their shared numbers (in place)."""
+        distance = np.abs(radius[:, None] - self.face.radius_mm)
+        nearest = distance.argmin(axis=1)
+        on_face = distance.min(axis=1) < 1e-9 * self.face.lines[-1]
+        normal[on_face] = nearest[on_face]
+
+    def _boundary(self) -> NDArray[np.float64]:
+        """Outer nodes of the block: along the face, down the side, back along the chest wall."""
+        order, edge, bottom = self.resolution.order, self._block_lines[-1], self.thickness_mm
+        top = refine(self._block_lines, order)
+        side = refine(self._depth, order)
+        back = refine(np.linspace(edge, 0.0, self.resolution.below_cells + 1), order)
+        return np.concatenate(
+            [
+                np.column_stack([top, np.zeros_like(top)]),
+                np.column_stack([np.full_like(side, edge), side])[1:],
+                np.column_stack([back, np.full_like(back, bottom)])[1:],
+            ]
+        )
+
+    def _ray_layers(self, boundary: NDArray[np.float64], size: float) -> int:
+        reach = np.linalg.norm(boundary - [0.0, self.thickness_mm / 2], axis=1).max()
+        return max(self.resolution.ray_layers, int(np.ceil(np.log(reach / size) / np.log(self.resolution.ray_ratio))))
+
+    def with_inclusion(self, shape: Spheroid, *, poisson: float) -> SlabWithInclusion:
+        """Mesh an inclusion into the block and condense everything onto the face and the inclusion's surface."""
+        far, side = self._far
+        boundary, order = self._boundary(), self.resolution.order
+        outer = mesh_around(boundary, shape, order, layers=self._ray_layers(boundary, shape.size))
+        count, layers, _ = outer.nodes.shape
+        first = 1 + max(int(far.dofs.max()), int(side.max()))
+        dofs = first + np.arange(count * layers * 2).reshape(count, layers, 2)
+        top = (len(self._block_lines) - 1) * order
+        dofs[top : top + len(side), 0] = side
+        dofs[top + len(side) - 1 :, 0] = FIXED  # the chest wall
+        self._number_contacts(boundary[: top + 1, 0], dofs[: top + 1, 0, 1])
+        dofs[[0, -1], :, 0] = FIXED  # the axis
+        faces = np.arange(self._contacts)
+        around = self._sweep(outer, dofs, faces, start=far)
+        inner = mesh_inside(boundary, shape, order, layers=self.resolution.sphere_layers)
+        core = int(dofs.max()) + 1 + np.arange(count * inner.nodes.shape[1] * 2).reshape(count, -1, 2)
+        core[:, 0, 0], core[:, 0, 1] = FIXED, core[0, 0, 1]  # the centre is one node on the axis
+        core[[0, -1], :, 0] = FIXED
+        core[:, -1] = dofs[:, -1]
+        nothing = np.zeros(0, dtype=np.int64)
+        ball = self._sweep(inner, core, nothing, poisson=poisson)
+        same = ball if poisson == self.poisson else self._sweep(inner, core, nothing)
+        return SlabWithInclusion(around=around, ball=ball, plain_ball=same, faces=faces)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class SlabWithInclusion:
+    """A slab of unit modulus with an inclusion whose modulus is still open."""
+
+    around: Condensate
+    ball: Condensate
+    plain_ball: Condensate
+    faces: NDArray[np.int64]
+
+    def compliance(self, contrast: float) -> NDArray[np.float64]:
+        """Compliance of the face in mm/mN, (n, n), with an inclusion ``contrast`` times as stiff as tissue of 1 kPa."""
+        return _inverse((self.around + self.ball * contrast).keep(self.faces))
+
+    @cached_property
+    def plain_compliance(self) -> NDArray[np.float64]:
+        """Compliance of plain tissue on the SAME mesh: the baseline that does not manufacture signal."""
+        return _inverse((self.around + self.plain_ball).keep(self.faces))
+
+    def change(self, contrast: float) -> NDArray[np.float64]:
+        """What the inclusion changes about the compliance."""
+        return self.compliance(contrast) - self.plain_compliance
+
+
+def _inverse(body: Condensate) -> NDArray[np.float64]:
+    return np.asarray(np.linalg.inv(body.stiffness), dtype=float)

@@ -1,0 +1,141 @@
+"""A rigid sphere pressed on the probe itself: how the bare probe answers, layered or not."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import brentq
+from threadpoolctl import threadpool_limits
+
+from tsis.errors import InputError, MechanicsError
+from tsis.mechanics.small_strain import _disc_contact as disc_contact
+from tsis.mechanics.small_strain._bodies import Resolution, face_of, probe_compliance
+from tsis.mechanics.small_strain._press import STRAIN_LIMIT, half_space_compliance
+from tsis.model import MN_PER_N, Probe, require_number, require_type
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+POINTS = 481
+STEEPEST = 0.5  # contact radius over the sphere's, up to which its gap is that of a paraboloid within some per cent
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Indentation:
+    """A sphere in the probe's face.
+
+    Attributes
+    ----------
+    force_n
+        Force, N.
+    depth_mm
+        How far the sphere's lowest point has sunk below the undeformed face.
+    contact_radius_mm
+        Radius of the contact.
+    radius_mm, face_displacement_mm
+        Displacement of the face towards the glass over the face, positive inwards, shape (n,) each.
+    """
+
+    force_n: float
+    depth_mm: float
+    contact_radius_mm: float
+    radius_mm: NDArray[np.float64]
+    face_displacement_mm: NDArray[np.float64]
+
+    @property
+    def contact_area_mm2(self) -> float:
+        """Area of the contact."""
+        return float(np.pi * self.contact_radius_mm**2)
+
+    def area_deeper_than_mm2(self, depth_mm: float) -> float:
+        """Area of the face, mm², that is pressed in by more than ``depth_mm``, in [0, 1000]; else `InputError`."""
+        require_number("depth_mm", depth_mm, 0.0, 1e3, hint="millimetres")
+        deeper = self.face_displacement_mm - depth_mm
+        if deeper[0] <= 0:
+            return 0.0
+        if deeper.min() > 0:
+            return float(np.pi * self.radius_mm[-1] ** 2)
+        edge = brentq(lambda radius: np.interp(radius, self.radius_mm, deeper), 0.0, self.radius_mm[deeper.argmin()])
+        return float(np.pi * edge**2)
+
+
+def indent(
+    probe: Probe, *, sphere_radius_mm: float, force_n: float, resolution: Resolution | None = None
+) -> Indentation:
+    """Press a rigid, smooth sphere on the middle of a flat probe at small strain.
+
+    Parameters
+    ----------
+    probe
+        A flat probe.
+    sphere_radius_mm
+        Radius of the sphere in mm, in [0.5, 1000].
+    force_n
+        Force in newtons, in [1e-4, 50].
+    resolution
+        Mesh density.
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range or the face is domed.
+    MechanicsError
+        When the sphere would sink so far that the contact leaves the face or the sphere's foot, or strains the probe
+        beyond what the model describes.
+
+    Examples
+    --------
+    >>> import tsis
+    >>> found = indent(tsis.load_probe("tsis-2011"), sphere_radius_mm=10.0, force_n=0.2)
+    >>> f"{found.depth_mm:.3f} mm deep, contact of {found.contact_radius_mm:.2f} mm"
+    '0.520 mm deep, contact of 2.13 mm'
+    """
+    require_type("probe", probe, Probe)
+    require_number("sphere_radius_mm", sphere_radius_mm, 0.5, 1000.0, hint="millimetres")
+    require_number("force_n", force_n, 1e-4, 50.0, hint="newtons")
+    if probe.face_curvature_mm is not None:
+        raise InputError(f"probe must be flat to be indented; got face_curvature_mm {probe.face_curvature_mm:g}")
+    with threadpool_limits(limits=1, user_api="blas"):
+        return _indent(probe, sphere_radius_mm, force_n, resolution or Resolution())
+
+
+def _indent(probe: Probe, sphere_radius_mm: float, force_n: float, resolution: Resolution) -> Indentation:
+    skin = probe.layers[0]
+    face = face_of(probe.radius_mm, resolution, skin.thickness_mm / 2)
+    compliance = probe_compliance(probe, face, resolution)
+    softness = (1 - skin.poisson**2) / skin.young_kpa
+    elastic = disc_contact.Elastic(
+        half_space=softness, smooth=compliance - softness * half_space_compliance(face, skin.poisson, resolution)
+    )
+
+    def gap(radius: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.asarray(radius**2 / (2 * sphere_radius_mm))
+
+    reach = min(probe.radius_mm, STEEPEST * sphere_radius_mm)
+    largest = disc_contact.on_disc(elastic, disc_contact.loads(face, gap, reach), reach)
+    most = float(largest.force.sum()) / MN_PER_N
+    if force_n >= most:
+        raise MechanicsError(
+            f"the contact would be wider than {reach:g} mm, the face or half of the sphere's radius; "
+            f"choose a force below {most:.2g} N or a larger sphere"
+        )
+    found = disc_contact.under_force(elastic, face, gap, force_n * MN_PER_N, largest=largest)
+    if found.approach_mm > STRAIN_LIMIT * probe.thickness_mm:
+        raise MechanicsError(
+            f"the sphere would sink {found.approach_mm:.2g} mm into {probe.thickness_mm:g} mm of probe, small strain "
+            f"holds to {STRAIN_LIMIT:g} of it; choose a smaller force or a larger sphere"
+        )
+    radius = np.linspace(0.0, probe.radius_mm, POINTS)
+    touched = radius <= found.radius_mm
+    moved = face.interpolation(radius) @ elastic.smooth @ found.force
+    moved[~touched] += softness * disc_contact.displaced_outside(found, radius[~touched])
+    return Indentation(
+        force_n=force_n,
+        depth_mm=found.approach_mm,
+        contact_radius_mm=found.radius_mm,
+        radius_mm=radius,
+        face_displacement_mm=np.where(touched, found.approach_mm - gap(radius), moved),
+    )

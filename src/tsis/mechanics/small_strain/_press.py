@@ -1,0 +1,309 @@
+"""How far small strain holds: the nominal strain of a press, and where it ends."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import brentq
+from threadpoolctl import threadpool_limits
+
+from tsis.errors import MechanicsError
+from tsis.mechanics._face import FACE_POINTS
+from tsis.mechanics._mesh import block_radius_mm, central_cell_mm, shape_on_axis, sphere_on_axis
+from tsis.mechanics.small_strain._bodies import Resolution, Slab, SlabWithInclusion, face_of, probe_compliance
+from tsis.mechanics.small_strain._contact import FaceContact
+from tsis.mechanics.small_strain._disc_contact import Elastic
+from tsis.model import MN_PER_N, PressField
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.mechanics._face import Face
+    from tsis.mechanics._mesh import Spheroid
+    from tsis.mechanics.small_strain._contact import PartialContact
+    from tsis.model import Inclusion, Phantom, Probe
+
+
+STRAIN_LIMIT = 0.3  # nominal; beyond it the linear model is only a guess
+
+
+def nominal_strain(approach_mm: float, probe: Probe, thickness_mm: float) -> float:
+    """Travel over what it squeezes: probe and slab, the slab no deeper than the face is wide."""
+    return approach_mm / (probe.thickness_mm + min(thickness_mm, 2 * probe.radius_mm))
+
+
+def strain_problem(approach_mm: float, probe: Probe, thickness_mm: float) -> str | None:
+    """Why small strain does not describe a travel of the glass, or None."""
+    strain = nominal_strain(approach_mm, probe, thickness_mm)
+    if strain <= STRAIN_LIMIT:
+        return None
+    return (
+        f"the glass would travel {approach_mm:.1f} mm, a strain of {strain:.2f}; small strain holds to {STRAIN_LIMIT:g}"
+    )
+
+
+ENDLESS = 1e5  # thickness, in radii of the face, of the slab that stands for a half-space
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FacePress:
+    """What one press does on the face, at the radii of its kernel.
+
+    Attributes
+    ----------
+    pressure_kpa
+        Mean contact pressure around each radius.
+    face_displacement_mm
+        Displacement of the probe's face relative to the glass.
+    approach_mm
+        Travel of the glass.
+    """
+
+    pressure_kpa: NDArray[np.float64]
+    face_displacement_mm: NDArray[np.float64]
+    approach_mm: float
+
+    def __add__(self, other: FacePress) -> FacePress:
+        return FacePress(
+            pressure_kpa=self.pressure_kpa + other.pressure_kpa,
+            face_displacement_mm=self.face_displacement_mm + other.face_displacement_mm,
+            approach_mm=self.approach_mm + other.approach_mm,
+        )
+
+    def __sub__(self, other: FacePress) -> FacePress:
+        return FacePress(
+            pressure_kpa=self.pressure_kpa - other.pressure_kpa,
+            face_displacement_mm=self.face_displacement_mm - other.face_displacement_mm,
+            approach_mm=self.approach_mm - other.approach_mm,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FullContactPress:
+    """All presses that cover the face: ``shape + force_n * unit``, from ``force_n`` on.
+
+    Attributes
+    ----------
+    unit
+        What each newton adds.
+    shape
+        What a dome's gap adds, in equilibrium with itself; None when the face is flat.
+    force_n
+        Force that makes the contact reach the rim; 0 when the face is flat.
+    """
+
+    unit: FacePress
+    shape: FacePress | None
+    force_n: float
+
+
+class PressKernel:
+    """One probe on slabs of one thickness: everything that does not depend on the inclusion, computed once.
+
+    Parameters
+    ----------
+    probe
+        What presses.
+    thickness_mm, poisson
+        The slab.
+    block_mm
+        Least radius of the block in which inclusions are meshed; see `block_radius_mm`.
+    central_mm
+        Largest cell of the face at the axis; see `central_cell_mm`.
+    resolution
+        Mesh density.
+    points
+        Radii, evenly spaced from the axis to the edge, at which presses are told.
+    """
+
+    def __init__(
+        self,
+        probe: Probe,
+        *,
+        thickness_mm: float,
+        poisson: float,
+        block_mm: float | None = None,
+        central_mm: float = np.inf,
+        resolution: Resolution | None = None,
+        points: int = FACE_POINTS,
+    ) -> None:
+        resolution = resolution or Resolution()
+        self.probe, self.thickness_mm, self.poisson, self._resolution = probe, thickness_mm, poisson, resolution
+        self.radius_mm = np.linspace(0.0, probe.radius_mm, points)
+        self.face: Face = face_of(probe.radius_mm, resolution, central_mm)
+        self.probe_compliance = probe_compliance(probe, self.face, resolution)
+        self.contact = FaceContact(probe, self.face, self.radius_mm)
+        self._at_radius = self.face.interpolation(self.radius_mm)
+        self._slab = self._slab_of(thickness_mm, block_radius_mm(probe, thickness_mm) if block_mm is None else block_mm)
+
+    def _slab_of(self, thickness_mm: float, block_mm: float) -> Slab:
+        return Slab(
+            thickness_mm=thickness_mm,
+            poisson=self.poisson,
+            face=self.face,
+            block_mm=block_mm,
+            resolution=self._resolution,
+        )
+
+    def slab(self, *, diameter_mm: float, depth_mm: float, poisson: float) -> SlabWithInclusion:
+        """Mesh a sphere into the slab."""
+        return self.slab_around(sphere_on_axis(diameter_mm, depth_mm), poisson=poisson)
+
+    def slab_around(self, shape: Spheroid, *, poisson: float) -> SlabWithInclusion:
+        """Mesh a spheroid into the slab."""
+        return self._slab.with_inclusion(shape, poisson=poisson)
+
+    def press(self, tissue_kpa: float, force_mn: float, change: NDArray[np.float64] | None = None) -> FacePress:
+        """Press tissue of ``tissue_kpa`` with ``force_mn`` > 0.
+
+        ``change`` is what an inclusion changes about the compliance of tissue of 1 kPa; plain tissue is solved on a
+        mesh that knows of no inclusion, so that a press less the plain one holds what the inclusion does and no more.
+        """
+        both, split = self._bodies(tissue_kpa, change)
+        return self._face_press(self.contact.touch(both, force_mn, split))
+
+    def covering(self, tissue_kpa: float, change: NDArray[np.float64] | None = None) -> FullContactPress:
+        """Every press whose contact covers the face, at once; arguments as for `press`."""
+        found = self.contact.covering(*self._bodies(tissue_kpa, change))
+        return FullContactPress(
+            unit=self._face_press(found.unit),
+            shape=None if found.shape is None else self._face_press(found.shape),
+            force_n=found.force_mn / MN_PER_N,
+        )
+
+    def _bodies(
+        self, tissue_kpa: float, change: NDArray[np.float64] | None
+    ) -> tuple[NDArray[np.float64], Elastic | None]:
+        """Compliance of both bodies together, and the same split where the contact needs it."""
+        both = self.probe_compliance + self.tissue_compliance(tissue_kpa, change)
+        return both, self.split(both, tissue_kpa) if self.contact.is_domed else None
+
+    def _face_press(self, touch: PartialContact) -> FacePress:
+        return FacePress(
+            pressure_kpa=touch.pressure_kpa,
+            face_displacement_mm=self.face_displacement(touch.force),
+            approach_mm=touch.approach_mm,
+        )
+
+    def face_displacement(self, force: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Displacement of the face by nodal forces; columns are mapped one by one."""
+        return np.asarray(self._at_radius @ (self.probe_compliance @ force))
+
+    def tissue_compliance(self, tissue_kpa: float, change: NDArray[np.float64] | None = None) -> NDArray[np.float64]:
+        """Compliance of the face's nodes on tissue, with what an inclusion changes about that of 1 kPa."""
+        plain = self._slab.compliance
+        return np.asarray((plain if change is None else plain + change) / tissue_kpa)
+
+    def split(self, both: NDArray[np.float64], tissue_kpa: float) -> Elastic:
+        """The compliance of ``both`` bodies with the tissue's half-space taken out of it, for contact over a disc."""
+        return Elastic(
+            half_space=(1 - self.poisson**2) / tissue_kpa, smooth=both - self._half_space_compliance / tissue_kpa
+        )
+
+    @cached_property
+    def _half_space_compliance(self) -> NDArray[np.float64]:
+        return (1 - self.poisson**2) * half_space_compliance(self.face, self.poisson, self._resolution)
+
+
+@lru_cache(maxsize=16)
+def half_space_compliance(face: Face, poisson: float, resolution: Resolution) -> NDArray[np.float64]:
+    """Compliance of a face's nodes on a half-space of ``E / (1 - nu**2)`` = 1 kPa, by a very thick slab, (n, n)."""
+    edge = float(face.lines[-1])
+    endless = Slab(thickness_mm=ENDLESS * edge, poisson=poisson, face=face, block_mm=edge / 2, resolution=resolution)
+    compliance = endless.compliance / (1 - poisson**2)
+    compliance.flags.writeable = False  # one array for everybody who asks
+    return compliance
+
+
+def small_strain_press(probe: Probe, phantom: Phantom, force_n: float, resolution: Resolution | None) -> PressField:
+    """The press of `tsis.mechanics.press` at small strain; arguments are checked there."""
+    with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
+        found = _face_press(probe, phantom, force_n * MN_PER_N, resolution or Resolution())
+        problem = strain_problem(found.approach_mm, probe, phantom.thickness_mm)
+        if problem is not None:
+            valid = _valid_force(probe, phantom, force_n, resolution or Resolution())
+            raise MechanicsError(
+                f"{problem}: choose a force of at most {valid:.2g} N, stiffer tissue, or strain='finite'",
+                problem=problem,
+                largest_n=valid,
+            )
+    return PressField(
+        radius_mm=np.linspace(0.0, probe.radius_mm, FACE_POINTS),
+        face_displacement_mm=found.face_displacement_mm,
+        pressure_kpa=found.pressure_kpa,
+        approach_mm=found.approach_mm,
+        force_n=force_n,
+    )
+
+
+def _face_press(probe: Probe, phantom: Phantom, force_mn: float, resolution: Resolution) -> FacePress:
+    tissue = phantom.young_kpa
+    plain = _kernel(probe, phantom, block_radius_mm(probe, phantom.thickness_mm), np.inf, resolution)
+    if phantom.inclusion is None:
+        return plain.press(tissue, force_mn)
+    kernel, change = _kernel_and_change(probe, phantom, phantom.inclusion, resolution)
+    found = kernel.press(tissue, force_mn, change)
+    if kernel is plain:
+        return found
+    # Another mesh of the face: only what the inclusion changes is taken from it, or it would add its own error.
+    return plain.press(tissue, force_mn) + (found - kernel.press(tissue, force_mn))
+
+
+def _valid_force(probe: Probe, phantom: Phantom, force_n: float, resolution: Resolution) -> float:
+    """The largest force within the limit, rounded down to two digits; a dome yields more at first."""
+
+    def excess(force: float) -> float:
+        found = _face_press(probe, phantom, force * MN_PER_N, resolution)
+        return nominal_strain(found.approach_mm, probe, phantom.thickness_mm) - STRAIN_LIMIT
+
+    low = 0.1 * force_n
+    while excess(low) > 0:
+        low *= 0.1
+    valid = float(brentq(excess, low, force_n, rtol=1e-3))
+    digit = 10 ** (np.floor(np.log10(valid)) - 1)
+    return float(digit * np.floor(0.999 * valid / digit))
+
+
+def compliances(probe: Probe, phantom: Phantom, resolution: Resolution) -> tuple[PressKernel, NDArray[np.float64]]:
+    """The kernel of a press and the compliance of the phantom's tissue on its face's nodes, mm/mN."""
+    if phantom.inclusion is None:
+        block = block_radius_mm(probe, phantom.thickness_mm)
+        kernel, change = _kernel(probe, phantom, block, np.inf, resolution), None
+    else:
+        kernel, change = _kernel_and_change(probe, phantom, phantom.inclusion, resolution)
+    return kernel, kernel.tissue_compliance(phantom.young_kpa, change)
+
+
+def _kernel_and_change(
+    probe: Probe, phantom: Phantom, inclusion: Inclusion, resolution: Resolution
+) -> tuple[PressKernel, NDArray[np.float64]]:
+    """A kernel whose mesh suits the inclusion, and what the inclusion changes about tissue of 1 kPa."""
+    shape = shape_on_axis(phantom)
+    width = 2 * shape.half_width
+    central = central_cell_mm(width, inclusion.depth_mm, shape.centre_depth)
+    # Deep inclusions share the kernel of plain tissue: their cell is wider than any that a face has.
+    central = np.inf if central >= resolution.largest * probe.radius_mm else central
+    kernel = _kernel(probe, phantom, block_radius_mm(probe, phantom.thickness_mm, width), central, resolution)
+    slab = kernel.slab_around(shape, poisson=inclusion.poisson)
+    return kernel, slab.change(inclusion.young_kpa / phantom.young_kpa)
+
+
+def _kernel(probe: Probe, phantom: Phantom, block_mm: float, central_mm: float, resolution: Resolution) -> PressKernel:
+    return _stored_kernel(probe, phantom.thickness_mm, phantom.poisson, block_mm, central_mm, resolution)
+
+
+@lru_cache(maxsize=8)
+def _stored_kernel(
+    probe: Probe, thickness_mm: float, poisson: float, block_mm: float, central_mm: float, resolution: Resolution
+) -> PressKernel:
+    return PressKernel(
+        probe,
+        thickness_mm=thickness_mm,
+        poisson=poisson,
+        block_mm=block_mm,
+        central_mm=central_mm,
+        resolution=resolution,
+    )

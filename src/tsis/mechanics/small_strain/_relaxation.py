@@ -1,0 +1,246 @@
+"""A press on tissue that relaxes: force and image against time while the glass is held.
+
+Probe and tissue push on one another through the face. In the vectors that make both compliances diagonal at once, each
+is a spring (the probe) in a row with a relaxing spring (the tissue), whose history obeys a linear equation of as many
+unknowns as the tissue has time constants. So the whole course is a sum of exponentials, exact at every time.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.linalg import eigh
+from scipy.optimize import brentq
+from threadpoolctl import threadpool_limits
+
+from tsis.errors import InputError, MechanicsError
+from tsis.mechanics.small_strain._bodies import Resolution
+from tsis.mechanics.small_strain._press import compliances, strain_problem
+from tsis.model import MN_PER_N, Phantom, Probe, Relaxation, require_array, require_number, require_type
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.mechanics.small_strain._press import PressKernel
+
+
+MANY = 50.0  # time constants after which nothing is left of an exponential
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class RelaxingPress:
+    """The course of a press after the glass has travelled to its place and stays there.
+
+    Attributes
+    ----------
+    time_s
+        Times since the travel began, shape (t,).
+    force_n
+        Force at each of them, shape (t,).
+    radius_mm
+        Radii on the face, shape (n,).
+    pressure_kpa, face_displacement_mm
+        Mean pressure around each radius and displacement of the face, shape (t, n).
+    approach_mm
+        Travel of the glass.
+    """
+
+    time_s: NDArray[np.float64]
+    force_n: NDArray[np.float64]
+    radius_mm: NDArray[np.float64]
+    pressure_kpa: NDArray[np.float64]
+    face_displacement_mm: NDArray[np.float64]
+    approach_mm: float
+
+
+def relaxing_press(
+    probe: Probe,
+    phantom: Phantom,
+    relaxation: Relaxation,
+    *,
+    approach_mm: float,
+    time_s: Any,
+    ramp_s: float = 0.0,
+    resolution: Resolution | None = None,
+) -> RelaxingPress:
+    """Press by a travel of the glass, hold it, and follow force and pressure in time.
+
+    The probe is elastic; tissue and inclusion relax alike, at small strain. The contact must cover the face from the
+    end of the travel on, as it does under a flat face and, pressed far enough, under a dome.
+
+    Parameters
+    ----------
+    probe, phantom
+        What presses and what is pressed; the phantom's moduli are the settled ones.
+    relaxation
+        How the tissue's modulus fades.
+    approach_mm
+        Travel of the glass since first touch, mm, in [1e-4, 100].
+    time_s
+        Times since the travel began, s, each in [0, 1e7].
+    ramp_s
+        How long the travel takes, at constant speed; 0 is at once.
+    resolution
+        Mesh density.
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range.
+    MechanicsError
+        When the contact does not cover the face, or the strain is too large.
+    """
+    _check(probe, phantom, relaxation, approach_mm, ramp_s)
+    times = require_array("time_s", time_s, ndim=1)
+    if times.min() < 0 or times.max() > 1e7:
+        raise InputError(f"time_s must lie in [0, 1e+07] seconds; got {times.min():g} to {times.max():g}")
+    kernel, course = _course_of(probe, phantom, relaxation, approach_mm, resolution)
+    nodal = course.forces(times, ramp_s)
+    pressure, displacement = _on_face(kernel, nodal)
+    _refuse_opening(kernel, pressure[times >= ramp_s], approach_mm)
+    return RelaxingPress(
+        time_s=times,
+        force_n=nodal.sum(axis=1) / MN_PER_N,
+        radius_mm=kernel.radius_mm,
+        pressure_kpa=pressure,
+        face_displacement_mm=displacement,
+        approach_mm=approach_mm,
+    )
+
+
+def settling_time_s(
+    probe: Probe,
+    phantom: Phantom,
+    relaxation: Relaxation,
+    *,
+    approach_mm: float,
+    tolerance: float = 0.01,
+    ramp_s: float = 0.0,
+    resolution: Resolution | None = None,
+) -> float:
+    """Time since the travel began after which the force stays within ``tolerance`` (a share) of its last value.
+
+    Parameters
+    ----------
+    probe, phantom, relaxation, approach_mm, ramp_s, resolution
+        As in `relaxing_press`.
+    tolerance
+        Share of the settled force, in [1e-6, 1].
+
+    Returns
+    -------
+    The time in s; ``ramp_s`` where the force is settled when the glass stops.
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range.
+    MechanicsError
+        When the settled contact does not cover the face, or the strain is too large.
+
+    Examples
+    --------
+    A probe far stiffer than the tissue leaves the tissue's own course, 2 s * ln(0.3 / 0.7 / 0.01):
+
+    >>> from tsis.model import Layer, Phantom, Probe
+    >>> from tsis.model import Relaxation
+    >>> rigid = Probe(radius_mm=12.0, layers=(Layer(thickness_mm=2.0, young_kpa=1e6),))
+    >>> tissue = Relaxation(shares=(0.3,), times_s=(2.0,))
+    >>> time = settling_time_s(rigid, Phantom(young_kpa=5.0, thickness_mm=30.0), tissue, approach_mm=1.0)
+    >>> f"{time:.2f} s"
+    '7.52 s'
+    """
+    require_number("tolerance", tolerance, 1e-6, 1.0, hint="a share of the settled force")
+    _check(probe, phantom, relaxation, approach_mm, ramp_s)
+    kernel, course = _course_of(probe, phantom, relaxation, approach_mm, resolution)
+    settled = course.forces(np.array([np.inf]), ramp_s)
+    _refuse_opening(kernel, _on_face(kernel, settled)[0], approach_mm)
+
+    def excess(log_wait: float) -> float:
+        return float(course.forces(np.array([ramp_s + np.exp(log_wait)]), ramp_s).sum() / settled.sum()) - 1 - tolerance
+
+    first, last = float(np.log(1e-9 * min(relaxation.times_s))), float(np.log(MANY * course.slowest_s))
+    return ramp_s if excess(first) <= 0 else ramp_s + float(np.exp(brentq(excess, first, last, xtol=1e-10)))
+
+
+def _check(probe: Probe, phantom: Phantom, relaxation: Relaxation, approach_mm: float, ramp_s: float) -> None:
+    require_type("probe", probe, Probe)
+    require_type("phantom", phantom, Phantom)
+    require_type("relaxation", relaxation, Relaxation)
+    require_number("approach_mm", approach_mm, 1e-4, 100.0, hint="millimetres")
+    if ramp_s != 0:
+        require_number("ramp_s", ramp_s, 1e-6, 1e6, hint="seconds; 0 is at once")
+    problem = strain_problem(approach_mm, probe, phantom.thickness_mm)
+    if problem is not None:
+        raise MechanicsError(f"{problem}: choose a smaller approach_mm")
+
+
+def _course_of(
+    probe: Probe, phantom: Phantom, relaxation: Relaxation, approach_mm: float, resolution: Resolution | None
+) -> tuple[PressKernel, _Course]:
+    with threadpool_limits(limits=1, user_api="blas"):  # matrices this small only lose time to threads
+        kernel, tissue = compliances(probe, phantom, resolution or Resolution())
+        travel = approach_mm - probe.sag_mm(kernel.face.radius_mm)
+        return kernel, _Course(kernel.probe_compliance, tissue, relaxation, travel)
+
+
+class _Course:
+    """Nodal forces in time, for a face whose nodes have all travelled by given distances."""
+
+    def __init__(
+        self,
+        probe: NDArray[np.float64],
+        tissue: NDArray[np.float64],
+        relaxation: Relaxation,
+        travel_mm: NDArray[np.float64],
+    ) -> None:
+        self._softness, self._vectors = eigh(probe, tissue)  # of each spring of the probe, the tissue's being 1
+        self._travel = self._vectors.T @ travel_mm
+        ratio, times = relaxation.instantaneous_ratio, np.array(relaxation.times_s)
+        self._lost = ratio * np.array(relaxation.shares)
+        # The stretch u of a tissue spring and its memories z: force ratio * u - lost @ z, dz/dt = (u - z) / time, and
+        # probe and tissue fill the travel, softness * force + u = travel.
+        self._give = 1 / (1 + self._softness * ratio)
+        by_memory = (self._softness * self._give)[:, None, None] * self._lost
+        self._rates, self._modes = np.linalg.eig((by_memory - np.eye(len(times))) / times[:, None])
+        drive = (self._give * self._travel)[:, None] / times
+        self._drive = np.linalg.solve(self._modes, drive[..., None])[..., 0]
+        self._ratio = ratio
+
+    @property
+    def slowest_s(self) -> float:
+        """Time constant of the slowest exponential, longer than the tissue's own under a soft probe."""
+        return float(-1 / self._rates.max())
+
+    def forces(self, time_s: NDArray[np.float64], ramp_s: float) -> NDArray[np.float64]:
+        """Forces on the nodes, mN, shape (t, n)."""
+        memory = np.einsum("nij,tnj->tni", self._modes, self._drive * self._memory(time_s, ramp_s))
+        share = np.minimum(time_s / ramp_s, 1.0) if ramp_s else np.ones_like(time_s)
+        faded = memory @ self._lost
+        stretch = self._give * (share[:, None] * self._travel + self._softness * faded)
+        return np.asarray((self._ratio * stretch - faded) @ self._vectors.T)
+
+    def _memory(self, time_s: NDArray[np.float64], ramp_s: float) -> NDArray[np.float64]:
+        """Answer of ``dx/dt = rate * x + drive(t)`` over the drive at the end of the travel, shape (t, n, terms)."""
+        rate, time = self._rates, time_s[:, None, None]
+        if not ramp_s:
+            return np.asarray(np.expm1(rate * time) / rate)
+        moving = np.minimum(time, ramp_s)
+        at_end = (np.expm1(rate * moving) / rate - moving) / (rate * ramp_s)
+        held = time - moving
+        return np.asarray(at_end * np.exp(rate * held) + np.expm1(rate * held) / rate)
+
+
+def _on_face(kernel: PressKernel, nodal: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    return kernel.contact.closed_pressure(nodal.T).T, kernel.face_displacement(nodal.T).T
+
+
+def _refuse_opening(kernel: PressKernel, pressure: NDArray[np.float64], approach_mm: float) -> None:
+    inner = pressure[:, kernel.contact.inner]
+    if inner.size and inner.min() < 0:
+        raise MechanicsError(
+            f"approach_mm must close the contact over the whole face, or its edge would move as the tissue relaxes, "
+            f"which this model does not follow; got {approach_mm:g}: press further, or choose a flatter face"
+        )

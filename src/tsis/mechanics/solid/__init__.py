@@ -1,0 +1,6 @@
+"""FIXME."""
+
+from tsis.mechanics.solid._mesh import SolidResolution
+from tsis.mechanics.solid._press import press_solid
+
+__all__ = ["SolidResolution", "press_solid"]

@@ -1,0 +1,223 @@
+"""The vertical planes through the probe's axis that mirror a phantom: they halve or quarter what must be solved."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.errors import MechanicsError, import_extra
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.model import Inclusion, Phantom, Probe
+
+
+ROUNDING_MM = 1e-9
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Symmetry:
+    """A frame turned about the probe's axis in which the phantom mirrors itself.
+
+    Attributes
+    ----------
+    angle
+        Angle of the frame's x axis from the phantom's, radians.
+    mirrors
+        Which of the frame's coordinates a mirror changes: ``""``, ``"y"`` (half model) or ``"xy"`` (quarter).
+    """
+
+    angle: float
+    mirrors: str
+
+    @property
+    def copies(self) -> int:
+        """How many of the modelled parts make the whole: 1, 2 or 4."""
+        return int(2 ** len(self.mirrors))
+
+    def turned(self, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """Points of the phantom in the turned frame."""
+        cosine, sine = np.cos(self.angle), np.sin(self.angle)
+        return cosine * x_mm + sine * y_mm, cosine * y_mm - sine * x_mm
+
+    def folded(self, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """The points of the modelled part at which the same happens."""
+        x, y = self.turned(x_mm, y_mm)
+        return np.abs(x) if "x" in self.mirrors else x, np.abs(y) if "y" in self.mirrors else y
+
+
+def symmetry_of(inclusions: tuple[Inclusion, ...]) -> Symmetry:
+    """The smallest part that stands for the whole.
+
+    Ellipsoids lie along the phantom's axes, so only those with equal horizontal semi-axes let the frame turn freely.
+    """
+    free = all(_is_round(one) for one in inclusions)
+    away = [one for one in inclusions if np.hypot(*one.offset_mm) > ROUNDING_MM]
+    angles = [0.0, np.pi / 2]
+    if free and away:
+        x, y = away[0].offset_mm
+        angles = [float(np.arctan2(y, x))]
+    for angle in angles:
+        turned = Symmetry(angle=angle, mirrors="")
+        places = np.array([turned.turned(*np.array(one.offset_mm)) for one in inclusions]).reshape(-1, 2)
+        if np.abs(places[:, 1:]).max(initial=0.0) <= ROUNDING_MM:
+            on_axis = np.abs(places).max(initial=0.0) <= ROUNDING_MM
+            return Symmetry(angle=angle, mirrors="xy" if on_axis else "y")
+    return Symmetry(angle=0.0, mirrors="")
+
+
+def _is_round(inclusion: Inclusion) -> bool:
+    x, y, _ = inclusion.half_axes_mm
+    return x == y
+
+
+FEATURE = "a press in three dimensions (inclusions off the axis, ellipsoids, several at once)"
+SAME = 1e-6  # of the face's radius: coordinates closer than this are equal
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SolidResolution:
+    """How fine the mesh of a press in three dimensions is.
+
+    Parameters
+    ----------
+    order
+        Polynomial order of the elements; 2 would stiffen what is nearly incompressible.
+    face
+        Largest triangle on the contact face as a share of its radius.
+    rim
+        The same along the rim, where the pressure is singular.
+    inclusion
+        Largest element of an inclusion as a share of its smallest diameter.
+    growth
+        How fast elements may grow away from small ones, in (0, 1].
+    """
+
+    order: int = 3
+    face: float = 0.1
+    rim: float = 0.08
+    inclusion: float = 0.3
+    growth: float = 0.5
+
+
+def outer_radius_mm(probe: Probe, thickness_mm: float) -> float:
+    """Where the slab is cut off: the face and the thickness are not felt any more."""
+    return max(10 * probe.radius_mm, 4 * thickness_mm)
+
+
+def layer_name(index: int) -> str:
+    """Name of the probe's layer, counted from the tissue up."""
+    return f"layer{index}"
+
+
+def inclusion_name(index: int) -> str:
+    """Name of an inclusion."""
+    return f"inclusion{index}"
+
+
+def solid_mesh(probe: Probe, phantom: Phantom, symmetry: Symmetry, resolution: SolidResolution) -> Any:
+    """Mesh the part of probe and slab that ``symmetry`` leaves.
+
+    The skin lies at z = 0 and the glass above. Regions: ``tissue``, ``inclusion0`` ..., ``layer0`` ... from the tissue
+    up; boundaries: ``face``, ``glass``, ``side`` (of the probe), ``wall``, ``mirror_x``, ``mirror_y``.
+    """
+    occ = import_extra("netgen.occ", feature=FEATURE, extra="fem3d")
+    whole = occ.Glue([*_slab(occ, probe, phantom, symmetry, resolution), *_layers(occ, probe)])
+    part = _cut(occ, whole, probe, phantom, symmetry)
+    _name_faces(part, probe, phantom, resolution, symmetry)
+    meshing = import_extra("netgen.meshing", feature=FEATURE, extra="fem3d")
+    meshing.SetMessageImportance(0)  # it prints on the terminal
+    try:
+        generated = occ.OCCGeometry(part).GenerateMesh(maxh=phantom.thickness_mm, grading=resolution.growth)
+    except meshing.NgException as error:
+        raise MechanicsError(
+            f"no mesh of the phantom was found at {resolution}; choose smaller elements or a smaller growth"
+        ) from error
+    mesh = import_extra("ngsolve", feature=FEATURE, extra="fem3d").Mesh(generated)
+    mesh.Curve(resolution.order)
+    return mesh
+
+
+def _slab(occ: Any, probe: Probe, phantom: Phantom, symmetry: Symmetry, resolution: SolidResolution) -> list[Any]:
+    thickness = phantom.thickness_mm
+    tissue = occ.Cylinder(occ.Pnt(0, 0, -thickness), occ.Z, outer_radius_mm(probe, thickness), thickness)
+    bodies = []
+    for index, inclusion in enumerate(phantom.inclusions):
+        body = _ellipsoid(occ, inclusion, symmetry)
+        body.mat(inclusion_name(index))
+        body.maxh = 2 * resolution.inclusion * min(inclusion.half_axes_mm)
+        tissue = tissue - body
+        bodies.append(body)
+    tissue.mat("tissue")
+    return [tissue, *bodies]
+
+
+def _ellipsoid(occ: Any, inclusion: Inclusion, symmetry: Symmetry) -> Any:
+    x, y = (float(value) for value in symmetry.turned(*np.array(inclusion.offset_mm)))
+    centre = occ.Pnt(x, y, -inclusion.centre_depth_mm)
+    half_x, half_y, half_z = inclusion.half_axes_mm
+    if half_x == half_y == half_z:
+        return occ.Sphere(centre, half_z)
+    along = occ.Vec(np.cos(symmetry.angle), -np.sin(symmetry.angle), 0)  # the phantom's x axis in the turned frame
+    return occ.Ellipsoid(occ.Axes(centre, n=occ.Z, h=along), half_z, half_x, half_y)  # along n, along h, across both
+
+
+def _layers(occ: Any, probe: Probe) -> list[Any]:
+    layers, height = [], 0.0
+    for index, layer in enumerate(probe.layers):
+        body = occ.Cylinder(occ.Pnt(0, 0, height), occ.Z, probe.radius_mm, layer.thickness_mm)
+        body.mat(layer_name(index))
+        layers.append(body)
+        height += layer.thickness_mm
+    return layers
+
+
+def _cut(occ: Any, whole: Any, probe: Probe, phantom: Phantom, symmetry: Symmetry) -> Any:
+    if not symmetry.mirrors:
+        return whole
+    far = 2 * outer_radius_mm(probe, phantom.thickness_mm)
+    low = (0 if "x" in symmetry.mirrors else -far, 0, -2 * phantom.thickness_mm)
+    return whole * occ.Box(occ.Pnt(*low), occ.Pnt(far, far, 2 * probe.thickness_mm))
+
+
+def _name_faces(part: Any, probe: Probe, phantom: Phantom, resolution: SolidResolution, symmetry: Symmetry) -> None:
+    """Name the boundaries by where they lie, and say how fine the face and its rim are to be."""
+    radius, close = probe.radius_mm, SAME * probe.radius_mm
+
+    def flat(shape: Any, axis: int, level: float) -> bool:
+        low, high = shape.bounding_box
+        # Bounding boxes of curved shapes are a little too large; those of planes are not.
+        return bool(abs(low[axis] - level) < close and abs(high[axis] - level) < close)
+
+    def reach(shape: Any) -> float:
+        low, high = shape.bounding_box
+        return float(max(abs(low[0]), abs(high[0]), abs(low[1]), abs(high[1])))
+
+    for face in part.faces:
+        face.name = "inside"
+        if flat(face, 2, -phantom.thickness_mm):
+            face.name = "wall"
+        elif flat(face, 2, probe.thickness_mm):
+            face.name = "glass"
+        elif flat(face, 2, 0.0):
+            face.name = "skin"
+            if reach(face) < 1.01 * radius:
+                face.name, face.maxh = "face", resolution.face * radius
+        elif "y" in symmetry.mirrors and flat(face, 1, 0.0):
+            face.name = "mirror_y"
+        elif "x" in symmetry.mirrors and flat(face, 0, 0.0):
+            face.name = "mirror_x"
+        elif _is_side(face, close) and reach(face) > 0.99 * radius:
+            face.name = "side"
+    for edge in part.edges:
+        if flat(edge, 2, 0.0) and 0.99 * radius < reach(edge) < 1.01 * radius and abs(edge.center[1]) > close:
+            edge.maxh = resolution.rim * radius
+
+
+def _is_side(face: Any, close: float) -> bool:
+    """Whether a face stands upright beside a layer of the probe, and does not lie between two."""
+    low, high = face.bounding_box
+    return bool(low[2] > -close and high[2] - low[2] > close)

@@ -1,0 +1,197 @@
+"""A press in three dimensions: inclusions anywhere under the face, ellipsoids, several at once."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.errors import InputError, MechanicsError, import_extra
+from tsis.mechanics._face import EDGE_SHARE
+from tsis.mechanics.small_strain import small_strain_press, strain_problem
+from tsis.mechanics.solid._mesh import FEATURE, SolidResolution, outer_radius_mm, symmetry_of
+from tsis.mechanics.solid._tie import TiedSolid
+from tsis.model import MN_PER_N, Phantom, PressField, PressMap, Probe, require_number, require_type
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from tsis.mechanics.small_strain import Resolution
+    from tsis.mechanics.solid._tie import FaceChange
+
+
+OFF_RIM = 1e-4  # of the face's radius
+THINNEST_GAP = 0.02  # between an inclusion and skin or wall, of its smallest diameter; thinner is not meshed well
+FARTHEST = 0.6  # of the slab's radius: what lies beyond feels where the slab is cut off
+PULLING = 0.05  # of the mean pressure: more tension than rounding and mesh can make
+MOST_KEPT = 8  # answers
+_KEPT: dict[tuple[Probe, Phantom, tuple[bytes, bytes], SolidResolution], FaceChange] = {}
+
+
+def press_solid(
+    probe: Probe,
+    phantom: Phantom,
+    *,
+    force_n: float,
+    spacing_mm: float = 0.25,
+    resolution: SolidResolution | None = None,
+    plain_resolution: Resolution | None = None,
+    threads: int = 2,
+    progress: Callable[[str], None] | None = None,
+) -> PressMap:
+    """Press a flat probe on a phantom whose inclusions may lie anywhere: small strain, three dimensions.
+
+    The contact is frictionless and covers the face. What the inclusions change is computed with and without contrast
+    on one mesh, and added to the press of plain tissue by `tsis.mechanics.press`: a coarse mesh then errs by a share
+    of the signal, and not of the press. Mirror planes of the phantom are used: one inclusion is half a model, on the
+    axis a quarter.
+
+    Parameters
+    ----------
+    probe, phantom
+        What presses and what is pressed; the face is flat.
+    force_n
+        Force in newtons, in [0, 50]; the answer is linear in it.
+    spacing_mm
+        Spacing of the grid of the answer, in [0.02, 5].
+    resolution
+        Mesh density in three dimensions. The default finds the signal of the displacement to 1 % of its peak inside
+        0.8 of the face's radius and to 2 % up to its rim.
+    plain_resolution
+        Mesh density of the press of plain tissue.
+    threads
+        Threads of the linear algebra, in [1, 64]; they wait busily, so idle cores should be given, not shared ones.
+    progress
+        Called with a short text when a stage begins.
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range, the face is domed, or an inclusion nearly touches the skin or the chest
+        wall or lies where the slab is cut off.
+    MechanicsError
+        When the strain is too large for the model, or the contact would open.
+    MissingExtraError
+        When NGSolve is not installed.
+    """
+    require_type("probe", probe, Probe)
+    require_type("phantom", phantom, Phantom)
+    require_number("force_n", force_n, 0.0, 50.0, hint="newtons")
+    require_number("spacing_mm", spacing_mm, 0.02, 5.0, hint="millimetres")
+    require_number("threads", threads, 1, 64)
+    if probe.face_curvature_mm is not None:
+        raise InputError(
+            f"face_curvature_mm must be None for a press in three dimensions; got {probe.face_curvature_mm:g}"
+        )
+    _check_places(probe, phantom)
+    steps = int(np.ceil(probe.radius_mm / spacing_mm))
+    axis = np.asarray(spacing_mm * np.arange(-steps, steps + 1), dtype=float)
+    bare = small_strain_press(probe, phantom.without_inclusion(), force_n, plain_resolution)
+    plain = bare.on_grid(axis, axis)
+    if not phantom.inclusions or force_n == 0:
+        return plain
+    points = _points(axis, probe.radius_mm)
+    change = _change(probe, phantom, points.key, resolution or SolidResolution(), threads, progress)
+    found = _added(plain, points, change)
+    _check_model(probe, phantom, found, points.radius_mm < EDGE_SHARE * probe.radius_mm)
+    return found
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Points:
+    """The grid's points on the face and the share of each cell that lies on it.
+
+    Cells across the rim may have their centres outside; what happens there is read on the rim.
+    """
+
+    radius_mm: NDArray[np.float64]
+    covered: NDArray[np.float64]
+    key: tuple[bytes, bytes]
+
+
+def _points(axis: NDArray[np.float64], edge: float) -> _Points:
+    ones = np.ones(2)
+    disc = PressField(
+        radius_mm=np.array([0.0, edge]), face_displacement_mm=ones, pressure_kpa=ones, approach_mm=0.0, force_n=0.0
+    )
+    covered = disc.on_grid(axis, axis).pressure_kpa
+    x, y = np.meshgrid(axis, axis)
+    radius = np.hypot(x, y)
+    # The mesh's curved triangles miss the rim by a little.
+    inwards = np.minimum(1.0, (1 - OFF_RIM) * edge / np.maximum(radius, OFF_RIM * edge))[covered > 0]
+    key = ((inwards * x[covered > 0]).tobytes(), (inwards * y[covered > 0]).tobytes())
+    return _Points(radius_mm=radius, covered=covered, key=key)
+
+
+def _change(
+    probe: Probe,
+    phantom: Phantom,
+    points: tuple[bytes, bytes],
+    resolution: SolidResolution,
+    threads: int,
+    progress: Callable[[str], None] | None,
+) -> FaceChange:
+    """What 1 mN changes, kept because the answer is linear: the next force costs nothing."""
+    key = (probe, phantom, points, resolution)
+    if key not in _KEPT:
+        while len(_KEPT) >= MOST_KEPT:
+            _KEPT.pop(next(iter(_KEPT)))
+        ng = import_extra("ngsolve", feature=FEATURE, extra="fem3d")
+        report = progress or (lambda _: None)
+        report("meshing")
+        ng.SetNumThreads(threads)
+        with ng.TaskManager():
+            solid = TiedSolid(probe, phantom, symmetry_of(phantom.inclusions), resolution)
+            x, y = (np.frombuffer(one) for one in points)
+            _KEPT[key] = solid.change(x, y, report)
+    return _KEPT[key]
+
+
+def _added(plain: PressMap, points: _Points, change: FaceChange) -> PressMap:
+    """The press of plain tissue and what the inclusions change about it."""
+    force_mn = plain.force_n * MN_PER_N
+    displacement, pressure = np.zeros_like(points.covered), np.zeros_like(points.covered)
+    at = points.covered > 0
+    displacement[at] = force_mn * change.face_displacement_mm
+    pressure[at] = force_mn * change.pressure_kpa
+    return replace(
+        plain,
+        face_displacement_mm=plain.face_displacement_mm + displacement * (plain.face_displacement_mm != 0),
+        pressure_kpa=plain.pressure_kpa + pressure * points.covered,
+        approach_mm=plain.approach_mm + force_mn * change.approach_mm,
+    )
+
+
+def _check_places(probe: Probe, phantom: Phantom) -> None:
+    reach = FARTHEST * outer_radius_mm(probe, phantom.thickness_mm)
+    for one in phantom.inclusions:
+        gap = THINNEST_GAP * 2 * min(one.half_axes_mm)
+        if one.depth_mm < gap:
+            raise InputError(f"depth_mm must be at least {gap:g} under the skin for this size; got {one.depth_mm:g}")
+        below = phantom.thickness_mm - one.bottom_mm
+        if below < gap:
+            raise InputError(
+                f"depth_mm must leave {gap:g} mm between inclusion and chest wall for this size; got {below:g}"
+            )
+        away = float(np.hypot(*one.offset_mm)) + max(one.half_axes_mm[:2])
+        if away > reach:
+            raise InputError(
+                f"offset_mm must keep the inclusion within {reach:g} mm of the axis, inside the slab that is meshed; "
+                f"got {away:g}"
+            )
+
+
+def _check_model(probe: Probe, phantom: Phantom, found: PressMap, inner: NDArray[np.bool]) -> None:
+    problem = strain_problem(found.approach_mm, probe, phantom.thickness_mm)
+    if problem is not None:
+        raise MechanicsError(f"{problem}: choose a smaller force_n or stiffer tissue")
+    mean = found.force_n * MN_PER_N / (np.pi * probe.radius_mm**2)
+    least = float(found.pressure_kpa[inner].min())
+    if least < -PULLING * mean:
+        raise MechanicsError(
+            f"the contact would open: tissue would pull with {-least:.2g} kPa at a mean pressure of {mean:.2g} kPa; "
+            "choose inclusions that are deeper or not so soft"
+        )

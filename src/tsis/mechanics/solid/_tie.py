@@ -1,0 +1,175 @@
+"""A closed frictionless contact in three dimensions: what inclusions change on the face, paired on one mesh."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.errors import import_extra
+from tsis.mechanics.solid._mesh import FEATURE, inclusion_name, layer_name, solid_mesh
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from tsis.mechanics.solid._mesh import SolidResolution, Symmetry
+    from tsis.model import Phantom, Probe
+
+
+RESIDUAL = 1e-9  # of the iteration for plain tissue, relative
+INSIDE = 1e-6  # of the face's radius: how far points on mirrors and skin are moved into the mesh
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FaceChange:
+    """What the inclusions change on the face under a force of 1 mN.
+
+    Attributes
+    ----------
+    face_displacement_mm, pressure_kpa
+        At the points asked for.
+    approach_mm
+        Travel of the glass.
+    unknowns, iterations
+        Size of the linear system, and iterations that plain tissue took beside its direct solution.
+    """
+
+    face_displacement_mm: NDArray[np.float64]
+    pressure_kpa: NDArray[np.float64]
+    approach_mm: float
+    unknowns: int
+    iterations: int
+
+
+class TiedSolid:
+    """Probe and slab whose face moves as one normal to itself and slides freely along itself.
+
+    The normal displacement is one continuous function over both bodies, the tangential ones are functions of each
+    body alone: that is frictionless contact which stays closed, without any penalty.
+    """
+
+    def __init__(self, probe: Probe, phantom: Phantom, symmetry: Symmetry, resolution: SolidResolution) -> None:
+        self._ng = import_extra("ngsolve", feature=FEATURE, extra="fem3d")
+        self.probe, self.phantom, self.symmetry = probe, phantom, symmetry
+        self.mesh = solid_mesh(probe, phantom, symmetry, resolution)
+        self._layers = [layer_name(index) for index in range(len(probe.layers))]
+        self._inclusions = [inclusion_name(index) for index in range(len(phantom.inclusions))]
+        self._pushed = "glass|side" if probe.sides == "bonded" else "glass"
+        self._space = self._displacements(resolution.order)
+
+    def _displacements(self, order: int) -> Any:
+        """Spaces of u_x and u_y of the probe, of u_x and u_y of the slab, and of u_z of both."""
+
+        def scalar(fixed: str, region: str = "") -> Any:
+            where = {"definedon": region} if region else {}
+            return self._ng.H1(self.mesh, order=order, dirichlet=fixed, **where)
+
+        above, below = "|".join(self._layers), "|".join(["tissue", *self._inclusions])
+        return self._ng.FESpace(
+            [
+                scalar(f"{self._pushed}|mirror_x", above),
+                scalar(f"{self._pushed}|mirror_y", above),
+                scalar("wall|mirror_x", below),
+                scalar("wall|mirror_y", below),
+                scalar(f"wall|{self._pushed}"),
+            ]
+        )
+
+    def change(self, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64], report: Callable[[str], None]) -> FaceChange:
+        """What the inclusions change at points of the face, given in the phantom's frame."""
+        probe, with_it, plain = (self._stiffness(part) for part in ("probe", "with", "plain"))
+        report(f"factorising {self._space.ndof} unknowns")
+        inverse = with_it.Inverse(self._space.FreeDofs(), inverse="sparsecholesky")
+        pushed = self._ng.GridFunction(self._space)
+        pushed.components[4].Set(-1.0, definedon=self.mesh.Boundaries(self._pushed))
+        load = with_it.CreateColVector()
+        load.data = with_it * pushed.vec
+        found = pushed.vec.CreateVector()
+        found.data = pushed.vec - inverse * load
+        report("solving plain tissue on the same mesh")
+        load.data = -1 * (plain * pushed.vec)
+        # Inclusions fill a small part: the factors that hold them are nearly those of plain tissue.
+        solver = self._ng.krylovspace.CGSolver(mat=plain, pre=inverse, tol=RESIDUAL, maxiter=500)
+        bare = pushed.vec.CreateVector()
+        bare.data = solver * load
+        bare.data += pushed.vec
+        forces = [self._force(matrix, one, pushed) for matrix, one in ((with_it, found), (plain, bare))]
+        difference = self._ng.GridFunction(self._space)
+        difference.vec.data = (1 / forces[0]) * found - (1 / forces[1]) * bare
+        approach = 1 / forces[0] - 1 / forces[1]
+        points = self._points(x_mm, y_mm)
+        pressure = self._pressure(probe, difference)
+        return FaceChange(
+            face_displacement_mm=np.asarray(difference.components[4](points)).ravel() + approach,
+            pressure_kpa=np.asarray(pressure(points)).ravel(),
+            approach_mm=approach,
+            unknowns=self._space.ndof,
+            iterations=solver.iterations,
+        )
+
+    def _stiffness(self, part: str) -> Any:
+        """Stiffness of the probe alone, of everything with inclusions, or of everything as if they were tissue."""
+        ng, phantom = self._ng, self.phantom
+        u, v = self._space.TnT()
+        above = {
+            name: (layer.young_kpa, layer.poisson) for name, layer in zip(self._layers, self.probe.layers, strict=True)
+        }
+        form = ng.BilinearForm(self._space, symmetric=True)
+        form += self._energy((u[0], u[1], u[4]), (v[0], v[1], v[4]), above)
+        if part != "probe":
+            tissue = (phantom.young_kpa, phantom.poisson)
+            below = {"tissue": tissue}
+            for name, one in zip(self._inclusions, phantom.inclusions, strict=True):
+                below[name] = (one.young_kpa, one.poisson) if part == "with" else tissue
+            form += self._energy((u[2], u[3], u[4]), (v[2], v[3], v[4]), below)
+        return form.Assemble().mat
+
+    def _energy(self, u: tuple[Any, ...], v: tuple[Any, ...], material: dict[str, tuple[float, float]]) -> Any:
+        """Twice the elastic energy of the regions of ``material``, each with its (young_kpa, poisson)."""
+        ng = self._ng
+        lame = {name: (e * nu / (1 + nu) / (1 - 2 * nu), e / 2 / (1 + nu)) for name, (e, nu) in material.items()}
+        first, shear = (self.mesh.MaterialCF({name: pair[index] for name, pair in lame.items()}) for index in (0, 1))
+        strains = []
+        for displacement in (u, v):
+            rows = tuple(entry for component in displacement for entry in ng.grad(component))
+            strains.append(ng.Sym(ng.CF(rows, dims=(3, 3))))
+        one, other = strains
+        density = first * ng.Trace(one) * ng.Trace(other) + 2 * shear * ng.InnerProduct(one, other)
+        return density * ng.dx("|".join(material))
+
+    def _force(self, matrix: Any, displacement: Any, pushed: Any) -> float:
+        """Force in mN that pushes the glass by 1 mm, of all mirrored parts."""
+        reaction = matrix.CreateColVector()
+        reaction.data = matrix * displacement
+        return float(self._ng.InnerProduct(reaction, pushed.vec)) * self.symmetry.copies
+
+    def _pressure(self, probe: Any, displacement: Any) -> Any:
+        """The pressure whose nodal forces hold the probe's face: it sums up to the force, which stresses do not."""
+        ng = self._ng
+        force = probe.CreateColVector()
+        force.data = probe * displacement.vec
+        nodal = ng.GridFunction(self._space)
+        nodal.vec.data = force
+        normal = self._space.components[4]
+        # One order below the displacement: as fine as stresses are, and it does not follow what the mesh adds.
+        space = ng.H1(self.mesh, order=normal.globalorder - 1)
+        to_normal = ng.ConvertOperator(space, normal)
+        on_face = space.GetDofs(self.mesh.Boundaries("face"))
+        u, v = space.TnT()
+        mass = ng.BilinearForm(u * v * ng.ds("face")).Assemble().mat
+        load = mass.CreateColVector()
+        load.data = to_normal.T * nodal.components[4].vec
+        pressure = ng.GridFunction(space)
+        pressure.vec.data = mass.Inverse(on_face, inverse="sparsecholesky") * load
+        return pressure
+
+    def _points(self, x_mm: NDArray[np.float64], y_mm: NDArray[np.float64]) -> Any:
+        """Points of the face in the mesh."""
+        x, y = self.symmetry.folded(x_mm, y_mm)
+        step = INSIDE * self.probe.radius_mm
+        x = np.maximum(x, step) if "x" in self.symmetry.mirrors else x
+        y = np.maximum(y, step) if "y" in self.symmetry.mirrors else y
+        return self.mesh(x, y, np.full_like(x, step))

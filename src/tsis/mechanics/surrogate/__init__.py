@@ -1,0 +1,37 @@
+"""FIXME."""
+
+from tsis.mechanics.surrogate._build import build_surrogate, cached_arrays, mechanical_content
+from tsis.mechanics.surrogate._full_contact import (
+    FULL_CONTACT_DEGREES,
+    FullContactParts,
+    FullContactProfiles,
+    FullContactSurrogate,
+    build_full_contact_surrogate,
+)
+from tsis.mechanics.surrogate._polynomial import (
+    Box,
+    Degrees,
+    PressSurrogate,
+    Surrogate,
+    TissueSurrogate,
+    contrast_factor,
+    signal_scale,
+)
+
+__all__ = [
+    "FULL_CONTACT_DEGREES",
+    "Box",
+    "Degrees",
+    "FullContactParts",
+    "FullContactProfiles",
+    "FullContactSurrogate",
+    "PressSurrogate",
+    "Surrogate",
+    "TissueSurrogate",
+    "build_full_contact_surrogate",
+    "build_surrogate",
+    "cached_arrays",
+    "contrast_factor",
+    "mechanical_content",
+    "signal_scale",
+]

@@ -1,0 +1,245 @@
+"""All presses that cover a probe's face, at any force, as polynomials over a box, and their changes by Poisson's ratio.
+
+At small strain, once the contact covers the face, a press is affine in the force: ``shape + force * unit``. The unit is
+a flat face's answer; the shape is what a dome's gap adds, in equilibrium with itself. One build answers every force.
+"""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.files import content_key
+from tsis.mechanics._face import hats
+from tsis.mechanics.small_strain import Resolution
+from tsis.mechanics.surrogate._build import (
+    CHECKED_SHARE,
+    PRESS_OUTPUTS,
+    cached_arrays,
+    largest_error,
+    mechanical_content,
+    profiles,
+    solve_all,
+)
+from tsis.mechanics.surrogate._polynomial import Box, Degrees, Surrogate
+from tsis.mechanics.surrogate._presses import FACE_POINTS, SmallStrainSlabs, full_contact_rows
+from tsis.model import MN_PER_N, Probe, require_number, require_type
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from tsis.mechanics.surrogate._build import SurrogatePoint
+    from tsis.mechanics.surrogate._presses import Slabs
+
+
+FORMAT_VERSION = 1
+FULL_CONTACT_DEGREES = Degrees(diameter=7, depth=6, contrast=2, tissue=3, thickness=3, plain=4)
+# A change by Poisson's ratio is itself small, so a coarser polynomial tells it as closely.
+POISSON_DEGREES = Degrees(diameter=4, depth=3, contrast=2, tissue=2, thickness=1, plain=3)
+LARGEST_POISSON = 0.495
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FullContactProfiles:
+    """Surrogates of one part of the presses, with 121, 121 and 1 outputs.
+
+    Attributes
+    ----------
+    pressure_kpa, face_displacement_mm, approach_mm
+        What they tell; of the unit each per newton, of a derivative each per unit of Poisson's ratio.
+    """
+
+    pressure_kpa: Surrogate
+    face_displacement_mm: Surrogate
+    approach_mm: Surrogate
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FullContactParts:
+    """A press is ``shape + force_n * unit``; the shape of a flat face is nothing, and None."""
+
+    unit: FullContactProfiles
+    shape: FullContactProfiles | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FullContactSurrogate:
+    """Every press of one probe whose contact covers its face, anywhere in a box.
+
+    Attributes
+    ----------
+    radius_mm
+        Radii of the profiles, evenly spaced from the axis to the edge, shape (121,).
+    unit
+        What each newton adds, per newton.
+    shape
+        What a dome's gap adds, whose force is zero; None when the face is flat.
+    by_poisson
+        Derivatives of both by Poisson's ratio, which tissue and inclusion share.
+    covering_force_n
+        Surrogate (1 output) of the force from which the contact covers the face; None when the face is flat.
+    error
+        Largest error of the pressures of unit (at 1 N) and shape met in fresh solves inside the box, as a share of the
+        mean pressure at 1 N, over the inner 0.8 of the face's radius.
+    key
+        Name of its content: probe, box, degrees, step and resolution.
+    """
+
+    radius_mm: NDArray[np.float64]
+    unit: FullContactProfiles
+    shape: FullContactProfiles | None
+    by_poisson: FullContactParts
+    covering_force_n: Surrogate | None
+    error: float
+    key: str
+
+    def interpolation(self, radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Matrix from profiles to values at ``radius_mm``, straight between its radii; (len(radius_mm), n)."""
+        return hats(self.radius_mm, radius_mm)
+
+
+def build_full_contact_surrogate(
+    probe: Probe,
+    box: Box | None = None,
+    *,
+    degrees: Degrees | None = None,
+    poisson_step: float = 0.004,
+    resolution: Resolution | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    cached: bool = True,
+) -> FullContactSurrogate:
+    """Build the surrogate of a probe's presses at every force that covers its face, or load it from the disk cache.
+
+    Parameters
+    ----------
+    probe, box
+        What presses at small strain, and the ranges of what is pressed.
+    degrees, resolution
+        Polynomial degrees, and the mesh density of the model.
+    poisson_step
+        Difference of Poisson's ratio that the derivatives are taken over, in [1e-4, 0.1], around that of the box or as
+        close below as 0.495 allows.
+    progress
+        Called with (slabs solved, slabs in all) as the work goes on.
+    cached
+        Whether to read and write the disk cache, whose key is the content of all arguments above.
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range or an inclusion of the box does not fit into the slab.
+    """
+    require_type("probe", probe, Probe)
+    poisson_step = require_number("poisson_step", poisson_step, 1e-4, 0.1, hint="a difference of Poisson's ratio")
+    box, degrees, resolution = box or Box(), degrees or FULL_CONTACT_DEGREES, resolution or Resolution()
+    key = content_key(
+        {
+            "format": FORMAT_VERSION,
+            "probe": mechanical_content(probe),
+            "box": asdict(box),
+            "degrees": asdict(degrees),
+            "poisson_degrees": asdict(POISSON_DEGREES),
+            "poisson_step": poisson_step,
+            "resolution": asdict(resolution),
+        }
+    )
+
+    def solved() -> dict[str, NDArray[np.float64]]:
+        return _solved(probe, box, degrees, poisson_step, resolution, progress)
+
+    found = cached_arrays("covered", key, solved) if cached else solved()
+    unit, shape, force = _parts(box, found["plain"], found["change"])
+    by_unit, by_shape, _ = _parts(box, found["plain_by_poisson"], found["change_by_poisson"])
+    return FullContactSurrogate(
+        radius_mm=np.linspace(0.0, probe.radius_mm, FACE_POINTS),
+        unit=unit,
+        shape=shape,
+        by_poisson=FullContactParts(unit=by_unit, shape=by_shape),
+        covering_force_n=force,
+        error=float(found["error"]),
+        key=key,
+    )
+
+
+def _solved(
+    probe: Probe,
+    box: Box,
+    degrees: Degrees,
+    poisson_step: float,
+    resolution: Resolution,
+    progress: Callable[[int, int], None] | None,
+) -> dict[str, NDArray[np.float64]]:
+    def slabs_at(poisson: float) -> Callable[[float], Slabs]:
+        return partial(SmallStrainSlabs, probe, replace(box, poisson=poisson), resolution, full_contact_rows)
+
+    coarse = _at_most(POISSON_DEGREES, degrees)
+    total, solved = _slabs(degrees) + 2 * _slabs(coarse), 0
+
+    def solve(poisson: float, these: Degrees) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        nonlocal solved
+        before = solved
+        solved += _slabs(these)
+        return solve_all(box, slabs_at(poisson), these, progress and (lambda done, _: progress(before + done, total)))
+
+    plain, change = solve(box.poisson, degrees)
+    high = min(box.poisson + poisson_step / 2, LARGEST_POISSON)
+    low = max(high - poisson_step, 0.0)
+    (plain_low, change_low), (plain_high, change_high) = solve(low, coarse), solve(high, coarse)
+    return {
+        "plain": plain,
+        "change": change,
+        "plain_by_poisson": (plain_high - plain_low) / (high - low),
+        "change_by_poisson": (change_high - change_low) / (high - low),
+        "error": np.array(_error(probe, box, slabs_at(box.poisson), plain, change)),
+    }
+
+
+def _slabs(degrees: Degrees) -> int:
+    """Slabs with an inclusion that are meshed."""
+    return degrees.diameter * degrees.depth * degrees.thickness
+
+
+def _at_most(wanted: Degrees, limit: Degrees) -> Degrees:
+    most = asdict(limit)
+    return Degrees(**{name: min(count, most[name]) for name, count in asdict(wanted).items()})
+
+
+def _parts(
+    box: Box, plain: NDArray[np.float64], change: NDArray[np.float64]
+) -> tuple[FullContactProfiles, FullContactProfiles | None, Surrogate | None]:
+    """Unit, shape and covering force; see `full_contact_rows` for the order of the outputs."""
+    unit = _answers(box, plain, change, 0)
+    if plain.shape[-1] == PRESS_OUTPUTS:
+        return unit, None, None
+    force = Surrogate(box=box, plain=plain[..., 2 * PRESS_OUTPUTS :], change=change[..., 2 * PRESS_OUTPUTS :])
+    return unit, _answers(box, plain, change, PRESS_OUTPUTS), force
+
+
+def _answers(box: Box, plain: NDArray[np.float64], change: NDArray[np.float64], first: int) -> FullContactProfiles:
+    pressure, displacement, approach = profiles(box, plain, change, first)
+    return FullContactProfiles(pressure_kpa=pressure, face_displacement_mm=displacement, approach_mm=approach)
+
+
+def _error(
+    probe: Probe,
+    box: Box,
+    slabs: Callable[[float], Slabs],
+    plain: NDArray[np.float64],
+    change: NDArray[np.float64],
+) -> float:
+    """Largest error of the pressures, as a share of the mean pressure at 1 N."""
+    unit, shape, _ = _parts(box, plain, change)
+    parts = [(0, unit)] if shape is None else [(0, unit), (PRESS_OUTPUTS, shape)]
+    inside = int(CHECKED_SHARE * (FACE_POINTS - 1)) + 1
+    mean_kpa = MN_PER_N / (np.pi * probe.radius_mm**2)
+
+    def error(spot: SurrogatePoint, fresh: NDArray[np.float64]) -> float:
+        off = [spot.of(part.pressure_kpa)[:inside] - fresh[start : start + inside] for start, part in parts]
+        return float(np.abs(off).max() / mean_kpa)
+
+    return largest_error(box, slabs, error)

@@ -1,0 +1,242 @@
+"""The press as a polynomial: Chebyshev tensors in diameter, depth, contrast, tissue modulus and slab thickness.
+
+The change that an inclusion makes is nearly proportional to ``g (d / c)**3`` with the saturation in its modulus
+``g = (Ei - Et) / (Ei + 1.5 Et)`` and the depth of its centre ``c = h + d / 2``; what is interpolated is the change
+divided by that, which is smooth enough for low degrees. Changes come from solves with and without contrast on one mesh.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.errors import InputError
+from tsis.mechanics._face import hats
+from tsis.mechanics.surrogate import _chebyshev as chebyshev
+from tsis.model import require_number
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+CHUNK = 512  # inclusions evaluated at a time, so that what lies between the two products stays in the cache
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Box:
+    """Ranges (low, high) over which a surrogate holds.
+
+    Attributes
+    ----------
+    diameter_mm, depth_mm, young_kpa
+        The inclusion.
+    tissue_young_kpa, thickness_mm
+        The slab around it.
+    poisson
+        Poisson's ratio of tissue and inclusion, one value.
+    """
+
+    diameter_mm: tuple[float, float] = (1.0, 15.0)
+    depth_mm: tuple[float, float] = (4.0, 12.0)
+    young_kpa: tuple[float, float] = (40.0, 120.0)
+    tissue_young_kpa: tuple[float, float] = (3.8, 6.6)
+    thickness_mm: tuple[float, float] = (27.6, 36.0)
+    poisson: float = 0.49
+
+    def __post_init__(self) -> None:
+        for name in ("diameter_mm", "depth_mm", "young_kpa", "tissue_young_kpa", "thickness_mm"):
+            low, high = getattr(self, name)
+            if not 0 < low < high < np.inf:
+                raise InputError(f"{name} must be a range (low, high) with 0 < low < high; got {getattr(self, name)}")
+        require_number("poisson", self.poisson, 0.0, 0.495)
+        deepest = self.depth_mm[1] + self.diameter_mm[1]
+        if deepest >= self.thickness_mm[0]:
+            raise InputError(
+                f"the largest depth_mm + diameter_mm must be less than the smallest thickness_mm "
+                f"= {self.thickness_mm[0]:g}; got {deepest:g}"
+            )
+
+    @property
+    def contrast_factor(self) -> tuple[float, float]:
+        """Range of g over the box."""
+        soft, stiff = self.tissue_young_kpa
+        return (
+            float(contrast_factor(self.young_kpa[0] / stiff)),
+            float(contrast_factor(self.young_kpa[1] / soft)),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Degrees:
+    """Chebyshev points along each axis.
+
+    The defaults hold 0.1 % of the peak signal on the default box. Plain tissue costs little, and must be exact
+    even against small signals, so it has points of its own: ``plain`` along tissue and thickness each.
+    """
+
+    diameter: int = 11
+    depth: int = 7
+    contrast: int = 3
+    tissue: int = 3
+    thickness: int = 3
+    plain: int = 6
+
+    def __post_init__(self) -> None:
+        for name in ("diameter", "depth", "contrast", "tissue", "thickness", "plain"):
+            require_number(name, getattr(self, name), 1, 100, hint="Chebyshev points")
+
+
+def contrast_factor(contrast: Any) -> Any:
+    """Saturation of the signal with the modulus: g(s) = (s - 1) / (s + 1.5) of s = Ei / Et."""
+    return (contrast - 1) / (contrast + 1.5)
+
+
+def contrast_from_factor(factor: Any) -> Any:
+    """The contrast Ei / Et whose `contrast_factor` is ``factor``."""
+    return (1 + 1.5 * factor) / (1 - factor)
+
+
+def signal_scale(diameter_mm: Any, depth_mm: Any, factor: Any) -> Any:
+    """What the change is nearly proportional to: g (d / c)**3."""
+    return factor * (diameter_mm / (depth_mm + diameter_mm / 2)) ** 3
+
+
+def log_range(interval: tuple[float, float]) -> tuple[float, float]:
+    """Logarithms of both ends: tissue modulus and thickness are interpolated in them."""
+    low, high = interval
+    return float(np.log(low)), float(np.log(high))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Surrogate:
+    """Numbers that presses answer with, as polynomials anywhere in a box.
+
+    Attributes
+    ----------
+    box
+        Where it holds.
+    plain
+        Answer of plain tissue at Chebyshev points of its own, shape (tissue, thickness, outputs).
+    change
+        Change by the inclusion over `signal_scale` at the points, shape (diameter, depth, contrast, tissue, thickness,
+        outputs).
+    """
+
+    box: Box
+    plain: NDArray[np.float64]
+    change: NDArray[np.float64]
+
+    def mapped(self, matrix: NDArray[np.float64]) -> Surrogate:
+        """The same surrogate after a linear map of its outputs; ``matrix`` has shape (new, old)."""
+        return replace(self, plain=self.plain @ matrix.T, change=self.change @ matrix.T)
+
+    def joined(self, *others: Surrogate) -> Surrogate:
+        """One surrogate with the outputs of this one and then those of ``others``, all over one box."""
+        every = (self, *others)
+        return replace(
+            self,
+            plain=np.concatenate([one.plain for one in every], axis=-1),
+            change=np.concatenate([one.change for one in every], axis=-1),
+        )
+
+    def at_tissue(self, tissue_young_kpa: float, thickness_mm: float) -> TissueSurrogate:
+        """Fix the tissue; outside the box the polynomial is extrapolated, and its error grows fast."""
+        places, outputs = self.change.shape[:3], self.change.shape[-1]
+        mix = self._mix(self.change.shape[3:5], tissue_young_kpa, thickness_mm)
+        return TissueSurrogate(
+            box=self.box,
+            tissue_young_kpa=tissue_young_kpa,
+            plain=self.plain_at(tissue_young_kpa, thickness_mm),
+            change=(mix @ self.change.reshape(-1, mix.size, outputs)).reshape(*places, outputs),
+        )
+
+    def plain_at(self, tissue_young_kpa: float, thickness_mm: float) -> NDArray[np.float64]:
+        """Answer of plain tissue, shape (outputs,)."""
+        mix = self._mix(self.plain.shape[:2], tissue_young_kpa, thickness_mm)
+        return np.asarray(mix @ self.plain.reshape(mix.size, -1))
+
+    def _mix(self, points: tuple[int, ...], tissue_young_kpa: float, thickness_mm: float) -> NDArray[np.float64]:
+        """Weights of the points along tissue and thickness, flat."""
+        tissue = chebyshev.weights_at(log_range(self.box.tissue_young_kpa), points[0], float(np.log(tissue_young_kpa)))
+        slab = chebyshev.weights_at(log_range(self.box.thickness_mm), points[1], float(np.log(thickness_mm)))
+        return np.asarray((tissue[:, None] * slab).ravel())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TissueSurrogate:
+    """A `Surrogate` at one tissue modulus and thickness: ``plain`` (outputs,), ``change`` (d, h, g, outputs)."""
+
+    box: Box
+    tissue_young_kpa: float
+    plain: NDArray[np.float64]
+    change: NDArray[np.float64]
+
+    def nodes(self) -> NDArray[np.float64]:
+        """Inclusions (diameter, depth, modulus) at which the change is tabled, shape (d * h * g, 3)."""
+        nd, nh, ng, _ = self.change.shape
+        axes = (
+            chebyshev.points(self.box.diameter_mm, nd),
+            chebyshev.points(self.box.depth_mm, nh),
+            contrast_from_factor(chebyshev.points(self.box.contrast_factor, ng)) * self.tissue_young_kpa,
+        )
+        return np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+
+    def through(self, plain: NDArray[np.float64], values: NDArray[np.float64]) -> TissueSurrogate:
+        """The surrogate of anything else that is ``plain`` (k,) without inclusion and ``values`` at `nodes`, (n, k)."""
+        diameter, depth, young = self.nodes().T
+        size = signal_scale(diameter, depth, contrast_factor(young / self.tissue_young_kpa))
+        change = ((values - plain) / size[:, None]).reshape(*self.change.shape[:3], -1)
+        return replace(self, plain=plain, change=change)
+
+    def __call__(
+        self, diameter_mm: NDArray[np.float64], depth_mm: NDArray[np.float64], young_kpa: NDArray[np.float64]
+    ) -> NDArray[np.float64]:
+        """Answer for inclusions given by three arrays of shape (n,); shape (n, outputs)."""
+        box, (nd, nh, ng, outputs) = self.box, self.change.shape
+        factor = contrast_factor(np.asarray(young_kpa) / self.tissue_young_kpa)
+        in_d = chebyshev.weights(box.diameter_mm, nd, diameter_mm)
+        in_h = chebyshev.weights(box.depth_mm, nh, depth_mm)
+        in_g = chebyshev.weights(box.contrast_factor, ng, factor)
+        # Diameter and depth in one matrix product, then the contrast: half the work of one product over all three.
+        table = self.change.reshape(nd * nh, ng * outputs)
+        change = np.empty((len(factor), outputs))
+        for start in range(0, len(factor), CHUNK):
+            part = slice(start, start + CHUNK)
+            basis = (in_d[part, :, None] * in_h[part, None, :]).reshape(-1, nd * nh)
+            at_points = (basis @ table).reshape(-1, ng, outputs)
+            change[part] = (in_g[part, None, :] @ at_points)[:, 0]
+        return np.asarray(self.plain + signal_scale(diameter_mm, depth_mm, factor)[:, None] * change)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PressSurrogate:
+    """Surrogates of everything a press at one force answers, around radii of one probe's face.
+
+    Attributes
+    ----------
+    radius_mm
+        Radii of the profiles, evenly spaced from the axis to the edge, shape (n,).
+    force_n
+        Force of the presses; the answers of a flat face are proportional to it.
+    pressure_kpa, face_displacement_mm, approach_mm
+        Surrogates with n, n and 1 outputs.
+    error
+        Largest error of the pressure met in fresh presses inside the box, as a share of its mean, over the inner 0.8 of
+        the face's radius.
+    key
+        Name of its content: probe, box, force, degrees and resolution.
+    """
+
+    radius_mm: NDArray[np.float64]
+    force_n: float
+    pressure_kpa: Surrogate
+    face_displacement_mm: Surrogate
+    approach_mm: Surrogate
+    error: float
+    key: str
+
+    def interpolation(self, radius_mm: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Matrix from profiles to values at ``radius_mm``, straight between its radii; (len(radius_mm), n)."""
+        return hats(self.radius_mm, radius_mm)

@@ -1,0 +1,175 @@
+"""Presses on slabs of one thickness as rows of numbers, by either model: what surrogates are made of."""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from tsis.errors import InputError, MechanicsError
+from tsis.mechanics._face import hat_areas, hats
+from tsis.mechanics._mesh import block_radius_mm, central_cell_mm
+from tsis.mechanics.finite_strain import FiniteResolution, press_finite, press_pairs
+from tsis.mechanics.small_strain import PressKernel, Resolution, strain_problem
+from tsis.mechanics.surrogate._polynomial import contrast_from_factor, signal_scale
+from tsis.model import MN_PER_N, Inclusion, Phantom
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import NDArray
+
+    from tsis.mechanics.small_strain import FacePress
+    from tsis.mechanics.surrogate._polynomial import Box
+    from tsis.model import PressField, Probe
+
+    Answer = Callable[[PressKernel, float, NDArray[np.float64] | None], NDArray[np.float64]]
+
+FACE_POINTS = 121  # of each profile; between them it is taken as straight
+
+
+class Slabs(Protocol):
+    """Slabs of one thickness; a row holds what `rows_at_force` or `full_contact_rows` put there."""
+
+    def plain(self, tissues: list[float]) -> NDArray[np.float64]:
+        """Plain tissue of each modulus in kPa, shape (tissues, outputs)."""
+
+    def changes(
+        self, sphere: tuple[float, float], factors: NDArray[np.float64], tissues: list[float]
+    ) -> NDArray[np.float64]:
+        """What a sphere (diameter, depth) of each contrast adds over its `signal_scale`, shape (factors, tissues, outputs)."""
+
+
+def slabs_of(
+    probe: Probe, box: Box, force_n: float, strain: str, resolution: Resolution | FiniteResolution | None
+) -> tuple[Callable[[float], Slabs], Resolution | FiniteResolution]:
+    """What makes slabs from their thickness in mm, and the mesh density that it uses."""
+    if strain == "small":
+        coarse = Resolution() if resolution is None else resolution
+        if isinstance(coarse, Resolution):
+            return partial(SmallStrainSlabs, probe, box, coarse, rows_at_force(force_n)), coarse
+    elif strain == "finite":
+        fine = FiniteResolution() if resolution is None else resolution
+        if isinstance(fine, FiniteResolution):
+            return lambda thickness: FiniteStrainSlabs(probe, box, force_n, fine, thickness), fine
+    else:
+        raise InputError(f"strain must be 'small' or 'finite'; got {strain!r}")
+    raise InputError(f"resolution must be that of strain {strain!r}; got a {type(resolution).__name__}")
+
+
+class SmallStrainSlabs:
+    """Slabs that share the condensed probe and far tissue.
+
+    ``answer`` makes a row of a tissue's modulus in kPa and what an inclusion changes about its compliance, or None.
+    """
+
+    def __init__(self, probe: Probe, box: Box, resolution: Resolution, answer: Answer, thickness_mm: float) -> None:
+        diameter, depth = box.diameter_mm[0], box.depth_mm[0]
+        self._answer = answer
+        self._kernel = PressKernel(
+            probe,
+            thickness_mm=thickness_mm,
+            poisson=box.poisson,
+            block_mm=block_radius_mm(probe, box.thickness_mm[0], box.diameter_mm[1]),
+            central_mm=central_cell_mm(diameter, depth, depth + diameter / 2),
+            resolution=resolution,
+            points=FACE_POINTS,
+        )
+
+    def plain(self, tissues: list[float]) -> NDArray[np.float64]:
+        """See `Slabs`."""
+        return np.array([self._answer(self._kernel, tissue, None) for tissue in tissues])
+
+    def changes(
+        self, sphere: tuple[float, float], factors: NDArray[np.float64], tissues: list[float]
+    ) -> NDArray[np.float64]:
+        """See `Slabs`."""
+        diameter, depth = sphere
+        slab = self._kernel.slab(diameter_mm=diameter, depth_mm=depth, poisson=self._kernel.poisson)
+        plain, rows = self.plain(tissues), []
+        for factor in factors:
+            change = slab.change(float(contrast_from_factor(factor)))
+            pressed = [self._answer(self._kernel, tissue, change) for tissue in tissues]
+            rows.append((np.array(pressed) - plain) / signal_scale(diameter, depth, factor))
+        return np.array(rows)
+
+
+def rows_at_force(force_n: float) -> Answer:
+    """Presses at one force."""
+
+    def answer(kernel: PressKernel, tissue: float, change: NDArray[np.float64] | None) -> NDArray[np.float64]:
+        found = kernel.press(tissue, force_n * MN_PER_N, change)
+        problem = None if change is not None else strain_problem(found.approach_mm, kernel.probe, kernel.thickness_mm)
+        if problem is not None:
+            raise MechanicsError(f"{problem}: choose a smaller force_n, stiffer tissue_young_kpa, or strain='finite'")
+        return _row(found)
+
+    return answer
+
+
+def full_contact_rows(kernel: PressKernel, tissue: float, change: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    """All presses that cover the face: what a newton adds; of a dome also the rest, and the force from which on."""
+    found = kernel.covering(tissue, change)
+    if found.shape is None:
+        return _row(found.unit)
+    return np.concatenate([_row(found.unit), _row(found.shape), [found.force_n]])
+
+
+class FiniteStrainSlabs:
+    """Slabs each of which is walked to its load on its own; seconds a press."""
+
+    def __init__(
+        self, probe: Probe, box: Box, force_n: float, resolution: FiniteResolution, thickness_mm: float
+    ) -> None:
+        self._probe, self._force_n, self._resolution = probe, force_n, resolution
+        self._thickness_mm, self._poisson = thickness_mm, box.poisson
+
+    def plain(self, tissues: list[float]) -> NDArray[np.float64]:
+        """See `Slabs`."""
+        return np.array(
+            [
+                _row_of(
+                    press_finite(
+                        self._probe, self._phantom(tissue, None), force_n=self._force_n, resolution=self._resolution
+                    )
+                )
+                for tissue in tissues
+            ]
+        )
+
+    def changes(
+        self, sphere: tuple[float, float], factors: NDArray[np.float64], tissues: list[float]
+    ) -> NDArray[np.float64]:
+        """See `Slabs`."""
+        return np.array([[self._change(sphere, float(factor), tissue) for tissue in tissues] for factor in factors])
+
+    def _change(self, sphere: tuple[float, float], factor: float, tissue: float) -> NDArray[np.float64]:
+        diameter, depth = sphere
+        lump = Inclusion(
+            diameter_mm=diameter,
+            depth_mm=depth,
+            young_kpa=float(contrast_from_factor(factor)) * tissue,
+            poisson=self._poisson,
+        )
+        ((with_it, without),) = press_pairs(
+            self._probe, self._phantom(tissue, lump), forces_n=(self._force_n,), resolution=self._resolution
+        )
+        return (_row_of(with_it) - _row_of(without)) / float(signal_scale(diameter, depth, factor))
+
+    def _phantom(self, tissue: float, lump: Inclusion | None) -> Phantom:
+        return Phantom(young_kpa=tissue, thickness_mm=self._thickness_mm, poisson=self._poisson, inclusion=lump)
+
+
+def _row(found: FacePress) -> NDArray[np.float64]:
+    return np.concatenate([found.pressure_kpa, found.face_displacement_mm, [found.approach_mm]])
+
+
+def _row_of(field: PressField) -> NDArray[np.float64]:
+    """A row at fewer radii; each pressure is a mean of means, so that they still sum up to the force."""
+    fine = field.radius_mm
+    coarse = np.linspace(0.0, fine[-1], FACE_POINTS)
+    share = hats(coarse, fine) * hat_areas(fine)[:, None]
+    pressure = field.pressure_kpa @ share / share.sum(axis=0)
+    displacement = np.interp(coarse, fine, field.face_displacement_mm)
+    return np.concatenate([pressure, displacement, [field.approach_mm]])

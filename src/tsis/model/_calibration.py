@@ -1,0 +1,237 @@
+"""How much light reaches the probe's face from inside: a smooth map, and what a dent does to it."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from tsis.errors import InputError
+from tsis.model._press import interpolation_matrix, require_ascending
+from tsis.model._require import require_array, require_number, require_type
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+
+# Of any place; growth in e-folds a mm and bend in e-folds a mm², of which lamps make a tenth.
+MOST = {"relative": 1e6, "flux_x": 1e3, "flux_y": 1e3, "growth_per_mm": 10.0, "bend_per_mm2": 100.0}
+LEAST_LIGHT = 1e-6
+FIELDS = ("relative", "flux_x", "flux_y", "growth_per_mm", "bend_per_mm2")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LightMap:
+    """Light that arrives at the face from inside, over a coarse grid, and what displacing and tilting the face does.
+
+    Attributes
+    ----------
+    x_mm, y_mm
+        Coordinates from the probe's axis, shapes (n,) and (m,), ascending. Between them the light is linear, beyond
+        them that of the edge.
+    relative
+        Power arriving per area of the undented face over its mean on the face, shape (m, n).
+    flux_x, flux_y
+        Power travelling along x and y over the power travelling into the face, shape (m, n): a face that rises towards
+        the glass by ``slope`` in a direction catches ``1 + flux * slope`` times the light.
+    growth_per_mm
+        The light changes by ``exp(growth_per_mm * displacement + bend_per_mm2 * displacement**2)`` when the face is
+        displaced towards the glass, shape (m, n).
+    bend_per_mm2
+        See there; zero when it is not given.
+    error
+        Standard error of ``relative`` by the number of rays, its root mean square over the face.
+    depletion
+        Light falls by ``1 / (1 + depletion * share)`` all over the face when contact takes that share of it; 0 where
+        nobody knows, or where a map is that of one press.
+
+    Raises
+    ------
+    InputError
+        When a coordinate does not ascend, a value is not finite, a shape is not that of the grid or light is negative.
+
+    Examples
+    --------
+    >>> light = LightMap.uniform()
+    >>> light.at([-1.0, 1.0], [0.0], displacement_mm=0.3, slope_x=0.1, slope_y=0.0).tolist()
+    [[1.0, 1.0]]
+    """
+
+    x_mm: NDArray[np.float64]
+    y_mm: NDArray[np.float64]
+    relative: NDArray[np.float64]
+    flux_x: NDArray[np.float64]
+    flux_y: NDArray[np.float64]
+    growth_per_mm: NDArray[np.float64]
+    error: float
+    depletion: float = 0.0
+    bend_per_mm2: NDArray[np.float64] = field(default_factory=lambda: np.zeros((0, 0)))
+
+    def __post_init__(self) -> None:
+        for name in ("x_mm", "y_mm"):
+            object.__setattr__(self, name, require_ascending(name, getattr(self, name)))
+        shape = (len(self.y_mm), len(self.x_mm))
+        if isinstance(self.bend_per_mm2, np.ndarray) and not self.bend_per_mm2.size:
+            object.__setattr__(self, "bend_per_mm2", np.zeros(shape))
+        for name in FIELDS:
+            values = require_array(name, getattr(self, name), ndim=2)
+            if values.shape != shape:
+                raise InputError(f"{name} must have the shape {shape} of y_mm and x_mm; got {values.shape}")
+            object.__setattr__(self, name, values)
+        for name, most in MOST.items():
+            require_number(name, float(np.abs(getattr(self, name)).max()), 0.0, most, hint="the largest, either sign")
+        require_number("relative", float(self.relative.min()), 0.0, np.inf)
+        if self.relative.max() < LEAST_LIGHT:
+            raise InputError(f"relative must hold some light, a mean of about 1; got at most {self.relative.max():g}")
+        require_number("error", self.error, 0.0, np.inf)
+        require_number("depletion", self.depletion, -0.9, 100.0)
+
+    def __eq__(self, other: object) -> bool:
+        """Equal by content, like every value without arrays."""
+        return isinstance(other, LightMap) and self._content() == other._content()
+
+    def __hash__(self) -> int:
+        return hash(self._content())
+
+    def _content(self) -> tuple[bytes | float, ...]:
+        arrays = (getattr(self, name).tobytes() for name in ("x_mm", "y_mm", *FIELDS))
+        return (*arrays, self.error, self.depletion)
+
+    @property
+    def sha256(self) -> str:
+        """Hash of its content, which names it in results."""
+        return hashlib.sha256(repr(self._content()).encode()).hexdigest()
+
+    @classmethod
+    def uniform(cls) -> Self:
+        """The same light everywhere, whatever the face does."""
+        even, none = np.ones((2, 2)), np.zeros((2, 2))
+        ends = np.array([-1.0, 1.0])
+        return cls(x_mm=ends, y_mm=ends, relative=even, flux_x=none, flux_y=none, growth_per_mm=none, error=0.0)
+
+    def at(
+        self,
+        x_mm: ArrayLike,
+        y_mm: ArrayLike,
+        *,
+        displacement_mm: ArrayLike = 0.0,
+        slope_x: ArrayLike = 0.0,
+        slope_y: ArrayLike = 0.0,
+    ) -> NDArray[np.float64]:
+        """Light on a dented face over a grid, relative to the mean on the undented one; never negative.
+
+        Parameters
+        ----------
+        x_mm, y_mm
+            Coordinates of the grid's columns (k,) and rows (l,), mm.
+        displacement_mm
+            Displacement of the face towards the glass, mm, shape (l, k) or one number.
+        slope_x, slope_y
+            Its derivatives by x and y, of the same shapes.
+
+        Returns
+        -------
+        Light, shape (l, k).
+        """
+        relative, flux_x, flux_y, growth, bend = self.undented(x_mm, y_mm)
+        tilt = 1 + flux_x * np.asarray(slope_x) + flux_y * np.asarray(slope_y)
+        moved = np.asarray(displacement_mm)
+        return np.asarray(relative * np.exp((growth + bend * moved) * moved) * np.maximum(tilt, 0.0))
+
+    def undented(self, x_mm: ArrayLike, y_mm: ArrayLike) -> tuple[NDArray[np.float64], ...]:
+        """All five fields over a grid, in the order of `FIELDS`, each (len(y_mm), len(x_mm))."""
+        rows, columns = interpolation_matrix(self.y_mm, y_mm), interpolation_matrix(self.x_mm, x_mm).T
+        return tuple(np.asarray(rows @ getattr(self, name) @ columns) for name in FIELDS)
+
+
+SHARES = (
+    "gain_sd",
+    "force_sd",
+    "offset_sd",
+    "pattern_sd",
+    "repeatability_sd",
+    "shading_sd",
+    "site_sd",
+    "probe_young_sd",
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Calibration:
+    """Rough-contact response of a probe and camera: ``grey = light * gain * saturation * erf(0.886 p / saturation)``.
+
+    The slope at zero pressure, where the light is 1 and the background was taken away, is ``gain_grey_per_kpa``. The
+    relative standard deviations say how well each quantity is known.
+
+    Parameters
+    ----------
+    gain_grey_per_kpa
+        Grey levels per kPa of contact pressure at small pressure.
+    saturation_kpa
+        Pressure scale at which the real contact area saturates.
+    background_grey
+        Grey level without contact, subtracted before anything else.
+    light
+        How the light that reaches the camera varies over the face, lens and all; None when it is even or was corrected.
+    gain_sd
+        Relative standard deviation of the gain (LED drift included).
+    force_sd
+        Relative standard deviation of a force reading.
+    offset_sd
+        Standard deviation of an unknown constant in the corrected image, as a share of its mean grey.
+    pattern_sd
+        Relative standard deviation of the fixed pattern that all frames of this probe share.
+    repeatability_sd
+        Relative standard deviation of a pattern that each press leaves anew.
+    grain_mm
+        Width of a grain of these two patterns, in [0.05, 50]: places closer than that err alike.
+    shading_sd
+        Standard deviation of each of three Legendre terms along the radius, by which the log of what displacement and
+        slope of the face do to the light is off, as a share of it.
+    site_sd
+        Relative standard deviation of the tissue's modulus between the reference site and the target's.
+    probe_young_sd
+        Relative standard deviation of the moduli of the probe's layers, which err together.
+    read_noise_grey
+        Standard deviation of one pixel's noise at zero light, grey levels.
+    shot_noise_grey
+        Variance per grey level of one pixel's noise.
+    name
+        Identifies the calibration in every result.
+    probe
+        Name of the probe that was calibrated; empty when nobody wrote it down.
+    """
+
+    gain_grey_per_kpa: float
+    saturation_kpa: float
+    background_grey: float = 0.0
+    light: LightMap | None = None
+    gain_sd: float = 0.01
+    force_sd: float = 0.01
+    offset_sd: float = 0.01
+    pattern_sd: float = 0.002
+    repeatability_sd: float = 0.0005
+    grain_mm: float = 0.5
+    shading_sd: float = 0.2
+    site_sd: float = 0.03
+    probe_young_sd: float = 0.03
+    read_noise_grey: float = 1.0
+    shot_noise_grey: float = 0.025
+    name: str = ""
+    probe: str = ""
+
+    def __post_init__(self) -> None:
+        require_type("name", self.name, str)
+        require_type("probe", self.probe, str)
+        require_number("gain_grey_per_kpa", self.gain_grey_per_kpa, 1e-6, 1e6)
+        require_number("saturation_kpa", self.saturation_kpa, 1e-3, 1e6)
+        require_number("background_grey", self.background_grey, 0.0, 65535.0)
+        if self.light is not None and not isinstance(self.light, LightMap):
+            raise InputError(f"light must be a LightMap or None; got {self.light!r:.80}")
+        for name in SHARES:
+            require_number(name, getattr(self, name), 0.0, 1.0, hint="a share of one")
+        require_number("grain_mm", self.grain_mm, 0.05, 50.0, hint="millimetres")
+        require_number("read_noise_grey", self.read_noise_grey, 0.0, 1e4)
+        require_number("shot_noise_grey", self.shot_noise_grey, 0.0, 1e4)

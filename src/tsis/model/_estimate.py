@@ -1,0 +1,170 @@
+"""An estimate: samples of the posterior, and what they say."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.errors import InputError
+from tsis.model._require import require_array, require_number, require_one_of, require_type
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+INTERVAL_LEVEL = 0.9  # probability of the intervals that are told where nobody asks for another
+IMPROBABLE = 1e-4  # chance, if the model were true, of what disagrees with it this much: below it the reader is told
+NOT_IDENTIFIED = 0.85  # posterior over prior standard deviation from which the data told next to nothing
+LARGEST_EVIDENCE = 1e12
+LEAST_CHANCE = 1e-99  # that is put into words
+
+
+def probability_bound(chance: float) -> str:
+    """The next power of ten above a chance, for a sentence: the digits of one this small mean nothing.
+
+    >>> probability_bound(2.3e-15), probability_bound(0.0)
+    ('1e-14', '1e-99')
+    """
+    return f"1e{np.ceil(np.log10(max(chance, LEAST_CHANCE))):+03.0f}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Estimate:
+    """Posterior samples by parameter name, with the prior's spread beside them.
+
+    Parameters
+    ----------
+    samples
+        Equally weighted posterior samples, name -> shape (n,); the names carry the unit.
+    prior_sd
+        Standard deviation of each parameter before the data were seen.
+    cramer_rao_sd
+        Least standard deviation of any unbiased estimate of each parameter, everything else unknown; infinite where
+        the data tell nothing, empty where nobody computed it.
+    presence
+        Probability that what was estimated is there at all; None where nobody asked.
+    log_bayes_factor
+        Natural logarithm of how much better the data are explained with it than without, before any rounding: what
+        ranks targets of which each is nearly certain.
+    identifiability
+        One sentence that says what the data tell and what not.
+    prior
+        What was believed before the data, in words.
+    trusted
+        Whether no flag says that the model does not hold; where one does, no number here should be used.
+    flags
+        Short names of what the reader must know, e.g. ``"young_kpa_not_identified"``.
+    notes
+        One sentence a flag or a parameter.
+    provenance
+        Version, inputs and calibration that the estimate came from.
+
+    Examples
+    --------
+    >>> estimate = Estimate(samples={"depth_mm": [4.0, 5.0, 6.0]}, prior_sd={"depth_mm": 2.0})
+    >>> estimate.mean["depth_mm"]
+    5.0
+    >>> [float(bound) for bound in estimate.interval(0.5)["depth_mm"]]
+    [4.5, 5.5]
+    """
+
+    samples: Mapping[str, NDArray[np.float64]]
+    prior_sd: Mapping[str, float]
+    cramer_rao_sd: Mapping[str, float] = field(default_factory=dict)
+    presence: float | None = None
+    log_bayes_factor: float | None = None
+    identifiability: str = ""
+    prior: str = ""
+    trusted: bool = True
+    flags: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
+    provenance: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("samples", "prior_sd", "cramer_rao_sd", "provenance"):
+            require_type(name, getattr(self, name), Mapping)
+        for name in ("identifiability", "prior"):
+            require_type(name, getattr(self, name), str)
+        require_type("trusted", self.trusted, bool)
+        require_type("flags", self.flags, tuple)
+        require_type("notes", self.notes, tuple)
+        samples = {name: require_array(name, values, ndim=1) for name, values in self.samples.items()}
+        if set(samples) != set(self.prior_sd):
+            raise InputError(
+                f"samples and prior_sd must name the same parameters; got {set(samples)} and {set(self.prior_sd)}"
+            )
+        for name, sd in self.prior_sd.items():
+            require_number(f"prior_sd[{name!r}]", sd, 1e-300, 1e300)
+        for name, sd in self.cramer_rao_sd.items():
+            require_one_of("parameter", name, samples)
+            if not isinstance(sd, float) or not sd > 0:
+                raise InputError(f"cramer_rao_sd[{name!r}] must be positive; got {sd!r}")
+        if self.presence is not None:
+            require_number("presence", self.presence, 0.0, 1.0, hint="a probability")
+        if self.log_bayes_factor is not None:
+            require_number("log_bayes_factor", self.log_bayes_factor, -LARGEST_EVIDENCE, LARGEST_EVIDENCE)
+        object.__setattr__(self, "cramer_rao_sd", MappingProxyType(dict(self.cramer_rao_sd)))
+        object.__setattr__(self, "samples", MappingProxyType(samples))
+        object.__setattr__(self, "prior_sd", MappingProxyType(dict(self.prior_sd)))
+        object.__setattr__(self, "provenance", MappingProxyType(dict(self.provenance)))
+
+    @property
+    def mean(self) -> dict[str, float]:
+        """Posterior mean of each parameter."""
+        return {name: float(values.mean()) for name, values in self.samples.items()}
+
+    @property
+    def sd(self) -> dict[str, float]:
+        """Posterior standard deviation of each parameter."""
+        return {name: float(values.std()) for name, values in self.samples.items()}
+
+    @property
+    def narrowing(self) -> dict[str, float]:
+        """Posterior over prior standard deviation: 1 says that the data told nothing."""
+        return {name: sd / self.prior_sd[name] for name, sd in self.sd.items()}
+
+    def identified(self, name: str) -> bool:
+        """Whether the data told enough of a parameter for its mean to be read as a number."""
+        return f"{name}_not_identified" not in self.flags
+
+    def interval(self, level: float = INTERVAL_LEVEL) -> dict[str, tuple[float, float]]:
+        """Equal-tailed credible interval of each parameter, in the unit that its name carries.
+
+        ``level`` is the probability of each, in (0, 1); else `InputError` is raised.
+        """
+        require_number("level", level, 1e-6, 1.0 - 1e-6)
+        tails = (0.5 - level / 2, 0.5 + level / 2)
+        bounds = {name: np.quantile(values, tails) for name, values in self.samples.items()}
+        return {name: (float(low), float(high)) for name, (low, high) in bounds.items()}
+
+
+UNITS = {"_mm": "mm", "_kpa": "kPa", "_n": "N", "_deg": "deg"}  # as UCUM writes them
+NO_UNIT = "1"
+
+
+def unit_of(name: str) -> str:
+    """The unit of a quantity in UCUM; ``"1"`` for a pure number.
+
+    Examples
+    --------
+    >>> unit_of("young_kpa"), unit_of("presence")
+    ('kPa', '1')
+    """
+    return next((unit for ending, unit in UNITS.items() if name.endswith(ending)), NO_UNIT)
+
+
+def label_of(name: str) -> str:
+    """A quantity's name in words, without its unit.
+
+    Examples
+    --------
+    >>> label_of("young_kpa"), label_of("depth_mm")
+    ("Young's modulus", 'depth')
+    """
+    ending = next((ending for ending in UNITS if name.endswith(ending)), "")
+    bare = name.removesuffix(ending).replace("_", " ")
+    return "Young's modulus" if bare == "young" else bare

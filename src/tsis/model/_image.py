@@ -1,0 +1,113 @@
+"""One frame of the camera, with what is needed to read it in millimetres."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.errors import InputError
+from tsis.model._require import require_array, require_number, require_pair
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+SMALLEST_PIXEL_MM, LARGEST_PIXEL_MM = 1e-4, 10.0
+LARGEST_GREY = 1e9  # far beyond any sensor, and its square still a number
+
+
+def require_pixel_scale(value: tuple[float, float]) -> tuple[float, float]:
+    """Check a pair (x, y) of mm per pixel."""
+    x, y = (
+        require_number("mm_per_pixel", part, SMALLEST_PIXEL_MM, LARGEST_PIXEL_MM, hint="millimetres per pixel")
+        for part in require_pair("mm_per_pixel", value)
+    )
+    return x, y
+
+
+def require_image_numbers(
+    *,
+    full_scale: float,
+    mm_per_pixel: tuple[float, float] | None,
+    force_n: float | None,
+    axis_px: tuple[float, float] | None,
+) -> None:
+    """Refuse what no image may have; parameters as of `TactileImage`."""
+    require_number("full_scale", full_scale, 1.0, 65535.0)
+    if mm_per_pixel is not None:
+        require_pixel_scale(mm_per_pixel)
+    if force_n is not None:
+        require_number("force_n", force_n, 0.0, 100.0, hint="newtons")
+    if axis_px is not None:
+        for place in require_pair("axis_px", axis_px):
+            require_number("axis_px", place, -1e6, 1e6, hint="pixels")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TactileImage:
+    """A grey frame of the pressed probe.
+
+    Parameters
+    ----------
+    grey
+        Grey levels, shape (rows, columns), finite; kept as a read-only float64 copy.
+    mm_per_pixel
+        Size (x, y) of a pixel on the face in mm; None when nobody measured it.
+    full_scale
+        Grey level at which the camera clips, 255 for 8 bits.
+    force_n
+        Force of the press in newtons as the gauge read it; None when unknown.
+    axis_px
+        Where the probe's axis meets the image, (x, y) in pixels; the image's centre when None.
+    name
+        What reports call it, e.g. the file's name.
+    settings
+        What the camera was set to, for provenance.
+
+    Raises
+    ------
+    InputError
+        When the frame is empty, not two-dimensional or not finite, or a value lies outside its range.
+    """
+
+    grey: NDArray[np.float64]
+    mm_per_pixel: tuple[float, float] | None = None
+    full_scale: float = 255.0
+    force_n: float | None = None
+    axis_px: tuple[float, float] | None = None
+    name: str = ""
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        grey = require_array("grey", self.grey, ndim=2)
+        if np.abs(grey).max() > LARGEST_GREY:
+            raise InputError(f"grey must lie within +-{LARGEST_GREY:g} grey levels; got {np.abs(grey).max():g}")
+        object.__setattr__(self, "grey", grey)
+        require_image_numbers(
+            full_scale=self.full_scale, mm_per_pixel=self.mm_per_pixel, force_n=self.force_n, axis_px=self.axis_px
+        )
+        if self.mm_per_pixel is not None:
+            object.__setattr__(self, "mm_per_pixel", require_pixel_scale(self.mm_per_pixel))
+        if self.axis_px is None:
+            rows, columns = self.grey.shape
+            object.__setattr__(self, "axis_px", ((columns - 1) / 2, (rows - 1) / 2))
+        else:
+            object.__setattr__(self, "axis_px", require_pair("axis_px", self.axis_px))
+        if not isinstance(self.settings, Mapping):
+            raise InputError(f"settings must be a mapping of names to values; got {self.settings!r:.80}")
+        object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
+
+    def axis(self) -> tuple[float, float]:
+        """Where the probe's axis meets the image, (x, y) in pixels."""
+        assert self.axis_px is not None  # filled in when the image is made
+        return self.axis_px
+
+    def scale(self) -> tuple[float, float]:
+        """The pixel size (x, y) in mm; `InputError` when it is unknown."""
+        if self.mm_per_pixel is None:
+            raise InputError("mm_per_pixel is not known for this image; give the size of a pixel in millimetres")
+        return self.mm_per_pixel

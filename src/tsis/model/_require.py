@@ -1,0 +1,97 @@
+"""Checks that values make of their fields: one clear sentence, or nothing."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.errors import InputError, UnknownNameError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from numpy.typing import NDArray
+
+
+LARGEST_SEED = 2**63 - 1  # of all that is drawn by chance: whole numbers of other programs end there
+
+
+def require_number(name: str, value: object, low: float, high: float, *, hint: str = "") -> float:
+    """Return ``value`` as a float when it is finite and lies in ``[low, high]``, else say why not."""
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)):
+        raise InputError(f"{name} must be a number; got {value!r:.80}")
+    result = _as_float(value)
+    if not math.isfinite(result) or not low <= result <= high:
+        raise InputError(f"{name} must lie in [{low:g}, {high:g}]; got {result:g}" + (f" ({hint})" if hint else ""))
+    return result
+
+
+def require_integer(name: str, value: object, low: int, high: int, *, hint: str = "") -> int:
+    """Return ``value`` as an int when it is a whole number, as 3 or 3.0 or 1e6, and lies in ``[low, high]``."""
+    ending = f" ({hint})" if hint else ""
+    # Infinity and NaN are not whole.
+    fraction = isinstance(value, (float, np.floating)) and not float(value).is_integer()
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.integer, np.floating)) or fraction:
+        raise InputError(f"{name} must be a whole number; got {value!r:.80}{ending}")
+    result = int(value)  # not by way of a float, which would round large seeds
+    if not low <= result <= high:
+        raise InputError(f"{name} must lie in [{low:g}, {high:g}]; got {_as_float(result):g}{ending}")
+    return result
+
+
+def _as_float(value: float | np.integer[Any] | np.floating[Any]) -> float:
+    try:
+        return float(value)
+    except OverflowError:
+        return math.inf
+
+
+def require_type(name: str, value: object, wanted: type) -> None:
+    """Refuse a value that is not of the class ``wanted``."""
+    if not isinstance(value, wanted):
+        raise InputError(f"{name} must be a {wanted.__name__}; got {value!r:.80}")
+
+
+def require_pair(name: str, value: Any) -> tuple[float, float]:
+    """Return ``value`` as two finite numbers."""
+    if type(value) is tuple and len(value) == 2 and all(type(each) is float and math.isfinite(each) for each in value):
+        return value  # as every press of a store has it
+    result = require_array(name, value, ndim=1)
+    if result.shape != (2,):
+        raise InputError(f"{name} must hold two numbers; got {value!r:.80}")
+    return float(result[0]), float(result[1])
+
+
+def require_array(name: str, value: Any, *, ndim: int, dtype: type = float) -> NDArray[Any]:
+    """Return a read-only copy of ``value`` with ``ndim`` axes, not empty, all finite."""
+    if np.ma.is_masked(value):
+        raise InputError(f"{name} must not hold masked values; leave them out before")
+    try:
+        # "same_kind" takes integers for floats, and neither text nor complex numbers.
+        result: NDArray[Any] = np.array(value).astype(dtype, casting="same_kind", copy=False)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise InputError(f"{name} must be an array of numbers with {ndim} axes; got {type(value).__name__}") from error
+    if result.ndim != ndim:
+        raise InputError(f"{name} must have {ndim} axes; got shape {result.shape}")
+    if result.size == 0:
+        raise InputError(f"{name} must not be empty; got shape {result.shape}")
+    whole_numbers = result.dtype.kind in "iu"  # as cameras deliver them: nothing to look for
+    bad = 0 if whole_numbers else int(np.count_nonzero(~np.isfinite(result)))
+    if bad:
+        raise InputError(f"{name} must be finite; got {bad} NaN or infinite values out of {result.size}")
+    result.flags.writeable = False
+    return result
+
+
+def require_one_of(what: str, name: str, names: Iterable[str]) -> str:
+    """Return ``name`` when it is among ``names``, else suggest the nearest."""
+    choices = sorted(names)
+    if name in choices:
+        return name
+    nearest = difflib.get_close_matches(str(name)[:80], choices, n=1, cutoff=0.0)
+    raise UnknownNameError(
+        f"no {what} is called {name!r:.80}; did you mean {nearest[0]!r}? known: {', '.join(choices)}"
+    )

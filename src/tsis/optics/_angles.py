@@ -1,0 +1,241 @@
+"""Rays at flat interfaces: refraction, Fresnel's coefficients, and the angles at which a stack takes light in.
+
+Angles of incidence are from the normal of an interface between layers; angles of acceptance are outside the stack,
+from the normal of its end face. Both in degrees.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.errors import InputError
+from tsis.model import require_array
+from tsis.optics import _inputs as inputs
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from tsis.model import Led, Probe
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Fresnel:
+    """What a flat interface reflects and lets through.
+
+    Attributes
+    ----------
+    r_s, r_p
+        Reflected over incident amplitude of the electric field, complex, for light polarized across (s) and in (p) the
+        plane of incidence; at normal incidence ``r_p = -r_s``. Beyond the critical angle their size is 1.
+    t_s, t_p
+        The same for the refracted wave, or for the evanescent one beyond the critical angle.
+    reflected_s, reflected_p
+        Share of the power reflected.
+    transmitted_s, transmitted_p
+        Share of the power let through: 0 beyond the critical angle.
+    """
+
+    r_s: NDArray[np.complex128]
+    r_p: NDArray[np.complex128]
+    t_s: NDArray[np.complex128]
+    t_p: NDArray[np.complex128]
+    reflected_s: NDArray[np.float64]
+    reflected_p: NDArray[np.float64]
+    transmitted_s: NDArray[np.float64]
+    transmitted_p: NDArray[np.float64]
+
+
+def refraction_deg(angle_deg: ArrayLike, *, index_from: float, index_to: float) -> NDArray[np.float64]:
+    """Angle behind an interface by Snell's law, ``n_1 sin(a_1) = n_2 sin(a_2)``; NaN where all light is reflected.
+
+    Parameters
+    ----------
+    angle_deg
+        Angle of incidence, degrees, in [0, 90], any shape.
+    index_from, index_to
+        Real refractive indices before and behind the interface, in [1, 5].
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range.
+
+    Examples
+    --------
+    >>> refraction_deg([30.0, 60.0], index_from=1.5, index_to=1.0).round(3).tolist()
+    [48.59, nan]
+    """
+    sine = np.sin(_incidence(angle_deg)) * _ratio(index_from, index_to)
+    return np.degrees(np.arcsin(np.where(sine <= 1, sine, np.nan)))
+
+
+def critical_angle_deg(*, index_from: float, index_to: float) -> float:
+    """Angle of incidence above which all light is reflected; 90 where the other side is not thinner, so none ever is.
+
+    Parameters
+    ----------
+    index_from, index_to
+        Real refractive indices before and behind the interface, in [1, 5].
+
+    Returns
+    -------
+    From the interface's normal, degrees.
+
+    Raises
+    ------
+    InputError
+        When an index lies outside its range.
+
+    Examples
+    --------
+    >>> round(critical_angle_deg(index_from=1.41, index_to=1.0), 2)
+    45.17
+    """
+    return float(np.degrees(np.arcsin(min(1.0, 1 / _ratio(index_from, index_to)))))
+
+
+def fresnel(angle_deg: ArrayLike, *, index_from: float, index_to: float) -> Fresnel:
+    """Fresnel's coefficients of an interface between two transparent bodies.
+
+    Parameters
+    ----------
+    angle_deg
+        Angle of incidence, degrees, in [0, 90], any shape.
+    index_from, index_to
+        Real refractive indices before and behind the interface, in [1, 5].
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range.
+
+    Examples
+    --------
+    >>> glass = fresnel(0.0, index_from=1.0, index_to=1.5)
+    >>> round(float(glass.reflected_s), 3), round(float(glass.transmitted_p), 3)
+    (0.04, 0.96)
+    """
+    angle, ratio = _incidence(angle_deg), _ratio(index_from, index_to)
+    before = np.cos(angle)
+    # Written with the cosine, which keeps its digits along a grazing ray; imaginary beyond the critical angle.
+    behind = np.sqrt((1 - ratio) * (1 + ratio) + (ratio * before) ** 2 + 0j)
+    s, p = ratio * before + behind, before + ratio * behind
+    passing = 4 * ratio * before * behind.real
+    r_s, r_p = (ratio * before - behind) / s, (before - ratio * behind) / p
+    return Fresnel(
+        r_s=r_s,
+        r_p=r_p,
+        t_s=2 * ratio * before / s,
+        t_p=2 * ratio * before / p,
+        reflected_s=np.abs(r_s) ** 2,
+        reflected_p=np.abs(r_p) ** 2,
+        transmitted_s=passing / np.abs(s) ** 2,
+        transmitted_p=passing / np.abs(p) ** 2,
+    )
+
+
+def _incidence(angle_deg: Any) -> NDArray[np.float64]:
+    """Angles of incidence in radians."""
+    angle = np.asarray(angle_deg)
+    flat = require_array("angle_deg", angle.ravel(), ndim=1)
+    if not (flat.min() >= 0 and flat.max() <= 90):
+        wrong = flat[(flat < 0) | (flat > 90)][0]
+        raise InputError(f"angle_deg must lie in [0, 90]; got {wrong:g} (degrees from the interface's normal)")
+    return np.asarray(np.radians(flat).reshape(angle.shape))
+
+
+def _ratio(index_from: Any, index_to: Any) -> float:
+    return inputs.require_refractive_index("index_from", index_from) / inputs.require_refractive_index(
+        "index_to", index_to
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Acceptance:
+    """What each layer of a stack takes in through the side wall, from air; layers from the pressed face up.
+
+    Attributes
+    ----------
+    index
+        Refractive index of each layer, (layers,).
+    critical_deg
+        Angle from the layers' normal above which a ray in that layer cannot leave the stack.
+    acceptance_deg
+        Angle from the side wall's normal below which a ray from outside stays in the stack, the source's (3.67). It is
+        90 where the layer's index is so high that every ray from outside stays.
+    unlimited
+        Whether every ray stays.
+    blind_deg
+        Angle from the side wall's normal below which a ray never reaches the pressed face, because a layer of lower
+        index reflects it on the way; 0 where every ray reaches it.
+    blind_share
+        The same as a share of the angles, within the layer, at which a ray stays in the stack.
+    """
+
+    index: NDArray[np.float64]
+    critical_deg: NDArray[np.float64]
+    acceptance_deg: NDArray[np.float64]
+    unlimited: NDArray[np.bool]
+    blind_deg: NDArray[np.float64]
+    blind_share: NDArray[np.float64]
+
+
+def acceptance(index: ArrayLike, *, index_outside: float = 1.0) -> Acceptance:
+    """Angles of acceptance, ``asin(min(1, sqrt(n_i**2 - n_out**2)))``, of each layer.
+
+    A ray at the angle a to the plane of the layers keeps ``N = n_i cos(a)``, its effective index, in all layers. It
+    stays in the stack when N exceeds the index outside, and passes a layer only when N is below that layer's index.
+
+    Parameters
+    ----------
+    index
+        Real refractive indices from the pressed face up, in [1, 5], (layers,).
+    index_outside
+        Index below and above the stack, in [1, 5]; in front of the side wall there is air.
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range.
+
+    Examples
+    --------
+    >>> acceptance([1.16, 1.15, 1.14, 1.13]).acceptance_deg.round(2).tolist()
+    [36.01, 34.6, 33.19, 31.75]
+    >>> acceptance([1.41, 1.515]).blind_deg.round(1).tolist()
+    [0.0, 33.7]
+    """
+    indices = require_array("index", index, ndim=1)
+    for layer, value in enumerate(indices):
+        inputs.require_refractive_index(f"index[{layer}]", float(value))
+    outside = inputs.require_refractive_index("index_outside", index_outside)
+    on_the_way = np.minimum.accumulate(indices)  # the lowest index between a layer and the face
+    aperture = _aperture(indices, np.full_like(indices, outside))
+    stays, blind = (_grazing_deg(indices, least) for least in (np.full_like(indices, outside), on_the_way))
+    return Acceptance(
+        index=indices,
+        critical_deg=90 - stays,
+        acceptance_deg=np.degrees(np.arcsin(np.minimum(1, aperture))),
+        unlimited=aperture >= 1,
+        blind_deg=np.degrees(np.arcsin(np.minimum(1, _aperture(indices, np.maximum(on_the_way, outside))))),
+        blind_share=np.divide(np.minimum(blind, stays), stays, out=np.zeros_like(stays), where=stays > 0),
+    )
+
+
+def layer_facing_lamp(probe: Probe, led: Led) -> int:
+    """The layer whose side wall the middle of a lamp lies against, from the pressed face up; the last is the glass."""
+    tops = np.cumsum([layer.thickness_mm for layer in probe.layers])
+    return int(np.searchsorted(tops, probe.led_height_mm(led), side="right"))
+
+
+def _aperture(index: NDArray[np.float64], least: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Sine of the angle in air, before the side wall, of a ray whose effective index is ``least``."""
+    return np.sqrt(np.maximum((index - least) * (index + least), 0))
+
+
+def _grazing_deg(index: NDArray[np.float64], least: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Angle to the plane of the layers of such a ray within its layer."""
+    return np.degrees(np.arccos(np.minimum(1, least / index)))

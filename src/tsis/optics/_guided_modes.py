@@ -1,0 +1,187 @@
+"""Guided modes of a stack of layers: how many there are, how fast each travels, and its field."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Literal, SupportsIndex
+
+import numpy as np
+
+from tsis.errors import InputError
+from tsis.model import require_array, require_integer
+from tsis.optics.slab import SlabLayers
+from tsis.optics.slab import _field as slab_field
+from tsis.optics.slab import _phase as slab_phase
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import ArrayLike, NDArray
+
+
+MOST_MODES = 5_000_000  # three numbers a mode: 120 MB
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class GuidedModes:
+    """All guided modes of a stack at one wavelength and polarization.
+
+    Fields are functions of x, the height in µm above the lower face of the first layer, and are real. They are
+    normalised in power: with e the electric and h the magnetic field across the direction of travel, the integral of
+    ``e_a h_b`` over all x is 1 for a mode with itself and 0 for two modes. So e times ``sqrt(2 Z0 P)`` is in V/m for a
+    mode that carries P watts a metre of width and metre of unit, and h times ``sqrt(2 P / Z0)`` is in A/m, x then being
+    in metres; Z0 is the impedance of vacuum.
+
+    Attributes
+    ----------
+    layers
+        The stack in units of the wavelength, with its surroundings.
+    n_eff
+        Effective indices, falling: phase index of each mode, (modes,). Mode j has j zeros in its field. A mode that
+        is nearer to cut-off than numbers can tell shows the index of the surroundings.
+    anchor, offset
+        The same without loss of digits, ``n_eff**2 = anchor**2 + offset``, with the anchor an index of the stack.
+    """
+
+    layers: SlabLayers
+    n_eff: NDArray[np.float64]
+    anchor: NDArray[np.float64]
+    offset: NDArray[np.float64]
+
+    def __post_init__(self) -> None:
+        for name in ("n_eff", "anchor", "offset"):
+            getattr(self, name).flags.writeable = False
+
+    def __len__(self) -> int:
+        return len(self.n_eff)
+
+    def profile(self, mode: SupportsIndex, x_um: ArrayLike) -> NDArray[np.float64]:
+        """Electric field e across the direction of travel: E_y of TE; E_x of TM, which jumps between layers.
+
+        Parameters
+        ----------
+        mode
+            Number of the mode, from 0 for the largest ``n_eff``.
+        x_um
+            Heights in µm above the lower face of the first layer, any shape; also outside the stack.
+
+        Raises
+        ------
+        InputError
+            When there is no such mode, or ``x_um`` is not finite.
+        """
+        field, n_eff = self._field(mode), self.n_eff[mode]
+        x = self._heights(x_um)
+        wave = field.wave(x)
+        return wave if self.layers.polarization == "TE" else wave * n_eff / self.layers.weight_at(x)
+
+    def magnetic(self, mode: SupportsIndex, x_um: ArrayLike) -> NDArray[np.float64]:
+        """Magnetic field h across the direction of travel: -H_x of TE, H_y of TM; parameters as of `profile`."""
+        field, n_eff = self._field(mode), self.n_eff[mode]
+        wave = field.wave(self._heights(x_um))
+        return wave * n_eff if self.layers.polarization == "TE" else wave
+
+    def longitudinal(self, mode: SupportsIndex, x_um: ArrayLike) -> NDArray[np.float64]:
+        """Field along the direction of travel, H_z of TE and E_z of TM, a quarter of a period behind the others.
+
+        It is what the source calls h(x) in (3.29)-(3.34), and continuous between layers. Parameters as of `profile`.
+        """
+        return self._field(mode).slope(self._heights(x_um))
+
+    def above(self, index: float) -> int:
+        """How many modes have an effective index above ``index``: they fade away in every layer of that index."""
+        return int(np.count_nonzero(self.n_eff > index))
+
+    def _field(self, mode: SupportsIndex) -> slab_field.SlabField:
+        if not len(self):
+            raise InputError(f"mode must be one of none: nothing is guided; got {mode!r}")
+        number = require_integer("mode", mode, 0, len(self) - 1)
+        some = slab_field.mixed(self.anchor, self.offset, self._q(number).max(), number)
+        q = np.array([self._q(one) for one in range(some.start, some.stop)])
+        return slab_field.field(self.layers, self.n_eff[some], q, number - some.start)
+
+    def _q(self, mode: int) -> NDArray[np.float64]:
+        return np.asarray(self.layers.at(self.anchor[mode])[0] - self.offset[mode])
+
+    def _heights(self, x_um: Any) -> NDArray[np.float64]:
+        heights = np.asarray(x_um, dtype=float)
+        require_array("x_um", heights.ravel(), ndim=1)
+        return heights
+
+
+def guided_modes(
+    index: ArrayLike,
+    thickness_um: ArrayLike,
+    *,
+    wavelength_um: float,
+    index_below: float = 1.0,
+    index_above: float = 1.0,
+    polarization: Literal["TE", "TM"] = "TE",
+) -> GuidedModes:
+    """Find all guided modes of a stack, none missed: max(n_below, n_above) < n_eff < max(n).
+
+    The modes are counted by the phase of a Sturm-Liouville problem, then each is found to the last digits; see
+    `tsis.optics.slab._phase`. This replaces the source's (3.40)-(3.54), which hold where every layer oscillates, and in
+    which (3.46) must read ``-kappa_2 a_1``.
+
+    Parameters
+    ----------
+    index
+        Real refractive indices of the layers from below up, in [1, 5], (layers,).
+    thickness_um
+        Their thicknesses in µm, in [1e-4, 1e6], (layers,).
+    wavelength_um
+        Wavelength in vacuum, µm, in [0.1, 20].
+    index_below, index_above
+        Real refractive indices of the half-spaces below and above, in [1, 5].
+    polarization
+        ``"TE"``, the electric field along the layers, or ``"TM"``, the magnetic one.
+
+    Returns
+    -------
+    GuidedModes
+        Empty where the surroundings differ and the stack is too thin to guide: below cut-off.
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range, no layer's index exceeds that of the surroundings, or there are more than
+        five million modes.
+
+    Examples
+    --------
+    >>> modes = guided_modes([1.16, 1.15, 1.14, 1.13], [2.0, 3.0, 4.0, 1.0], wavelength_um=0.55)
+    >>> len(modes), float(modes.n_eff[0].round(12))
+    (21, 1.155764784371)
+    """
+    layers = SlabLayers.checked(index, thickness_um, wavelength_um, index_below, index_above, polarization)
+    if layers.index.max() <= layers.surroundings:
+        raise InputError(
+            f"index must exceed the surroundings' {layers.surroundings:g} in at least one layer to guide; "
+            f"got at most {layers.index[1:-1].max():g}"
+        )
+    anchors, offsets = zip(*_intervals_of_modes(layers), strict=True)
+    anchor, offset = np.concatenate(anchors), np.concatenate(offsets)
+    # anchor + something small: what the square root of the sum would round away stays.
+    n_eff = anchor + offset / (anchor + np.sqrt(anchor**2 + offset))
+    return GuidedModes(layers=layers, n_eff=n_eff, anchor=anchor, offset=offset)
+
+
+def _intervals_of_modes(layers: SlabLayers) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Anchors and offsets of the modes, from above: between two neighbouring indices, each half from its own end."""
+    levels = np.unique(layers.index[layers.index >= layers.surroundings])[::-1].tolist()
+    if (count := layers.modes_above(levels[-1], 0.0)) > MOST_MODES:
+        raise InputError(
+            f"the stack must guide at most {MOST_MODES:,} modes, which fill {24 * MOST_MODES / 1e6:.0f} MB; "
+            f"it guides {count:,} (choose thinner layers or a longer wavelength)"
+        )
+    first = 0
+    for upper, lower in pairwise(levels):
+        half = (upper - lower) * (upper + lower) / 2
+        for anchor, low, high in ((upper, -half, 0.0), (lower, 0.0, half)):
+            last = max(first, layers.modes_above(anchor, low))
+            found = np.empty(last - first)
+            slab_phase.roots(*layers.at(anchor), low, high, layers.core, first, found)
+            yield np.full_like(found, anchor), found
+            first = last

@@ -1,0 +1,56 @@
+"""Checks that every optical call makes of its input: lengths in micrometres, real refractive indices."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.errors import InputError
+from tsis.model import require_array, require_number
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+SHORTEST_UM, LONGEST_UM = 0.1, 20.0
+THINNEST_UM, THICKEST_UM = 1e-4, 1e6
+LARGEST_INDEX = 5.0
+OTHER_UNITS = {"metres": 1e6, "millimetres": 1e3, "nanometres": 1e-3}  # in micrometres
+
+
+def require_wavelength(value: object) -> float:
+    """Check a vacuum wavelength in micrometres; when another unit would make light of it, say which."""
+    result = require_number("wavelength_um", value, -np.inf, np.inf)
+    if SHORTEST_UM <= result <= LONGEST_UM:
+        return result
+    for unit, factor in OTHER_UNITS.items():
+        meant = result * factor
+        if SHORTEST_UM <= meant <= LONGEST_UM:
+            cure = f" (that looks like {unit}; give {meant:g})"
+            break
+    else:
+        cure = " (micrometres; green light is 0.55)"
+    raise InputError(f"wavelength_um must lie in [{SHORTEST_UM:g}, {LONGEST_UM:g}]; got {result:g}{cure}")
+
+
+def require_refractive_index(name: str, value: object) -> float:
+    """Check one real refractive index."""
+    if isinstance(value, complex | np.complexfloating):
+        raise InputError(f"{name} must be real, so without absorption or gain; got {value}")
+    return require_number(name, value, 1.0, LARGEST_INDEX, hint="1 is vacuum")
+
+
+def require_stack(index: Any, thickness_um: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Check refractive indices and thicknesses in micrometres of layers, one of each a layer."""
+    if np.iscomplexobj(index):
+        raise InputError("index must be real, so without absorption or gain; got complex values")
+    indices = require_array("index", index, ndim=1)
+    thicknesses = require_array("thickness_um", thickness_um, ndim=1)
+    if len(indices) != len(thicknesses):
+        raise InputError(f"index and thickness_um must be of one length; got {len(indices)} and {len(thicknesses)}")
+    for layer, value in enumerate(indices):
+        require_refractive_index(f"index[{layer}]", float(value))
+    for layer, value in enumerate(thicknesses):
+        require_number(f"thickness_um[{layer}]", float(value), THINNEST_UM, THICKEST_UM, hint="micrometres")
+    return indices, thicknesses

@@ -1,0 +1,127 @@
+"""From counted rays to smooth light: the lamps' symmetries, polynomials in the slope, splines over the face."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.interpolate import BSpline
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.model import Probe
+
+
+RINGS = (0.1, 0.2, 0.3, 0.4)  # slopes at which tilted faces are watched
+DIRECTIONS = 8  # of them over half a turn: the other half is known from the flux
+POWERS = ((0, 0), (1, 0), (0, 1), (2, 0), (1, 1), (0, 2), (4, 0), (3, 1), (2, 2), (1, 3), (0, 4))
+INTERVALS = 16  # of the splines, across the face
+SUBPOINTS = 4  # over which a bin's mean is taken, along each side
+STIFFNESS = 1e-4  # of the splines where no bin lies: against their second differences, relative to the counts
+
+
+def watched_slopes() -> NDArray[np.float64]:
+    """Slopes (x, y) of the faces that are watched, shape (k, 2)."""
+    turns = np.arange(DIRECTIONS) * np.pi / DIRECTIONS
+    return np.concatenate([size * np.column_stack([np.cos(turns), np.sin(turns)]) for size in RINGS])
+
+
+def powers(slope_x: NDArray[np.float64], slope_y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """What the `POWERS` of slopes are, on a first axis."""
+    return np.stack([slope_x**i * slope_y**j for i, j in POWERS])
+
+
+def slope_terms(
+    level: NDArray[np.float64], flux: NDArray[np.float64], tilted: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Coefficients of the `POWERS` of the slopes, from light (..., n, n), flux (..., 2, n, n) and tilted faces.
+
+    The light of all directions d on a face tilted by s sums ``max(0, 1 + p s)`` of what falls, p being the direction's
+    horizontal part over its drop, and ``max(0, p s - 1)`` of what the face has turned upwards. Both together are
+    ``p s + max(1, |p s|)``: a linear term, which is exactly the flux, and an even one, which is fitted.
+    """
+    slopes = watched_slopes()
+    even = tilted - level[..., None, :, :] - np.einsum("kp,...pij->...kij", slopes, flux)
+    fit = np.linalg.pinv(powers(*slopes.T)[3:].T)
+    return np.concatenate([level[..., None, :, :], flux, np.einsum("tk,...kij->...tij", fit, even)], axis=-3)
+
+
+def symmetries(probe: Probe) -> list[NDArray[np.float64]]:
+    """Turns by right angles and mirrors that leave the lamps as they are, as 2 x 2 matrices."""
+    turn, mirror = np.array([[0.0, -1.0], [1.0, 0.0]]), np.diag([1.0, -1.0])
+    candidates = [np.linalg.matrix_power(turn, k) @ flip for k in range(4) for flip in (np.eye(2), mirror)]
+    lit = [led for led in probe.leds if led.power > 0]
+    azimuth = np.radians([led.azimuth_deg for led in lit])
+    place = np.column_stack([np.cos(azimuth), np.sin(azimuth)])
+    kind = [(probe.led_height_mm(led), led.aim_deg, led.half_angle_deg, led.diameter_mm, led.power) for led in lit]
+    alike = np.array([[one == other for other in kind] for one in kind])
+
+    def kept(matrix: NDArray[np.float64]) -> bool:
+        apart = np.abs((place @ matrix.T)[:, None, :] - place[None, :, :]).max(axis=2)
+        return bool(((apart < 1e-9) & alike).any(axis=1).all())
+
+    return [matrix for matrix in candidates if kept(matrix)]
+
+
+def symmetrised(
+    level: NDArray[np.float64],
+    flux: NDArray[np.float64],
+    tilted: NDArray[np.float64],
+    matrices: list[NDArray[np.float64]],
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """Means over symmetries, which move the maps and turn flux and slopes alike."""
+    slopes, count = watched_slopes(), level.shape[-1]
+    x, y = np.meshgrid(*2 * [np.arange(count) - (count - 1) / 2])
+    moved = []
+    for matrix in matrices:
+        # The light at a place is that at the place which the symmetry brings there, on the slope it brings along.
+        came_x, came_y = (
+            np.rint(part + (count - 1) / 2).astype(int) for part in np.einsum("qp,qij->pij", matrix, [x, y])
+        )
+        came = slopes @ matrix
+        apart = np.abs(came[:, None, None, :] - np.stack([slopes, -slopes])[None]).max(axis=3)
+        opposite, index = np.divmod(apart.reshape(len(slopes), -1).argmin(axis=1), len(slopes))
+        known = tilted[..., index, :, :] - 2 * opposite[:, None, None] * np.einsum(
+            "kp,...pij->...kij", slopes[index], flux
+        )
+        moved.append(
+            (
+                level[..., came_y, came_x],
+                np.einsum("pq,...qij->...pij", matrix, flux)[..., came_y, came_x],
+                known[..., came_y, came_x],
+            )
+        )
+    first, second, third = (np.mean(part, axis=0) for part in zip(*moved, strict=True))
+    return first, second, third
+
+
+def smooth(maps: NDArray[np.float64], radius_mm: float, nodes: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Values at ``nodes`` (both ways) of cubic splines whose means over bins fit ``maps`` (..., n, n) best.
+
+    Bins that the wall cuts are left out; nodes beyond the wall take the value at the wall.
+    """
+    bins = maps.shape[-1]
+    size = 2 * radius_mm / bins
+    inner = (np.arange(bins * SUBPOINTS) + 0.5) * size / SUBPOINTS - radius_mm
+    along = _splines(inner, radius_mm).reshape(bins, SUBPOINTS, -1).mean(axis=1)
+    corner = np.abs((np.arange(bins) + 0.5) * size - radius_mm) + size / 2
+    whole = np.hypot(corner, corner[:, None]) <= radius_mm
+    design = np.einsum("ia,jb->ijab", along, along)[whole].reshape(np.count_nonzero(whole), -1)
+    count = along.shape[1]
+    bent = np.diff(np.eye(count), n=2, axis=0)
+    roughness = np.kron(bent.T @ bent, np.eye(count)) + np.kron(np.eye(count), bent.T @ bent)
+    values = maps[..., whole].reshape(-1, design.shape[0]).T
+    solved = np.linalg.solve(design.T @ design + STIFFNESS * roughness, design.T @ values)
+    x, y = np.meshgrid(nodes, nodes)
+    pull = radius_mm / np.maximum(np.hypot(x, y), radius_mm)
+    at_x, at_y = (_splines((part * pull).ravel(), radius_mm) for part in (x, y))
+    found = np.einsum("pa,pb,abm->mp", at_y, at_x, solved.reshape(count, count, -1), optimize=True)
+    return np.asarray(found.reshape(*maps.shape[:-2], *x.shape))
+
+
+def _splines(at: NDArray[np.float64], radius_mm: float) -> NDArray[np.float64]:
+    """Cubic B-splines over the face's width, shape (len(at), count)."""
+    ends = np.linspace(-radius_mm, radius_mm, INTERVALS + 1)
+    knots = np.concatenate([[-radius_mm] * 3, ends, [radius_mm] * 3])
+    return np.asarray(BSpline.design_matrix(np.clip(at, -radius_mm, radius_mm), knots, 3).toarray())

@@ -1,0 +1,182 @@
+"""The light on a probe's face by tracing: untouched, raised evenly, and under a few dents; kept on disk."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import asdict, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.compiled import one_blas_thread
+from tsis.errors import InputError
+from tsis.files import content_key, read_cached_arrays, write_cached
+from tsis.model import LARGEST_SEED, Probe, require_integer, require_number, require_type
+from tsis.optics import _inputs as inputs
+from tsis.optics._asperities import real_contact
+from tsis.optics.irradiance._field import Irradiance, leaving_light
+from tsis.optics.irradiance._fit import slope_terms, smooth, symmetries, symmetrised, watched_slopes
+from tsis.optics.rays import _kernel as rays_kernel
+from tsis.optics.rays import evenly_pressed_face, evenly_raised_face, hertz_dent, scene, trace_batches
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import Any
+
+    from numpy.typing import NDArray
+
+    from tsis.model import PressField, PressMap
+    from tsis.optics.rays import Batches
+
+
+FORMAT_VERSION = 2
+RAISED = (0.0, 0.08, 0.16)  # of the layers' thickness
+# Depth over the thickness; tip's radius and the place of its middle over the face's radius.
+DENTS = ((0.04, 0.4, 0.0, 0.0), (0.08, 0.6, 0.2, 0.1), (0.13, 0.8, 0.0, 0.0), (0.06, 0.5, -0.15, 0.25))
+SATURATION_KPA = 1.0  # the dents' peak pressure: the lift is that of nearly full contact
+BINS, NODES = 48, 49
+GROUPS = 8  # of batches, whose spread is the error
+FEWEST_RAYS, MOST_RAYS = 10**5, 10**10
+
+
+def irradiance(
+    probe: Probe,
+    *,
+    rays: float = 4_000_000,
+    seed: int = 1,
+    index_outside: float = 1.0,
+    absorption_per_mm: float = 0.0,
+    progress: Callable[[int, int], None] | None = None,
+    cached: bool = True,
+) -> Irradiance:
+    """Trace the light that reaches a probe's face, or load it from the disk cache.
+
+    Three quarters of the rays go through the untouched probe and two with an evenly raised face: what they would do
+    to tilted faces is recorded, averaged over the symmetries of the lamps and smoothed by splines. The last quarter
+    goes through a level contact and four dents, to find by one number each how much a contact darkens the face around
+    it and what a dent's flanks throw onto it.
+
+    Parameters
+    ----------
+    probe
+        What is lit, with its lamps.
+    rays
+        Rays in all, in [1e5, 1e10].
+    seed
+        Seed of their starts, a whole number from 0.
+    index_outside
+        Refractive index around the probe, in [1, 5].
+    absorption_per_mm
+        Absorption of layers and glass, in [0, 10].
+    progress
+        Called with (parts done, parts in all).
+    cached
+        Whether to read and write the disk cache, whose key is the content of all arguments above.
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range or no light reaches the face.
+    """
+    require_type("probe", probe, Probe)
+    rays = require_integer("rays", rays, FEWEST_RAYS, MOST_RAYS)
+    seed = require_integer("seed", seed, 0, LARGEST_SEED)
+    medium = {
+        "index_outside": inputs.require_refractive_index("index_outside", index_outside),
+        "absorption_per_mm": require_number("absorption_per_mm", absorption_per_mm, 0.0, 10.0),
+    }
+    key = content_key({"format": FORMAT_VERSION, "probe": _optical(probe), "rays": float(rays), "seed": seed, **medium})
+    stored = read_cached_arrays("irradiance", key) if cached else None
+    if stored is not None:
+        fields: dict[str, Any] = {name: value if value.ndim else float(value) for name, value in stored.items()}
+        return Irradiance(**fields)
+    with one_blas_thread():
+        found = _traced(probe, rays / (len(RAISED) + 1), seed, medium, progress or (lambda _done, _total: None))
+    if cached:
+        buffer = io.BytesIO()
+        np.savez(buffer, **{name: getattr(found, name) for name in Irradiance.__slots__})
+        write_cached("irradiance", key, buffer.getvalue())
+    return found
+
+
+def _optical(probe: Probe) -> dict[str, Any]:
+    """The fields of a probe that its light depends on."""
+    return {
+        "radius_mm": probe.radius_mm,
+        "layers": [(layer.thickness_mm, layer.refractive_index) for layer in probe.layers],
+        "face_curvature_mm": probe.face_curvature_mm,
+        "glass": asdict(probe.glass),
+        "leds": [asdict(led) for led in probe.leds],
+    }
+
+
+def _traced(
+    probe: Probe, rays: float, seed: int, medium: dict[str, float], progress: Callable[[int, int], None]
+) -> Irradiance:
+    """The light by ``rays`` rays for each of the raised faces, and as many for all dents."""
+    parts = len(RAISED) + 1 + len(DENTS)
+    steps = iter(range(1, parts + 1))
+
+    def traced(pressed: PressField | PressMap, rays: float, slopes: NDArray[np.float64]) -> Batches:
+        view = scene(probe, pressed, saturation_kpa=SATURATION_KPA, aperture=0.0, **medium)
+        found = trace_batches(view, probe, rays=rays, seed=seed, bins=BINS, slopes=slopes)
+        progress(next(steps), parts)
+        return found
+
+    raised = np.array(RAISED) * probe.thickness_mm
+    watched = [traced(evenly_raised_face(probe.radius_mm, moved), rays, watched_slopes()) for moved in raised]
+    touched = traced(evenly_pressed_face(probe.radius_mm, SATURATION_KPA), rays / len(DENTS), np.empty((0, 2)))
+    share = real_contact(np.array(SATURATION_KPA), SATURATION_KPA).item()
+    arriving = [found.maps[:, rays_kernel.ARRIVING].sum() / len(found.maps) for found in (watched[0], touched)]
+    _check_lit(min(arriving))
+    light = replace(_smoothed(probe, raised, watched), depletion=(arriving[0] / arriving[1] - 1) / share)
+    logs, depths = [], []
+    for depth, tip, x, y in DENTS:
+        dent = hertz_dent(
+            probe.radius_mm,
+            tip_radius_mm=tip * probe.radius_mm,
+            depth_mm=depth * probe.thickness_mm,
+            peak_pressure_kpa=SATURATION_KPA,
+            offset_mm=(x * probe.radius_mm, y * probe.radius_mm),
+        )
+        left = traced(dent, rays / len(DENTS), np.empty((0, 2))).maps[:, rays_kernel.COUPLED].mean(axis=0)
+        model, moved = leaving_light(light, dent, saturation_kpa=SATURATION_KPA, bins=1)
+        _check_lit(min(left.sum(), model.item()))
+        logs.append(np.log(left.sum() / model.item()))
+        depths.append(moved.item())
+    return replace(light, lift_per_mm=float(np.dot(depths, logs) / np.dot(depths, depths)))
+
+
+def _smoothed(probe: Probe, raised: NDArray[np.float64], watched: list[Batches]) -> Irradiance:
+    """The light on evenly raised faces, from the rays that met them."""
+    matrices, nodes = symmetries(probe), np.linspace(-probe.radius_mm, probe.radius_mm, NODES)
+    terms = []
+    for found in watched:
+        maps, tilted = (_grouped(part) for part in (found.maps, found.tilted))
+        flux = maps[:, rays_kernel.FLUX_X : rays_kernel.FLUX_Y + 1]
+        even = symmetrised(maps[:, rays_kernel.ARRIVING], flux, tilted, matrices)
+        terms.append(smooth(slope_terms(*even), probe.radius_mm, nodes))
+    inside = np.hypot(nodes, nodes[:, None]) <= probe.radius_mm
+    mean = float(terms[0][:, 0].mean(axis=0)[inside].mean())
+    _check_lit(mean)
+    spread = terms[0][:, 0].std(axis=0, ddof=1)[inside] / np.sqrt(GROUPS)
+    return Irradiance(
+        radius_mm=probe.radius_mm,
+        nodes_mm=nodes,
+        displacement_mm=raised,
+        terms=np.array([grouped.mean(axis=0) for grouped in terms]) / mean,
+        lift_per_mm=0.0,
+        depletion=0.0,
+        mean_per_mm2=mean / (2 * probe.radius_mm / BINS) ** 2,
+        error=float(np.sqrt((spread**2).mean()) / mean),
+    )
+
+
+def _check_lit(light: float) -> None:
+    if light <= 0:
+        raise InputError("leds must light the face of the probe; no ray reaches it from inside, or hardly one")
+
+
+def _grouped(batches: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Means of groups of batches, shape (groups, ...)."""
+    return np.asarray(batches.reshape(GROUPS, -1, *batches.shape[1:]).mean(axis=1))

@@ -1,0 +1,177 @@
+"""The grid of cells on which waves are computed: where its lines are, what it absorbs, what its cells hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy import sparse
+
+from tsis.optics.propagation._guide import interfaces_um
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.optics.propagation._guide import Dent, ThinGuide
+
+
+SAMPLES = 4  # places along a cell at which the interfaces are taken
+STRENGTH = 4.0  # of the absorber at its end; half of it sends back less along z, and absorbs grazing light less
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Axis:
+    """Equal cells along one direction with an absorber at both ends.
+
+    The absorber is a perfectly matched layer: lengths in it are stretched by ``1 + i s``, with ``s`` growing as the
+    fourth power of the way into it, so waves fade there and hardly anything is thrown back.
+
+    Attributes
+    ----------
+    low_um
+        Where the first cell begins, µm.
+    step_um
+        Size of a cell, µm.
+    cells
+        Number of cells, those of the absorbers included.
+    absorber_cells
+        How many cells at each end absorb.
+    """
+
+    low_um: float
+    step_um: float
+    cells: int
+    absorber_cells: int
+
+    @property
+    def nodes_um(self) -> NDArray[np.float64]:
+        """Ends of the cells, µm, shape (cells + 1,)."""
+        return np.asarray(self.low_um + self.step_um * np.arange(self.cells + 1), dtype=float)
+
+    @property
+    def inner(self) -> slice:
+        """The nodes between the absorbers, without those on their borders."""
+        border = min(self.absorber_cells, 1)
+        return slice(self.absorber_cells + border, self.cells + 1 - self.absorber_cells - border)
+
+    @property
+    def stretch(self) -> NDArray[np.complex128]:
+        """Complex stretch of each cell, shape (cells,)."""
+        middle = np.arange(self.cells) + 0.5
+        into = np.maximum(self.absorber_cells - np.minimum(middle, self.cells - middle), 0.0)
+        return np.asarray(1 + 1j * STRENGTH * (into / max(self.absorber_cells, 1)) ** 4)
+
+
+def axis(low_um: float, high_um: float, *, step_um: float, absorber_um: float) -> Axis:
+    """Divide ``[low, high]`` into cells of about ``step_um``, and put absorbers outside it."""
+    cells = max(round((high_um - low_um) / step_um), 1)
+    step = (high_um - low_um) / cells
+    beyond = round(absorber_um / step)
+    return Axis(low_um=low_um - beyond * step, step_um=step, cells=cells + 2 * beyond, absorber_cells=beyond)
+
+
+def permittivity(
+    guide: ThinGuide, dent: Dent, x_um: NDArray[np.float64], z_um: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Mean square of the index in each cell of the grid with these nodes; the dent's middle is at ``z_um = 0``.
+
+    For a field along y the mean over the cell is what the wave sees, so answers do not jump when an interface passes a
+    node. Across the layers the mean is exact, along them it is taken from a few sections of a cell.
+
+    Returns
+    -------
+    NDArray[np.float64]
+        Shape (cells along z, cells along x).
+    """
+    outside = guide.index_outside**2
+    jumps = np.diff(np.concatenate(([outside], guide.index**2, [outside])))
+    step = np.diff(z_um)
+    touched = np.flatnonzero((z_um[1:] > -dent.half_width_um) & (z_um[:-1] < dent.half_width_um))
+    sections = z_um[touched, np.newaxis] + step[touched, np.newaxis] * (np.arange(SAMPLES) + 0.5) / SAMPLES
+    flat = _cell_means(interfaces_um(guide, dent, [np.inf]), jumps, x_um)
+    result = np.tile(outside + flat, (len(step), 1))
+    if len(touched):
+        means = _cell_means(interfaces_um(guide, dent, sections.ravel()), jumps, x_um)
+        result[touched] = outside + means.reshape(len(touched), SAMPLES, -1).mean(axis=1)
+    return result
+
+
+def _cell_means(
+    at_um: NDArray[np.float64], jumps: NDArray[np.float64], x_um: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """Means over the cells of x of steps ``jumps`` at the interfaces, shape (sections, cells)."""
+    total = sum(jump * np.maximum(x_um - place[:, np.newaxis], 0.0) for jump, place in zip(jumps, at_um.T, strict=True))
+    return np.asarray(np.diff(total, axis=1) / np.diff(x_um))
+
+
+STIFFNESS = np.array([[1.0, -1.0], [-1.0, 1.0]])
+MASS = np.array([[5.0, 1.0], [1.0, 5.0]]) / 12
+ENDS = (0, 1)  # of a cell
+
+
+def tridiagonal(of_cells: NDArray[np.complex128], element: NDArray[np.float64]) -> NDArray[np.complex128]:
+    """Assemble ``element`` times a value of each cell along one axis.
+
+    Returns
+    -------
+    NDArray[np.complex128]
+        Its symmetric tridiagonal matrix as two rows, the diagonal and the neighbour's, shape (2, cells + 1); the last
+        element of the second row is zero.
+    """
+    none = np.zeros_like(of_cells[:1])
+    along = np.concatenate((of_cells, none))
+    return np.array([element[0, 0] * (along + np.concatenate((none, of_cells))), element[0, 1] * along])
+
+
+def times(matrix: NDArray[np.complex128], vectors: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Multiply a `tridiagonal` matrix with columns, shape (cells + 1, columns)."""
+    diagonal, off = matrix[..., np.newaxis]
+    result = np.asarray(diagonal * vectors)
+    result[:-1] += off[:-1] * vectors[1:]
+    result[1:] += off[:-1] * vectors[:-1]
+    return result
+
+
+def links(step_x_um: float, step_z_um: float, wavenumber_squared: float) -> tuple[float, float]:
+    """Matrix elements of `helmholtz_matrix` from a node to its neighbour across the layers, straight and aslant.
+
+    They hold in a uniform medium; two of the latter lead on, to the neighbour's neighbours along z.
+    """
+    ratio, area = step_z_um / step_x_um, wavenumber_squared * step_x_um * step_z_um
+    next_stiff, same_mass, next_mass = STIFFNESS[0, 1], MASS[0, 0], MASS[0, 1]
+    straight = next_stiff * same_mass * ratio + next_mass * STIFFNESS[0, 0] / ratio - next_mass * same_mass * area
+    aslant = next_stiff * next_mass * ratio + next_mass * next_stiff / ratio - next_mass**2 * area
+    return 2 * straight, aslant
+
+
+def helmholtz_matrix(
+    across: Axis, along: Axis, wavenumber_squared: NDArray[np.float64]
+) -> sparse.csc_array[np.complex128]:
+    """Matrix of ``-laplace - k**2`` on the whole grid, absorbers included.
+
+    Parameters
+    ----------
+    across, along
+        The axes x and z. The node of x index i and z index j has the number ``j * len(x) + i``.
+    wavenumber_squared
+        ``(k0 n)**2`` in each cell, 1/µm², shape (cells along z, cells along x).
+    """
+    columns = across.cells + 1
+    corner = columns * np.arange(along.cells)[:, np.newaxis] + np.arange(across.cells)
+    size_x, size_z = across.stretch * across.step_um, along.stretch * along.step_um
+    slope_x, slope_z = np.outer(size_z, 1 / size_x), np.outer(1 / size_z, size_x)
+    mass = wavenumber_squared * np.outer(size_z, size_x)
+    rows, places, values = [], [], []
+    for a, b, c, d in product(ENDS, repeat=4):  # from the corner (a, c) of a cell to (b, d)
+        rows.append(corner + columns * c + a)
+        places.append(corner + columns * d + b)
+        values.append(
+            STIFFNESS[a, b] * MASS[c, d] * slope_x
+            + MASS[a, b] * STIFFNESS[c, d] * slope_z
+            - MASS[a, b] * MASS[c, d] * mass
+        )
+    nodes = columns * (along.cells + 1)
+    entries = np.ravel(values), (np.ravel(rows), np.ravel(places))
+    return sparse.csc_array(entries, shape=(nodes, nodes))

@@ -1,0 +1,117 @@
+"""Where the launched power went, counted on the grid's own terms so that nothing is lost in the counting.
+
+Between two nodes joined by the real matrix element ``a`` runs the power ``-a Im(u* v)``. Added up over any border
+without sources inside it is zero, exactly. Light that has not left the guide's sides by the end of the grid runs on in
+a flat guide: there it is a sum of the section's modes, so what leaves up to infinity is a geometric series.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.optics.propagation._grid import links
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.optics.propagation._grid import Axis
+    from tsis.optics.propagation._section_modes import SectionModes
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Powers:
+    """Shares of the power of each launched mode, shape (launched,) each.
+
+    Attributes
+    ----------
+    guided, reflected
+        In guided modes that run on and back.
+    top, bottom
+        Out of the pressed side and out of the far side, on the grid or beyond its ends.
+    """
+
+    guided: NDArray[np.float64]
+    reflected: NDArray[np.float64]
+    top: NDArray[np.float64]
+    bottom: NDArray[np.float64]
+
+    @property
+    def balance_error(self) -> NDArray[np.float64]:
+        """By how much the shares miss 1, shape (launched,)."""
+        return np.asarray(np.abs(self.guided + self.reflected + self.top + self.bottom - 1))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Count:
+    """Counts power through a border between the absorbers of x, on a grid with these modes at its ends."""
+
+    across: Axis
+    step_um: float
+    modes: SectionModes
+    outside_squared: float
+
+    def launched(self, count: int) -> NDArray[np.float64]:
+        """Power of each of the first ``count`` modes at amplitude 1, shape (count,)."""
+        return self.modes.flow(np.eye(len(self.modes.separation), count, dtype=complex), self.step_um, self._rows)
+
+    def guided(self, amplitudes: NDArray[np.complex128]) -> NDArray[np.float64]:
+        """Power of the guided ones among waves that run outwards, shape (columns,)."""
+        kept = np.where(np.arange(len(amplitudes)) < self.modes.guided, 1.0, 0.0)
+        return self.modes.flow(kept[:, np.newaxis] * amplitudes, self.step_um, self._rows)
+
+    def through_sides(self, field: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Power out of the top and of the bottom at each node of z of a field (z, x, columns), shape (z, columns)."""
+        straight, aslant = self._links
+        found = []
+        for row, beyond in self._sides:
+            across = straight * field[:, beyond]
+            across[:-1] += aslant * field[1:, beyond]
+            across[1:] += aslant * field[:-1, beyond]
+            found.append(-np.imag(field[:, row].conj() * across))
+        return found[0], found[1]
+
+    def beyond_end(self, amplitudes: NDArray[np.complex128]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Power out of the top and of the bottom of the flat guide that goes on for ever after the last node.
+
+        Parameters
+        ----------
+        amplitudes
+            Of all modes on the last node, running outwards, shape (modes, columns).
+        """
+        (straight, aslant), onward = self._links, self.modes.onward(self.step_um)
+        each_step = np.outer(onward.conj(), onward)
+        guided = slice(self.modes.guided)
+        each_step[guided, guided] = 0.0  # guided light does not leave
+        series = each_step / (1 - each_step)
+        found = []
+        for row, beyond in self._sides:
+            there = self.modes.profile[beyond]
+            pairs = series * there * (straight + aslant * (onward + 1 / onward)) + there * aslant * onward
+            pairs[guided, guided] = 0.0
+            here = self.modes.profile[row, :, np.newaxis] * amplitudes
+            found.append(-np.imag(np.sum(here.conj() * (pairs @ amplitudes), axis=0)))
+        return found[0], found[1]
+
+    @property
+    def _rows(self) -> slice:
+        return self.across.inner
+
+    @property
+    def _sides(self) -> tuple[tuple[int, int], tuple[int, int]]:
+        first, last = self.across.inner.start, self.across.inner.stop - 1
+        return (first, first - 1), (last, last + 1)
+
+    @property
+    def _links(self) -> tuple[float, float]:
+        return links(self.across.step_um, self.step_um, self.outside_squared)
+
+
+def outward(
+    modes: SectionModes, step_um: float, here: NDArray[np.complex128], there: NDArray[np.complex128]
+) -> NDArray[np.complex128]:
+    """Amplitudes on the node ``here`` of the waves that run from it to ``there``, the next, and not back."""
+    onward = modes.onward(step_um)[:, np.newaxis]
+    return np.asarray((modes.amplitudes(here) - onward * modes.amplitudes(there)) / (1 - onward**2))

@@ -1,0 +1,274 @@
+"""Waves through a pressed guide: input checked, the method chosen, the answer put together."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from tsis.compiled import one_blas_thread
+from tsis.errors import InputError
+from tsis.model import require_integer, require_number, require_one_of, require_type
+from tsis.optics import _inputs as inputs
+from tsis.optics.propagation._grid import Axis, axis, permittivity
+from tsis.optics.propagation._guide import Dent, ThinGuide, interfaces_um
+from tsis.optics.propagation._power import Count, Powers, outward
+from tsis.optics.propagation._section_modes import SectionModes, section_modes
+from tsis.optics.propagation._solvers import LAUNCH_NODES, march, memory_bytes, solve_launched
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+Method = Literal["bpm", "fdfd"]
+CELLS_A_WAVE = {"bpm": 4.75, "fdfd": 9.5}  # of the shortest wavelength; the waves' speed is good to fourth order
+COARSEST = 4.0
+AIR_WAVES = 3.6  # wavelengths of the medium outside on either side, and as much absorber
+DENT_MARGIN_UM = 2.0
+LONGEST_UM = 1e4
+MOST_SECTION_NODES = 2000  # all modes of a section are found at once, in time as the cube of its nodes
+GIB = 2.0**30
+FINE_STEP_UM = 1e-3
+LEAST_SHARE = 1e-6  # below it nothing leaves but rounding
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Propagation:
+    """What became of the guided modes that were launched, each with unit power, from the left.
+
+    Modes are taken as incoherent with each other: means over them are means of powers.
+
+    Attributes
+    ----------
+    guide, dent, method, wavelength_um
+        What was asked.
+    x_um
+        Depth below the flat pressed face, µm, of the nodes between the absorbers, shape (x,).
+    z_um
+        Distance from the dent's middle along the guide, µm, likewise, shape (z,).
+    index
+        Root of the mean square of the index in the cells between these nodes, shape (z - 1, x - 1).
+    n_eff
+        Effective indices of the launched modes across this grid, descending, shape (modes,).
+    clear
+        Which of them have faded before the absorber; near cut-off the powers are less exact, shape (modes,).
+    guided_count
+        How many guided modes the flat guide has.
+    field
+        Complex field of each launched mode, shape (z, x, modes).
+    powers
+        Where the power of each mode went.
+    top_per_um, bottom_per_um
+        Share of the launched power that leaves through the lines x = ``x_um[0]`` and x = ``x_um[-1]``, a µm along z,
+        shape (z, modes); the two end nodes lack a neighbour. Their sums are less than the powers' ``top`` and
+        ``bottom``, which take in what leaves later.
+    """
+
+    guide: ThinGuide
+    dent: Dent
+    method: Method
+    wavelength_um: float
+    x_um: NDArray[np.float64]
+    z_um: NDArray[np.float64]
+    index: NDArray[np.float64]
+    n_eff: NDArray[np.float64]
+    clear: NDArray[np.bool]
+    guided_count: int
+    field: NDArray[np.complex128]
+    powers: Powers
+    top_per_um: NDArray[np.float64]
+    bottom_per_um: NDArray[np.float64]
+
+    @property
+    def interfaces_um(self) -> NDArray[np.float64]:
+        """Depths of all interfaces, µm, at ``z_um``, the pressed face first, shape (z, layers + 1)."""
+        return interfaces_um(self.guide, self.dent, self.z_um)
+
+    @property
+    def intensity(self) -> NDArray[np.float64]:
+        """Mean over the launched modes of the squared field, 1 for unit power on a µm at the index 1; shape (z, x)."""
+        carried = 2 * np.pi / self.wavelength_um * self.n_eff
+        return np.asarray(np.abs(self.field) ** 2 @ (carried / len(carried)))
+
+
+def propagate(
+    guide: ThinGuide,
+    dent: Dent | None = None,
+    *,
+    method: Method = "bpm",
+    wavelength_um: float = 0.55,
+    modes: int = 12,
+    length_um: float = 40.0,
+    step_um: float | None = None,
+    memory_gib: float = 2.0,
+) -> Propagation:
+    """Send the guided modes of a thin guide under a dent, in two dimensions, the electric field along the dent (TE).
+
+    Parameters
+    ----------
+    guide, dent
+        The guide, and the dent in the middle of its length; none by default.
+    method
+        ``bpm`` marches the wave one way, in a tenth of a second for all modes together; ``fdfd`` solves Helmholtz's
+        equation with waves in all directions, in seconds.
+    wavelength_um
+        Vacuum wavelength, µm, in [0.1, 20].
+    modes
+        How many guided modes to launch, the lowest first, at least 1.
+    length_um
+        Length of guide on the grid, µm; the dent must fit with 2 µm at either end.
+    step_um
+        Size of a cell, µm; by default 9.5 cells a wavelength in the highest index for ``fdfd`` and half of that for
+        ``bpm``. At least 4 are needed.
+    memory_gib
+        Memory that may be used, GiB, in [0.01, 4096].
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range, the guide holds fewer modes than are wanted, the dent is deeper than the
+        layers that yield, or the grid would not fit in the memory.
+
+    Examples
+    --------
+    >>> from tsis.optics.propagation import Dent, thin_guide
+    >>> flat, pressed = (propagate(thin_guide("dissertation"), Dent(depth_um=d), modes=3) for d in (0.0, 4.0))
+    >>> bool(flat.powers.guided.mean() > 0.999999), bool(pressed.powers.guided.mean() < 0.99)
+    (True, True)
+    """
+    require_type("guide", guide, ThinGuide)
+    dent = Dent() if dent is None else dent
+    require_type("dent", dent, Dent)
+    require_one_of("method", method, CELLS_A_WAVE)
+    wavelength_um = inputs.require_wavelength(wavelength_um)
+    modes = require_integer("modes", modes, 1, MOST_SECTION_NODES)
+    require_number(
+        "length_um", length_um, 2 * (dent.half_width_um + DENT_MARGIN_UM), LONGEST_UM, hint="the dent must fit"
+    )
+    across, along = _axes(guide, method, wavelength_um, length_um, step_um)
+    _refuse_what_does_not_fit(across, along, method, modes, memory_gib)
+    with one_blas_thread():
+        flat = _modes_of_flat(guide, across, wavelength_um)
+        _refuse_missing_modes(guide, flat, modes)
+        squared = (2 * np.pi / wavelength_um) ** 2 * permittivity(guide, dent, across.nodes_um, along.nodes_um)
+        if method == "bpm":
+            reference = float(np.sqrt(flat.separation[:modes].real.mean()))
+            field = march(across, along, squared, flat.profile[:, :modes], reference)
+        else:
+            field = solve_launched(across, along, squared, flat, modes)
+        powers, top, bottom = _account(across, along, flat, field, float(squared[0, 0]))
+    hidden = LAUNCH_NODES if method == "fdfd" else 0  # where only what is thrown back runs
+    shown_x, shown_z = across.inner, slice(along.inner.start + hidden, along.inner.stop)
+    return Propagation(
+        guide=guide,
+        dent=dent,
+        method=method,
+        wavelength_um=wavelength_um,
+        x_um=across.nodes_um[shown_x],
+        z_um=along.nodes_um[shown_z],
+        index=np.sqrt(squared[shown_z.start : shown_z.stop - 1, shown_x.start : shown_x.stop - 1])
+        * wavelength_um
+        / (2 * np.pi),
+        n_eff=flat.effective_index(wavelength_um)[:modes],
+        clear=flat.clear[:modes],
+        guided_count=flat.guided,
+        field=field[shown_z, shown_x],
+        powers=powers,
+        top_per_um=top[hidden:],
+        bottom_per_um=bottom[hidden:],
+    )
+
+
+def _axes(
+    guide: ThinGuide, method: Method, wavelength_um: float, length_um: float, step_um: float | None
+) -> tuple[Axis, Axis]:
+    shortest = wavelength_um / max(float(guide.index.max()), guide.index_outside)
+    step = shortest / CELLS_A_WAVE[method]
+    if step_um is not None:
+        step = require_number("step_um", step_um, 1e-4, shortest / COARSEST, hint="micrometres, 4 cells a wavelength")
+    air = AIR_WAVES * wavelength_um / guide.index_outside
+    ends = air if method == "fdfd" else 0.0
+    return (
+        axis(-air, guide.total_um + air, step_um=step, absorber_um=air),
+        axis(-length_um / 2, length_um / 2, step_um=step, absorber_um=ends),
+    )
+
+
+def _refuse_what_does_not_fit(across: Axis, along: Axis, method: Method, modes: int, memory_gib: float) -> None:
+    limit = require_number("memory_gib", memory_gib, 0.01, 4096.0)
+    rows = across.cells + 1
+    if rows > MOST_SECTION_NODES:
+        raise InputError(
+            f"a section across the guide must have at most {MOST_SECTION_NODES} nodes; got {rows}:"
+            " choose a thinner guide or a larger step_um"
+        )
+    nodes = rows * (along.cells + 1)
+    needed = (memory_bytes(nodes, modes) if method == "fdfd" else nodes * (32.0 * modes + 64.0)) / GIB
+    if needed > limit:
+        raise InputError(
+            f"the grid of {rows} x {along.cells + 1} nodes must fit in {limit:g} GiB; it needs about {needed:.2g}:"
+            " choose a larger step_um or memory_gib, or a smaller length_um"
+        )
+
+
+@lru_cache(maxsize=1)  # one entry may fill 64 MB
+def _modes_of_flat(guide: ThinGuide, across: Axis, wavelength_um: float) -> SectionModes:
+    """Remembered, for a sweep over dents asks for the same flat guide each time."""
+    any_length = np.array([0.0, 1.0])
+    squared = (2 * np.pi / wavelength_um) ** 2 * permittivity(guide, Dent(), across.nodes_um, any_length)
+    air = -across.low_um - across.absorber_cells * across.step_um
+    return section_modes(across, squared[0], faded_um=air)
+
+
+def _refuse_missing_modes(guide: ThinGuide, flat: SectionModes, modes: int) -> None:
+    if flat.guided == 0:
+        raise InputError(
+            f"the guide must hold a guided mode; with {guide.index_outside:g} outside, an index above it and enough"
+            f" thickness would guide; got at most {guide.index.max():g}"
+        )
+    if modes > flat.guided:
+        raise InputError(f"modes must lie in [1, {flat.guided}], for the guide holds no more; got {modes}")
+
+
+def _account(
+    across: Axis, along: Axis, flat: SectionModes, field: NDArray[np.complex128], outside_squared: float
+) -> tuple[Powers, NDArray[np.float64], NDArray[np.float64]]:
+    """Count the powers, and the share that leaves through either side a µm."""
+    count = field.shape[-1]
+    first, last = along.inner.start, along.inner.stop - 1
+    both_ways = along.absorber_cells > 0
+    # A wave marched one way runs at the speed of the continuous z, so its powers are those of a very fine step.
+    step = along.step_um if both_ways else FINE_STEP_UM
+    ends = Count(across=across, step_um=step, modes=flat, outside_squared=outside_squared)
+    launched = ends.launched(count)
+    if both_ways:
+        ahead = outward(flat, step, field[last], field[last + 1])
+        back = outward(flat, step, field[first], field[first - 1])
+    else:
+        ahead = flat.amplitudes(field[last])
+        back = np.zeros_like(ahead)
+    top, bottom = (side / launched for side in replace(ends, step_um=along.step_um).through_sides(field[along.inner]))
+    later = [sum(sides) / launched for sides in zip(ends.beyond_end(ahead), ends.beyond_end(back), strict=True)]
+    sides = [here.sum(axis=0) + after for here, after in zip((top, bottom), later, strict=True)]
+    if not both_ways:
+        scale = _as_marched(ahead[: flat.guided], sides[0] + sides[1])
+        top, bottom, *sides = (scale * one for one in (top, bottom, *sides))
+    powers = Powers(
+        guided=ends.guided(ahead) / launched,
+        reflected=ends.guided(back) / launched,
+        top=sides[0],
+        bottom=sides[1],
+    )
+    return powers, top / along.step_um, bottom / along.step_um
+
+
+def _as_marched(guided: NDArray[np.complex128], leaving: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Factor on the flow out of the sides that makes up for what the march loses of it, shape (columns,).
+
+    The march keeps the sum of the squared field and not the power, so light that it turns to steep angles carries too
+    little. Of that sum what is not guided has left: the flow then tells through which side.
+    """
+    left = 1 - np.sum(np.abs(guided) ** 2, axis=0)
+    return np.where(leaving > LEAST_SHARE, left / np.maximum(leaving, LEAST_SHARE), 1.0)

@@ -1,0 +1,101 @@
+"""All waves of one section of the grid: its guided modes, and the modes into which its absorbers split radiation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.optics.propagation._grid import MASS, STIFFNESS, times, tridiagonal
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.optics.propagation._grid import Axis
+
+
+CLEAR = 8.0  # a mode is clear of cut-off when it has fallen by exp(-8) at the absorber, its power to 1e-7
+LOSSLESS = 0.01  # guided modes near cut-off lose less than this share of (k0 n)**2 to the absorbers, others more
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SectionModes:
+    """Modes of a section, the guided ones first, each kind with the largest ``beta`` first.
+
+    The grid's own modes, not those of the continuous guide: launched on the grid they pass the flat guide unchanged.
+
+    Attributes
+    ----------
+    separation
+        ``beta**2`` in 1/µm², shape (modes,).
+    profile
+        Columns over the nodes of x with ``profile.T @ mass @ profile = 1``, shape (nodes, modes).
+    mass
+        Tridiagonal mass matrix across the layers, shape (2, nodes).
+    clear
+        Whether a guided mode is clear of cut-off, shape (guided,).
+    """
+
+    separation: NDArray[np.complex128]
+    profile: NDArray[np.complex128]
+    mass: NDArray[np.complex128]
+    clear: NDArray[np.bool]
+
+    @property
+    def guided(self) -> int:
+        """Number of guided modes."""
+        return len(self.clear)
+
+    def amplitudes(self, field: NDArray[np.complex128]) -> NDArray[np.complex128]:
+        """Amplitude of every mode in the columns of a field over x, shape (modes, columns)."""
+        return np.asarray(self.profile.T @ times(self.mass, field))
+
+    def onward(self, step_um: float) -> NDArray[np.complex128]:
+        """Factor of each mode from node to node along z, shape (modes,)."""
+        share = self.separation * step_um**2 / 12
+        return np.asarray(np.exp(1j * np.arccos((1 - 5 * share) / (1 + share))))
+
+    def effective_index(self, wavelength_um: float) -> NDArray[np.float64]:
+        """Effective index of each guided mode, shape (guided,)."""
+        return np.sqrt(self.separation[: self.guided].real) * wavelength_um / (2 * np.pi)
+
+    def flow(self, amplitudes: NDArray[np.complex128], step_um: float, rows: slice) -> NDArray[np.float64]:
+        """Power of waves running onwards with these amplitudes, shape (modes, columns), between the nodes ``rows``.
+
+        In units in which a wave of amplitude 1 carries its ``beta``; shape (columns,).
+        """
+        link = self.separation * step_um / 12 + 1 / step_um
+        there = self.profile @ ((link * self.onward(step_um))[:, np.newaxis] * amplitudes)
+        here = self.profile @ amplitudes
+        return np.asarray(np.imag(here.conj() * times(self.mass, there))[rows].sum(axis=0))
+
+
+def section_modes(across: Axis, wavenumber_squared: NDArray[np.float64], *, faded_um: float) -> SectionModes:
+    """Find all modes of a section with ``(k0 n)**2`` in its cells, the first of which lies in the medium outside.
+
+    Parameters
+    ----------
+    across
+        The axis x.
+    wavenumber_squared
+        Of each cell, 1/µm², shape (cells,).
+    faded_um
+        Distance from the guide to the absorber, µm, over which a mode clear of cut-off fades.
+    """
+    size = across.stretch * across.step_um
+    mass = tridiagonal(size, MASS)
+    operator = tridiagonal(wavenumber_squared * size, MASS) - tridiagonal(1 / size, STIFFNESS)
+    separation, profile = np.linalg.eig(np.linalg.solve(_dense(mass), _dense(operator)))
+    outside = float(wavenumber_squared[0])
+    is_guided = (separation.real > outside) & (np.abs(separation.imag) < LOSSLESS * outside)
+    order = np.lexsort((-separation.real, ~is_guided))
+    separation, profile = separation[order], profile[:, order]
+    norm = np.sqrt(np.sum(profile * times(mass, profile), axis=0))
+    decay = np.sqrt(separation[: np.count_nonzero(is_guided)].real - outside)
+    return SectionModes(separation=separation, profile=profile / norm, mass=mass, clear=decay * faded_um > CLEAR)
+
+
+def _dense(matrix: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    diagonal, off = matrix
+    return np.asarray(np.diag(diagonal) + np.diag(off[:-1], 1) + np.diag(off[:-1], -1))

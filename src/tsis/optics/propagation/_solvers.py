@@ -1,0 +1,111 @@
+"""Beam propagation: the wave marched along the guide from section to section, without what is thrown back.
+
+One way along z the wave obeys ``du/dz = i sqrt(k**2 + d2/dx2) u``. The square root is replaced by Padé's (1,1) fraction
+around a reference wave number, which stays good to wide angles, and a step becomes one tridiagonal solve for all modes.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg.lapack import zgttrf, zgttrs
+from scipy.sparse.linalg import splu
+
+from tsis.optics.propagation._grid import MASS, STIFFNESS, helmholtz_matrix, times, tridiagonal
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+    from scipy import sparse
+
+    from tsis.optics.propagation._grid import Axis
+    from tsis.optics.propagation._section_modes import SectionModes
+
+
+def march(
+    across: Axis,
+    along: Axis,
+    wavenumber_squared: NDArray[np.float64],
+    start: NDArray[np.complex128],
+    reference: float,
+) -> NDArray[np.complex128]:
+    """March the columns of ``start`` through all sections.
+
+    With ``X = (k**2 + d2/dx2) / reference**2 - 1`` it takes ``sqrt(1 + X) - 1 = (X / 2) / (1 + X / 4)`` and the
+    trapezoidal rule, which in a flat guide without absorber keeps ``u.T @ mass @ u`` exactly.
+
+    Parameters
+    ----------
+    across, along
+        Axes x and z.
+    wavenumber_squared
+        ``(k0 n)**2`` in each cell, 1/µm², shape (cells along z, cells along x).
+    start
+        Fields on the first node of z, shape (nodes of x, columns).
+    reference
+        Wave number, 1/µm, near those of the waves of interest.
+
+    Returns
+    -------
+    NDArray[np.complex128]
+        Shape (nodes of z, nodes of x, columns).
+    """
+    size = across.stretch * across.step_um
+    mass, stiffness = tridiagonal(size, MASS), tridiagonal(1 / size, STIFFNESS)
+    field = np.empty((along.cells + 1, *start.shape), dtype=complex)
+    field[0] = start
+    half = 0.25j * reference * along.step_um
+    factors: tuple[NDArray[np.complex128], ...] = ()
+    passed = None
+    explicit = mass
+    for number, section in enumerate(wavenumber_squared):
+        if passed is None or not np.array_equal(section, passed):
+            operator = (tridiagonal(section * size, MASS) - stiffness) / reference**2 - mass
+            diagonal, off = mass + (0.25 - half) * operator
+            factors = zgttrf(off[:-1], diagonal, off[:-1])[:5]
+            explicit = mass + (0.25 + half) * operator
+            passed = section
+        field[number + 1] = zgttrs(*factors, times(explicit, field[number]))[0]
+    turned = np.exp(1j * reference * along.step_um * np.arange(along.cells + 1))
+    field *= turned[:, np.newaxis, np.newaxis]
+    return field
+
+
+LAUNCH_NODES = 2  # nodes of z between the absorber and the launched wave
+BYTES_A_NODE = 140.0  # of the factors, for each doubling of the nodes; beside it 48 for a launched mode
+
+
+def memory_bytes(nodes: int, columns: int) -> float:
+    """Estimate the memory that `solve` takes on so many nodes with so many sources."""
+    return nodes * (BYTES_A_NODE * math.log2(nodes) + 48.0 * columns)
+
+
+def solve(matrix: sparse.csc_array[np.complex128], source: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """Solve for all sources, shape (nodes, sources), with one factorisation; the matrix is symmetric."""
+    factors = splu(matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    return np.asarray(factors.solve(source))
+
+
+def solve_launched(
+    across: Axis, along: Axis, wavenumber_squared: NDArray[np.float64], modes: SectionModes, count: int
+) -> NDArray[np.complex128]:
+    """Field of each of the first ``count`` modes, launched at the left end with amplitude 1.
+
+    The launched wave is there right of a line and absent left of it: what the matrix makes of that jump is the source.
+    Left of the line remains what the guide throws back.
+
+    Returns
+    -------
+    NDArray[np.complex128]
+        Shape (nodes of z, nodes of x, count), absorbers included.
+    """
+    matrix = helmholtz_matrix(across, along, wavenumber_squared)
+    rows, start = across.cells + 1, along.inner.start + LAUNCH_NODES - 1
+    profile, onward = modes.profile[:, :count], modes.onward(along.step_um)[:count]
+    before, behind = slice(start * rows, (start + 1) * rows), slice((start + 1) * rows, (start + 2) * rows)
+    link = matrix[before, behind]
+    source = np.zeros((matrix.shape[0], count), dtype=complex)
+    source[before] = link @ (profile * onward)
+    source[behind] = -(link.T @ profile)
+    return solve(matrix, source).reshape(along.cells + 1, rows, count)

@@ -1,0 +1,296 @@
+"""One meeting of a ray with a wall, the face or an interface: where it is, how it stands, what becomes of the light."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from tsis.compiled import fused, inlined
+from tsis.optics.rays._emission import STRIDES, emitted, scrambled, unit
+from tsis.optics.rays._surface import contact_share, height_and_slopes, way_to_surface
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.optics.rays._emission import Lamps
+    from tsis.optics.rays._scene import Scene
+
+
+Vector = tuple[float, float, float]
+WALL = -1  # what is met, when it is no interface
+
+
+@inlined
+def reflectance(cosine: float, here: float, there: float) -> tuple[float, float]:
+    """Share of unpolarised light that an interface reflects (Fresnel), and the cosine of what goes through."""
+    ratio = here / there
+    flat2 = ratio * ratio * (1.0 - cosine * cosine)
+    if flat2 >= 1.0:
+        return 1.0, 0.0
+    through = np.sqrt(1.0 - flat2)
+    # Amplitudes of both polarizations, (a - b) / (a + b) each, over one denominator: divisions take most of the time.
+    s_less, s_more = ratio * cosine - through, ratio * cosine + through
+    p_less, p_more = cosine - ratio * through, cosine + ratio * through
+    both = s_more * p_more
+    return 0.5 * ((s_less * p_more) ** 2 + (p_less * s_more) ** 2) / (both * both), through
+
+
+@inlined
+def mirrored(direction: Vector, normal: Vector, cosine: float) -> Vector:
+    """A direction after reflection; the normal points to where the ray came from."""
+    turn = 2.0 * cosine
+    return direction[0] + turn * normal[0], direction[1] + turn * normal[1], direction[2] + turn * normal[2]
+
+
+@inlined
+def refracted(direction: Vector, normal: Vector, cosine: float, through: float, ratio: float) -> Vector:
+    """A direction after refraction (Snell), ``ratio`` being the index before over that behind."""
+    bend = ratio * cosine - through
+    return (
+        ratio * direction[0] + bend * normal[0],
+        ratio * direction[1] + bend * normal[1],
+        ratio * direction[2] + bend * normal[2],
+    )
+
+
+@inlined
+def next_meeting(scene: Scene, medium: int, last: int, position: Vector, direction: Vector) -> tuple[int, float]:
+    """What a ray in a medium meets first, the wall or an interface, and the way there."""
+    x, y, _ = position
+    dx, dy, _ = direction
+    flat2 = dx * dx + dy * dy
+    inward = x * dx + y * dy
+    way = np.inf
+    if flat2 > 0.0:
+        root = inward * inward - flat2 * (x * x + y * y - scene.radius * scene.radius)
+        way = max((-inward + np.sqrt(max(root, 0.0))) / flat2, 0.0)
+    met = WALL
+    for k in range(medium, medium + 2):
+        side = 1.0 if k == medium else -1.0
+        to = way_to_surface(scene.face, scene.level[k], scene.pull[k], side, position, direction, way, last == k)
+        if to < way:
+            way, met = to, k
+    return met, way
+
+
+@inlined
+def stand_at(scene: Scene, medium: int, met: int, position: Vector) -> tuple[Vector, Vector, float, float]:
+    """The point that was met, freed of rounding, the normal towards the ray there, and the face's slopes."""
+    x, y, _ = position
+    if met == WALL:
+        inverse = 1.0 / np.sqrt(x * x + y * y)
+        nx, ny = -x * inverse, -y * inverse
+        return (-nx * scene.radius, -ny * scene.radius, position[2]), (nx, ny, 0.0), 0.0, 0.0
+    side = 1.0 if met == medium else -1.0
+    pull = scene.pull[met]
+    if pull == 0.0:
+        return (x, y, scene.level[met]), (0.0, 0.0, side), 0.0, 0.0
+    height, slope_x, slope_y = height_and_slopes(scene.face, x, y)
+    tilt_x, tilt_y = pull * slope_x, pull * slope_y
+    size = side / np.sqrt(1.0 + tilt_x * tilt_x + tilt_y * tilt_y)
+    return (x, y, scene.level[met] + pull * height), (-tilt_x * size, -tilt_y * size, size), slope_x, slope_y
+
+
+@inlined
+def index_behind(scene: Scene, medium: int, met: int) -> float:
+    """Refractive index behind what a ray in a medium meets."""
+    if met <= 0 or met == len(scene.indices):
+        return scene.outside
+    return float(scene.indices[met] if met > medium else scene.indices[met - 1])
+
+
+# Places of the tally, in units of the light that the lamps send out, but for the meetings.
+MISSED, REFLECTED, SIDE, GLASS, FACE, CONTACT, ABSORBED, CUT, CAMERA, BEYOND, MEETINGS = range(11)
+TALLIES = 11
+# Maps of power over the face.
+ARRIVING, FLUX_X, FLUX_Y, LOST, COUPLED = range(5)
+MAPS = 5
+_STRIDES = np.array(STRIDES, dtype=np.uint64)
+
+
+class Record(NamedTuple):
+    """What rays leave behind: the tally, maps (5, n, n), light on tilted faces (k, n, n), points of a path (m, 4)."""
+
+    totals: NDArray[np.float64]
+    maps: NDArray[np.float64]
+    slopes: NDArray[np.float64]
+    tilted: NDArray[np.float64]
+    path: NDArray[np.float64]
+
+
+@fused
+def trace_batch(scene: Scene, lamps: Lamps, seed: int, batch: int, rays: int, record: Record) -> None:
+    """Trace ``rays`` rays of every lamp, which start at the points of an even sequence that ``seed`` shifts."""
+    key = scrambled(np.uint64(scrambled(np.uint64(seed)) + np.uint64(batch)))
+    for lamp in range(len(lamps.share)):
+        lamp_key = scrambled(np.uint64(key + np.uint64(lamp)))
+        weight = lamps.share[lamp] / rays
+        shift = [scrambled(np.uint64(lamp_key + np.uint64(part))) for part in range(1, 5)]
+        for ray in range(rays):
+            u = unit(np.uint64(np.uint64(ray) * _STRIDES[0] + shift[0]))
+            v = unit(np.uint64(np.uint64(ray) * _STRIDES[1] + shift[1]))
+            s = unit(np.uint64(np.uint64(ray) * _STRIDES[2] + shift[2]))
+            t = unit(np.uint64(np.uint64(ray) * _STRIDES[3] + shift[3]))
+            position, direction = emitted(lamps, lamp, u, v, s, t)
+            follow(
+                scene, position, direction, weight, scrambled(np.uint64(lamp_key ^ scrambled(np.uint64(ray)))), record
+            )
+
+
+@inlined
+def follow(scene: Scene, position: Vector, direction: Vector, weight: float, chance: np.uint64, record: Record) -> int:
+    """Follow one ray from a lamp to its end; returns how many points of ``record.path`` are filled."""
+    totals, path = record.totals, record.path
+    points = _note(path, 0, position, weight)
+    weak = weight * scene.weak
+    medium, position, direction, weight = _enter(scene, position, direction, weight, totals)
+    if medium < 0:
+        return points
+    last = WALL
+    for _ in range(scene.most_meetings):
+        points = _note(path, points, position, weight)
+        totals[MEETINGS] += 1.0
+        met, way = next_meeting(scene, medium, last, position, direction)
+        there = (position[0] + way * direction[0], position[1] + way * direction[1], position[2] + way * direction[2])
+        position, normal, slope_x, slope_y = stand_at(scene, medium, met, there)
+        if scene.absorption > 0.0:
+            kept = weight * np.exp(-scene.absorption * way)
+            totals[ABSORBED] += weight - kept
+            weight = kept
+        before = weight
+        last = met
+        cosine = max(-(direction[0] * normal[0] + direction[1] * normal[1] + direction[2] * normal[2]), 0.0)
+        here, behind = scene.indices[medium], index_behind(scene, medium, met)
+        back, through = reflectance(cosine, here, behind)
+        if met == 0:
+            weight -= _arrive(scene, record, position, slope_x, slope_y, direction, weight, back)
+        elif met == WALL or met == len(scene.indices):
+            lost = weight * (1.0 - back)
+            totals[SIDE if met == WALL else GLASS] += lost
+            if met != WALL and here * np.sqrt(max(0.0, 1.0 - cosine * cosine)) <= scene.aperture:
+                totals[CAMERA] += lost
+            weight -= lost
+        elif back < 1.0:
+            chance = scrambled(chance)
+            if unit(chance) >= back:
+                direction = refracted(direction, normal, cosine, through, here / behind)
+                medium += 1 if met > medium else -1
+                continue
+        if weight < weak:
+            totals[CUT] += weight
+            chance = scrambled(chance)
+            if unit(chance) * weak >= weight:
+                return _note(path, points, position, before)
+            weight = weak
+            totals[CUT] -= weight
+        direction = mirrored(direction, normal, cosine)
+        if met == 0 and len(record.slopes) > 0:
+            _turn_up(scene, record, position, slope_x, slope_y, direction, weight, cosine)
+    totals[CUT] += weight
+    return _note(path, points, position, weight)
+
+
+@inlined
+def _enter(
+    scene: Scene, position: Vector, direction: Vector, weight: float, totals: NDArray[np.float64]
+) -> tuple[int, Vector, Vector, float]:
+    """Through the side wall: the medium, -1 for a ray that passes by, and place, direction and power inside."""
+    x, y, z = position
+    dx, dy, dz = direction
+    flat2 = dx * dx + dy * dy
+    inward = x * dx + y * dy
+    root = inward * inward - flat2 * (x * x + y * y - scene.radius * scene.radius)
+    if root <= 0.0 or inward >= 0.0:
+        totals[MISSED] += weight
+        return -1, position, direction, weight
+    way = (-inward - np.sqrt(root)) / flat2
+    x, y, z = x + dx * way, y + dy * way, z + dz * way
+    low = scene.face.lowest
+    if scene.face.highest > low:
+        low, _, _ = height_and_slopes(scene.face, x, y)
+    if z <= low or z >= scene.level[-1]:
+        totals[MISSED] += weight
+        return -1, position, direction, weight
+    medium = 0
+    while z > scene.level[medium + 1] + scene.pull[medium + 1] * low:
+        medium += 1
+    normal = (x / scene.radius, y / scene.radius, 0.0)
+    cosine = -(dx * normal[0] + dy * normal[1])
+    index = scene.indices[medium]
+    back, through = reflectance(cosine, scene.outside, index)
+    totals[REFLECTED] += weight * back
+    weight -= weight * back
+    direction = refracted(direction, normal, cosine, through, scene.outside / index)
+    # In a flat stack n sin(angle from the axis) stays; a layer on the way down whose index is smaller turns it back.
+    if index * index * (1.0 - direction[2] * direction[2]) > scene.thinnest[medium] ** 2:
+        totals[BEYOND] += weight
+    return medium, (x, y, z), direction, weight
+
+
+@inlined
+def _arrive(
+    scene: Scene,
+    record: Record,
+    position: Vector,
+    slope_x: float,
+    slope_y: float,
+    direction: Vector,
+    weight: float,
+    back: float,
+) -> float:
+    """Count what arrives at the face and what leaves there, which is returned."""
+    row, column = _bin(scene, record, position)
+    dx, dy, dz = direction
+    into = dx * slope_x + dy * slope_y - dz  # per area of the face seen along the axis
+    record.maps[ARRIVING, row, column] += weight
+    record.maps[FLUX_X, row, column] += weight * dx / into
+    record.maps[FLUX_Y, row, column] += weight * dy / into
+    for k in range(len(record.slopes)):
+        caught = into + dx * record.slopes[k, 0] + dy * record.slopes[k, 1]
+        if caught > 0.0:
+            record.tilted[k, row, column] += weight * caught / into
+    coupled = weight * contact_share(scene.face, position[0], position[1]) if scene.face.touched else 0.0
+    lost = (weight - coupled) * (1.0 - back)
+    record.totals[CONTACT] += coupled
+    record.totals[FACE] += lost
+    record.maps[COUPLED, row, column] += coupled
+    record.maps[LOST, row, column] += lost
+    return float(coupled + lost)
+
+
+@inlined
+def _turn_up(
+    scene: Scene,
+    record: Record,
+    position: Vector,
+    slope_x: float,
+    slope_y: float,
+    direction: Vector,
+    weight: float,
+    cosine: float,
+) -> None:
+    """Count what faces steeper than this one would catch of the light that it has turned upwards."""
+    row, column = _bin(scene, record, position)
+    dx, dy, dz = direction
+    into = cosine * np.sqrt(1.0 + slope_x * slope_x + slope_y * slope_y)
+    for k in range(len(record.slopes)):
+        caught = dx * (slope_x + record.slopes[k, 0]) + dy * (slope_y + record.slopes[k, 1]) - dz
+        if caught > 0.0:
+            record.tilted[k, row, column] += weight * caught / into
+
+
+@inlined
+def _bin(scene: Scene, record: Record, position: Vector) -> tuple[int, int]:
+    bins = record.maps.shape[1]
+    scale = 0.5 * bins / scene.radius
+    column, row = int((position[0] + scene.radius) * scale), int((position[1] + scene.radius) * scale)
+    return min(max(row, 0), bins - 1), min(max(column, 0), bins - 1)
+
+
+@inlined
+def _note(path: NDArray[np.float64], points: int, position: Vector, weight: float) -> int:
+    if points >= len(path):
+        return points
+    path[points, 0], path[points, 1], path[points, 2], path[points, 3] = position[0], position[1], position[2], weight
+    return points + 1

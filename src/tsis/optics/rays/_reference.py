@@ -1,0 +1,231 @@
+"""The same light one photon at a time, in plain words: what the fast tracer is compared with.
+
+A photon is never divided: at every meeting chance decides whether it is turned back or goes on, whether contact takes
+it and whether it is absorbed on the way. The face is a cubic spline here, and meetings are found by looking along the
+ray. It shares with the fast tracer the table of heights and the law by which lamps shine, and nothing else.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.interpolate import RectBivariateSpline
+from scipy.optimize import brentq
+
+from tsis.optics import _angles as snell
+from tsis.optics._asperities import real_contact
+from tsis.optics.rays._face import face_grid, on_face
+from tsis.optics.rays._scene import media
+from tsis.optics.rays._trace import Tally
+
+if TYPE_CHECKING:
+    from typing import Any
+
+    from numpy.typing import NDArray
+
+    from tsis.model import Led, PressField, PressMap, Probe
+
+    Vector = NDArray[np.float64]
+
+LOOKS = 200  # along a ray between two walls
+AWAY_MM = 1e-9  # from where a ray starts, so that it does not meet that place again
+WAYS_OUT = ("missed", "reflected", "side", "glass", "face", "contact", "absorbed")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Photon:
+    """Where a photon is, where it goes, and which medium it is in, counted from the face; -1 is outside."""
+
+    position: Vector
+    direction: Vector
+    medium: int = -1
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ReferenceSurface:
+    """The face or an interface above it: its height is ``level + pull * height of the face``."""
+
+    level: float
+    pull: float
+    face: RectBivariateSpline
+
+    def height(self, x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Height at places of any shape, mm."""
+        return np.asarray(self.level + self.pull * self.face(x, y, grid=False))
+
+    def upward_normal(self, position: Vector) -> Vector:
+        """Unit normal towards the glass."""
+        x, y, _ = position
+        steep = [self.pull * float(self.face(x, y, dx=dx, dy=1 - dx, grid=False)) for dx in (1, 0)]
+        normal = np.array([-steep[0], -steep[1], 1.0])
+        return np.asarray(normal / np.linalg.norm(normal))
+
+    def way(self, photon: Photon, longest: float) -> float:
+        """Way to the first crossing that is shorter than ``longest``, else infinity."""
+
+        def above(way: Any) -> Any:
+            x, y, z = (photon.position[i] + way * photon.direction[i] for i in range(3))
+            return z - self.height(x, y)
+
+        looks = np.linspace(AWAY_MM, longest, LOOKS)
+        crossed = np.flatnonzero(np.diff(np.sign(above(looks))))
+        if not len(crossed):
+            return np.inf
+        return float(brentq(above, looks[crossed[0]], looks[crossed[0] + 1], xtol=1e-14))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ReferenceProbe:
+    """A probe for single photons."""
+
+    radius: float
+    indices: list[float]
+    outside: float
+    absorption: float
+    surfaces: list[ReferenceSurface]
+    share: RectBivariateSpline
+    paths: list[list[Vector]] = field(default_factory=list)
+
+    def fate(self, photon: Photon, rng: np.random.Generator) -> str:
+        """Follow a photon from a lamp to its end, one of `WAYS_OUT`; its path is kept."""
+        path = [photon.position]
+        self.paths.append(path)
+        entered = self._enter(photon, rng)
+        while isinstance(entered, Photon):
+            path.append(entered.position)
+            entered = self._go_on(entered, rng)
+        return entered
+
+    def _enter(self, photon: Photon, rng: np.random.Generator) -> Photon | str:
+        way = self._way_to_wall(photon, nearest=True)
+        place = photon.position + way * photon.direction
+        if not np.isfinite(way) or not self.surfaces[0].height(*place[:2]) < place[2] < self.surfaces[-1].level:
+            return "missed"
+        medium = max(k for k, surface in enumerate(self.surfaces) if surface.height(*place[:2]) <= place[2])
+        inward = np.array([-place[0], -place[1], 0.0]) / self.radius
+        index = self.indices[medium]
+        if rng.random() < reflected(float(photon.direction @ inward), self.outside, index):
+            return "reflected"
+        return Photon(position=place, direction=bent(photon.direction, inward, self.outside, index), medium=medium)
+
+    def _way_to_wall(self, photon: Photon, *, nearest: bool) -> float:
+        place, along = photon.position[:2], photon.direction[:2]
+        ways = np.roots([along @ along, 2 * place @ along, place @ place - self.radius**2])
+        if np.iscomplexobj(ways) or place @ along > 0 > self.radius - np.linalg.norm(place):
+            return np.inf
+        return float(ways.min() if nearest else ways.max())
+
+    def _go_on(self, photon: Photon, rng: np.random.Generator) -> Photon | str:
+        """One meeting: the photon after it, or how it ended."""
+        to_wall = self._way_to_wall(photon, nearest=False)
+        below, above = (self.surfaces[k].way(photon, to_wall) for k in (photon.medium, photon.medium + 1))
+        way = min(to_wall, below, above)
+        if rng.random() > np.exp(-self.absorption * way):
+            return "absorbed"
+        place = photon.position + way * photon.direction
+        if way == to_wall:
+            towards, behind, end = np.array([place[0], place[1], 0.0]) / self.radius, -1, "side"
+        elif way == below:
+            towards, behind, end = -self.surfaces[photon.medium].upward_normal(place), photon.medium - 1, "face"
+        else:
+            towards, behind, end = self.surfaces[photon.medium + 1].upward_normal(place), photon.medium + 1, "glass"
+        if end == "face" and behind < 0 and rng.random() < self.share(place[0], place[1], grid=False):
+            return "contact"
+        if behind == len(self.indices):
+            behind = -1
+        here, there = self.indices[photon.medium], self.outside if behind < 0 else self.indices[behind]
+        if rng.random() < reflected(float(photon.direction @ towards), here, there):
+            turned = photon.direction - 2 * (photon.direction @ towards) * towards
+            return Photon(position=place, direction=turned, medium=photon.medium)
+        if behind < 0:
+            return end
+        return Photon(position=place, direction=bent(photon.direction, towards, here, there), medium=behind)
+
+
+def reflected(cosine: float, here: float, there: float) -> float:
+    """Share of unpolarised light that is turned back."""
+    angle = float(np.degrees(np.arccos(min(max(cosine, 0.0), 1.0))))
+    found = snell.fresnel(angle, index_from=here, index_to=there)
+    return float(found.reflected_s + found.reflected_p) / 2
+
+
+def bent(direction: Vector, towards: Vector, here: float, there: float) -> Vector:
+    """Direction behind an interface: its part along the interface changes by Snell's law."""
+    along = here / there * (direction - (direction @ towards) * towards)
+    return np.asarray(along + np.sqrt(1 - along @ along) * towards)
+
+
+def reference_probe(
+    probe: Probe,
+    pressed: PressField | PressMap | None = None,
+    *,
+    saturation_kpa: float = 20.0,
+    index_outside: float = 1.0,
+    absorption_per_mm: float = 0.0,
+) -> ReferenceProbe:
+    """A probe, dented and touched as ``pressed`` says."""
+    side, from_axis = face_grid(probe.radius_mm)
+    height, share = probe.sag_mm(from_axis), np.zeros(from_axis.shape)
+    if pressed is not None:
+        moved, pressure = on_face(pressed, side, from_axis)
+        height, share = height + moved, real_contact(pressure, saturation_kpa)
+    face = RectBivariateSpline(side, side, height.T)
+    indices, levels = media(probe)
+    pulls = np.maximum(1 - levels / probe.thickness_mm, 0.0)
+    return ReferenceProbe(
+        radius=probe.radius_mm,
+        indices=indices.tolist(),
+        outside=index_outside,
+        absorption=absorption_per_mm,
+        surfaces=[
+            ReferenceSurface(level=level, pull=pull, face=face)
+            for level, pull in zip(levels.tolist(), pulls.tolist(), strict=True)
+        ],
+        share=RectBivariateSpline(side, side, share.T, kx=1, ky=1),
+    )
+
+
+def shine(led: Led, probe: Probe, rng: np.random.Generator) -> Photon:
+    """A photon of a lamp, drawn by rejection."""
+    azimuth, aim = np.radians([led.azimuth_deg, led.aim_deg])
+    outward = np.array([np.cos(azimuth), np.sin(azimuth), 0.0])
+    up, across = np.array([0.0, 0.0, 1.0]), np.array([-outward[1], outward[0], 0.0])
+    axis = -np.cos(aim) * outward + np.sin(aim) * up
+    while True:
+        spot = rng.uniform(-led.diameter_mm / 2, led.diameter_mm / 2, 2)
+        if np.hypot(*spot) <= led.diameter_mm / 2:
+            break
+    while True:
+        direction = rng.standard_normal(3)
+        direction /= np.linalg.norm(direction)
+        if rng.random() < max(direction @ axis, 0.0) ** led.exponent:
+            break
+    centre = probe.radius_mm * outward + probe.led_height_mm(led) * up
+    return Photon(position=centre + spot[0] * across + spot[1] * up, direction=direction)
+
+
+def trace_photons(
+    probe: Probe,
+    pressed: PressField | PressMap | None = None,
+    *,
+    photons: int,
+    rng: np.random.Generator,
+    saturation_kpa: float = 20.0,
+    index_outside: float = 1.0,
+    absorption_per_mm: float = 0.0,
+) -> Tally:
+    """Where ``photons`` photons end, as shares."""
+    scene = reference_probe(
+        probe,
+        pressed,
+        saturation_kpa=saturation_kpa,
+        index_outside=index_outside,
+        absorption_per_mm=absorption_per_mm,
+    )
+    power = np.array([led.power for led in probe.leds])
+    chosen = rng.choice(len(power), size=photons, p=power / power.sum())
+    ends = Counter(scene.fate(shine(probe.leds[i], probe, rng), rng) for i in chosen)
+    return Tally(cut_off=0.0, **{name: ends[name] / photons for name in WAYS_OUT})

@@ -1,0 +1,99 @@
+"""From a probe and what presses on it to what the tracers see."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from tsis.errors import InputError
+from tsis.model import PressField, PressMap, Probe, require_type
+from tsis.optics._asperities import real_contact
+from tsis.optics.rays import _surface as rays_surface
+from tsis.optics.rays._face import face_grid, on_face
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from tsis.optics.rays._surface import Heights
+
+
+THINNEST = 0.05  # share of the layers' thickness that a dent must leave
+WEAK = 0.1  # share of its first power below which chance decides whether a ray goes on, with this share
+MOST_MEETINGS = 1000
+APERTURE = 0.1  # numerical, of the camera's lens
+
+
+class Scene(NamedTuple):
+    """The probe as the tracers see it: media from the face up, each between two interfaces, glass last.
+
+    Interface ``k`` lies at ``level[k] + pull[k] * height``: layers under a dent keep their shares of the thickness.
+    """
+
+    radius: float
+    level: NDArray[np.float64]
+    pull: NDArray[np.float64]
+    indices: NDArray[np.float64]
+    thinnest: NDArray[np.float64]  # of the indices from the face up to here
+    outside: float
+    absorption: float
+    face: Heights
+    aperture: float
+    weak: float
+    most_meetings: int
+
+
+def scene(
+    probe: Probe,
+    pressed: PressField | PressMap | None,
+    *,
+    saturation_kpa: float = 20.0,
+    index_outside: float = 1.0,
+    absorption_per_mm: float = 0.0,
+    aperture: float = APERTURE,
+) -> Scene:
+    """The probe, dented and touched as ``pressed`` says."""
+    require_type("probe", probe, Probe)
+    if pressed is not None and not isinstance(pressed, PressField | PressMap):
+        raise InputError(f"pressed must be a PressField, a PressMap or None; got {pressed!r:.80}")
+    side, from_axis = face_grid(probe.radius_mm)
+    height, share = probe.sag_mm(from_axis), np.zeros(from_axis.shape)
+    if pressed is not None:
+        moved, pressure = on_face(pressed, side, from_axis)
+        height, share = height + moved, real_contact(pressure, saturation_kpa)
+    thickness = probe.thickness_mm
+    left = float(thickness - height.max())
+    if left < THINNEST * thickness:
+        raise InputError(
+            f"face_displacement_mm must leave {THINNEST:.0%} of the layers' {thickness:g} mm; it leaves {left:.3g} mm"
+        )
+    indices, levels = media(probe)
+    return Scene(
+        radius=probe.radius_mm,
+        level=levels,
+        pull=np.maximum(1.0 - levels / thickness, 0.0),
+        indices=indices,
+        thinnest=np.minimum.accumulate(indices),
+        outside=index_outside,
+        absorption=absorption_per_mm,
+        face=rays_surface.heights(side, height, share),
+        aperture=aperture,
+        weak=WEAK,
+        most_meetings=MOST_MEETINGS,
+    )
+
+
+def media(probe: Probe) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Refractive indices from the face up and the levels between them; neighbours of one index are one medium."""
+    parts = [(layer.refractive_index, layer.thickness_mm) for layer in probe.layers]
+    parts.append((probe.glass.refractive_index, probe.glass.thickness_mm))
+    indices: list[float] = []
+    levels, top = [0.0], 0.0
+    for index, thickness in parts:
+        top += thickness
+        if indices and indices[-1] == index:
+            levels[-1] = top
+        else:
+            indices.append(index)
+            levels.append(top)
+    return np.array(indices), np.array(levels)

@@ -1,0 +1,337 @@
+"""Tracing the light of a probe's lamps: where it goes, and what reaches the face."""
+
+from __future__ import annotations
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.model import LARGEST_SEED, require_integer, require_number
+from tsis.optics import _inputs as inputs
+from tsis.optics.rays import _kernel as rays_kernel
+from tsis.optics.rays._emission import emitted, lamps
+from tsis.optics.rays._scene import APERTURE, scene
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from numpy.typing import ArrayLike, NDArray
+
+    from tsis.model import PressField, PressMap, Probe
+    from tsis.optics.rays._scene import Scene
+
+
+BATCHES = 32  # of independent starts: their spread is the error, and they are what threads share
+FEWEST_RAYS, MOST_RAYS = 1000, 10**12
+MOST_BINS = 256
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Tally:
+    """Where the light went, as shares of what the lamps send out; `missed` to `cut_off` add up to one.
+
+    Attributes
+    ----------
+    missed
+        Passed the probe by.
+    reflected
+        Turned back where it met the side wall from outside.
+    side, glass
+        Left through the side wall, and through the glass towards the camera.
+    face
+        Left through the face into air; without a dent none does at the indices of silicone.
+    contact
+        Left through real contact.
+    absorbed
+        Taken up by layers and glass.
+    cut_off
+        Was left in rays that ended by chance because they were weak, less what was added to those that went on; near
+        zero, of either sign.
+    """
+
+    missed: float
+    reflected: float
+    side: float
+    glass: float
+    face: float
+    contact: float
+    absorbed: float
+    cut_off: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TracedLight:
+    """What rays through a probe found.
+
+    Attributes
+    ----------
+    tally, standard_error
+        Where the light went, and the standard errors of those shares.
+    into_camera
+        Share of what the lamps send out that leaves the glass within the camera's numerical aperture.
+    out_of_reach
+        Share that enters above a layer whose index is below ``n sin(angle from the axis)``: without a dent it never
+        reaches the face.
+    meetings
+        Mean number of meetings with walls, interfaces and face of a ray.
+    rays
+        Rays traced.
+    x_mm, y_mm
+        Middles of the maps' bins, shape (n,) each.
+    arriving
+        Light that meets the face from inside in each bin, counted at every meeting, as a share of what the lamps send
+        out, shape (n, n), rows along y.
+    coupled
+        Light that leaves it through contact, likewise.
+    lost
+        Light that leaves it into air, likewise.
+    flux_x, flux_y
+        Horizontal flux along the face in the bins, per flux into it, times ``arriving``; shape (n, n).
+    batches
+        The same maps of every batch, shape (batches, 5, n, n), for errors of anything made from them.
+    """
+
+    tally: Tally
+    standard_error: Tally
+    into_camera: float
+    out_of_reach: float
+    meetings: float
+    rays: int
+    x_mm: NDArray[np.float64]
+    y_mm: NDArray[np.float64]
+    arriving: NDArray[np.float64]
+    lost: NDArray[np.float64]
+    coupled: NDArray[np.float64]
+    flux_x: NDArray[np.float64]
+    flux_y: NDArray[np.float64]
+    batches: NDArray[np.float64]
+
+    @property
+    def coupled_error(self) -> NDArray[np.float64]:
+        """Standard error of ``coupled`` in each bin, shape (n, n)."""
+        spread = self.batches[:, rays_kernel.COUPLED].std(axis=0, ddof=1)
+        return np.asarray(spread / np.sqrt(len(self.batches)))
+
+
+def trace_rays(
+    probe: Probe,
+    pressed: PressField | PressMap | None = None,
+    *,
+    rays: float = 1_000_000,
+    seed: int = 1,
+    bins: int = 24,
+    saturation_kpa: float = 20.0,
+    index_outside: float = 1.0,
+    absorption_per_mm: float = 0.0,
+    numerical_aperture: float = APERTURE,
+    threads: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> TracedLight:
+    """Trace the light of the lamps through layers and glass to the face and out again.
+
+    Light is unpolarised at every meeting (Fresnel's mean of both polarisations, with total reflection). Layers under a
+    dent keep their shares of the thickness. Of the light that arrives at the face, the share of real contact
+    ``erf(0.886 p / saturation)`` leaves through it; the rest meets air behind a smooth face tilted as the dent is. The
+    same seed gives the same light on any number of threads.
+
+    Parameters
+    ----------
+    probe
+        What is lit, with its lamps.
+    pressed
+        Displacement of the face and contact pressure; None is an untouched probe.
+    rays
+        How many, in [1e3, 1e12]; rounded up to a multiple of lamps and batches.
+    seed
+        Seed of the starts, a whole number from 0.
+    bins
+        Number of the maps' bins along each side of the square around the face, in [1, 256].
+    saturation_kpa
+        Pressure at which the contact would be complete if it went on growing as it starts, in [1e-6, 1e6].
+    index_outside
+        Refractive index around the probe and behind the face where nothing touches, in [1, 5].
+    absorption_per_mm
+        Absorption of layers and glass, in [0, 10].
+    numerical_aperture
+        That of the camera, which looks along the axis, in [0, 1].
+    threads
+        Threads that trace, in [1, 256]; one a core when None.
+    progress
+        Called with (batches done, batches in all).
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range, the dent is deeper than the layers or nothing of the light enters.
+
+    Examples
+    --------
+    >>> import tsis
+    >>> found = trace_rays(tsis.load_probe("tsis-2011"), rays=4000)
+    >>> round(sum(getattr(found.tally, name) for name in found.tally.__slots__), 12), found.tally.contact
+    (1.0, 0.0)
+    """
+    count = require_integer("rays", rays, FEWEST_RAYS, MOST_RAYS)
+    size = require_integer("bins", bins, 1, MOST_BINS)
+    view = scene(
+        probe,
+        pressed,
+        saturation_kpa=require_number("saturation_kpa", saturation_kpa, 1e-6, 1e6, hint="kilopascals"),
+        index_outside=inputs.require_refractive_index("index_outside", index_outside),
+        absorption_per_mm=require_number("absorption_per_mm", absorption_per_mm, 0.0, 10.0),
+        aperture=require_number("numerical_aperture", numerical_aperture, 0.0, 1.0),
+    )
+    record = trace_batches(view, probe, rays=count, seed=seed, bins=size, threads=threads, progress=progress)
+    return _light(probe, view, record)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Batches:
+    """Records of all batches: totals (b, tallies), maps (b, 5, n, n) and tilted faces (b, k, n, n)."""
+
+    totals: NDArray[np.float64]
+    maps: NDArray[np.float64]
+    tilted: NDArray[np.float64]
+    rays: int
+
+
+def trace_batches(
+    view: Scene,
+    probe: Probe,
+    *,
+    rays: float,
+    seed: int,
+    bins: int,
+    slopes: ArrayLike = (),
+    threads: int | None = None,
+    progress: Callable[[int, int], None] | None = None,
+) -> Batches:
+    """Trace batches of rays beside each other; ``slopes`` (k, 2) are those of faces whose light is recorded too."""
+    start = require_integer("seed", seed, 0, LARGEST_SEED)
+    workers = require_integer("threads", os.cpu_count() or 1 if threads is None else threads, 1, 256)
+    tilts = np.asarray(slopes, dtype=float).reshape(-1, 2)
+    shining = lamps(probe)
+    each = int(np.ceil(rays / (BATCHES * len(shining.share))))
+    maps = np.zeros((BATCHES, rays_kernel.MAPS, bins, bins))
+    tilted = np.zeros((BATCHES, len(tilts), bins, bins))
+    totals = np.zeros((BATCHES, rays_kernel.TALLIES))
+
+    def trace(batch: int) -> None:
+        # Counted apart and copied: threads that write to one cache line would wait for each other.
+        counted = np.zeros(rays_kernel.TALLIES)
+        record = rays_kernel.Record(
+            totals=counted, maps=maps[batch], slopes=tilts, tilted=tilted[batch], path=np.empty((0, 4))
+        )
+        rays_kernel.trace_batch(view, shining, start, batch, each, record)
+        totals[batch] = counted
+
+    with ThreadPoolExecutor(workers) as pool:
+        for done, _ in enumerate(pool.map(trace, range(BATCHES)), start=1):
+            if progress is not None:
+                progress(done, BATCHES)
+    return Batches(totals=totals, maps=maps, tilted=tilted, rays=each * BATCHES * len(shining.share))
+
+
+def _light(probe: Probe, view: Scene, found: Batches) -> TracedLight:
+    totals, maps = found.totals.mean(axis=0), found.maps.mean(axis=0)
+    error = found.totals.std(axis=0, ddof=1) / np.sqrt(BATCHES)
+    bins = maps.shape[1]
+    middles = (np.arange(bins) + 0.5) * (2 * probe.radius_mm / bins) - probe.radius_mm
+    return TracedLight(
+        tally=_tally(totals),
+        standard_error=_tally(error),
+        into_camera=float(totals[rays_kernel.CAMERA]),
+        out_of_reach=float(totals[rays_kernel.BEYOND]),
+        meetings=float(found.totals[:, rays_kernel.MEETINGS].sum() / found.rays),
+        rays=found.rays,
+        x_mm=middles,
+        y_mm=middles,
+        arriving=maps[rays_kernel.ARRIVING],
+        lost=maps[rays_kernel.LOST],
+        coupled=maps[rays_kernel.COUPLED],
+        flux_x=maps[rays_kernel.FLUX_X],
+        flux_y=maps[rays_kernel.FLUX_Y],
+        batches=found.maps,
+    )
+
+
+def _tally(totals: NDArray[np.float64]) -> Tally:
+    return Tally(
+        missed=float(totals[rays_kernel.MISSED]),
+        reflected=float(totals[rays_kernel.REFLECTED]),
+        side=float(totals[rays_kernel.SIDE]),
+        glass=float(totals[rays_kernel.GLASS]),
+        face=float(totals[rays_kernel.FACE]),
+        contact=float(totals[rays_kernel.CONTACT]),
+        absorbed=float(totals[rays_kernel.ABSORBED]),
+        cut_off=float(totals[rays_kernel.CUT]),
+    )
+
+
+LONGEST = 200  # points
+MOST_PATHS = 10_000
+
+
+def trace_paths(
+    probe: Probe, pressed: PressField | PressMap | None = None, *, rays: int = 40, seed: int = 1, lamp: int = 0
+) -> tuple[NDArray[np.float64], ...]:
+    """The ways of some rays of one lamp.
+
+    Parameters
+    ----------
+    probe, pressed
+        As `tsis.optics.rays.trace_rays` takes them.
+    rays
+        How many, in [1, 10000].
+    seed
+        Seed of their starts and of their choices.
+    lamp
+        Which of the lit lamps, counted from 0.
+
+    Returns
+    -------
+    For each ray its points, shape (points, 4): x, y, z in mm and the power with which it leaves the point, one at the
+    lamp. At the last point it ends or has left.
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range.
+
+    Examples
+    --------
+    >>> import tsis
+    >>> (path,) = trace_paths(tsis.load_probe("tsis-2011"), rays=1)
+    >>> path[0, 3].item(), path.shape[1]
+    (1.0, 4)
+    """
+    view = scene(probe, pressed)
+    count = require_integer("rays", rays, 1, MOST_PATHS)
+    shining = lamps(probe)
+    chosen = require_integer("lamp", lamp, 0, len(shining.share) - 1)
+    rng = np.random.default_rng(require_integer("seed", seed, 0, LARGEST_SEED))
+
+    def path() -> NDArray[np.float64]:
+        position, direction = emitted(shining, chosen, *rng.random(4).tolist())
+        return follow_path(view, position, direction, chance=int(rng.integers(2**63)))
+
+    return tuple(path() for _ in range(count))
+
+
+def follow_path(view: Scene, position: ArrayLike, direction: ArrayLike, *, chance: int = 1) -> NDArray[np.float64]:
+    """The way of one ray of power one, shape (points, 4)."""
+    points = np.empty((LONGEST, 4))
+    nowhere = np.empty((0, 2))
+    record = rays_kernel.Record(
+        totals=np.zeros(rays_kernel.TALLIES),
+        maps=np.zeros((rays_kernel.MAPS, 1, 1)),
+        slopes=nowhere,
+        tilted=np.zeros((0, 1, 1)),
+        path=points,
+    )
+    start, along = (tuple(np.asarray(part, dtype=float).tolist()) for part in (position, direction))
+    count = rays_kernel.follow(view, start, along, 1.0, np.uint64(chance), record)
+    return points[:count].copy()

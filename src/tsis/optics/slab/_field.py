@@ -1,0 +1,267 @@
+"""Field of one guided mode, without loss of digits through layers where it fades away.
+
+Solutions that decay below and above the stack are carried to a layer where the mode is large, and joined there. Modes
+of wells so weakly coupled that rounding mixes them are joined in different wells and made orthogonal.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import chain
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from tsis.optics.slab._phase import EPSILON, across
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from numpy.typing import NDArray
+
+    from tsis.optics.slab._layers import SlabLayers
+
+
+FLATTEST = 1e-5  # least rate times length: the two waves become one, and errors of 1e-10 either way are balanced
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Waves:
+    """``u = a exp(-g s) + b exp(-g (l - s))`` at s from the lower end of a region of length l, in units of 1 / k0.
+
+    Where the mode fades, g is real and each wave dies away from its own end, so none is ever a difference of two large
+    ones; where it oscillates, g is imaginary and the waves travel up and down.
+
+    Attributes
+    ----------
+    layers
+        The stack.
+    rate
+        g of each region, complex, (layers + 2,).
+    from_lower, from_upper
+        a and b of each region, complex; a is 0 in the half-space below and b in that above.
+    """
+
+    layers: SlabLayers
+    rate: NDArray[np.complex128]
+    from_lower: NDArray[np.complex128]
+    from_upper: NDArray[np.complex128]
+
+    @classmethod
+    def between(
+        cls, layers: SlabLayers, q: NDArray[np.float64], lower: NDArray[np.float64], upper: NDArray[np.float64]
+    ) -> Self:
+        """The waves that have given u and v at the ends of regions, (layers + 2, 2) each, where u'' = -q u."""
+        length = layers.thickness_um * layers.per_um
+        floor = np.divide(FLATTEST**2, length**2, out=np.zeros_like(length), where=length > 0)
+        rate = np.sqrt(-np.where(q < 0, np.minimum(q, -floor), np.maximum(q, floor)) + 0j)
+        through = _through(layers, rate)
+        # Oscillating: from u and u' at the lower end. Fading: from u at both, as u' there is a difference.
+        slope = layers.weight * lower[:, 1] / rate
+        travels = q > 0
+        from_lower = np.where(
+            travels, (lower[:, 0] - slope) / 2, (lower[:, 0] - upper[:, 0] * through) / (1 - through**2)
+        )
+        back = np.where(travels, np.conj(through), 0)
+        from_upper = np.where(
+            travels, (lower[:, 0] + slope) / 2 * back, (upper[:, 0] - lower[:, 0] * through) / (1 - through**2)
+        )
+        return cls(layers=layers, rate=rate, from_lower=from_lower, from_upper=from_upper)
+
+    def wave(self, x_um: NDArray[np.float64]) -> NDArray[np.float64]:
+        """U at heights above the lowest face, µm."""
+        _, up, down = self._parts(x_um)
+        return (up + down).real
+
+    def slope(self, x_um: NDArray[np.float64]) -> NDArray[np.float64]:
+        """V, which is du/dx over k0 p."""
+        region, up, down = self._parts(x_um)
+        return (self.rate[region] / self.layers.weight[region] * (down - up)).real
+
+    def _parts(
+        self, x_um: NDArray[np.float64]
+    ) -> tuple[NDArray[np.int64], NDArray[np.complex128], NDArray[np.complex128]]:
+        faces = self.layers.faces_um
+        region = np.searchsorted(faces, x_um, side="right")
+        above = np.maximum(x_um - np.concatenate([faces[:1], faces])[region], 0.0)
+        below = np.maximum(np.concatenate([faces, faces[-1:]])[region] - x_um, 0.0)
+        g = self.rate[region] * self.layers.per_um
+        return region, self.from_lower[region] * np.exp(-g * above), self.from_upper[region] * np.exp(-g * below)
+
+
+def overlap_um(one: Waves, other: Waves) -> float:
+    """Integral of the product of two solutions over p, in µm, in closed form."""
+    layers, sum_of_rates = one.layers, one.rate + other.rate
+    length = layers.thickness_um * layers.per_um
+    alike = one.from_lower * other.from_lower + one.from_upper * other.from_upper
+    opposed = one.from_lower * other.from_upper + one.from_upper * other.from_lower
+    fading = (1 - _through(layers, one.rate) * _through(layers, other.rate)) / sum_of_rates
+    beating = length * np.exp(-sum_of_rates * length / 2) * _sinhc((one.rate - other.rate) * length / 2)
+    return float(np.sum((alike * fading + opposed * beating) / layers.weight).real) / layers.per_um
+
+
+def _through(layers: SlabLayers, rate: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    """What is left of a wave at the other end of its region; a half-space has none."""
+    length = layers.thickness_um * layers.per_um
+    return np.where(length > 0, np.exp(-rate * length), 0)
+
+
+def _sinhc(z: NDArray[np.complex128]) -> NDArray[np.complex128]:
+    small = np.abs(z) < 1e-4
+    safe = np.where(small, 1, z)
+    return np.where(small, 1 + z**2 / 6, np.sinh(safe) / safe)
+
+
+INSEPARABLE = 1e-6  # of the largest q: modes nearer than this mix by more than about 1e-9 as N**2 is rounded
+CROWDED = 0.01  # of the mean distance: modes of a thick guide lie near each other and do not mix
+# In roundings of q: where N**2 hits one well's mode exactly, that mode drowns its twin's, wherever driven.
+NUDGES = (0, 8, -8, 64, -64)
+GOOD = 10.0  # roundings of q by which a wave may fail to solve the equations without a search for a better one
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class SlabField:
+    """A sum of solutions, one where the mode stands alone."""
+
+    waves: tuple[Waves, ...]
+    amplitudes: NDArray[np.float64]
+
+    def wave(self, x_um: NDArray[np.float64]) -> NDArray[np.float64]:
+        """The continuous transverse field u at heights above the lowest face."""
+        return np.asarray(sum(part * one.wave(x_um) for part, one in zip(self.amplitudes, self.waves, strict=True)))
+
+    def slope(self, x_um: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Its slope v = u' / p by k0 x, continuous too."""
+        return np.asarray(sum(part * one.slope(x_um) for part, one in zip(self.amplitudes, self.waves, strict=True)))
+
+
+def field(layers: SlabLayers, n_eff: NDArray[np.float64], q: NDArray[np.float64], number: int) -> SlabField:
+    """Field of one of a few modes that rounding may mix, with unit power.
+
+    Parameters
+    ----------
+    layers
+        The stack.
+    n_eff
+        Effective indices of these modes, (modes,).
+    q
+        ``n**2 - N**2`` of each mode in each region, (modes, layers + 2).
+    number
+        Which of them.
+    """
+    waves: list[Waves] = []
+    parts = np.zeros((0, len(q)))  # amplitudes of the waves in each mode found so far, of unit norm
+    for one in q[: number + 1]:
+        nudged = (one + nudge * EPSILON * one.max() for nudge in NUDGES)
+        # Nudged past cut-off a mode is none; the first, as it was found, fades on both sides.
+        tries = chain.from_iterable(_joined(layers, near) for near in nudged if max(near[0], near[-1]) < 0)
+        best = _best(_beside(waves, parts, wave, jump, EPSILON * one.max()) for wave, jump in tries)
+        waves.append(best.wave)
+        parts = np.vstack([parts, best.row])
+    row = parts[-1, : len(waves)] / np.sqrt(n_eff[number])
+    foot = sum(part * float(wave.from_upper[0].real) for part, wave in zip(row, waves, strict=True))
+    return SlabField(waves=tuple(waves), amplitudes=row if foot >= 0 else -row)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Try:
+    """A wave; what of it and of earlier ones makes a mode orthogonal to the earlier; the error of that mode."""
+
+    wave: Waves
+    row: NDArray[np.float64]
+    error: float
+
+
+def _beside(waves: list[Waves], parts: NDArray[np.float64], wave: Waves, jump: float, rounding: float) -> _Try:
+    """Make a wave orthogonal to the modes found so far; its error is in roundings of q."""
+    power = overlap_um(wave, wave)
+    shared = np.zeros(parts.shape[1])
+    shared[: len(waves)] = [overlap_um(wave, other) / np.sqrt(power) for other in waves]
+    common = parts @ shared  # with each earlier mode
+    left = float(np.sqrt(max(1.0 - float(common @ common), EPSILON)))
+    row = -common @ parts
+    row[len(waves)] = 1 / np.sqrt(power)
+    # What is left grows to full size, and with it what the wave holds of other modes.
+    error = (1 + jump / (power * wave.layers.per_um * rounding)) / left
+    return _Try(wave=wave, row=row / left, error=error)
+
+
+def _best(tries: Iterator[_Try]) -> _Try:
+    """The first good one, else the one of least error."""
+    best = next(tries)
+    for found in tries:
+        if best.error < GOOD:
+            break
+        best = min(best, found, key=lambda one: one.error)
+    return best
+
+
+def mixed(anchor: NDArray[np.float64], offset: NDArray[np.float64], largest_q: float, mode: int) -> slice:
+    """The modes around ``mode`` that rounding may mix with each other."""
+    near = min(INSEPARABLE, CROWDED / len(anchor)) * largest_q
+    first, last = mode, mode + 1
+    while first > 0 and _distance(anchor, offset, first - 1) < near:
+        first -= 1
+    while last < len(anchor) and _distance(anchor, offset, last - 1) < near:
+        last += 1
+    return slice(first, last)
+
+
+def _distance(anchor: NDArray[np.float64], offset: NDArray[np.float64], mode: int) -> float:
+    """By how much the squared effective index of a mode exceeds that of the next."""
+    a, b = anchor[mode], anchor[mode + 1]
+    return float((a - b) * (a + b) + (offset[mode] - offset[mode + 1]))
+
+
+def _joined(layers: SlabLayers, q: NDArray[np.float64]) -> Iterator[tuple[Waves, float]]:
+    """Solutions joined in one layer each, first where the mode is largest; and how badly they join."""
+    (lower_below, upper_below), (upper_above, lower_above) = (_carried(layers, q, side) for side in (1, -1))
+    # A solution driven from x is as large there as the product of the two that decay on its sides.
+    size = {
+        region: _log_size(layers, q, region, upper_below[region]) + _log_size(layers, q, region, upper_above[region])
+        for region in np.flatnonzero(q > 0).tolist()
+    }
+    for region in sorted(size, key=lambda one: -size[one]):
+        below, above = upper_below[region], upper_above[region]
+        metric = np.array([1.0, _reach(layers, q, region) ** 2])
+        ratio = (below[:2] * metric) @ above[:2] / ((above[:2] * metric) @ above[:2])
+        lower = np.concatenate([lower_below[: region + 1], lower_above[region + 1 :]])
+        upper = np.concatenate([upper_below[: region + 1], upper_above[region + 1 :]])
+        log = np.where(np.arange(len(q)) <= region, -below[2], np.log(abs(ratio)) - above[2])
+        scale = np.where(np.arange(len(q)) <= region, 1.0, np.sign(ratio))
+        top = max((lower[:, 2] + log).max(), (upper[:, 2] + log).max())
+        lower, upper = (
+            ends[:, :2] * (scale * np.exp(ends[:, 2] + log - top))[:, np.newaxis] for ends in (lower, upper)
+        )
+        jump = abs(ratio * (below[0] * above[1] - below[1] * above[0])) * np.exp(-top)
+        yield Waves.between(layers, q, lower, upper), float(jump)
+
+
+def _carried(layers: SlabLayers, q: NDArray[np.float64], side: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(u, v, log of a factor) of the solution that decays outside, where it enters and where it leaves each region."""
+    outside, end = (0, len(q) - 1) if side > 0 else (len(q) - 1, 0)
+    length, weight = layers.thickness_um * layers.per_um, layers.weight
+    enters, leaves = np.zeros((2, len(q), 3))
+    u, v, log = 1.0, float(np.sqrt(-q[outside]) / weight[outside]), 0.0
+    leaves[outside] = u, v, log
+    for region in range(outside + side, end, side):
+        enters[region] = u, v, log
+        u, v, half_turns, depth = across(u, v, weight[region], q[region], length[region])
+        size = float(np.hypot(u, v)) * (-1) ** half_turns
+        u, v, log = u / size, v / size, log + depth + float(np.log(abs(size)))
+        leaves[region] = u, v, log
+    enters[end] = u, v, log
+    for ends in (enters, leaves):
+        ends[:, 1] *= side  # an axis pointing inwards points down on the upper side
+    return enters, leaves
+
+
+def _reach(layers: SlabLayers, q: NDArray[np.float64], region: int) -> float:
+    """By how much a slope u' can raise u within an oscillating region, in terms of v = u' / p."""
+    length = layers.thickness_um[region] * layers.per_um
+    return float(layers.weight[region] * min(1 / np.sqrt(q[region]), length))
+
+
+def _log_size(layers: SlabLayers, q: NDArray[np.float64], region: int, end: NDArray[np.float64]) -> float:
+    u, v, log = end
+    return float(log + np.log(np.hypot(u, v * _reach(layers, q, region))))

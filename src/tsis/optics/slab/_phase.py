@@ -1,0 +1,145 @@
+"""Phase that a wave gathers across a stack, and the modes counted and found by it; compiled.
+
+The field u of a guided mode (E_y of TE, H_y of TM) obeys, with X = k0 x and N the mode's effective index,
+
+    u' = p v,   v' = -(q / p) u,   q = n**2 - N**2,   p = 1 (TE) or n**2 (TM),
+
+with u and v continuous: a Sturm-Liouville problem. Its solutions that decay below and above the stack are carried from
+both sides into the layer of highest index, the core, as half-turns (zeros passed) and a direction (u, v) with u >= 0.
+Mode j is where the phase gathered in the core and on both sides is (j + 1) pi. The phase only falls as N grows, so each
+multiple of pi is met once: no mode is missed and none found twice.
+
+N**2 is written ``anchor**2 + offset`` with the anchor an index of the stack. So q of that layer or of the surroundings
+keeps all its digits, however near to cut-off the mode is.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from tsis.compiled import compiled
+
+EPSILON = 2.0**-52
+
+Floats = NDArray[np.float64]
+
+
+@compiled
+def across(u: float, v: float, p: float, q: float, length: float) -> tuple[float, float, int, float]:
+    """Carry (u, v) through a layer: the new pair, the half-turns left out of it, and the log of the factor left out."""
+    if q > 0.0:
+        kappa = math.sqrt(q)
+        half_turns = int(kappa * length / math.pi)
+        rest = kappa * length - math.pi * half_turns
+        cosine, sine = math.cos(rest), math.sin(rest)
+        return u * cosine + p * v * sine / kappa, v * cosine - u * kappa * sine / p, half_turns, 0.0
+    gamma = math.sqrt(-q)
+    depth = gamma * length
+    if depth < 1.0:
+        cosine = math.cosh(depth)
+        sine = math.sinh(depth)
+        over_gamma = length if depth == 0.0 else sine / gamma
+        return u * cosine + p * v * over_gamma, v * cosine + u * gamma * sine / p, 0, 0.0
+    growing, decaying = (u + p * v / gamma) / 2, (u - p * v / gamma) / 2
+    if growing == 0.0:  # exactly: nothing else would be left behind a deep layer
+        return decaying, -decaying * gamma / p, 0, -depth
+    decaying *= math.exp(-2 * depth)
+    return growing + decaying, (growing - decaying) * gamma / p, 0, depth
+
+
+@compiled
+def arrival(
+    step: Floats, weight: Floats, length: Floats, offset: float, core: int, side: int
+) -> tuple[int, float, float]:
+    """Half-turns and direction (u, v) with which the solution that decays outside reaches the core.
+
+    ``side`` 1 comes from below, -1 from above; v is that of an x axis pointing inwards.
+    """
+    outside = 0 if side > 0 else len(step) - 1
+    u, v = 1.0, math.sqrt(max(offset - step[outside], 0.0)) / weight[outside]
+    half_turns = 0
+    layer = outside + side
+    while layer != core:
+        u, v, passed, _ = across(u, v, weight[layer], step[layer] - offset, length[layer])
+        half_turns += passed
+        if u < 0.0 or (u == 0.0 and v < 0.0):
+            u, v = -u, -v
+            half_turns += 1
+        size = u + abs(v)
+        u, v = u / size, v / size
+        layer += side
+    return half_turns, u, v
+
+
+@compiled
+def phase(step: Floats, weight: Floats, length: Floats, offset: float, core: int) -> tuple[int, float]:
+    """Phase beyond that of the lowest mode: pi times the first number, plus the second."""
+    below, u_below, v_below = arrival(step, weight, length, offset, core, 1)
+    above, u_above, v_above = arrival(step, weight, length, offset, core, -1)
+    kappa, p = math.sqrt(max(step[core] - offset, 0.0)), weight[core]
+    # Complements of the angles: near cut-off of a thin guide the phase is tiny, and no pi / 2 may swallow it.
+    rest = kappa * length[core] - math.atan2(p * v_below, kappa * u_below) - math.atan2(p * v_above, kappa * u_above)
+    return below + above, rest
+
+
+@compiled
+def modes_above(step: Floats, weight: Floats, length: Floats, offset: float, core: int) -> int:
+    """How many modes have N**2 above ``anchor**2 + offset``."""
+    half_turns, rest = phase(step, weight, length, offset, core)
+    return max(0, half_turns + math.ceil(rest / math.pi))
+
+
+@compiled
+def roots(
+    step: Floats, weight: Floats, length: Floats, low: float, high: float, core: int, first: int, found: Floats
+) -> None:
+    """Fill ``found`` with the falling offsets, between ``high`` and ``low``, of mode ``first`` and those after it."""
+    half_turns_low, rest_low = phase(step, weight, length, low, core)
+    half_turns_high, rest_high = phase(step, weight, length, high, core)
+    right, right_phase = high, rest_high + math.pi * (half_turns_high - first)
+    for k in range(len(found)):
+        left_phase = rest_low + math.pi * (half_turns_low - first - k)
+        found[k] = _root(step, weight, length, core, first + k, low, left_phase, right, right_phase)
+        right, right_phase = found[k], -math.pi
+
+
+@compiled
+def _root(
+    step: Floats,
+    weight: Floats,
+    length: Floats,
+    core: int,
+    mode: int,
+    a: float,
+    phase_a: float,
+    b: float,
+    phase_b: float,
+) -> float:
+    """Chandrupatla's bracketed search, down to neighbouring numbers: where wells are coupled the phase is a step."""
+    if phase_a <= 0.0:
+        return a
+    if phase_b >= 0.0:
+        return b
+    share = 0.5
+    while True:
+        x = a + share * (b - a)
+        half_turns, rest = phase(step, weight, length, x, core)
+        phase_x = rest + math.pi * (half_turns - mode)
+        if (phase_x > 0.0) == (phase_a > 0.0):
+            c, phase_c = a, phase_a
+        else:
+            c, phase_c, b, phase_b = b, phase_b, a, phase_a
+        a, phase_a = x, phase_x
+        nearest = EPSILON * max(abs(a), abs(b)) + 1e-300
+        least = nearest / abs(b - a)
+        if least > 0.5 or phase_a == 0.0:
+            return a if phase_a == 0.0 else (a + b) / 2
+        share = 0.5
+        xi, phi = (a - b) / (c - b), (phase_a - phase_b) / (phase_c - phase_b)
+        if phi * phi < xi and (1 - phi) * (1 - phi) < 1 - xi:
+            share = phase_a / (phase_b - phase_a) * phase_c / (phase_b - phase_c)
+            share += (c - a) / (b - a) * phase_a / (phase_c - phase_a) * phase_b / (phase_c - phase_b)
+        share = min(max(share, least), 1 - least)

@@ -1,0 +1,98 @@
+"""What is known about a parameter after the press, beside what was known before."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
+
+    from tsis.inclusion.design import Design
+    from tsis.model import Estimate
+
+
+LABELS = {"diameter_mm": "diameter d / mm", "depth_mm": "depth h / mm", "young_kpa": "modulus E / kPa"}
+BINS = 40
+TRUTH = "#d55e00"  # of a palette that is told apart without red-green vision
+POSTERIOR = "#0072b2"
+
+
+def marginal(
+    estimate: Estimate,
+    name: str,
+    ax: Axes,
+    *,
+    prior_range: tuple[float, float],
+    truth: float | None = None,
+) -> Axes:
+    """Draw the posterior density of one parameter with its 90 % interval, the uniform prior and the truth if known.
+
+    Parameters
+    ----------
+    estimate
+        The estimate.
+    name
+        A parameter of it.
+    ax
+        Where to draw.
+    prior_range
+        Ends (low, high) of the uniform prior, which set the axis.
+    truth
+        The true value, of a virtual phantom for instance.
+    """
+    low, high = prior_range
+    left, right = estimate.interval(0.9)[name]
+    ax.hist(estimate.samples[name], bins=BINS, density=True, color=POSTERIOR, alpha=0.75, label="posterior")
+    ax.plot([low, low, high, high], [0, 1 / (high - low), 1 / (high - low), 0], color="0.4", label="prior")
+    ax.axvspan(left, right, color=POSTERIOR, alpha=0.15, label="90 % interval")
+    if truth is not None:
+        ax.axvline(truth, color=TRUTH, linestyle="--", linewidth=2, label="truth")
+    margin = 0.02 * (high - low)
+    ax.set(xlabel=LABELS.get(name, name), xlim=(low - margin, high + margin), yticks=[])
+    return ax
+
+
+def trade_off(
+    estimate: Estimate, names: tuple[str, str], ax: Axes, *, truth: tuple[float, float] | None = None
+) -> Axes:
+    """Draw the joint posterior of two parameters as the density of its samples, with the truth if known."""
+    first, second = names
+    x, y = estimate.samples[first], estimate.samples[second]
+    counts, x_edges, y_edges = np.histogram2d(x, y, bins=BINS)
+    ax.pcolormesh(x_edges, y_edges, counts.T, cmap="Blues", rasterized=True)
+    if truth is not None:
+        ax.plot(*truth, "x", color=TRUTH, markersize=10, markeredgewidth=2)
+    ax.set(xlabel=LABELS.get(first, first), ylabel=LABELS.get(second, second))
+    return ax
+
+
+KEEPS, BREAKS = "#0072b2", "#d55e00"  # told apart without red-green vision, and by the marker too
+
+
+def design_errors(designs: Sequence[Design], names: tuple[str, str], ax: Axes) -> Axes:
+    """Draw the expected errors of two parameters, a numbered point for each design; nearer to the corner is better.
+
+    Filled circles keep every limit, crosses break one. The legend's entries say which number is which design.
+
+    Parameters
+    ----------
+    designs
+        What to draw, numbered from 1 in their order.
+    names
+        The parameters along x and y.
+    ax
+        Where to draw.
+    """
+    first, second = names
+    for number, design in enumerate(designs, start=1):
+        x, y = design.information.rmse[first], design.information.rmse[second]
+        marker, colour = ("x", BREAKS) if design.limits.broken else ("o", KEEPS)
+        ax.plot(x, y, marker, color=colour, markersize=5, label=f"{number}  {design.protocol.name}")
+        ax.annotate(str(number), (x, y), xytext=(4, 3), textcoords="offset points", fontsize=7)
+    ax.margins(0.1)
+    ax.set(xlabel=f"expected error of {LABELS[first]}", ylabel=f"expected error of {LABELS[second]}")
+    return ax

@@ -1,0 +1,160 @@
+"""Matched point sets, and what many trials say about the methods that match them."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from matplotlib.axes import Axes
+    from numpy.typing import ArrayLike
+
+    from tsis.matching.trials import TrialSummary
+
+
+SOURCE, TARGET, PAIR = "#0072b2", "#d55e00", "0.65"  # told apart without red-green vision
+CURVE_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#000000", "#56b4e9", "#e69f00")
+CURVE_MARKS = "ovs^Dp*Xhd<>"
+NAMES = {"failures": "share of failures", "seconds": "median time / s"}
+FEW, LARGE, SMALL = 300, 18.0, 4.0  # points up to which the dots are large
+MOST_DRAWN = 5000  # of each set: more of them only make a blot
+
+
+def point_sets(
+    source: ArrayLike,
+    target: ArrayLike,
+    ax: Axes,
+    *,
+    matches: ArrayLike | None = None,
+    source_label: str = "source",
+    target_label: str = "target",
+) -> Axes:
+    """Draw two point sets over each other, with a line from each source point to its match.
+
+    Of more than `MOST_DRAWN` points every second, third, ... is drawn.
+
+    Parameters
+    ----------
+    source, target
+        Shapes (n, 2) and (m, 2), or (n, 3) and (m, 3) on an axes with the projection ``"3d"``.
+    ax
+        Where to draw.
+    matches
+        Row of each source point's match or -1, shape (n,); None draws no lines.
+    source_label, target_label
+        What the legend calls them.
+    """
+    first, second = np.asarray(source, dtype=float), np.asarray(target, dtype=float)
+    rows, others = (np.arange(0, len(each), -(-len(each) // MOST_DRAWN)) for each in (first, second))
+    surface: Any = ax  # axes in space take three coordinates, which the declared class does not know
+    size = LARGE if max(len(first), len(second)) <= FEW else SMALL
+    if matches is not None:
+        partner = np.asarray(matches)
+        paired = rows[partner[rows] >= 0]
+        ends = np.full((len(paired), 3, first.shape[1]), np.nan)  # a NaN ends a line
+        ends[:, 0], ends[:, 1] = first[paired], second[partner[paired]]
+        surface.plot(*ends.reshape(-1, first.shape[1]).T, color=PAIR, linewidth=0.7, zorder=1)
+    hollow = {"facecolors": "none", "edgecolors": SOURCE}
+    surface.scatter(
+        *first[rows].T, s=2 * size, label=f"{source_label} ({len(first)})", linewidths=1.0, zorder=3, **hollow
+    )
+    surface.scatter(*second[others].T, s=size / 2, label=f"{target_label} ({len(second)})", color=TARGET, zorder=2)
+    ax.set_aspect("equal")
+    ax.set(xlabel="x", ylabel="y")
+    if first.shape[1] == 3:
+        surface.set_zlabel("z")
+    ax.legend(loc="best", fontsize="small")
+    return ax
+
+
+def curves_over_levels(
+    summaries: Sequence[TrialSummary],
+    ax: Axes,
+    *,
+    quantity: Literal["error", "failures", "seconds"],
+    positions: Mapping[str, float],
+    level_label: str,
+    unit: str = "",
+) -> Axes:
+    """Draw what each method does over the levels of one kind of distortion (figures 5.14 to 5.18 and 5.20).
+
+    Parameters
+    ----------
+    summaries
+        Of one group, as `tsis.matching.trials.summarise` returns them.
+    ax
+        Where to draw.
+    quantity
+        ``"error"`` draws the median as a line and the mean as a mark of its own, ``"failures"`` and ``"seconds"`` a
+        line.
+    positions
+        Where each level lies on the axis.
+    level_label
+        Name and unit of the axis.
+    unit
+        Of the error, where it has one.
+    """
+    styles = zip(itertools.cycle(CURVE_COLOURS), itertools.cycle(CURVE_MARKS), strict=False)
+    methods = dict.fromkeys(each.method for each in summaries)
+    for order, (method, (colour, mark)) in enumerate(zip(methods, styles, strict=False)):
+        own = [each for each in summaries if each.method == method]
+        place = [positions[each.level] for each in own]
+        line = "-" if order < len(CURVE_COLOURS) else "--"
+        middle = [each.median if quantity == "error" else getattr(each, quantity) for each in own]
+        ax.plot(place, middle, line, color=colour, marker=mark, markersize=4, linewidth=1.2, label=method)
+        if quantity == "error":
+            ax.plot(place, [each.mean for each in own], mark, color=colour, markerfacecolor="none", markersize=8)
+    ending = f" / {unit}" if unit and quantity == "error" else ""
+    label = "RMS error: median (line), mean (open mark)" if quantity == "error" else NAMES[quantity]
+    ax.set(xlabel=level_label, ylabel=label + ending)
+    if quantity == "failures":
+        ax.set_ylim(-0.02, 1.02)
+    else:
+        ax.set_yscale("log")
+    ax.grid(visible=True, alpha=0.3)
+    return ax
+
+
+TRIAL_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7")  # told apart without red-green vision
+LEVEL_STYLES = ("-", "--", ":", "-.")
+
+
+def trial_errors(
+    errors: Mapping[str, ArrayLike],
+    ax: Axes,
+    *,
+    levels: Mapping[str, float],
+    error_label: str,
+    top: float | None = None,
+) -> Axes:
+    """Draw one error a trial, a colour for each method, with horizontal lines at what others reached.
+
+    Parameters
+    ----------
+    errors
+        Errors of each method, shape (trials,).
+    ax
+        Where to draw.
+    levels
+        Values to draw lines at, with their names.
+    error_label
+        Name and unit of the error, e.g. ``"RMSE of diameter / mm"``.
+    top
+        Where the axis ends; errors beyond it are drawn there as triangles. None lets the axis hold them all.
+    """
+    for colour, (name, values) in zip(itertools.cycle(TRIAL_COLOURS), errors.items(), strict=False):
+        shown = np.asarray(values, dtype=float)
+        trial = np.arange(1, len(shown) + 1)
+        beyond = np.zeros(shown.shape, dtype=bool) if top is None else shown > top
+        ax.plot(trial[~beyond], shown[~beyond], ".", color=colour, markersize=4, label=name)
+        if beyond.any():
+            ax.plot(trial[beyond], np.full(beyond.sum(), top), "^", color=colour, markersize=5, clip_on=False)
+    for style, (name, level) in zip(itertools.cycle(LEVEL_STYLES), levels.items(), strict=False):
+        ax.axhline(level, color="0.25", linestyle=style, linewidth=1.2, label=name)
+    ax.set(xlabel="trial", ylabel=error_label)
+    ax.set_ylim(bottom=0.0, top=top)
+    return ax

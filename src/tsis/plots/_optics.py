@@ -1,0 +1,228 @@
+"""Guided modes over the layers that guide them."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from matplotlib.collections import LineCollection
+from matplotlib.patches import Circle, Polygon, Rectangle
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from matplotlib.axes import Axes
+    from matplotlib.image import AxesImage
+    from numpy.typing import NDArray
+
+    from tsis.model import PressField, Probe
+    from tsis.optics import GuidedModes
+    from tsis.optics.propagation import Propagation
+    from tsis.optics.rays import TracedLight
+
+
+MARGIN = 0.08  # of the stack's thickness, shown on both sides
+POINTS, A_ZERO = 2001, 8  # in all, and at least so many from zero to zero of a field
+
+
+def mode_profiles(modes: GuidedModes, ax: Axes, *, shown: Sequence[int]) -> Axes:
+    """Draw numbered electric fields, each at the height of its effective index, over the refractive index of the stack.
+
+    Parameters
+    ----------
+    modes
+        The modes of a stack.
+    ax
+        Where to draw; across is the height above the lowest face, up are indices. Fields are scaled to be seen.
+    shown
+        Numbers of the modes to draw.
+    """
+    layers = modes.layers
+    faces = layers.faces_um
+    margin = MARGIN * faces[-1]
+    x = np.linspace(-margin, faces[-1] + margin, max(POINTS, A_ZERO * max(shown)))
+    ends = np.concatenate([[-margin], faces, [faces[-1] + margin]])
+    ax.stairs(layers.index, ends, baseline=None, color="black", linewidth=1.2)
+    for (lower, upper), index in zip(pairwise(faces), layers.index[1:-1], strict=True):
+        ax.fill_between([lower, upper], float(layers.index.min()), index, color="tab:blue", alpha=0.08, linewidth=0)
+    height = 0.45 * _spacing(modes, shown)
+    for number in shown:
+        field = modes.profile(number, x)
+        line = modes.n_eff[number] + height * field / np.abs(field).max()
+        (curve,) = ax.plot(x, line, linewidth=0.9)
+        ax.annotate(
+            str(number),
+            (1.0, float(line[-1])),
+            xycoords=("axes fraction", "data"),
+            xytext=(4, 0),
+            textcoords="offset points",
+            color=curve.get_color(),
+            va="center",
+            fontsize="small",
+        )
+    ax.set(xlabel="height above the face / µm", ylabel="effective index, and field E (scaled)")
+    ax.set_xlim(x[0], x[-1])
+    return ax
+
+
+def _spacing(modes: GuidedModes, shown: Sequence[int]) -> float:
+    """Height that each curve may have, in effective index, so that most stand clear of each other."""
+    span = float(modes.layers.index.max() - modes.layers.surroundings)
+    return span / max(len(shown), 4)
+
+
+FAINTEST_DB = -30.0
+
+
+def guide_index(result: Propagation, ax: Axes) -> Axes:
+    """Draw the refractive index, the pressed face on top, with a colour bar."""
+    shown = _map(result, result.index.T, ax, cmap="YlGnBu")
+    _bar(shown, ax, "refractive index")
+    return ax
+
+
+def guide_light(result: Propagation, ax: Axes) -> Axes:
+    """Draw the mean intensity of the launched modes in decibels below its largest, and the borders of the layers."""
+    brightest = result.intensity.max()
+    decibels = 10 * np.log10(np.maximum(result.intensity / brightest, 10 ** (FAINTEST_DB / 10)))
+    shown = _map(result, decibels.T, ax, cmap="inferno", vmin=FAINTEST_DB, vmax=0.0)
+    _bar(shown, ax, "intensity / dB")
+    for interface in result.interfaces_um.T:
+        ax.plot(result.z_um, interface, color="white", linewidth=0.5, alpha=0.6)
+    return ax
+
+
+def light_out_of_the_top(results: Iterable[Propagation], ax: Axes) -> Axes:
+    """Draw the mean share of the light that leaves through the pressed side a µm, along the guide, for each dent."""
+    for result in results:
+        total = abs(round(100 * result.powers.top.mean(), 1))  # no minus before nothing
+        whole = slice(1, -1)
+        ax.plot(
+            result.z_um[whole],
+            100 * result.top_per_um[whole].mean(axis=1),
+            label=f"{result.dent.depth_um:g} µm deep: {total} % in all",
+        )
+    ax.set(xlabel="distance from the dent's middle / µm", ylabel="light out of the top / (% / µm)")
+    ax.set_ylim(top=1.6 * ax.get_ylim()[1])  # room for the legend
+    ax.legend(title="dent", loc="upper left")
+    ax.grid(visible=True, alpha=0.3)
+    return ax
+
+
+def _map(result: Propagation, values: np.ndarray, ax: Axes, **style: object) -> AxesImage:
+    left, right, top, bottom = result.z_um[0], result.z_um[-1], result.x_um[0], result.x_um[-1]
+    shown = ax.imshow(values, extent=(left, right, bottom, top), aspect="auto", interpolation="nearest", **style)  # type: ignore[arg-type]
+    ax.set(xlabel="distance from the dent's middle / µm", ylabel="depth / µm", xlim=(left, right), ylim=(bottom, top))
+    return shown
+
+
+def _bar(shown: AxesImage, ax: Axes, label: str) -> None:
+    ax.figure.colorbar(shown, ax=ax, label=label, pad=0.01)
+
+
+LAYER_COLOURS = ("#d8ecf7", "#bcdcf0", "#9dcae6", "#84b8da", "#6ea7cd")
+GLASS_COLOUR, LAMP_COLOUR, RAY_COLOUR, FACE_COLOUR = "#e2e2e2", "#f0b400", "#c0392b", "#1f3b57"
+LAMP_DEPTH_MM = 1.2
+LABEL: dict[str, Any] = {
+    "va": "center",
+    "fontsize": 8,
+    "zorder": 6,
+    "bbox": {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
+}
+FAINTEST = 0.04  # of a ray's first power, below which its way is not drawn
+WHAT = {
+    "arriving": "light arriving from inside, per mm²",
+    "lost": "light lost into air, per mm²",
+    "coupled": "light leaving through contact, per mm²",
+}
+
+
+def ray_picture(
+    probe: Probe, paths: Sequence[NDArray[np.float64]], ax: Axes, *, pressed: PressField | None = None
+) -> Axes:
+    """Draw layers, glass and lamps from the side, and ways of rays of the first lit lamp, which stands at the right.
+
+    Parameters
+    ----------
+    probe
+        What is drawn; the lamps beside the plane of the picture are left out.
+    paths
+        Ways as `tsis.optics.rays.trace_paths` gives them; fainter where less light is left, drawn into the plane.
+    ax
+        Where to draw.
+    pressed
+        A press around the axis, whose dent is drawn.
+    """
+    first = np.radians(next(led.azimuth_deg for led in probe.leds if led.power > 0))
+    across = np.linspace(-probe.radius_mm, probe.radius_mm, 241)
+    face = probe.sag_mm(np.abs(across))
+    if pressed is not None:
+        face = face + np.interp(np.abs(across), pressed.radius_mm, pressed.face_displacement_mm)
+    _draw_layers(probe, across, face, ax)
+    for led in probe.leds:
+        side = np.cos(np.radians(led.azimuth_deg) - first)
+        if led.power > 0 and abs(side) > 0.99:
+            edge = side * probe.radius_mm
+            lower = probe.led_height_mm(led) - led.diameter_mm / 2
+            left = edge if side > 0 else edge - LAMP_DEPTH_MM
+            ax.add_patch(Rectangle((left, lower), LAMP_DEPTH_MM, led.diameter_mm, color=LAMP_COLOUR, zorder=4))
+    for path in paths:
+        along = np.column_stack([path[:, 0] * np.cos(first) + path[:, 1] * np.sin(first), path[:, 2]])
+        legs = np.stack([along[:-1], along[1:]], axis=1)
+        power = path[:-1, 3] / path[0, 3]
+        seen = power > FAINTEST
+        colours = [(*_rgb(RAY_COLOUR), 0.15 + 0.75 * float(share)) for share in power[seen]]
+        ax.add_collection(LineCollection(list(legs[seen]), colors=colours, linewidths=0.8, zorder=3))
+    reach = probe.radius_mm + 2 * LAMP_DEPTH_MM
+    ax.set(xlim=(-reach, reach), ylim=(-1.0, probe.thickness_mm + probe.glass.thickness_mm + 1.0))
+    ax.set(xlabel="distance from the axis / mm", ylabel="height above the face / mm", aspect="equal")
+    return ax
+
+
+def _draw_layers(probe: Probe, across: NDArray[np.float64], face: NDArray[np.float64], ax: Axes) -> None:
+    thickness, level = probe.thickness_mm, 0.0
+    for number, layer in enumerate(probe.layers):
+        lower = face + level / thickness * (thickness - face)
+        level += layer.thickness_mm
+        upper = face + level / thickness * (thickness - face)
+        outline = np.concatenate([np.column_stack([across, lower]), np.column_stack([across, upper])[::-1]])
+        colour = LAYER_COLOURS[number % len(LAYER_COLOURS)]
+        ax.add_patch(Polygon(outline, facecolor=colour, edgecolor="white", linewidth=0.5))
+        middle = float((lower + upper)[len(across) // 2] / 2)
+        ax.text(-0.97 * probe.radius_mm, middle, f"n = {layer.refractive_index:g}", **LABEL)
+    glass = probe.glass
+    ax.add_patch(Rectangle((-probe.radius_mm, thickness), 2 * probe.radius_mm, glass.thickness_mm, color=GLASS_COLOUR))
+    label = f"glass, n = {glass.refractive_index:g}"
+    ax.text(-0.97 * probe.radius_mm, thickness + glass.thickness_mm / 2, label, **LABEL)
+    ax.plot(across, face, color=FACE_COLOUR, linewidth=1.5, zorder=5)
+
+
+def light_on_face(found: TracedLight, ax: Axes, *, what: str = "arriving") -> Axes:
+    """Draw a map of light on the face in millionths of what the lamps send out, per mm².
+
+    ``what`` is ``"arriving"``, ``"lost"`` or ``"coupled"``.
+    """
+    size = float(found.x_mm[1] - found.x_mm[0])
+    radius = float(found.x_mm[-1]) + size / 2
+    values = getattr(found, what) / size**2 * 1e6
+    inside = np.hypot(found.x_mm, found.y_mm[:, None]) <= radius
+    shown = ax.imshow(
+        np.where(inside, values, np.nan),
+        extent=(-radius, radius, radius, -radius),
+        cmap="viridis",
+        vmin=0.0,
+        interpolation="nearest",
+    )
+    ax.add_patch(Circle((0.0, 0.0), radius, fill=False, color=FACE_COLOUR, linewidth=1.0))
+    figure = ax.get_figure()
+    if figure is not None:
+        label = f"{WHAT[what]}\n(millionths of the lamps' light)"
+        figure.colorbar(shown, ax=ax, label=label, shrink=0.9)
+    ax.set(xlabel="x / mm", ylabel="y / mm")
+    return ax
+
+
+def _rgb(colour: str) -> tuple[float, float, float]:
+    red, green, blue = (int(colour[i : i + 2], 16) / 255 for i in (1, 3, 5))
+    return red, green, blue

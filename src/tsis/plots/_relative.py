@@ -1,0 +1,54 @@
+"""Error bars of repeated relative readings, beside printed ones."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from matplotlib.axes import Axes
+
+    from tsis.inclusion.relative import Repeats
+
+
+HERE, PRINTED = "#0072b2", "#d55e00"  # told apart without red-green vision
+APART = 0.12  # distance of the two bars of one target, in targets
+
+
+def repeated_readings(
+    targets: Sequence[Repeats],
+    ax: Axes,
+    *,
+    printed_mean: Sequence[float] | None = None,
+    printed_sd: Sequence[float | None] | None = None,
+    label: str = "virtual presses",
+) -> Axes:
+    """Draw mean and standard deviation of each target, and printed ones beside them (figures 6.5, 6.11 and 6.15).
+
+    Parameters
+    ----------
+    targets
+        Readings of one kind, one entry a target.
+    ax
+        Where to draw.
+    printed_mean, printed_sd
+        Values to compare with, in the readings' unit, one a target; a None among the deviations draws no bar.
+    label
+        What the legend calls the readings.
+    """
+    place = np.arange(len(targets), dtype=float)
+    shift = 0.0 if printed_mean is None else APART
+    means, deviations = [each.mean for each in targets], [each.sd for each in targets]
+    ax.errorbar(place - shift, means, yerr=np.nan_to_num(deviations), fmt="o", capsize=5, color=HERE, label=label)
+    if printed_mean is not None:
+        bars = [sd or 0.0 for sd in printed_sd or [None] * len(targets)]
+        ax.errorbar(place + shift, printed_mean, yerr=bars, fmt="s", capsize=5, color=PRINTED, label="printed")
+    reading = targets[0].readings[0]
+    ax.set(xlim=(-0.5, len(targets) - 0.5), ylabel=f"{reading.quantity} / {reading.unit}")
+    ax.set_xticks(place, [each.label for each in targets])
+    ax.set_ylim(bottom=0.0)
+    ax.grid(visible=True, axis="y", alpha=0.3)
+    return ax

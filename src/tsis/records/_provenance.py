@@ -1,0 +1,185 @@
+"""What computed a result: this program's code and the libraries that can change its digits."""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from collections.abc import Mapping
+from functools import cache
+from importlib import metadata, resources
+from typing import TYPE_CHECKING, Any
+
+from tsis.__about__ import __version__
+from tsis.records._plain_fields import free_to_plain
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+    from importlib.resources.abc import Traversable
+
+    from tsis.records._values import StoredEstimate
+
+
+LIBRARIES = ("numpy", "scipy", "numba", "scikit-image", "opencv-python-headless")
+
+
+def environment() -> dict[str, Any]:
+    """Versions of program, language and libraries, and the SHA-256 of the program's code."""
+    return {
+        "tsis": __version__,
+        "code_sha256": code_sha256(),
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+        "libraries": {name: metadata.version(name) for name in LIBRARIES},
+    }
+
+
+@cache
+def code_sha256() -> str:
+    """SHA-256 over every file of this package that can change a result: two equal ones computed by equal code."""
+    found = hashlib.sha256()
+    for name, file in sorted(_files(resources.files("tsis"), "")):
+        content = file.read_bytes()
+        found.update(f"{name}\0{len(content)}\0".encode() + content)
+    return found.hexdigest()
+
+
+def _files(folder: Traversable, place: str) -> Iterator[tuple[str, Traversable]]:
+    for each in folder.iterdir():
+        name = f"{place}/{each.name}"
+        if each.is_dir():
+            yield from _files(each, name)
+        elif each.name.endswith((".py", ".toml", ".npz")):
+            yield name, each
+
+
+FRAMES = ("images", "reference", "presses")  # of an estimate's provenance: one entry a frame
+SAID_ELSEWHERE = frozenset({"notice", "tsis", "prior", *FRAMES})
+LABELS = frozenset({"name", "settings"})  # say where a thing came from and enter no number
+SHOWN = 60
+
+
+def changes(before: StoredEstimate, after: StoredEstimate) -> tuple[str, ...]:
+    """What is not the same of two estimates but for their numbers, one clause a thing; none when all is.
+
+    Examples
+    --------
+    >>> from tsis.records._provenance import environment_changes
+    >>> list(environment_changes(
+    ...     {"tsis": "0.1.0", "libraries": {"numpy": "2.4.5"}}, {"tsis": "0.1.0", "libraries": {"numpy": "2.4.6"}}))
+    ['numpy 2.4.5 -> 2.4.6']
+    """
+    was, now = _plain(before.estimate.provenance), _plain(after.estimate.provenance)
+    return (
+        *environment_changes(before.environment, after.environment),
+        *_differences("the probe", before.probe, after.probe),
+        *_frame_changes(was, now),
+        *_option_changes(_plain(before.options), _plain(after.options)),
+        *_prior_changes(before, after),
+        *_other_changes(was, now),
+    )
+
+
+def environment_changes(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
+    """What computed: the code, this program, the language, the machine and every library."""
+    if was.get("code_sha256") != now.get("code_sha256"):
+        codes = (str(each.get("code_sha256", "unknown"))[:12] for each in (was, now))
+        yield "the code changed ({} -> {})".format(*codes)
+    for name in ("tsis", "python", "machine"):
+        yield from _differences(name, was.get(name), now.get(name), arrow=" ")
+    libraries = was.get("libraries", {}), now.get("libraries", {})
+    for name in sorted({*libraries[0], *libraries[1]}):
+        yield from _differences(name, libraries[0].get(name), libraries[1].get(name), arrow=" ")
+
+
+def _frame_changes(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
+    """Inputs changed: frames that are others, more or fewer, or of which something else is known."""
+    for kind in FRAMES:
+        frames = _entries(was.get(kind)), _entries(now.get(kind))
+        if len(frames[0]) != len(frames[1]):
+            yield f"the inputs changed: {len(frames[0])} -> {len(frames[1])} frames of {kind!r}"
+            continue
+        for number, (one, other) in enumerate(zip(*frames, strict=True), start=1):
+            label = one.get("name") or f"{kind} {number}"
+            if one.get("sha256") != other.get("sha256"):
+                yield f"the inputs changed: frame {label}"
+            for name in sorted({*one, *other} - LABELS - {"sha256", "seen"}):
+                yield from _differences(f"the inputs changed: {name} of {label}", one.get(name), other.get(name))
+
+
+def _entries(frames: Any) -> list[Mapping[str, Any]]:
+    """What is written of frames; a bundle may hold anything there."""
+    return [each for each in frames if isinstance(each, Mapping)] if isinstance(frames, list) else []
+
+
+def _option_changes(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
+    for name in sorted({*was, *now} - {"prior"}):
+        yield from _differences(f"the options changed: {name}", was.get(name), now.get(name))
+
+
+def _prior_changes(before: StoredEstimate, after: StoredEstimate) -> Iterator[str]:
+    """The prior as it was given; where it was the default of the release then, as the estimator wrote it down."""
+    told = "options" if all(each.options.get("prior") for each in (before, after)) else "provenance"
+    found = (each.options if told == "options" else each.estimate.provenance for each in (before, after))
+    was, now = (_plain({"prior": each.get("prior")})["prior"] for each in found)
+    if not isinstance(was, Mapping) or not isinstance(now, Mapping):  # a bundle may hold anything there
+        yield from _differences("the prior changed", was, now)
+        return
+    what = f"the {'options' if told == 'options' else 'default prior'} changed: "
+    for name in sorted({*was, *now}):
+        yield from _differences(
+            what + (f"{name} of the prior" if told == "options" else name), was.get(name), now.get(name)
+        )
+
+
+def _other_changes(was: Mapping[str, Any], now: Mapping[str, Any]) -> Iterator[str]:
+    """What else the estimator wrote down: probe, calibration, method, tables."""
+    for name in sorted({*was, *now} - SAID_ELSEWHERE):
+        one, other = was.get(name), now.get(name)
+        if isinstance(one, Mapping) and isinstance(other, Mapping):
+            for part in sorted({*one, *other} - LABELS):
+                yield from _differences(f"the {name} changed: {part}", one.get(part), other.get(part))
+        else:
+            yield from _differences(f"the {name} changed:", one, other, arrow=" ")
+
+
+def _differences(what: str, was: Any, now: Any, *, arrow: str = ": ") -> Iterator[str]:
+    if was == now:
+        return
+    if isinstance(was, (Mapping, list)) or isinstance(now, (Mapping, list)):
+        yield what
+        return
+    yield f"{what}{arrow}{_shown(was)} -> {_shown(now)}"
+
+
+def _shown(value: Any) -> str:
+    if value is None:
+        return "none"
+    return f"{value:g}" if isinstance(value, float) else str(value)[:SHOWN]
+
+
+def _plain(value: Mapping[str, Any]) -> Mapping[str, Any]:
+    """As a store gives it back."""
+    found: Mapping[str, Any] = free_to_plain(value, "provenance")
+    return found
+
+
+def sentence(same: bool, causes: Sequence[str]) -> str:
+    """In one sentence what became of the numbers, and why.
+
+    Examples
+    --------
+    >>> sentence(True, ())
+    'Nothing changed: bit for bit the same.'
+    >>> sentence(False, ("numpy 2.4.5 -> 2.4.6",))
+    'The result changed: numpy 2.4.5 -> 2.4.6.'
+    """
+    told = "; ".join(causes)
+    if same:
+        return (
+            f"Bit for bit the same, although not all else is: {told}."
+            if told
+            else "Nothing changed: bit for bit the same."
+        )
+    if told:
+        return f"The result changed: {told}."
+    return "The result changed, although nothing that is written down did: look at the processor and its settings."

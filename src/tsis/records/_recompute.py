@@ -1,0 +1,240 @@
+"""Stored estimates made again from the stored frames with the code of today, and what is different."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.errors import CalibrationError, RecordsError
+from tsis.model import INTERVAL_LEVEL
+from tsis.records._estimation import EstimationRequest, estimate_stored
+from tsis.records._plain import estimate_to_plain
+from tsis.records._provenance import changes, environment, sentence
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from typing import Any
+
+    from tsis.calibration.file import ProbeCalibration
+    from tsis.model import Estimate
+    from tsis.records._target_record import TargetRecord
+    from tsis.records._values import StoredEstimate, Target
+    from tsis.records.store import Store
+
+
+COMPARED = ("prior_sd", "cramer_rao_sd", "presence", "identifiability", "prior", "trusted", "flags", "notes")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shift:
+    """How far one parameter moved, in units of its old standard deviation.
+
+    Attributes
+    ----------
+    name
+        Of the parameter.
+    before, after
+        Posterior means, in the unit that the name carries.
+    interval_before, interval_after
+        Of 90 %.
+    moved, low_moved, high_moved
+        By how many old standard deviations the mean and the ends of the interval moved; positive is upwards.
+    """
+
+    name: str
+    before: float
+    after: float
+    interval_before: tuple[float, float]
+    interval_after: tuple[float, float]
+    moved: float
+    low_moved: float
+    high_moved: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Recomputation:
+    """An estimate made again.
+
+    Attributes
+    ----------
+    before
+        As it is stored.
+    after
+        As it was made again: with an identity where it was stored.
+    same
+        Whether every sample and every word of the result is as it was, bit for bit.
+    shifts
+        Of the parameters that both have.
+    causes
+        What else is not the same: code, libraries, frames, forces, options, calibration.
+    notes
+        What was done otherwise than then, and what to know of the calibration.
+    stored
+        Whether it was stored.
+    """
+
+    before: StoredEstimate
+    after: StoredEstimate
+    same: bool
+    shifts: tuple[Shift, ...]
+    causes: tuple[str, ...]
+    notes: tuple[str, ...]
+    stored: bool
+
+    @property
+    def flags_gained(self) -> tuple[str, ...]:
+        """Flags that only the new one has."""
+        return tuple(flag for flag in self.after.estimate.flags if flag not in self.before.estimate.flags)
+
+    @property
+    def flags_lost(self) -> tuple[str, ...]:
+        """Flags that only the old one has."""
+        return tuple(flag for flag in self.before.estimate.flags if flag not in self.after.estimate.flags)
+
+    @property
+    def sentence(self) -> str:
+        """What became of the result, and why."""
+        return sentence(self.same, self.causes)
+
+
+def recompute(
+    store: Store, target: Target, *, dry_run: bool = False, progress: Callable[[int, int], None] | None = None
+) -> tuple[Recomputation, ...]:
+    """Make the estimates in force of a target again, the last of each kind, and store those that came out otherwise.
+
+    Parameters
+    ----------
+    store
+        Where it is stored.
+    target
+        Whose they are.
+    dry_run
+        Whether to store nothing.
+    progress
+        Called with (done, all) while the mechanics of a new probe are solved.
+
+    Raises
+    ------
+    RecordsError
+        When the target has no estimate, or a frame or the calibration is damaged.
+    InputError, CalibrationError
+        When today's code does not take what was stored.
+    """
+    dossier = store.dossier(target)
+    dossier.require_whole()
+    in_force = list({stored.kind: stored for stored in dossier.estimates}.values())
+    if not in_force:
+        raise RecordsError(f"target {target.number} must have an estimate to be made again; it has none")
+    last = {stored.kind: at for at, stored in enumerate(dossier.estimates)}
+    in_force.sort(key=lambda stored: last[stored.kind])  # so that the one in force stays so
+    return tuple(_recomputed(store, dossier, stored, dry_run=dry_run, progress=progress) for stored in in_force)
+
+
+def _recomputed(
+    store: Store,
+    dossier: TargetRecord,
+    before: StoredEstimate,
+    *,
+    dry_run: bool,
+    progress: Callable[[int, int], None] | None,
+) -> Recomputation:
+    by_identity = {press.id: press for press in dossier.presses}
+    if missing := [identity for identity in before.presses if identity not in by_identity]:
+        raise RecordsError(f"an estimate must rest on stored presses; {missing[0]!r:.40} is none (tsis records verify)")
+    presses = tuple(by_identity[identity] for identity in before.presses)
+    answer = estimate_stored(
+        dossier,
+        EstimationRequest(
+            kind=before.kind,
+            probe=before.probe,
+            presses=presses,
+            calibration=before.calibration,
+            options=before.options,
+        ),
+        progress=progress,
+    )
+    known = dossier.calibrations[before.calibration]
+    after = replace(
+        before,
+        estimate=answer.estimate,
+        made=datetime.now(UTC),
+        options=answer.options,
+        environment=environment(),
+        supersedes=before.id,
+        id="",
+    )
+    same = _same(before, after)
+    keep = not same and not dry_run
+    if keep:
+        after = store.add_estimate(
+            dossier.target,
+            answer.estimate,
+            kind=before.kind,
+            presses=presses,
+            probe=before.probe,
+            calibration=known,
+            options=answer.options,
+            environment=after.environment,
+            supersedes=before,
+        )
+    return Recomputation(
+        before=before,
+        after=after,
+        same=same,
+        shifts=_shifts(before.estimate, after.estimate),
+        causes=changes(before, after),
+        notes=(*answer.notes, *_of_the_calibration(known, before.made)),
+        stored=keep,
+    )
+
+
+def _same(before: StoredEstimate, after: StoredEstimate) -> bool:
+    """Whether what was found is the same: samples bit for bit, and all that is said of them."""
+    one, other = before.estimate, after.estimate
+    if list(one.samples) != list(other.samples):
+        return False
+    told: list[dict[str, Any]] = [estimate_to_plain(each)["estimate"] for each in (before, after)]
+    return all(np.array_equal(one.samples[name], other.samples[name]) for name in one.samples) and all(
+        told[0][name] == told[1][name] for name in COMPARED
+    )
+
+
+def _shifts(before: Estimate, after: Estimate) -> tuple[Shift, ...]:
+    sd = before.sd
+    was, now = before.interval(INTERVAL_LEVEL), after.interval(INTERVAL_LEVEL)
+    means = before.mean, after.mean
+    return tuple(
+        Shift(
+            name=name,
+            before=means[0][name],
+            after=means[1][name],
+            interval_before=was[name],
+            interval_after=now[name],
+            moved=_in_sd(means[1][name] - means[0][name], sd[name]),
+            low_moved=_in_sd(now[name][0] - was[name][0], sd[name]),
+            high_moved=_in_sd(now[name][1] - was[name][1], sd[name]),
+        )
+        for name in before.samples
+        if name in after.samples
+    )
+
+
+def _in_sd(moved: float, sd: float) -> float:
+    """A change over a standard deviation; of a posterior without any width 0 or infinite."""
+    return moved / sd if sd > 0 else float(np.copysign(np.inf, moved)) if moved else 0.0
+
+
+def _of_the_calibration(known: ProbeCalibration, made: datetime) -> list[str]:
+    try:
+        known.require_usable(made)
+    except CalibrationError as error:
+        return [f"when the estimate was made the calibration was not to be used: {error}"]
+    try:
+        known.require_usable(datetime.now(UTC))
+    except CalibrationError:
+        until = "" if known.expires is None else f" (on {known.expires:%Y-%m-%d})"
+        return [f"the calibration {known.name!r} has expired since{until}; it was good when the estimate was made"]
+    return []

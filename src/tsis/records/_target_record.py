@@ -1,0 +1,112 @@
+"""All that a store holds of one target, as one value: what reports and exports are made of."""
+
+from __future__ import annotations
+
+import secrets
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.errors import RecordsError
+from tsis.model import TactileImage
+from tsis.records._values import ESTIMATES
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Mapping
+    from typing import Any
+
+    from numpy.typing import NDArray
+
+    from tsis.calibration.file import ProbeCalibration
+    from tsis.records._values import StoredEstimate, StoredPress, Target
+
+
+def current_estimates(estimates: Iterable[StoredEstimate]) -> tuple[StoredEstimate, ...]:
+    """The estimates in force among those of a target, which are in the order in which they were made."""
+    last = {stored.kind: stored for stored in estimates}
+    return tuple(last[kind] for kind in ESTIMATES if kind in last)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TargetRecord:
+    """A target with its presses, estimates and calibrations.
+
+    Parameters
+    ----------
+    target
+        Whose it is.
+    presses
+        In the order in which they were taken.
+    estimates
+        In the order in which they were made; of each kind the last is in force.
+    calibrations
+        Those that presses and estimates cite, by their SHA-256.
+    read
+        Reads and checks the grey levels of a stored frame: its SHA-256 -> shape (rows, columns), uint8 or uint16.
+    damaged
+        One sentence for each estimate and calibration that is stored but is not as it was, and so is left out.
+    secret
+        64 hexadecimal digits from which the target's pseudonym follows (`tsis.records._deidentify`), and which no export
+        holds. A store gives a target always the same, which follow from a secret of its own. A dossier of no store, as
+        one of a bundle, has them at random: its pseudonym is another one each time that it is read.
+    """
+
+    target: Target
+    presses: tuple[StoredPress, ...]
+    read: Callable[[str], NDArray[Any]]
+    estimates: tuple[StoredEstimate, ...] = ()
+    calibrations: Mapping[str, ProbeCalibration] = field(default_factory=dict)
+    damaged: tuple[str, ...] = ()
+    secret: str = field(default_factory=lambda: secrets.token_hex(32), repr=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "calibrations", MappingProxyType(dict(self.calibrations)))
+
+    @property
+    def estimate(self) -> StoredEstimate | None:
+        """The last of all estimates."""
+        return self.estimates[-1] if self.estimates else None
+
+    @property
+    def in_force(self) -> tuple[StoredEstimate, ...]:
+        """The estimates in force: the last of each kind, in the order of `tsis.records.ESTIMATES`."""
+        return current_estimates(self.estimates)
+
+    def require_whole(self) -> None:
+        """Refuse, with `RecordsError`, to go on without what is damaged."""
+        if self.damaged:
+            raise RecordsError(self.damaged[0])
+
+    def press(self, identity: str) -> StoredPress:
+        """The press of that identity; KeyError where there is none."""
+        return {each.id: each for each in self.presses}[identity]
+
+    def levels(self, press: StoredPress) -> NDArray[Any]:
+        """Grey levels as the camera gave them, shape (rows, columns), uint8 or uint16.
+
+        Raises
+        ------
+        RecordsError
+            When the stored frame is not of the size that its press says, or of another kind.
+        """
+        found = self.read(press.frame)
+        if found.shape != (press.rows, press.columns) or found.dtype not in (np.uint8, np.uint16):
+            raise RecordsError(
+                f"frame {press.frame:.12} must hold {press.rows} x {press.columns} grey levels of 8 or 16 bits, as its "
+                f"press says; got shape {found.shape} of {found.dtype}"
+            )
+        return found
+
+    def image(self, press: StoredPress) -> TactileImage:
+        """The frame as an image that estimates take."""
+        return TactileImage(
+            grey=self.levels(press).astype(np.float64),
+            mm_per_pixel=press.mm_per_pixel,
+            full_scale=press.full_scale,
+            force_n=press.force_n,
+            axis_px=press.axis_px,
+            name=press.name,
+            settings=press.settings,
+        )

@@ -1,0 +1,312 @@
+"""What a store holds: targets, the presses on them, and what was estimated."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from tsis.errors import InputError
+from tsis.files import LARGEST_TARGET, SHA256
+from tsis.model import (
+    INCLUSION_RANGES,
+    require_image_numbers,
+    require_integer,
+    require_number,
+    require_one_of,
+    require_type,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from tsis.model import Estimate
+
+
+KINDS = ("phantom", "subject")  # of stores; what is known of one must never get into the other
+ROLE_WORDS = {
+    "target": "on the target",
+    "plain": "on plain tissue",
+    "untouched": "without touch",
+    "ball": "on a known ball",
+}
+ROLES = tuple(ROLE_WORDS)  # of presses; a ball is for hardness
+ESTIMATES = ("inclusion", "hardness")
+LONGEST_NAME, LONGEST_NOTE = 200, 4000
+LARGEST_SIDE_PX = 65_535
+TRUTH_RANGE = (-1e9, 1e9)  # of any name
+_NOT_SHOWN_BUT_FINE = re.compile(r"[\n\u200c\u200d]")  # ends of lines; what joins letters of Persian, and emoji
+
+
+def require_text(name: str, value: object, longest: int) -> None:
+    """Refuse what cannot be shown on a page: no text, too long, or with control characters other than line ends."""
+    require_type(name, value, str)
+    assert isinstance(value, str)
+    if len(value) > longest or not _NOT_SHOWN_BUT_FINE.sub("", value).isprintable():
+        raise InputError(f"{name} must be printable text of at most {longest} characters; got {value!r:.80}")
+
+
+def require_label(name: str, value: object) -> None:
+    """Refuse what cannot be shown as a label on one line: nothing, too much, or control characters."""
+    if not isinstance(value, str) or not 0 < len(value) <= LONGEST_NAME or not value.isprintable() or value.isspace():
+        raise InputError(f"{name} must be 1 to {LONGEST_NAME} printable characters; got {value!r:.80}")
+
+
+def require_moment(name: str, value: object) -> None:
+    """Refuse a time without its zone, or one of the first or last day that there is."""
+    require_type(name, value, datetime)
+    assert isinstance(value, datetime)
+    if value.tzinfo is None:
+        raise InputError(f"{name} must have a time zone; got {value.isoformat()}")
+    try:
+        value.astimezone(UTC)
+    except OverflowError as error:
+        raise InputError(f"{name} must be a time that UTC has as well; got {value.isoformat()}") from error
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Target:
+    """One place that was pressed: a phantom, an object, a site on a subject.
+
+    Parameters
+    ----------
+    number
+        What people call it, in [1, 99999]; unique in its store.
+    kind
+        ``"phantom"`` or ``"subject"``, as that of the store.
+    name
+        A label; of a subject a pseudonym, never a name.
+    note
+        Anything that people want to remember.
+    truth
+        Of a phantom the true values by name with their unit, as ``diameter_mm``; empty where nobody knows them.
+    made
+        When it was entered, with its time zone.
+    id
+        Identifies it for ever, in any store; empty before it is stored.
+    version
+        Counts its edits from 1.
+    """
+
+    number: int
+    kind: str
+    name: str = ""
+    note: str = ""
+    truth: Mapping[str, float] = field(default_factory=dict)
+    made: datetime
+    id: str = ""
+    version: int = 1
+
+    def __post_init__(self) -> None:
+        require_integer("number", self.number, 1, LARGEST_TARGET, hint="number of the target")
+        require_one_of("kind", self.kind, KINDS)
+        require_text("name", self.name, LONGEST_NAME)
+        require_text("note", self.note, LONGEST_NOTE)
+        require_moment("made", self.made)
+        require_type("truth", self.truth, Mapping)
+        if self.truth and self.kind == "subject":
+            raise InputError(f"truth must be empty for a subject, of whom nothing is known; got {dict(self.truth)}")
+        for name in self.truth:
+            require_label("a name in truth", name)
+        truth = {name: require_number(f"truth[{name!r}]", value, *TRUTH_RANGE) for name, value in self.truth.items()}
+        object.__setattr__(self, "truth", MappingProxyType(truth))
+
+
+def entered(target: Target, names: Collection[str] = ("name", "truth")) -> Target:
+    """The target, with what is entered in the fields of these ``names`` fit to be shown and to be compared with.
+
+    Stores of earlier releases hold other things, and stay readable.
+
+    Raises
+    ------
+    InputError
+        When a name has several lines, or a truth is that of no inclusion.
+    """
+    if "name" in names and "\n" in target.name:
+        raise InputError(f"name must be one line; got {target.name!r:.80} (a note may have several)")
+    if "truth" in names:
+        for name, value in target.truth.items():
+            require_number(f"truth[{name!r}]", value, *INCLUSION_RANGES.get(name, TRUTH_RANGE))
+    return target
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoredPress:
+    """One frame of the probe, and what is known of it.
+
+    Parameters
+    ----------
+    role
+        ``"target"``, ``"plain"`` (the same probe on plain tissue), ``"untouched"`` or ``"ball"`` (a known one).
+    taken
+        When, with its time zone.
+    frame
+        SHA-256 of the stored file of the frame.
+    rows, columns
+        Size of the frame in pixels.
+    full_scale
+        Grey level at which the camera clips.
+    force_n
+        Force in newtons; None where nobody measured it.
+    mm_per_pixel
+        Size (x, y) of a pixel on the face in mm; None where nobody measured it.
+    axis_px
+        Where the probe's axis meets the image, (x, y) in pixels.
+    probe
+        Name of the probe; empty where nobody wrote it down.
+    calibration
+        SHA-256 under which the calibration in force is stored; None without one.
+    flags
+        What the press guard said against it.
+    settings
+        What the camera was set to, and where the file came from.
+    name
+        What reports call the frame.
+    note
+        Anything that people want to remember.
+    id, target
+        Its own identity and that of its target; empty before it is stored.
+    version
+        Counts its edits from 1.
+    """
+
+    role: str
+    taken: datetime
+    frame: str
+    rows: int
+    columns: int
+    full_scale: float
+    force_n: float | None = None
+    mm_per_pixel: tuple[float, float] | None = None
+    axis_px: tuple[float, float]
+    probe: str = ""
+    calibration: str | None = None
+    flags: tuple[str, ...] = ()
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    name: str = ""
+    note: str = ""
+    id: str = ""
+    target: str = ""
+    version: int = 1
+
+    def __post_init__(self) -> None:
+        require_one_of("role", self.role, ROLES)
+        require_moment("taken", self.taken)
+        if not isinstance(self.frame, str) or not SHA256.fullmatch(self.frame):
+            raise InputError(f"frame must be the SHA-256 of a stored file; got {self.frame!r:.80}")
+        for name in ("rows", "columns"):
+            require_integer(name, getattr(self, name), 1, LARGEST_SIDE_PX, hint="pixels")
+        require_image_numbers(
+            full_scale=self.full_scale, mm_per_pixel=self.mm_per_pixel, force_n=self.force_n, axis_px=self.axis_px
+        )
+        for name in ("name", "probe"):
+            require_text(name, getattr(self, name), LONGEST_NAME)
+        require_text("note", self.note, LONGEST_NOTE)
+        require_type("flags", self.flags, tuple)
+        for flag in self.flags:
+            require_text("flag", flag, LONGEST_NAME)
+        object.__setattr__(self, "settings", MappingProxyType(dict(self.settings)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StoredEstimate:
+    """An estimate with all that is needed to make it again.
+
+    Parameters
+    ----------
+    kind
+        ``"inclusion"`` or ``"hardness"``.
+    estimate
+        What was estimated, samples and all.
+    made
+        When, with its time zone.
+    probe
+        Name of the probe in the catalog.
+    presses
+        Identities of the presses that it rests on, in the order in which they were given.
+    calibration
+        SHA-256 under which the calibration is stored.
+    options
+        Arguments of the call by name as plain values, e.g. the fields of the prior.
+    environment
+        Versions of this program and its libraries, and the SHA-256 of its code.
+    supersedes
+        Identity of the estimate that this one recomputes; None for a first one.
+    id, target
+        Its own identity and that of its target; empty before it is stored.
+    """
+
+    kind: str
+    estimate: Estimate
+    made: datetime
+    probe: str
+    presses: tuple[str, ...]
+    calibration: str
+    options: Mapping[str, Any] = field(default_factory=dict)
+    environment: Mapping[str, Any] = field(default_factory=dict)
+    supersedes: str | None = None
+    id: str = ""
+    target: str = ""
+
+    def __post_init__(self) -> None:
+        require_one_of("kind of estimate", self.kind, ESTIMATES)
+        require_text("probe", self.probe, LONGEST_NAME)
+        require_moment("made", self.made)
+        for name, part in (("options", "prior"), ("environment", "libraries")):
+            held = getattr(self, name).get(part)
+            if held is not None and not isinstance(held, Mapping):
+                raise InputError(f"{name}[{part!r}] must be a mapping of names to values; got {held!r:.80}")
+        object.__setattr__(self, "options", MappingProxyType(dict(self.options)))
+        object.__setattr__(self, "environment", MappingProxyType(dict(self.environment)))
+
+
+LARGEST_FORCE_N = 100.0
+
+
+def parse_truth(lines: Iterable[str], *, called: str = "truth") -> dict[str, float]:
+    """True values of a phantom, each written as ``diameter_mm=10``.
+
+    Raises
+    ------
+    InputError
+        When one is no name with a number; the message says what it is ``called``.
+
+    Examples
+    --------
+    >>> parse_truth(["diameter_mm=10", "depth_mm = 4.5"])
+    {'diameter_mm': 10.0, 'depth_mm': 4.5}
+    """
+    found: dict[str, float] = {}
+    for each in lines:
+        name, _, value = each.partition("=")
+        try:
+            found[name.strip()] = float(value)
+        except ValueError as error:
+            raise InputError(f"{called} must be a name and a number as diameter_mm=10; got {each!r:.60}") from error
+    return found
+
+
+def parse_force(text: str, *, called: str = "force_n", nothing: str = "none") -> float | None:
+    """A force in newtons in [0, 100]; None where ``nothing`` is written, for nobody knows it.
+
+    Raises
+    ------
+    InputError
+        When it is neither.
+
+    Examples
+    --------
+    >>> parse_force("0.72"), parse_force("none")
+    (0.72, None)
+    """
+    if text == nothing:
+        return None
+    try:
+        value = float(text)
+    except ValueError as error:
+        instead = nothing or "nothing"
+        raise InputError(f"{called} must be a number of newtons, or {instead}; got {text!r:.40}") from error
+    return require_number(called, value, 0.0, LARGEST_FORCE_N)

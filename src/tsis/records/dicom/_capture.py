@@ -1,0 +1,210 @@
+"""Presses put together into the instances that hold them."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.errors import RecordsError
+from tsis.records._deidentify import from_camera
+from tsis.records._values import ROLE_WORDS, ROLES
+from tsis.records.dicom._files import pydicom
+from tsis.records.dicom._identity import dicom_line
+from tsis.records.dicom._modules import Series, describe
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator
+    from datetime import datetime
+
+    from numpy.typing import NDArray
+    from pydicom.dataset import Dataset
+
+    from tsis.records._target_record import TargetRecord
+    from tsis.records._values import StoredPress
+    from tsis.records.dicom._identity import ExportIdentity
+
+
+MOST_BYTES = 2**28  # of pixels in an instance: what archives take at one time, and far below DICOM's 4 GiB
+OTHER_PROBE = 10  # between the numbers of series of one role and different probes: 1, 11, 21, ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Stack:
+    """Presses of one role, probe, size, depth and scale, in the order of their times.
+
+    Parameters
+    ----------
+    role
+        Of all of them.
+    probe
+        Name of the probe of all of them; empty where nobody wrote it down.
+    series
+        Number of the series, which is that of a role and a probe.
+    started
+        Time of the first press of the series.
+    number
+        Of the instance in its series, from 1.
+    presses
+        One a frame.
+    levels
+        Grey levels, shape (frames, rows, columns), uint8 or uint16.
+    """
+
+    role: str
+    probe: str
+    series: int
+    started: datetime
+    number: int
+    presses: tuple[StoredPress, ...]
+    levels: NDArray[Any]
+
+    def holds(self, presses: Collection[str]) -> bool:
+        """Whether a frame is that of one of these presses, given by their identities."""
+        return any(press.id in presses for press in self.presses)
+
+
+def stacks(dossier: TargetRecord) -> Iterator[Stack]:
+    """The instances that a dossier's frames become, by role and probe; frames of one kind are together.
+
+    Raises
+    ------
+    RecordsError
+        When a frame is not of the size that its press states, or of a depth that the store does not keep.
+    """
+    for place, role in enumerate(ROLES, start=1):
+        pressed = sorted((each for each in dossier.presses if each.role == role), key=lambda each: each.taken)
+        for other, probe in enumerate(dict.fromkeys(press.probe for press in pressed)):
+            presses = [press for press in pressed if press.probe == probe]
+            yield from _series(dossier, presses, place + other * OTHER_PROBE)
+
+
+def _series(dossier: TargetRecord, presses: list[StoredPress], number: int) -> Iterator[Stack]:
+    """The instances of one series, whose presses are in the order of their times."""
+    kinds: dict[tuple[Any, ...], list[tuple[StoredPress, NDArray[Any]]]] = {}
+    for press in presses:
+        levels = dossier.levels(press)
+        kinds.setdefault((levels.shape, levels.dtype, press.mm_per_pixel, press.full_scale), []).append((press, levels))
+    instances = itertools.count(1)
+    for frames in kinds.values():
+        most = max(1, MOST_BYTES // frames[0][1].nbytes)
+        for first in range(0, len(frames), most):
+            some = frames[first : first + most]
+            yield Stack(
+                role=presses[0].role,
+                probe=presses[0].probe,
+                series=number,
+                started=presses[0].taken,
+                number=next(instances),
+                presses=tuple(press for press, _ in some),
+                levels=np.stack([levels for _, levels in some]),
+            )
+
+
+def increments_ms(presses: tuple[StoredPress, ...]) -> list[str]:
+    """Times from frame to frame in milliseconds as decimal strings, the first 0."""
+    times = [press.taken for press in presses]
+    gaps = [0.0, *((late - early).total_seconds() * 1e3 for early, late in itertools.pairwise(times))]
+    return [decimal(gap) for gap in gaps]
+
+
+def decimal(value: float) -> str:
+    """A number as DICOM's decimal string of at most 16 characters, with the most digits that fit."""
+    if not math.isfinite(value):
+        raise RecordsError(f"a number of a DICOM file must be finite; got {value}")
+    for digits in range(17, 0, -1):
+        text = f"{value:.{digits}g}"
+        if len(text) <= 16:
+            return text
+    raise AssertionError(value)  # one digit with sign and exponent has at most 7 characters
+
+
+FRAME_TIME_VECTOR = 0x00181065
+LONGEST_TEXT = 10_000  # of the value representation LT
+
+
+def capture(stack: Stack, cover: ExportIdentity) -> Dataset:
+    """A Secondary Capture instance of a stack; it has no UID of its own yet.
+
+    One frame becomes a Secondary Capture Image, more a Multi-frame Grayscale Byte (8 bit) or Word (16 bit) one.
+    """
+    dataset: Dataset = pydicom().Dataset()
+    dataset.SOPClassUID = _sop_class(stack)
+    probe = dicom_line(stack.probe)
+    series = Series(
+        number=stack.series,
+        what=f"{stack.role}, {stack.probe}",
+        description=f"{'Frames' if stack.role == 'untouched' else 'Presses'} {ROLE_WORDS[stack.role]}"
+        + (f", probe {probe}" if probe else ""),
+        modality="OT",
+        started=stack.started,
+    )
+    describe(dataset, cover, series)
+    _image(dataset, stack, cover)
+    _pixels(dataset, stack)
+    _display(dataset, stack)
+    if len(stack.presses) > 1:
+        _frames(dataset, stack)
+    return dataset
+
+
+def _sop_class(stack: Stack) -> Any:
+    uid = pydicom("uid")
+    if len(stack.presses) == 1:
+        return uid.SecondaryCaptureImageStorage
+    if stack.levels.dtype == np.uint8:
+        return uid.MultiFrameGrayscaleByteSecondaryCaptureImageStorage
+    return uid.MultiFrameGrayscaleWordSecondaryCaptureImageStorage
+
+
+def _image(dataset: Dataset, stack: Stack, cover: ExportIdentity) -> None:
+    dataset.InstanceNumber = stack.number
+    dataset.ImageType = ["ORIGINAL", "SECONDARY"]
+    dataset.ConversionType = "DI"
+    dataset.Laterality = ""  # of a series that may be of a paired part; nobody told us of which side
+    dataset.PatientOrientation = ""
+    dataset.LossyImageCompression = "00"
+    dataset.ImageComments = RESEARCH_USE_ONLY
+    dataset.ContentDate, dataset.ContentTime = cover.moment(stack.presses[0].taken) or ("", "")
+    if moment := cover.moment(stack.presses[0].taken):
+        dataset.AcquisitionDate, dataset.AcquisitionTime = moment
+        dataset.AcquisitionDateTime = "".join(moment)
+        names = ", ".join(dicom_line(press.name) or "unnamed" for press in stack.presses)
+        dataset.ImageComments = dicom_line(f"{RESEARCH_USE_ONLY} Frames: {names}", LONGEST_TEXT)
+
+
+def _pixels(dataset: Dataset, stack: Stack) -> None:
+    _, rows, columns = stack.levels.shape
+    byte = stack.levels.dtype == np.uint8
+    highest = max(int(stack.levels.max()), int(stack.presses[0].full_scale))
+    dataset.SamplesPerPixel, dataset.PhotometricInterpretation = 1, "MONOCHROME2"
+    dataset.Rows, dataset.Columns = rows, columns
+    dataset.BitsAllocated = 8 if byte else 16
+    dataset.BitsStored = 8 if byte else min(16, max(9, highest.bit_length()))
+    dataset.HighBit = dataset.BitsStored - 1
+    dataset.PixelRepresentation = 0
+    raw = stack.levels.astype("u1" if byte else "<u2").tobytes()
+    dataset.add_new("PixelData", "OB" if byte else "OW", raw + b"\0" * (len(raw) % 2))
+    if scale := stack.presses[0].mm_per_pixel:
+        x, y = scale
+        dataset.PixelSpacing = [decimal(y), decimal(x)]  # distance of rows first, as DICOM has it
+
+
+def _display(dataset: Dataset, stack: Stack) -> None:
+    """Show everything from black to where the camera clips."""
+    full = stack.presses[0].full_scale
+    dataset.WindowCenter, dataset.WindowWidth = decimal((full + 1) / 2), decimal(full + 1)
+    dataset.PresentationLUTShape = "IDENTITY"
+
+
+def _frames(dataset: Dataset, stack: Stack) -> None:
+    dataset.NumberOfFrames = len(stack.presses)
+    dataset.FrameIncrementPointer = FRAME_TIME_VECTOR
+    dataset.FrameTimeVector = increments_ms(stack.presses)
+    # Must be told of many frames, and nobody looked at any: a file may have writing in it, a camera writes none.
+    dataset.BurnedInAnnotation = "NO" if all(from_camera(press) for press in stack.presses) else "YES"
+    dataset.RescaleIntercept, dataset.RescaleSlope, dataset.RescaleType = "0", "1", "US"

@@ -1,0 +1,204 @@
+"""An estimate and the presses as measurement groups of TID 1501."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.model import INTERVAL_LEVEL
+from tsis.records._values import ROLE_WORDS
+from tsis.records.dicom import _modules as codes
+from tsis.records.dicom._files import deterministic_uid, highdicom
+from tsis.records.dicom._identity import dicom_line
+from tsis.records.dicom._modules import Series, describe
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from pydicom.dataset import Dataset
+
+    from tsis.model import Estimate
+    from tsis.records._target_record import TargetRecord
+    from tsis.records._values import StoredEstimate, StoredPress
+    from tsis.records.dicom._capture import Stack
+    from tsis.records.dicom._identity import ExportIdentity
+
+
+NOT_TRUSTED = "A flag says that the model does not hold, so this estimate has no numbers that may be used."
+
+
+def estimate_group(stored: StoredEstimate, cover: ExportIdentity, sources: Sequence[Dataset]) -> Any:
+    """What was estimated, with its doubts; no numbers where the model does not hold.
+
+    A parameter that the data do not identify has no mean and no standard deviation either: its percentiles say in
+    which range it may lie.
+    """
+    sr, estimate = highdicom("sr"), stored.estimate
+    trusted = codes.concept(codes.YES if estimate.trusted else codes.NO)
+    group = sr.MeasurementsAndQualitativeEvaluations(
+        tracking_identifier=_tracking(f"estimate of {stored.kind}", cover, stored.id),
+        method=codes.own("imaging"),
+        algorithm_id=_algorithm(stored),
+        measurements=_numbers(estimate) if estimate.trusted else [],
+        qualitative_evaluations=[sr.QualitativeEvaluation(name=codes.own("trusted"), value=trusted)],
+        source_images=[sr.SourceImageForMeasurementGroup(each.SOPClassUID, each.SOPInstanceUID) for each in sources],
+    )
+    for name, sentence in _sentences(estimate):
+        group[0].ContentSequence.append(text(name, sentence))
+    return group
+
+
+def _numbers(estimate: Estimate) -> list[Any]:
+    found = []
+    for name in estimate.samples:
+        if name in codes.PARAMETERS:
+            low, high = estimate.interval(INTERVAL_LEVEL)[name]
+            known = estimate.identified(name)
+            values = [(codes.MEAN, estimate.mean[name]), (codes.STANDARD_DEVIATION, estimate.sd[name])] if known else []
+            values += [(codes.FIFTH_PERCENTILE, low), (codes.NINETY_FIFTH_PERCENTILE, high)]
+            found += [_number(codes.PARAMETERS[name], value, derivation) for derivation, value in values]
+    if estimate.presence is not None:
+        found.append(_number((codes.PROBABILITY, codes.ONE, "presence"), estimate.presence, None))
+    return found
+
+
+def _number(kind: tuple[Any, Any, str | None], value: float, derivation: tuple[str, str, str] | None) -> Any:
+    name, unit, method = kind
+    return highdicom("sr").Measurement(
+        name=codes.concept(name),
+        value=float(f"{value:.6g}"),
+        unit=codes.concept(unit),
+        method=codes.own(method) if method else None,
+        derivation=codes.concept(derivation) if derivation else None,
+    )
+
+
+def _sentences(estimate: Estimate) -> list[tuple[str, str]]:
+    """Texts by our code; the sentence on what is identified holds numbers, so an untrusted one is not told."""
+    told = {name for name in codes.PARAMETERS if estimate.trusted and estimate.identified(name)}
+    loose = [name for name in estimate.samples if name not in told]
+    said = [("no-number", name) for name in loose]
+    said += [("flag", flag) for flag in estimate.flags]
+    if estimate.trusted:
+        said.append(("identifiability", estimate.identifiability))
+    else:
+        said.append(("identifiability", NOT_TRUSTED))
+    said.append(("prior", estimate.prior))
+    return [(name, sentence) for name, sentence in said if sentence.strip()]
+
+
+def press_group(press: StoredPress, cover: ExportIdentity, source: Dataset, frame: int) -> Any:
+    """The force of one press and what its guard said, with the frame that it belongs to."""
+    sr = highdicom("sr")
+    frames = [frame] if "NumberOfFrames" in source else None
+    group = sr.MeasurementsAndQualitativeEvaluations(
+        tracking_identifier=_tracking(f"press {ROLE_WORDS[press.role]}", cover, press.id or press.frame),
+        method=codes.own("imaging"),
+        measurements=[
+            sr.Measurement(
+                name=codes.concept(codes.FORCE), value=float(press.force_n), unit=codes.concept(codes.NEWTON)
+            )
+        ]
+        if press.force_n is not None
+        else [],
+        source_images=[sr.SourceImageForMeasurementGroup(source.SOPClassUID, source.SOPInstanceUID, frames)],
+    )
+    for name, word in [("role", press.role), *(("flag", flag) for flag in press.flags)]:
+        group[0].ContentSequence.append(text(name, word))
+    return group
+
+
+def text(name: str, sentence: str) -> Any:
+    """A sentence under one of our codes."""
+    sr = highdicom("sr")
+    return sr.TextContentItem(
+        name=codes.own(name), value=sentence, relationship_type=sr.RelationshipTypeValues.CONTAINS
+    )
+
+
+def _tracking(what: str, cover: ExportIdentity, identity: str) -> Any:
+    return highdicom("sr").TrackingIdentifier(uid=deterministic_uid("tracking", cover.key, identity), identifier=what)
+
+
+def _algorithm(stored: StoredEstimate) -> Any:
+    """Which program computed it, and which code of it, as the record says; not the program that exports."""
+    environment: Mapping[str, Any] = stored.environment
+    code = environment.get("code_sha256")
+    return highdicom("sr").AlgorithmIdentification(
+        name=f"tsis {stored.kind}",
+        version=dicom_line(str(environment.get("tsis") or stored.estimate.provenance.get("tsis") or __version__)),
+        parameters=[f"code_sha256={dicom_line(str(code))}"] if code else None,
+    )
+
+
+SERIES = 9
+NO_DATE, NO_TIME = "19000101", "000000"  # a report must have a time; this one says that it was taken out
+
+# The moment at which highdicom made the document; with it, the same export would not be the same.
+OF_NOW = ("InstanceCreationDate", "InstanceCreationTime", "ContributingEquipmentSequence")
+
+
+def has_report(dossier: TargetRecord) -> bool:
+    """Whether there is anything to report: an estimate, a force, or a flag."""
+    return bool(dossier.estimates) or any(press.force_n is not None or press.flags for press in dossier.presses)
+
+
+def report(dossier: TargetRecord, cover: ExportIdentity, images: Sequence[tuple[Stack, Dataset]]) -> Dataset:
+    """The report on images that are exported with it; it has no UID of its own yet."""
+    made = max([stored.made for stored in dossier.in_force] or [press.taken for press in dossier.presses])
+    date, time = cover.moment(made) or (NO_DATE, NO_TIME)
+    sr = highdicom("sr")
+    document: Dataset = sr.ComprehensiveSR(
+        evidence=[image for _, image in images],
+        content=_content(dossier, cover, images)[0],
+        series_instance_uid=deterministic_uid("series", cover.key, "report"),
+        series_number=SERIES,
+        sop_instance_uid=deterministic_uid("unsealed"),
+        instance_number=1,
+        manufacturer="tsis",
+        is_complete=True,
+        content_date=date,
+        content_time=time,
+        coding_schemes=[
+            highdicom("coding_schemes").CodingSchemeIdentificationItem(codes.SCHEME, name=codes.SCHEME_NAME)
+        ],
+    )
+    described = "Estimate and forces, research use only"
+    describe(document, cover, Series(number=SERIES, what="report", description=described, modality="SR", started=made))
+    for what in OF_NOW:
+        del document[what]
+    document.ContentDate, document.ContentTime = date, time
+    return document
+
+
+def _content(dossier: TargetRecord, cover: ExportIdentity, images: Sequence[tuple[Stack, Dataset]]) -> Any:
+    sr = highdicom("sr")
+    places = {  # by the press itself: two may share a frame, and those of no store have no identity
+        id(press): (image, number) for stack, image in images for number, press in enumerate(stack.presses, 1)
+    }
+    groups = [
+        estimate_group(stored, cover, [image for stack, image in images if stack.holds(stored.presses)])
+        for stored in dossier.in_force
+    ]
+    groups += [
+        press_group(press, cover, *places[id(press)])
+        for press in dossier.presses
+        if press.force_n is not None or press.flags
+    ]
+    content = sr.MeasurementReport(
+        observation_context=_observer(),
+        procedure_reported=codes.own("imaging"),
+        imaging_measurements=groups,
+    )
+    notice = text("notice", RESEARCH_USE_ONLY)
+    content[0].ContentSequence.insert(-1, notice)  # readers meet it before any number
+    return content
+
+
+def _observer() -> Any:
+    sr = highdicom("sr")
+    device = sr.DeviceObserverIdentifyingAttributes(
+        uid=deterministic_uid("device", __version__), name="tsis", manufacturer_name="tsis", model_name=__version__
+    )
+    context = sr.ObserverContext(observer_type=codes.concept(codes.DEVICE), observer_identifying_attributes=device)
+    return sr.ObservationContext(observer_device_context=context)

@@ -1,0 +1,262 @@
+"""Rows of the tables: headings with their units, then the values."""
+
+from __future__ import annotations
+
+import csv
+import hashlib
+import io
+import json
+import math
+from typing import TYPE_CHECKING, Any
+
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.model import INTERVAL_LEVEL, NO_UNIT, label_of, unit_of
+from tsis.records._plain_fields import free_to_plain
+from tsis.records.export._whole import export_folder, frame_png
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Iterator, Sequence
+
+    from tsis.model import Estimate
+    from tsis.records._target_record import TargetRecord
+    from tsis.records._values import StoredEstimate, Target
+
+
+PRESS_HEADINGS = (
+    "press",
+    "role",
+    "taken",
+    "force (N)",
+    "pixel size x (mm)",
+    "pixel size y (mm)",
+    "axis x (px)",
+    "axis y (px)",
+    "rows (px)",
+    "columns (px)",
+    "full scale (grey level)",
+    "probe",
+    "flags",
+    "name",
+    "note",
+    "frame file",
+    "frame (SHA-256)",
+    "calibration (SHA-256)",
+    "settings (JSON)",
+    "id",
+    "version",
+)
+ESTIMATE_HEADINGS = (
+    "estimate",
+    "in force",
+    "kind",
+    "made",
+    "parameter",
+    "unit",
+    "mean (in unit)",
+    "sd (in unit)",
+    f"{INTERVAL_LEVEL:.0%} interval from (in unit)",
+    f"{INTERVAL_LEVEL:.0%} interval to (in unit)",
+    "prior sd (in unit)",
+    "Cramer-Rao sd (in unit)",
+    "narrowing (posterior sd / prior sd)",
+    "identified",
+    "trusted",
+    "presence (probability)",
+    "flags",
+    "notes",
+    "probe",
+    "presses",
+    "calibration (SHA-256)",
+    "supersedes",
+    "id",
+)
+
+
+def target_rows(target: Target) -> list[list[Any]]:
+    """Headings and the one row of the target."""
+    row: dict[str, Any] = {
+        "target": target.number,
+        "kind": target.kind,
+        "name": target.name,
+        "note": target.note,
+        "made": target.made.isoformat(),
+        "id": target.id,
+        "version": target.version,
+    }
+    for name, value in target.truth.items():
+        unit = unit_of(name)
+        row[f"true {label_of(name)}" + ("" if unit == NO_UNIT else f" ({unit})")] = value
+    return [list(row), list(row.values())]
+
+
+def press_rows(dossier: TargetRecord, frame_files: Sequence[str]) -> list[Sequence[Any]]:
+    """Headings and one row a press."""
+    rows: list[Sequence[Any]] = [PRESS_HEADINGS]
+    for number, (press, file) in enumerate(zip(dossier.presses, frame_files, strict=True), start=1):
+        pixel = (None, None) if press.mm_per_pixel is None else press.mm_per_pixel
+        known = [number, press.role, press.taken.isoformat(), _float(press.force_n), *map(_float, pixel)]
+        known += [*map(_float, press.axis_px), press.rows, press.columns, _float(press.full_scale)]
+        said = [press.probe, " ".join(press.flags), press.name, press.note, file, press.frame, press.calibration]
+        settings = json.dumps(free_to_plain(press.settings, "settings"), sort_keys=True, allow_nan=False)
+        rows.append([*known, *said, settings, press.id, press.version])
+    return rows
+
+
+def estimate_rows(dossier: TargetRecord) -> list[Sequence[Any]]:
+    """Headings and one row an estimate and parameter."""
+    rows: list[Sequence[Any]] = [ESTIMATE_HEADINGS]
+    for number, stored in enumerate(dossier.estimates, start=1):
+        rows += _parameter_rows(number, stored, in_force=stored in dossier.in_force)
+    return rows
+
+
+def _parameter_rows(number: int, stored: StoredEstimate, *, in_force: bool) -> Iterator[list[Any]]:
+    found = stored.estimate
+    numbers = _numbers(found)
+    for name in found.samples:
+        yield [
+            number,
+            in_force,
+            stored.kind,
+            stored.made.isoformat(),
+            name,
+            unit_of(name),
+            *numbers[name],
+            found.identified(name),
+            found.trusted,
+            _float(found.presence) if found.trusted else None,
+            " ".join(found.flags),
+            " ".join(found.notes),
+            stored.probe,
+            " ".join(stored.presses),
+            stored.calibration,
+            stored.supersedes,
+            stored.id,
+        ]
+
+
+def _numbers(found: Estimate) -> dict[str, list[Any]]:
+    """Mean, sd, interval, prior sd, Cramer-Rao sd and narrowing of each parameter; the prior alone if not trusted."""
+    if not found.trusted:
+        return {name: [None] * 4 + [_float(prior), None, None] for name, prior in found.prior_sd.items()}
+    mean, sd, narrowing, interval = found.mean, found.sd, found.narrowing, found.interval(INTERVAL_LEVEL)
+    rows: dict[str, list[Any]] = {}
+    for name, prior in found.prior_sd.items():
+        bound = found.cramer_rao_sd.get(name)
+        least = "infinite" if bound == math.inf else _float(bound)
+        rows[name] = [mean[name], sd[name], *interval[name], _float(prior), least, narrowing[name]]
+    return rows
+
+
+def _float(value: float | None) -> float | None:
+    """A number of Python, which prints without its type."""
+    return None if value is None else float(value)
+
+
+FORMAT, VERSION = "tsis-csv", 1
+RISKY = ("=", "+", "-", "@", "\t", "\r", "＝", "＋", "－", "＠", "'")
+
+README = f"""Target {{number}}, written by tsis {__version__}
+
+{RESEARCH_USE_ONLY}
+
+target.csv      what was pressed; of a phantom its true values
+presses.csv     one row a press, in the order in which they were taken
+estimates.csv   one row an estimate and parameter, in the order of making; "in force" is the last one of each kind
+frames/         the grey levels as the camera gave them, PNG of 8 or 16 bits; presses.csv names the file of each press
+manifest.json   SHA-256 and size in bytes of every file
+
+Comma-separated values after RFC 4180: UTF-8, lines end in CR LF, cells are quoted where they must be, decimals have a
+point. Headings hold the unit; in estimates.csv the column "unit" says it row by row. An empty cell says that nobody
+measured it. Times are ISO 8601 with their offset from UTC.
+
+Text that a spreadsheet could take for a formula, because it begins with = + - @ or a tab, has an apostrophe in front,
+and so has text that begins with an apostrophe: take one away to have what was entered. Numbers are never changed.
+
+Where "trusted" is no, the model did not hold, and there is no result: the cells are empty. Where "identified" is no,
+the data told hardly more than was believed before, and the mean says little: use the interval.
+"""
+
+
+def cell(value: Any) -> str:
+    """What a table shows of a value: text guarded so that no spreadsheet takes it for a formula.
+
+    Examples
+    --------
+    >>> cell("=1+1"), cell(-1.5), cell(True), cell(None)
+    ("'=1+1", '-1.5', 'yes', '')
+    """
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, (int, float)):
+        return repr(value)
+    text = str(value)
+    return f"'{text}" if text.startswith(RISKY) or text.lstrip().startswith(RISKY) else text
+
+
+def table_bytes(rows: Sequence[Sequence[Any]]) -> bytes:
+    """Rows as RFC 4180 wants them, the first being the headings."""
+    out = io.StringIO(newline="")
+    writer = csv.writer(out, lineterminator="\r\n")
+    writer.writerows([cell(each) for each in row] for row in rows)
+    return out.getvalue().encode()
+
+
+def csv_files(dossier: TargetRecord) -> dict[str, bytes]:
+    """Every file of the export by its name, frames and all: `write_csv` does not hold all of them at once.
+
+    Raises
+    ------
+    RecordsError
+        When a frame is not what its press says.
+    """
+    return dict(_parts(dossier))
+
+
+def write_csv(dossier: TargetRecord, folder: str | os.PathLike[str]) -> None:
+    """Write the files into a new folder, frame by frame; it appears whole or not at all.
+
+    Raises
+    ------
+    FileInputError
+        When the folder exists or cannot be written.
+    RecordsError
+        When a frame is not what its press says.
+    """
+    with export_folder(folder) as draft:
+        (draft / "frames").mkdir()
+        for name, content in _parts(dossier):
+            (draft / name).write_bytes(content)
+
+
+def _parts(dossier: TargetRecord) -> Iterator[tuple[str, bytes]]:
+    entries: dict[str, dict[str, Any]] = {}
+    for name, content in _content(dossier):
+        entries[name] = {"sha256": hashlib.sha256(content).hexdigest(), "bytes": len(content)}
+        yield name, content
+    manifest = {
+        "format": FORMAT,
+        "version": VERSION,
+        "notice": RESEARCH_USE_ONLY,
+        "tsis": __version__,
+        "files": entries,
+    }
+    yield "manifest.json", (json.dumps(manifest, indent=2) + "\n").encode()
+
+
+def _content(dossier: TargetRecord) -> Iterator[tuple[str, bytes]]:
+    names = frame_names(dossier)
+    yield "target.csv", table_bytes(target_rows(dossier.target))
+    yield "presses.csv", table_bytes(press_rows(dossier, names))
+    yield "estimates.csv", table_bytes(estimate_rows(dossier))
+    yield "README.txt", README.format(number=dossier.target.number).encode()
+    for press, name in zip(dossier.presses, names, strict=True):
+        yield name, frame_png(dossier, press)
+
+
+def frame_names(dossier: TargetRecord) -> list[str]:
+    """Name of the file of each press's frame."""
+    return [f"frames/{number:05d}-{press.role}.png" for number, press in enumerate(dossier.presses, start=1)]

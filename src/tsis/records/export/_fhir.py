@@ -1,0 +1,238 @@
+"""Codes, quantities and references as FHIR writes them, of elements that R4 and R5 have in common."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+from datetime import UTC
+from typing import TYPE_CHECKING
+from uuid import UUID, uuid5
+
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.files import SHA256
+from tsis.model import INTERVAL_LEVEL, NO_UNIT, label_of, unit_of
+from tsis.records._deidentify import deidentified, shown_identity
+
+if TYPE_CHECKING:
+    from datetime import datetime
+
+    from tsis.records._target_record import TargetRecord
+    from tsis.records._values import StoredEstimate, StoredPress
+
+
+Resource = dict[str, object]
+
+ROOT = UUID("6f4c1a52-3b0e-5d0e-9a57-2f6f2f3a1d11")  # of every name below; never to be changed
+CODES = f"urn:uuid:{uuid5(ROOT, 'quantities')}"
+TARGETS = f"urn:uuid:{uuid5(ROOT, 'targets')}"
+PROBES = f"urn:uuid:{uuid5(ROOT, 'probes')}"
+UCUM = "http://unitsofmeasure.org"
+ABSENT = "http://terminology.hl7.org/CodeSystem/data-absent-reason"
+ABSENT_EXTENSION = "http://hl7.org/fhir/StructureDefinition/data-absent-reason"
+DIGITS = 6  # significant ones of a number: more than any press can tell
+
+
+def urn(kind: str, identity: str) -> str:
+    """A name for a resource that is the same in every export of the same thing."""
+    return f"urn:uuid:{uuid5(ROOT, f'{kind}/{identity}')}"
+
+
+def concept(code: str, words: str) -> Resource:
+    """A concept of this program's own."""
+    return {"coding": [{"system": CODES, "code": code, "display": words}], "text": words}
+
+
+def quantity(name: str, value: float) -> Resource:
+    """A number with the unit that the quantity's name ends in."""
+    unit = unit_of(name)
+    rounded = float(f"{value:.{DIGITS}g}")
+    shown = {} if unit == NO_UNIT else {"unit": unit}  # FHIR has no empty text
+    return {"value": rounded, **shown, "system": UCUM, "code": unit}
+
+
+def absent(code: str, why: str) -> Resource:
+    """Why there is no value."""
+    return {"coding": [{"system": ABSENT, "code": code}], "text": why}
+
+
+def component(code: str, words: str, name: str, value: float) -> Resource:
+    """A part of an observation: a number in the unit of ``name``, or the reason why there is none."""
+    coded: Resource = {"code": concept(code, words)}
+    if not math.isfinite(value):
+        return coded | {"dataAbsentReason": absent("positive-infinity", "infinite: the data tell nothing of it")}
+    return coded | {"valueQuantity": quantity(name, value)}
+
+
+def hashed(sha256: str, what: str) -> Resource:
+    """A reference to content by its SHA-256, as RFC 6920 names it."""
+    digest = base64.urlsafe_b64encode(bytes.fromhex(sha256)).rstrip(b"=").decode()
+    name = {"system": "urn:ietf:rfc:3986", "value": f"ni:///sha-256;{digest}"}
+    return {"type": "DocumentReference", "identifier": name, "display": f"{what}, SHA-256 {sha256}"}
+
+
+def words(name: str) -> str:
+    """What people read of a quantity."""
+    return label_of(name).capitalize()
+
+
+METHODS = {
+    "inclusion": "Optical tactile imaging: posterior of a press model, given frames of the probe pressed on tissue",
+    "hardness": "Optical tactile imaging: posterior of a contact model, given frames of the probe on the object itself",
+}
+FORCE_METHOD = "Force of the press on the probe"
+UNTRUSTED = "not trusted: the model does not hold for these frames"
+UNIDENTIFIED = "not identified: the data tell hardly more than was believed before; see the interval"
+
+
+def force_observation(press: StoredPress, subject: Resource, device: Resource, *, identified: bool) -> Resource:
+    """The force of one press."""
+    assert press.force_n is not None
+    seen = {"derivedFrom": [hashed(press.frame, "Frame")]} if SHA256.fullmatch(press.frame) else {}
+    return {
+        **_frame_of("force_n", "Force of a press", subject, device, press.taken, identified=identified),
+        "method": {"text": FORCE_METHOD},
+        "valueQuantity": quantity("force_n", press.force_n),
+        **seen,
+    }
+
+
+def estimate_observations(
+    dossier: TargetRecord, stored: StoredEstimate, subject: Resource, device: Resource, *, identified: bool
+) -> list[Resource]:
+    """One observation a parameter, and one of the probability that there is anything at all."""
+    presses = [each for each in dossier.presses if each.id in set(stored.presses)]
+    when = max((press.taken for press in presses), default=stored.made)
+    sources = [hashed(press.frame, "Frame") for press in presses if SHA256.fullmatch(press.frame)]
+    if SHA256.fullmatch(stored.calibration):
+        sources.append(hashed(stored.calibration, "Calibration"))
+    common: Resource = {"method": {"text": METHODS[stored.kind]}}
+    if sources:
+        common["derivedFrom"] = sources
+    if identified:
+        common["issued"] = stored.made.isoformat(timespec="seconds")
+    found = []
+    for name in stored.estimate.samples:
+        frame = _frame_of(name, words(name), subject, device, when, identified=identified)
+        found.append(frame | common | _value(stored, name))
+    if stored.estimate.presence is not None:
+        frame = _frame_of("presence", "Probability of presence", subject, device, when, identified=identified)
+        found.append(frame | common | _presence(stored, stored.estimate.presence))
+    return found
+
+
+def _frame_of(
+    code: str, text: str, subject: Resource, device: Resource, when: datetime, *, identified: bool
+) -> Resource:
+    """What every observation has."""
+    masked = {"extension": [{"url": ABSENT_EXTENSION, "valueCode": "masked"}]}
+    time = {"effectiveDateTime": when.isoformat(timespec="seconds")} if identified else {"_effectiveDateTime": masked}
+    return {
+        "resourceType": "Observation",
+        "status": "preliminary",
+        "code": concept(code, text),
+        "subject": subject,
+        "device": device,
+        "note": [{"text": RESEARCH_USE_ONLY}],
+        **time,
+    }
+
+
+def _value(stored: StoredEstimate, name: str) -> Resource:
+    """The mean with its interval; what may not be used is not there."""
+    found = stored.estimate
+    if not found.trusted:
+        return {"dataAbsentReason": absent("error", UNTRUSTED)}
+    low, high = found.interval(INTERVAL_LEVEL)[name]
+    tail = (1 - INTERVAL_LEVEL) / 2
+    parts = [
+        component(
+            "interval-low", f"{INTERVAL_LEVEL:.0%} credible interval, lower end ({tail:.0%} quantile)", name, low
+        ),
+        component(
+            "interval-high", f"{INTERVAL_LEVEL:.0%} credible interval, upper end ({1 - tail:.0%} quantile)", name, high
+        ),
+        component("sd", "Standard deviation of the posterior", name, found.sd[name]),
+        component("prior-sd", "Standard deviation of the prior", name, found.prior_sd[name]),
+    ]
+    if name in found.cramer_rao_sd:
+        bound = found.cramer_rao_sd[name]
+        parts.append(component("cramer-rao-sd", "Least standard deviation of any unbiased estimate", name, bound))
+    if not found.identified(name):
+        return {"dataAbsentReason": absent("unknown", UNIDENTIFIED), "component": parts}
+    return {"valueQuantity": quantity(name, found.mean[name]), "component": parts}
+
+
+def _presence(stored: StoredEstimate, presence: float) -> Resource:
+    if not stored.estimate.trusted:
+        return {"dataAbsentReason": absent("error", UNTRUSTED)}
+    return {"valueQuantity": quantity("presence", presence)}
+
+
+def fhir_observations(dossier: TargetRecord, *, identified: bool = False) -> bytes:
+    """A FHIR Bundle of type ``collection`` as JSON, valid as R4B and as R5.
+
+    Parameters
+    ----------
+    dossier
+        Target, presses and estimates; of each kind of estimate the last is told.
+    identified
+        Whether times, kind, number and label of the target are told. Otherwise times are masked, a pseudonym stands
+        for the target, and `tsis.records._deidentify` says what else is left out.
+
+    Notes
+    -----
+    A phantom is a Device, a subject a Patient of whom nothing but a pseudonym is known. Free text never leaves.
+    """
+    dossier = dossier if identified else deidentified(dossier)
+    subject = {"reference": urn("target", dossier.target.id or str(dossier.target.number))}
+    entries = [(subject["reference"], _subject(dossier, identified=identified))]
+    entries += [(urn("probe", name), _probe(name)) for name in _probes(dossier)]
+    for number, press in enumerate(dossier.presses):
+        if press.force_n is not None:
+            name = urn("force", press.id or f"{subject['reference']}/{number}")
+            device: Resource = {"reference": urn("probe", press.probe)}
+            entries.append((name, force_observation(press, dict(subject), device, identified=identified)))
+    for stored in dossier.in_force:
+        device = {"reference": urn("probe", stored.probe)}
+        made = estimate_observations(dossier, stored, dict(subject), device, identified=identified)
+        name = stored.id or f"{subject['reference']}/{stored.kind}"
+        entries += [(urn("estimate", f"{name}/{number}"), each) for number, each in enumerate(made)]
+    bundle: Resource = {"resourceType": "Bundle", "type": "collection"}
+    times = [press.taken for press in dossier.presses] + [stored.made for stored in dossier.estimates]
+    if identified and times:
+        bundle["timestamp"] = max(times).astimezone(UTC).isoformat(timespec="seconds")
+    bundle["entry"] = [{"fullUrl": name, "resource": resource} for name, resource in entries]
+    return (json.dumps(bundle, indent=2, allow_nan=False) + "\n").encode()
+
+
+def _probes(dossier: TargetRecord) -> list[str]:
+    names = [press.probe for press in dossier.presses if press.force_n is not None]
+    return sorted({*names, *(stored.probe for stored in dossier.in_force)})
+
+
+def _subject(dossier: TargetRecord, *, identified: bool) -> Resource:
+    target = dossier.target
+    known = [{"system": TARGETS, "value": shown_identity(target) if identified else target.id}]
+    if identified and target.name:
+        known.append({"system": TARGETS, "value": target.name})
+    if target.kind == "subject":
+        return {"resourceType": "Patient", "identifier": known}
+    return {
+        "resourceType": "Device",
+        "identifier": known,
+        "status": "active",
+        "modelNumber": "phantom",
+        "note": [{"text": RESEARCH_USE_ONLY}],
+    }
+
+
+def _probe(name: str) -> Resource:
+    return {
+        "resourceType": "Device",
+        "identifier": [{"system": PROBES, "value": name or "unnamed"}],
+        "status": "active",
+        "modelNumber": name or "unnamed",
+        "version": [{"value": f"tsis {__version__}"}],
+        "note": [{"text": RESEARCH_USE_ONLY}],
+    }

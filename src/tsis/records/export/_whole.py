@@ -1,0 +1,72 @@
+"""Exports that appear whole or not at all, and never in the place of others: told in one sentence where they cannot."""
+
+from __future__ import annotations
+
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+import cv2
+
+from tsis.errors import FileInputError
+from tsis.files import as_path, atomic_file, atomic_folder, printable_path
+from tsis.instrument import QUICK
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from tsis.records._target_record import TargetRecord
+    from tsis.records._values import StoredPress
+
+
+@contextmanager
+def export_file(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """As `tsis.files.atomic_file`.
+
+    Raises
+    ------
+    FileInputError
+        When there is something of that name, or it cannot be written.
+    """
+    wanted = as_path(path)
+    with _refusing(wanted), atomic_file(wanted) as draft:
+        yield draft
+
+
+@contextmanager
+def export_folder(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """As `tsis.files.atomic_folder`.
+
+    Raises
+    ------
+    FileInputError
+        When there is something of that name, or it cannot be written.
+    """
+    wanted = as_path(path)
+    with _refusing(wanted), atomic_folder(wanted) as draft:
+        yield draft
+
+
+@contextmanager
+def _refusing(wanted: Path) -> Iterator[None]:
+    try:
+        yield
+    except FileExistsError as error:
+        raise FileInputError(
+            f"{printable_path(wanted)} must be a new name; there is such a file or folder (choose another)"
+        ) from error
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise FileInputError(f"{printable_path(wanted)} must be a place that can be written; got: {reason}") from error
+
+
+def frame_png(dossier: TargetRecord, press: StoredPress) -> bytes:
+    """The frame of a press as a grey PNG of as many bits as it has.
+
+    Raises
+    ------
+    RecordsError
+        When the stored frame is not what its press says.
+    """
+    return bytes(cv2.imencode(".png", dossier.levels(press), QUICK)[1].tobytes())

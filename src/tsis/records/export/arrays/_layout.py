@@ -1,0 +1,193 @@
+"""What a file format must be able to hold for the layout to be written into it."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from datetime import UTC, datetime, timedelta
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.calibration.file import calibration_bytes
+from tsis.errors import RecordsError
+from tsis.model import INTERVAL_LEVEL, unit_of
+from tsis.records._plain import estimate_to_plain, press_to_plain, target_to_plain
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    from numpy.typing import NDArray
+
+    from tsis.model import Estimate
+    from tsis.records._target_record import TargetRecord
+    from tsis.records._values import StoredEstimate, StoredPress
+
+
+Attribute = str | float | int | bool
+Shape = tuple[int, ...]
+GZIP_LEVEL = 4  # in every format
+
+
+class Tree(Protocol):
+    """Groups and arrays by their path, as ``"frames/target/0/grey"``; attributes are text and numbers."""
+
+    def group(self, path: str, attributes: Mapping[str, Attribute]) -> None:
+        """A group; ``""`` is the root."""
+
+    def create(self, path: str, shape: Shape, dtype: str, chunks: Shape, attributes: Mapping[str, Attribute]) -> Any:
+        """A new array of at least one axis, whose parts are set by their index; each chunk is compressed by itself."""
+
+
+def write_array(tree: Tree, path: str, values: NDArray[Any], attributes: Mapping[str, Attribute]) -> None:
+    """A small array, in one chunk."""
+    tree.create(path, values.shape, str(values.dtype), values.shape, attributes)[...] = values
+
+
+def write_stack(
+    tree: Tree, path: str, frames: Iterable[NDArray[Any]], shape: Shape, dtype: str, attributes: Mapping[str, Attribute]
+) -> None:
+    """Frames of one size, taken one by one, a chunk each; ``shape`` is (n, rows, columns)."""
+    stack = tree.create(path, shape, dtype, (1, *shape[1:]), attributes)
+    for at, frame in enumerate(frames):
+        stack[at] = frame
+
+
+FORMAT, VERSION = "tsis-arrays", 1
+EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+def write_layout(dossier: TargetRecord, tree: Tree) -> None:
+    """Write all of a dossier, frame by frame.
+
+    Raises
+    ------
+    RecordsError
+        When a frame is not what its press says.
+    """
+    head: dict[str, Attribute] = {
+        "format": FORMAT,
+        "version": VERSION,
+        "notice": RESEARCH_USE_ONLY,
+        "tsis": __version__,
+    }
+    tree.group("", head)
+    plain = target_to_plain(dossier.target)
+    shown = ("number", "kind", "name", "note", "made", "id", "version")
+    tree.group("target", {name: plain[name] for name in shown})
+    for name, value in dossier.target.truth.items():
+        write_array(tree, f"target/truth/{_link(name)}", np.array([value]), {"units": unit_of(name), "quantity": name})
+    _document(tree, "presses", [press_to_plain(press) for press in dossier.presses])
+    for place, numbered in _stacks(dossier).items():
+        _write_stack(dossier, tree, place, numbered)
+    for number, stored in enumerate(dossier.estimates):
+        _write_estimate(tree, f"estimates/{number}", stored, in_force=stored in dossier.in_force)
+    for name, known in dossier.calibrations.items():
+        _bytes(tree, f"calibrations/{_link(name)}", calibration_bytes(known))
+
+
+def _stacks(dossier: TargetRecord) -> dict[str, list[tuple[int, StoredPress]]]:
+    """Numbered presses by where their frames go: one stack a role, size and number of bits."""
+    found: dict[str, dict[tuple[int, int, bool], list[tuple[int, StoredPress]]]] = {}
+    for number, press in enumerate(dossier.presses):
+        kind = (press.rows, press.columns, press.full_scale > 255)
+        found.setdefault(press.role, {}).setdefault(kind, []).append((number, press))
+    return {f"frames/{role}/{at}": each for role, kinds in found.items() for at, each in enumerate(kinds.values())}
+
+
+def _write_stack(dossier: TargetRecord, tree: Tree, place: str, numbered: list[tuple[int, StoredPress]]) -> None:
+    presses = [press for _, press in numbered]
+    first = presses[0]
+    dtype = "uint16" if first.full_scale > 255 else "uint8"
+    tree.group(place, {"role": first.role})
+    write_stack(
+        tree,
+        f"{place}/grey",
+        (_levels(dossier, press, dtype) for press in presses),
+        (len(presses), first.rows, first.columns),
+        dtype,
+        {"units": "grey level", "axes": "press, row, column"},
+    )
+    pixels = [press.mm_per_pixel or (math.nan, math.nan) for press in presses]
+    columns: dict[str, tuple[Any, str, str]] = {
+        "force": ([press.force_n if press.force_n is not None else math.nan for press in presses], "N", "press"),
+        "pixel_size": (pixels, "mm", "press, (x, y)"),
+        "axis": ([press.axis_px for press in presses], "px", "press, (x, y)"),
+        "full_scale": ([press.full_scale for press in presses], "grey level", "press"),
+    }
+    for name, (values, units, axes) in columns.items():
+        write_array(tree, f"{place}/{name}", np.array(values, dtype=float), {"units": units, "axes": axes})
+    since = [(press.taken - EPOCH) // timedelta(microseconds=1) for press in presses]
+    units = "microseconds since 1970-01-01T00:00:00Z"
+    write_array(tree, f"{place}/taken", np.array(since, dtype=np.int64), {"units": units, "axes": "press"})
+    order = np.array([number for number, _ in numbered], dtype=np.int64)
+    write_array(tree, f"{place}/press", order, {"units": "1", "axes": "press", "index_of": "presses"})
+
+
+def _levels(dossier: TargetRecord, press: StoredPress, dtype: str) -> NDArray[Any]:
+    found = dossier.levels(press)
+    if int(found.max()) > np.iinfo(dtype).max:  # a file of 8 bits would wrap it round
+        raise RecordsError(
+            f"frame {press.frame:.12} must hold levels up to its full scale, {press.full_scale:g}; got {found.max()}"
+        )
+    return found.astype(dtype, copy=False)
+
+
+def _write_estimate(tree: Tree, place: str, stored: StoredEstimate, *, in_force: bool) -> None:
+    found = stored.estimate
+    head: dict[str, Attribute] = {
+        "kind": stored.kind,
+        "made": stored.made.isoformat(),
+        "trusted": found.trusted,
+        "in_force": in_force,
+        "flags": json.dumps(list(found.flags)),
+    }
+    if found.trusted and found.presence is not None:
+        head["presence"] = float(found.presence)
+    tree.group(place, head)
+    summary = _summary(found) if found.trusted else {}
+    for name, values in found.samples.items():
+        said: dict[str, Attribute] = {
+            "quantity": name,
+            "units": unit_of(name),
+            "axes": "sample",
+            "prior_sd": float(found.prior_sd[name]),
+            "identified": found.identified(name),
+            **summary.get(name, {}),
+        }
+        write_array(tree, f"{place}/samples/{_link(name)}", values, said)
+    _document(tree, f"{place}/document", estimate_to_plain(stored))
+
+
+def _summary(found: Estimate) -> dict[str, dict[str, Attribute]]:
+    """Numbers that readers take for the result, by parameter."""
+    mean, sd, interval = found.mean, found.sd, found.interval(INTERVAL_LEVEL)
+    said: dict[str, dict[str, Attribute]] = {
+        name: {
+            "mean": mean[name],
+            "sd": sd[name],
+            "interval_level": INTERVAL_LEVEL,
+            "interval_low": interval[name][0],
+            "interval_high": interval[name][1],
+        }
+        for name in found.samples
+    }
+    for name, bound in found.cramer_rao_sd.items():
+        said[name]["cramer_rao_sd"] = "infinity" if bound == math.inf else float(bound)
+    return said
+
+
+def _link(name: str) -> str:
+    """A name that any format takes for one; the attribute ``quantity`` holds the name itself."""
+    plain = re.sub(r"[^A-Za-z0-9_-]", "_", name)[:100]
+    return plain if plain == name else f"{plain}-{name.encode('utf-8', 'surrogatepass').hex()[:64]}"
+
+
+def _document(tree: Tree, path: str, content: Any) -> None:
+    _bytes(tree, path, json.dumps(content, allow_nan=False).encode())
+
+
+def _bytes(tree: Tree, path: str, content: bytes) -> None:
+    write_array(tree, path, np.frombuffer(content, np.uint8), {"units": "1", "media_type": "application/json"})

@@ -1,0 +1,145 @@
+"""Where a bundle lies: a folder or a zip file, listed and read within bounds."""
+
+from __future__ import annotations
+
+import os
+import stat
+import zipfile
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Protocol
+
+from tsis.errors import FileInputError
+from tsis.files import as_path, file_size, printable_path
+from tsis.records.export.bundle._layout import FOLDERS, MIB, MOST_FILES
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+
+MOST_UNPACKED, FREE_BYTES = 100, 16 * MIB  # a zip file may unpack to so many times its size, and a little more
+END, END_64 = b"PK\x05\x06", b"PK\x06\x07"
+DIRECTORY_BYTES = 256  # of an entry in the directory of a zip file: far more than the names here take
+
+
+class BundleSource(Protocol):
+    """A bundle's files by their names."""
+
+    def sizes(self) -> dict[str, int]:
+        """Size of every file in bytes, as it is declared."""
+
+    def read(self, name: str, most: int) -> bytes:
+        """Content of a file, refused when it is more than ``most`` bytes."""
+
+
+def bundle_source(path: str | os.PathLike[str]) -> BundleSource:
+    """The folder or zip file of that name.
+
+    Raises
+    ------
+    FileInputError
+        When there is neither.
+    """
+    place = as_path(path)
+    if place.is_dir():
+        return FolderSource(place)
+    return ZipSource(place, file_size(place))
+
+
+class FolderSource:
+    """A folder: plain files in it and in the folders that a bundle has, no links."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+
+    def sizes(self) -> dict[str, int]:
+        """Size of every file in bytes."""
+        found: dict[str, int] = {}
+        with _refusing(printable_path(self.folder)):
+            self._list(self.folder, "", found)
+        return found
+
+    def _list(self, folder: Path, before: str, found: dict[str, int]) -> None:
+        with os.scandir(folder) as entries:
+            for entry in entries:
+                name = f"{before}{entry.name}"
+                status = entry.stat(follow_symlinks=False)
+                if stat.S_ISDIR(status.st_mode) and name in FOLDERS:
+                    self._list(folder / entry.name, f"{name}/", found)
+                elif stat.S_ISREG(status.st_mode):
+                    found[name] = status.st_size
+                else:
+                    raise FileInputError(f"{name!r:.120} must be a file of a bundle; got a link, folder or device")
+                if len(found) > MOST_FILES:
+                    raise FileInputError(
+                        f"{printable_path(self.folder)} must hold at most {MOST_FILES} files; got more"
+                    )
+
+    def read(self, name: str, most: int) -> bytes:
+        """Content of a file; a link that took its place meanwhile is not followed."""
+        flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0) | getattr(os, "O_BINARY", 0)
+        with _refusing(name), os.fdopen(os.open(self.folder / name, flags), "rb") as file:
+            if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+                raise FileInputError(f"{name} must be a regular file; got something else")
+            return _bounded(file.read(most + 1), name, most)
+
+
+class ZipSource:
+    """A zip file: every size is checked as declared, and again while it is unpacked."""
+
+    def __init__(self, path: Path, size: int) -> None:
+        self.path, self.size = path, size
+
+    def sizes(self) -> dict[str, int]:
+        """Size of every file in bytes, as the directory of the zip file declares it."""
+        with _refusing(printable_path(self.path)):
+            self._require_short_directory()
+            with zipfile.ZipFile(self.path) as file:
+                entries = [each for each in file.infolist() if each.filename not in {f"{name}/" for name in FOLDERS}]
+        found = {each.filename: each.file_size for each in entries}
+        if len(found) != len(entries):
+            raise FileInputError(f"{printable_path(self.path)} must hold every name once; got one twice")
+        if sum(found.values()) > FREE_BYTES + MOST_UNPACKED * self.size:
+            raise FileInputError(
+                f"{printable_path(self.path)} must unpack to at most {MOST_UNPACKED} times its size; it declares more"
+            )
+        for each in entries:
+            if each.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED) or each.flag_bits & 1:
+                raise FileInputError(f"{each.filename!r:.120} must be stored or deflated, not encrypted; it is not")
+        return found
+
+    def _require_short_directory(self) -> None:
+        """Reading the directory takes memory before anything can be checked: its own length is checked first."""
+        with self.path.open("rb") as file:
+            file.seek(max(0, self.size - 42))
+            tail = file.read(42)
+        if tail[-22:-18] != END or tail[-2:] != b"\0\0" or tail[:4] == END_64:
+            raise FileInputError(
+                f"{printable_path(self.path)} must be a zip file of at most 4 GiB without comment; it is not"
+            )
+        if int.from_bytes(tail[-10:-6], "little") > MOST_FILES * DIRECTORY_BYTES:
+            raise FileInputError(
+                f"{printable_path(self.path)} must hold at most {MOST_FILES} files; its directory is longer"
+            )
+
+    def read(self, name: str, most: int) -> bytes:
+        """Content of a file; unpacking stops one byte after ``most``."""
+        with _refusing(name), zipfile.ZipFile(self.path) as file, file.open(name) as entry:
+            return _bounded(entry.read(most + 1), name, most)
+
+
+def _bounded(content: bytes, name: str, most: int) -> bytes:
+    if len(content) > most:
+        raise FileInputError(f"{name} must hold at most {most} bytes; got more")
+    return content
+
+
+@contextmanager
+def _refusing(what: str) -> Iterator[None]:
+    try:
+        yield
+    except FileInputError:
+        raise
+    except Exception as error:  # hostile bytes make unpackers raise nearly anything
+        reason = getattr(error, "strerror", None) or str(error) or type(error).__name__
+        raise FileInputError(f"{what} must be readable; got: {reason:.200}") from error

@@ -1,0 +1,115 @@
+"""A dossier as a bundle, whole or not at all, and read once before it gets its name."""
+
+from __future__ import annotations
+
+import hashlib
+import zipfile
+from typing import TYPE_CHECKING, Any
+
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.calibration.file import calibration_bytes
+from tsis.errors import InputError, RecordsError
+from tsis.files import SHA256, as_path, printable_path
+from tsis.records._plain import estimate_to_plain, press_to_plain, target_to_plain
+from tsis.records.export._whole import export_file, export_folder, frame_png
+from tsis.records.export.bundle._layout import (
+    ESTIMATES,
+    FOLDERS,
+    FORMAT,
+    MANIFEST,
+    PRESSES,
+    TARGET,
+    VERSION,
+    calibration_name,
+    document_bytes,
+    frame_name,
+    samples_name,
+    sealed_bytes,
+)
+from tsis.records.export.bundle._reading import read_bundle
+from tsis.records.store import samples_bytes
+
+if TYPE_CHECKING:
+    import os
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    from tsis.records._target_record import TargetRecord
+
+    Put = Callable[[str, bytes], object]
+
+EARLIEST = (1980, 1, 1, 0, 0, 0)  # the time of every file in a zip file, so that equal bundles have equal bytes
+
+
+def write_bundle(dossier: TargetRecord, path: str | os.PathLike[str]) -> str:
+    """Write all of a dossier as a new folder, or as a new zip file where the name ends in ``.zip``.
+
+    Returns
+    -------
+    str
+        SHA-256 of the manifest, which holds the hash of every other file: it names the whole bundle.
+
+    Raises
+    ------
+    FileInputError
+        When there is something of that name, or it cannot be written.
+    RecordsError
+        When the dossier lacks what it cites, or could not be read back.
+    """
+    wanted = as_path(path)
+    if wanted.suffix.lower() != ".zip":
+        with export_folder(wanted) as draft:
+            for name in FOLDERS:
+                (draft / name).mkdir()
+            seal = _write(dossier, lambda name, content: (draft / name).write_bytes(content))
+            _require_readable(draft)
+        return seal
+    with export_file(wanted) as draft:
+        try:
+            with zipfile.ZipFile(draft, "x", allowZip64=False) as file:
+                seal = _write(dossier, lambda name, content: file.writestr(zipfile.ZipInfo(name, EARLIEST), content))
+        except zipfile.LargeZipFile as error:
+            raise InputError(f"{printable_path(wanted)} must hold at most 4 GiB; got more (write a folder)") from error
+        _require_readable(draft)
+    return seal
+
+
+def _write(dossier: TargetRecord, put: Put) -> str:
+    entries: dict[str, dict[str, Any]] = {}
+    for name, content in _files(dossier):
+        put(name, content)
+        entries[name] = {"sha256": hashlib.sha256(content).hexdigest(), "bytes": len(content)}
+    manifest = sealed_bytes(
+        {
+            "format": FORMAT,
+            "version": VERSION,
+            "notice": RESEARCH_USE_ONLY,
+            "tsis": __version__,
+            "files": dict(sorted(entries.items())),
+        }
+    )
+    put(MANIFEST, manifest)
+    return hashlib.sha256(manifest).hexdigest()
+
+
+def _files(dossier: TargetRecord) -> Iterator[tuple[str, bytes]]:
+    """Every file but the manifest, one at a time."""
+    yield TARGET, document_bytes(target_to_plain(dossier.target))
+    yield PRESSES, document_bytes([press_to_plain(press) for press in dossier.presses])
+    yield ESTIMATES, document_bytes([estimate_to_plain(stored) for stored in dossier.estimates])
+    for number, stored in enumerate(dossier.estimates):
+        yield samples_name(number), samples_bytes(stored.estimate)
+    for cited, known in dossier.calibrations.items():
+        yield calibration_name(cited), calibration_bytes(known)
+    for frame, press in {press.frame: press for press in dossier.presses}.items():
+        if not SHA256.fullmatch(frame):
+            raise InputError(f"frame must be a SHA-256 in hexadecimal digits; got {frame!r:.80}")
+        yield frame_name(frame), frame_png(dossier, press)
+
+
+def _require_readable(draft: Path) -> None:
+    """What is handed to others is tried first."""
+    try:
+        read_bundle(draft)
+    except InputError as error:
+        raise RecordsError(f"a bundle must be one that can be read back; this one cannot: {error}") from error

@@ -1,0 +1,107 @@
+"""Which frames of a batch are stored already, and in which target."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import TYPE_CHECKING
+
+from sqlalchemy import select
+
+from tsis.records.store import MOST_AT_ONCE, press_query
+from tsis.records.store import _rows as rows
+from tsis.records.store import _tables as tables
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    from tsis.records._values import StoredPress, Target
+    from tsis.records.importing._found import IncomingPress
+    from tsis.records.store import Store
+
+
+def numbered(store: Store, number: int) -> Target | None:
+    """The target that people call by this number; None where there is none yet."""
+    return _target(store, tables.targets.c.number == number)
+
+
+def stored_frames(store: Store, frames: Sequence[IncomingPress]) -> tuple[StoredPress, ...]:
+    """Presses of any target that may be one of these: by their frame, or by the file that it came from.
+
+    Another release of the library that packs frames gives the same levels another name; the file's own hash, where a
+    press tells it, is still the same then.
+    """
+    found = store.presses_of_frames([each.frame for each in frames])
+    known = {press.frame for press in found}
+    missing = {each.sha256: each.name for each in frames if each.frame not in known}
+    further = _named(store, sorted(set(missing.values())))
+    return (*found, *(press for press in further if press.settings.get("sha256") in missing))
+
+
+def matched(frames: Sequence[IncomingPress], presses: Iterable[StoredPress]) -> list[StoredPress | None]:
+    """The press of each frame, no press for two of them; None where there is none.
+
+    It is one of the same levels or the same file that has the same name, else was taken at the same time.
+    """
+    where: dict[tuple[object, object], deque[StoredPress]] = {}
+    for press in presses:
+        for content in {press.frame, press.settings.get("sha256")} - {None}:
+            for label in (press.name, press.taken):
+                where.setdefault((content, label), deque()).append(press)
+    used: set[str] = set()
+    found: list[StoredPress | None] = []
+    for each in frames:
+        places = [(content, label) for label in (each.name, each.taken) for content in (each.frame, each.sha256)]
+        same = next((one for place in places if (one := _unused(where.get(place), used)) is not None), None)
+        if same is not None:
+            used.add(same.id)
+        found.append(same)
+    return found
+
+
+def holding(store: Store, frames: Sequence[IncomingPress], presses: Sequence[StoredPress]) -> Target | None:
+    """The target that these frames belong to; None where they make a new one.
+
+    It is the one that holds all presses on the target among them. Frames of the untouched probe or of plain tissue may
+    serve several targets and tell nothing; where there is no other, all must be there. So is one whose every press is
+    among these frames, for then an import was cut short.
+
+    Parameters
+    ----------
+    store, frames
+        Where, and what is to be entered.
+    presses
+        As of `stored_frames`.
+    """
+    telling = [each for each in frames if each.role == "target"] or list(frames)
+    found: list[tuple[int, Target]] = []
+    for identity in dict.fromkeys(press.target for press in presses):
+        own = [press for press in presses if press.target == identity]
+        told = sum(press is not None for press in matched(telling, own))
+        if told == 0:
+            continue
+        target = _target(store, tables.targets.c.id == identity)
+        held = sum(press is not None for press in matched(frames, own))
+        if target is not None and (told == len(telling) or held == store.press_count(target)):
+            found.append((held, target))
+    return max(found, key=lambda each: (each[0], -each[1].number))[1] if found else None
+
+
+def _unused(candidates: deque[StoredPress] | None, used: set[str]) -> StoredPress | None:
+    while candidates and candidates[0].id in used:
+        candidates.popleft()
+    return candidates[0] if candidates else None
+
+
+def _named(store: Store, names: Sequence[str]) -> list[StoredPress]:
+    found: list[StoredPress] = []
+    with store.database.reading() as connection:
+        for at in range(0, len(names), MOST_AT_ONCE):
+            some = tables.presses.c.name.in_(names[at : at + MOST_AT_ONCE])
+            found += [rows.press_of_row(row._asdict()) for row in connection.execute(press_query().where(some))]
+    return found
+
+
+def _target(store: Store, which: object) -> Target | None:
+    with store.database.reading() as connection:
+        row = connection.execute(select(tables.targets).where(which)).first()  # type: ignore[arg-type]
+    return None if row is None else rows.target_of_row(row._asdict())

@@ -1,0 +1,170 @@
+"""Recordings of ``tsis acquire --frames`` or ``--seconds``: the frames of its folder, after its index."""
+
+from __future__ import annotations
+
+import csv
+from datetime import timedelta
+from typing import TYPE_CHECKING, Any
+
+from tsis.errors import FileInputError
+from tsis.files import printable_path, read_bytes, read_object
+from tsis.instrument.recording import (
+    RECORDING_COLUMNS,
+    RECORDING_FORMAT,
+    RECORDING_INDEX,
+    RECORDING_SUMMARY,
+    RECORDING_VERSION,
+    VIDEO_NAME,
+)
+from tsis.records._plain_fields import moment, number
+from tsis.records._values import require_moment
+from tsis.records.importing._found import (
+    MOST_FRAMES,
+    ImportBatch,
+    ImportOptions,
+    IncomingPress,
+    cited_calibration,
+    looked_through,
+    own_file,
+    written,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from datetime import datetime
+    from pathlib import Path
+
+
+LARGEST_INDEX_BYTES = 64 * 2**20
+FORCE = "force_n"
+CUT_SHORT = "the recording was cut short before its report was written; its frames are all that its index tells of"
+
+
+def recording(folder: Path, given: ImportOptions, progress: Callable[[], None]) -> ImportBatch:
+    """The frames of a recording, with the force of the gauge where it has one.
+
+    A recording tells when it began, and how much later each frame came. One that was cut short, or made by a release
+    that did not tell it, says when its last frame came by when its index was written last.
+
+    Raises
+    ------
+    FileInputError
+        When it is no such folder, is a video, or its index does not tell of the frames in it.
+    """
+    summary = _summary(folder)
+    rows = _rows(own_file(folder, RECORDING_INDEX))
+    kept = None if summary is None else summary["report"]["kept"]
+    if kept is not None and kept != len(rows):
+        raise FileInputError(
+            f"{printable_path(folder / RECORDING_INDEX)} must tell of the {kept!r:.20} frames of the report; it tells of {len(rows)}"
+        )
+    known, notes = cited_calibration(folder / RECORDING_SUMMARY, (summary or {}).get("calibration"), given)
+    scale = given.mm_per_pixel if known is None or known.scale is None else known.scale.mm_per_pixel
+    camera = str((summary or {}).get("camera", ""))[:200]
+    moment_then, then_s = _clock(folder, summary, last_s=float(rows[-1]["arrived_s"]))
+    presses = []
+    for row in rows:
+        path = own_file(folder, row["kept_in"])
+        presses.append(
+            IncomingPress(
+                **looked_through(path, full_scale=_full_scale(summary)),
+                role=given.role,
+                taken=_moment(moment_then, float(row["arrived_s"]) - then_s),
+                name=path.name,
+                force_n=max(0.0, float(row[FORCE])) if row.get(FORCE) else None,
+                mm_per_pixel=scale,
+                probe=given.probe or ("" if known is None else known.probe),
+                calibration=known,
+                settings={"camera": camera, "sequence": row["sequence"], "time_s": row["time_s"]},
+            )
+        )
+        progress()
+    notes = notes if summary is not None else (*notes, CUT_SHORT)
+    return ImportBatch(source=folder, kind="recording", presses=tuple(presses), notes=notes)
+
+
+def _summary(folder: Path) -> dict[str, Any] | None:
+    source = own_file(folder, RECORDING_SUMMARY)
+    if not source.exists():
+        return None
+    document = read_object(source)
+    if document.get("format") != RECORDING_FORMAT or document.get("version") != RECORDING_VERSION:
+        raise FileInputError(
+            f"{printable_path(source)} must be of {RECORDING_FORMAT} {RECORDING_VERSION}; got {document.get('format')!r:.60} "
+            f"{document.get('version')!r:.20}"
+        )
+    if not isinstance(document.get("report"), dict) or "kept" not in document["report"]:
+        raise FileInputError(f"{printable_path(source)} must hold a report with the number of frames; it does not")
+    return document
+
+
+def _rows(path: Path) -> list[dict[str, str]]:
+    try:
+        lines = read_bytes(path, most=LARGEST_INDEX_BYTES).decode().splitlines()
+        if len(lines) > MOST_FRAMES + 1:
+            raise FileInputError(
+                f"{printable_path(path)} must tell of at most {MOST_FRAMES} frames; it has {len(lines)} lines"
+            )
+        reader = csv.DictReader(lines, strict=True)
+        rows = list(reader)
+    except (UnicodeDecodeError, csv.Error) as error:
+        raise FileInputError(
+            f"{printable_path(path)} must be a table of comma-separated values; got: {error}"
+        ) from error
+    if not rows or not set(RECORDING_COLUMNS) <= set(reader.fieldnames or ()):
+        raise FileInputError(
+            f"{printable_path(path)} must have the columns {', '.join(RECORDING_COLUMNS)} and a frame; it has not"
+        )
+    for at, row in enumerate(rows, start=2):
+        _require_sound(path, at, row)
+    if len({row["kept_in"] for row in rows}) < len(rows):
+        raise FileInputError(f"{printable_path(path)} must name every frame once; it names one twice")
+    return rows
+
+
+def _require_sound(path: Path, at: int, row: dict[str, Any]) -> None:
+    if None in row or None in row.values():
+        raise FileInputError(f"{printable_path(path)} must have one value a column; line {at} has more or fewer")
+    if row["kept_in"].startswith(f"{VIDEO_NAME}#"):
+        raise FileInputError(
+            f"{printable_path(path.parent)} must be a recording of single frames; it is a video, of which a store keeps none "
+            "(record without --video, or save the frames that you want as PNG files)"
+        )
+    for name in ("arrived_s", FORCE):
+        if name == "arrived_s" or row.get(name):
+            try:
+                number({name: float(row[name])}, name, f"line {at}")
+            except ValueError as error:
+                raise FileInputError(
+                    f"{printable_path(path)} must hold a finite {name}; line {at} has {row[name]!r:.40}"
+                ) from error
+
+
+def _full_scale(summary: dict[str, Any] | None) -> float | None:
+    mode = (summary or {}).get("mode")
+    if not isinstance(mode, dict) or "full_scale" not in mode:
+        return None
+    return number(mode, "full_scale", "mode")
+
+
+def _clock(folder: Path, summary: dict[str, Any] | None, *, last_s: float) -> tuple[datetime, float]:
+    """One time of day and what the clock of ``arrived_s`` showed then."""
+    if summary is None or "begun" not in summary:
+        return written(folder / RECORDING_INDEX), last_s
+    try:
+        begun = moment(summary, "begun", RECORDING_SUMMARY)
+        require_moment("begun", begun)
+        return begun, number(summary, "begun_s", RECORDING_SUMMARY)
+    except (ValueError, KeyError) as error:
+        raise FileInputError(
+            f"{printable_path(folder / RECORDING_SUMMARY)} must tell when it began; {error}"
+        ) from error
+
+
+def _moment(then: datetime, after_s: float) -> datetime:
+    try:
+        return then + timedelta(seconds=after_s)
+    except OverflowError as error:
+        raise FileInputError(
+            f"times of a recording must lie within it; got one {abs(after_s):g} s away from it"
+        ) from error

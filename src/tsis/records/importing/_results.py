@@ -1,0 +1,181 @@
+"""How a target and an estimate are entered by whoever brings both: an import, and a command with ``--keep``."""
+
+from __future__ import annotations
+
+from datetime import timedelta
+from typing import TYPE_CHECKING, Any
+
+from tsis.calibration.file import CALIBRATION_FILE, read_calibration
+from tsis.catalog import load_probe
+from tsis.errors import FileInputError, InputError
+from tsis.files import printable_path, read_object
+from tsis.model import grey_sha256
+from tsis.records._plain_fields import absent, number, pair, text
+from tsis.records._provenance import environment
+from tsis.records.importing._found import (
+    ImportBatch,
+    IncomingPress,
+    RequestedEstimate,
+    looked_through,
+    own_file,
+    read_frame,
+    written,
+)
+from tsis.records.store import frame_bytes
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from pathlib import Path
+
+    from tsis.calibration.file import ProbeCalibration
+    from tsis.model import Estimate, TactileImage
+    from tsis.records._values import StoredEstimate, StoredPress, Target
+    from tsis.records.store import Store
+
+
+def new_target(
+    store: Store,
+    first: Iterable[TactileImage],
+    *,
+    number: int | None = None,
+    name: str = "",
+    truth: Mapping[str, float] | None = None,
+) -> Target:
+    """Enter a target once its first frames lie on the disk, so that a full one leaves no target without a press."""
+    for image in first:
+        store.blobs.put(frame_bytes(image), "png")
+    return store.add_target(number=number, name=name, truth=truth)
+
+
+def enter_estimate(
+    store: Store,
+    target: Target,
+    estimate: Estimate,
+    *,
+    kind: str,
+    presses: Sequence[StoredPress],
+    probe: str,
+    calibration: ProbeCalibration,
+    options: Mapping[str, Any],
+) -> StoredEstimate:
+    """Store an estimate that was made here and now; it rests on all presses but those of the untouched probe."""
+    return store.add_estimate(
+        target,
+        estimate,
+        kind=kind,
+        presses=used(presses),
+        probe=probe,
+        calibration=calibration,
+        options=options,
+        environment=environment(),
+    )
+
+
+def used(presses: Iterable[StoredPress]) -> tuple[StoredPress, ...]:
+    """Those that an estimate takes."""
+    return tuple(press for press in presses if press.role != "untouched")
+
+
+RESULT, UNTOUCHED = "result.json", "untouched.png"
+MOST_PRESSES = 1000
+TRUTH = ("diameter_mm", "depth_mm", "young_kpa")
+
+
+def result_folder(folder: Path, progress: Callable[[], None]) -> ImportBatch:
+    """The presses of a folder that ``tsis demo`` wrote, each found to be the one that was estimated.
+
+    Raises
+    ------
+    FileInputError
+        When it is no such folder, or a frame is not the one that its result tells of.
+    CalibrationError
+        When the calibration in it was changed.
+    """
+    source = own_file(folder, RESULT)
+    document = read_object(source)
+    try:
+        return _batch(folder, document, progress)
+    except FileInputError:
+        raise
+    except (ValueError, KeyError, TypeError, AttributeError) as error:  # InputError is a ValueError
+        said = f"it holds no {error}" if isinstance(error, KeyError) else str(error)
+        raise FileInputError(f"{printable_path(source)} must be as tsis demo wrote it; {said}") from error
+
+
+def _batch(folder: Path, document: dict[str, Any], progress: Callable[[], None]) -> ImportBatch:
+    command = document.get("command")
+    if command != "demo":
+        raise FileInputError(
+            f"{printable_path(folder / RESULT)} must be of tsis demo, whose folder holds its frames; got one of {command!r:.40} "
+            "(name the frames, or repeat the command with --keep)"
+        )
+    told = document["estimate"]["provenance"]
+    known = read_calibration(own_file(folder, CALIBRATION_FILE))
+    probe, phantom = text(told["probe"], "name", "probe"), document["simulated"]["phantom"]
+    presses = list(_presses(folder, told, known, probe, progress))
+    inclusion = phantom.get("inclusion")
+    truth = {} if inclusion is None else {name: number(inclusion, name, "inclusion") for name in TRUTH}
+    wanted = RequestedEstimate(kind="inclusion", probe=probe, calibration=known, options={"prior": dict(told["prior"])})
+    _require_estimable(wanted)
+    return ImportBatch(
+        source=folder,
+        kind="virtual presses",
+        presses=tuple(presses),
+        name=text(phantom, "name", "phantom"),
+        truth=truth,
+        simulated=True,
+        estimate=wanted,
+    )
+
+
+def _require_estimable(wanted: RequestedEstimate) -> None:
+    """Refuse what no estimate would take, before anything is stored."""
+    from tsis.records._estimation import require_options  # heavy, and of no use to other imports
+
+    load_probe(wanted.probe)
+    wanted.calibration.known_response("")
+    require_options(wanted.kind, wanted.options)
+
+
+def _presses(
+    folder: Path, told: dict[str, Any], known: ProbeCalibration, probe: str, progress: Callable[[], None]
+) -> Iterator[IncomingPress]:
+    taken = written(folder / RESULT)
+    entries = [("target", each) for each in told["images"]] + [("plain", each) for each in told["reference"]]
+    if not told["images"] or len(entries) > MOST_PRESSES:
+        raise InputError(
+            f"it must tell of a press on the phantom and of at most {MOST_PRESSES} in all; got {len(entries)}"
+        )
+    scale = None
+    for at, (role, entry) in enumerate(entries):
+        path, scale = own_file(folder, text(entry, "name", role)), absent(pair, entry, "mm_per_pixel", role)
+        grey = read_frame(path).grey
+        if grey_sha256(grey) != entry["sha256"]:
+            raise FileInputError(
+                f"{printable_path(path)} must be the frame that was estimated; its grey levels are others"
+            )
+        yield IncomingPress(
+            **looked_through(path),
+            role=role,
+            taken=taken + timedelta(microseconds=at),  # which nobody wrote down; so their order is kept
+            name=path.name,
+            force_n=absent(number, entry, "force_n", role),
+            mm_per_pixel=scale,
+            probe=probe,
+            calibration=known,
+            settings=dict(entry["settings"]),
+        )
+        progress()
+    untouched = own_file(folder, UNTOUCHED)
+    if untouched.exists():
+        yield IncomingPress(
+            **looked_through(untouched),
+            role="untouched",
+            taken=taken + timedelta(microseconds=len(entries)),
+            name=UNTOUCHED,
+            force_n=0.0,
+            mm_per_pixel=scale,
+            probe=probe,
+            calibration=known,
+        )
+        progress()

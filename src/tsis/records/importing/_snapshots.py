@@ -1,0 +1,213 @@
+"""Snapshots of ``tsis acquire`` and the console: the raw frame of each, after its sidecar."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from tsis.errors import FileInputError, InputError
+from tsis.files import LARGEST_TARGET, printable_name, printable_path, read_object
+from tsis.instrument import SIDECAR_FORMAT, SIDECAR_VERSION
+from tsis.model import require_integer, require_one_of
+from tsis.records._plain_fields import moment, number, text
+from tsis.records._values import ROLES
+from tsis.records.importing._entering import enter
+from tsis.records.importing._found import (
+    MOST_FRAMES,
+    ImportBatch,
+    ImportOptions,
+    IncomingPress,
+    cited_calibration,
+    looked_through,
+    own_file,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterable, Iterator
+    from pathlib import Path
+
+    from tsis.calibration import UsableCalibration
+    from tsis.records.store import Store
+
+
+RAW = ("-raw.bmp", "-raw.png")
+
+
+def sidecar_of(path: Path) -> Path | None:
+    """The sidecar of the snapshot that a file belongs to: itself, or that beside a picture; None for other files."""
+    if path.suffix == ".json":
+        return path
+    beside = path.with_name(f"{path.stem.removesuffix('-raw')}.json")
+    try:
+        return beside if read_object(beside).get("format") == SIDECAR_FORMAT else None
+    except FileInputError:
+        return None
+
+
+def snapshot_folder(folder: Path, given: ImportOptions, progress: Callable[[], None]) -> tuple[ImportBatch, ...]:
+    """Snapshots in a folder, and in the folders of targets in it; none where there is no sidecar."""
+    try:
+        inside = sorted(each for each in folder.iterdir() if each.is_dir() and not each.is_symlink())
+        sidecars = [path for place in (folder, *inside) for path in sorted(place.glob("*.json"))]
+    except OSError as error:
+        raise FileInputError(
+            f"{printable_path(folder)} must be a folder that can be read; got: {error.strerror}"
+        ) from error
+    if len(sidecars) > MOST_FRAMES:
+        raise FileInputError(
+            f"{printable_path(folder)} must hold at most {MOST_FRAMES} snapshots; it holds {len(sidecars)}"
+        )
+    unfinished = [path for path in sidecars if not path.is_symlink() and path.stat().st_size == 0]
+    found = snapshots([path for path in sidecars if path not in unfinished], given, progress, alone=False)
+    if not found or not unfinished:
+        return found
+    note = (
+        f"{len(unfinished)} snapshots in {printable_path(folder)} were cut short while they were saved and are left out"
+    )
+    return (*found[:-1], _noted(found[-1], note))
+
+
+def snapshots(
+    sidecars: Iterable[Path], given: ImportOptions, progress: Callable[[], None], *, alone: bool = True
+) -> tuple[ImportBatch, ...]:
+    """A batch for each target that these sidecars name.
+
+    Parameters
+    ----------
+    sidecars
+        JSON files.
+    given
+        Role, scale and calibration where the sidecars do not say it.
+    progress
+        Called after each frame.
+    alone
+        Whether each file was named by itself, so that another kind of JSON is an error and not passed over.
+
+    Raises
+    ------
+    FileInputError
+        When a sidecar is damaged, or its frame is not the one that it tells of.
+    """
+    targets: dict[int, list[IncomingPress]] = {}
+    notes: dict[int, dict[str, None]] = {}
+    first: dict[int, Path] = {}
+    for sidecar in sidecars:
+        document = read_object(own_file(sidecar.parent, sidecar.name))
+        if document.get("format") != SIDECAR_FORMAT:
+            if not alone:
+                continue
+            raise FileInputError(
+                f"{printable_path(sidecar)} must be the sidecar of a snapshot ({SIDECAR_FORMAT}); got "
+                f"{document.get('format')!r:.60}"
+            )
+        try:
+            target, press, said = _snapshot(sidecar, document, given)
+        except FileInputError:
+            raise
+        except (ValueError, KeyError, TypeError, AttributeError) as error:  # InputError is a ValueError
+            what = f"it holds no {error}" if isinstance(error, KeyError) else str(error)
+            raise FileInputError(f"{printable_path(sidecar)} must be as tsis acquire wrote it; {what}") from error
+        targets.setdefault(target, []).append(press)
+        notes.setdefault(target, {}).update(dict.fromkeys(said))
+        first.setdefault(target, sidecar.parent)
+        progress()
+    return tuple(
+        ImportBatch(
+            source=first[target], kind="snapshots", presses=tuple(each), number=target, notes=tuple(notes[target])
+        )
+        for target, each in targets.items()
+    )
+
+
+def _snapshot(
+    sidecar: Path, document: dict[str, Any], given: ImportOptions
+) -> tuple[int, IncomingPress, tuple[str, ...]]:
+    if document["version"] != SIDECAR_VERSION:
+        raise InputError(f"version must be {SIDECAR_VERSION}; got {document['version']!r:.20}")
+    target = require_integer("target", document["target"], 1, LARGEST_TARGET)
+    hashes: dict[str, Any] = document["sha256"]
+    ending = next((each for each in RAW if each in hashes), None)
+    if ending is None:
+        raise InputError(f"sha256 must tell of a raw frame; got {sorted(hashes)!r:.80}")
+    raw = own_file(sidecar.parent, f"{sidecar.stem}{ending}")
+    read = looked_through(raw, full_scale=number(document, "full_scale", "snapshot"))
+    if read["sha256"] != hashes[ending]:
+        raise FileInputError(f"{printable_path(raw)} must be as it was saved; its content does not match its sidecar")
+    known, notes = cited_calibration(sidecar, document.get("calibration"), given)
+    scale = given.mm_per_pixel if known is None or known.scale is None else known.scale.mm_per_pixel
+    settings: dict[str, Any] = {
+        name: document[name] for name in ("camera", "sequence", "time_s", "calibration") if name in document
+    }
+    press = IncomingPress(
+        **read,
+        role=given.role if document.get("role") is None else require_one_of("role", document["role"], ROLES),
+        taken=moment(document, "taken", "snapshot"),
+        name=printable_name(raw),
+        force_n=_force_n(document.get("force")),
+        mm_per_pixel=scale,
+        probe=given.probe or ("" if known is None else known.probe) or _probe(document),
+        calibration=known,
+        flags=tuple(_flags(document.get("flags") or ())),
+        settings=dict(document["settings"]) | settings,
+    )
+    return target, press, notes
+
+
+def _probe(document: dict[str, Any]) -> str:
+    """The probe that the console was told of, where it did."""
+    return "" if document.get("probe") is None else text(document, "probe", "snapshot")
+
+
+def _force_n(force: Any) -> float | None:
+    """What the gauge read; a press does not pull."""
+    return None if force is None else max(0.0, number(force, "force_n", "force"))
+
+
+def _flags(flags: Iterable[Any]) -> Iterator[str]:
+    for flag in flags:
+        yield text(flag, "name", "flag")
+
+
+def _noted(batch: ImportBatch, note: str) -> ImportBatch:
+    return ImportBatch(
+        source=batch.source,
+        kind=batch.kind,
+        presses=batch.presses,
+        number=batch.number,
+        notes=(*batch.notes, note),
+    )
+
+
+def keep_snapshot(
+    store: Store, sidecar: Path, *, role: str, probe: str, calibration: UsableCalibration | None
+) -> dict[str, Any]:
+    """Store the snapshot of a sidecar; what a result says of it.
+
+    Parameters
+    ----------
+    store
+        Open for writing.
+    sidecar
+        The file that tells of the snapshot, beside its raw frame.
+    role
+        What is pressed: one of `tsis.records.ROLES`.
+    probe
+        Name of the probe, where no calibration tells it.
+    calibration
+        That with which the snapshot was taken; None without one.
+
+    Raises
+    ------
+    TsisError
+        When it could not be stored.
+    """
+    known = None if calibration is None else calibration.known
+    named = probe if known is None or not known.probe else known.probe
+    found = snapshots([sidecar], ImportOptions(role=role, probe=named, calibration=known), lambda: None)
+    (entered,) = enter(store, found)
+    (press,) = entered.presses
+    return {
+        "store": str(store.folder.resolve()),
+        "target": entered.target.number,
+        "press": press.id,
+        "notes": list(entered.batch.notes),
+    }

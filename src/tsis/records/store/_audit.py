@@ -1,0 +1,173 @@
+"""The audit: who stored or changed what and when, each entry bound to the one before it by its hash.
+
+An entry holds the digest of the row as it is from then on. So a changed, added or removed row shows against its last
+entry, and a changed, added or removed entry breaks the chain. That the chain was not cut short, or written anew as a
+whole, is what the anchor outside the database tells (`tsis.records.store._audit`).
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import asdict, dataclass
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING, Any
+
+from sqlalchemy import insert, select, update
+
+from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.errors import RecordsError, TsisError
+from tsis.files import DISK, Disk, digest, printable_path, read_object, write_durably
+from tsis.model import require_integer, require_type
+from tsis.records.store._tables import audit, audit_head
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+    from pathlib import Path
+
+    from sqlalchemy import Connection
+
+
+FIRST = "0" * 64  # what stands before the first entry
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AuditChange:
+    """A row as it is from now on: what was done, in which table, to which key."""
+
+    action: str
+    kind: str
+    row: str
+    values: Mapping[str, Any]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AuditHead:
+    """Number and hash of the last entry."""
+
+    number: int
+    hash: str
+
+
+def begin_audit(connection: Connection) -> None:
+    """Start the chain of a new store."""
+    connection.execute(insert(audit_head).values(id=1, number=0, hash=FIRST))
+
+
+def locked_head(connection: Connection) -> AuditHead:
+    """The last entry; from here to the end of the transaction nobody else appends.
+
+    Raises
+    ------
+    RecordsError
+        When the database does not say which that is.
+    """
+    row = connection.execute(select(audit_head).where(audit_head.c.id == 1).with_for_update()).first()
+    if row is None:
+        raise RecordsError(
+            "the database must say which entry of the audit is the last; that row was taken out (tsis records verify "
+            "tells more; take the database from a backup)"
+        )
+    return AuditHead(number=row.number, hash=row.hash)
+
+
+def has_entry(connection: Connection, head: AuditHead) -> bool:
+    """Whether the audit holds the entry of that number with that hash."""
+    found = connection.execute(select(audit.c.hash).where(audit.c.number == head.number)).scalar()
+    return bool(found == head.hash)
+
+
+def last_content(connection: Connection, kind: str, row: str) -> str | None:
+    """Digest of a row as its last entry has it; None where it has none."""
+    of_the_row = (audit.c.kind == kind) & (audit.c.row == row)
+    return connection.execute(select(audit.c.content).where(of_the_row).order_by(audit.c.number.desc())).scalar()
+
+
+def append_audit(connection: Connection, head: AuditHead, changes: Iterable[AuditChange], *, actor: str) -> AuditHead:
+    """Enter changes after ``head``, which `locked_head` gave, and return the new one."""
+    moment = datetime.now(UTC).isoformat()
+    entries = []
+    for change in changes:
+        entry: dict[str, Any] = {
+            "number": head.number + 1,
+            "moment": moment,
+            "actor": actor,
+            "action": change.action,
+            "kind": change.kind,
+            "row": change.row,
+            "content": digest(change.values),
+            "previous": head.hash,
+        }
+        entries.append({**entry, "hash": digest(entry)})
+        head = AuditHead(number=head.number + 1, hash=str(entries[-1]["hash"]))
+    if entries:
+        connection.execute(insert(audit), entries)
+        connection.execute(update(audit_head).where(audit_head.c.id == 1).values(number=head.number, hash=head.hash))
+    return head
+
+
+ANCHOR_FILE = "audit-anchor.json"
+BEFORE = AuditHead(number=0, hash=FIRST)  # of a store that is about to be begun
+LOST, KIND = "anchor missing", "anchor"  # action and kind of the entry that tells of a lost anchor
+
+
+def write_anchor(folder: Path, store: str, head: AuditHead, *, disk: Disk = DISK) -> None:
+    """Write the anchor of the store of that identity; OSError when it cannot be written."""
+    document = {"notice": RESEARCH_USE_ONLY, "store": store, **asdict(head)}
+    write_durably(folder / ANCHOR_FILE, (json.dumps(document, indent=1) + "\n").encode(), disk=disk, private=True)
+
+
+def read_anchor(folder: Path) -> tuple[str, AuditHead]:
+    """Identity of the store, and the audit's last entry as it was written last.
+
+    Raises
+    ------
+    RecordsError
+        When there is none, or it is damaged.
+    """
+    path = folder / ANCHOR_FILE
+    try:
+        document = read_object(path)
+        store, number, found = document.get("store"), document.get("number"), document.get("hash")
+        for name, value in (("store", store), ("hash", found)):
+            require_type(name, value, str)
+        return str(store), AuditHead(number=require_integer("number", number, 0, 2**62), hash=str(found))
+    except TsisError as error:
+        raise RecordsError(
+            f"the anchor of the audit, {printable_path(path)}, must be there and whole; {error}"
+        ) from error
+
+
+def require_anchored(connection: Connection, folder: Path) -> bool:
+    """Refuse to add to an audit that the anchor contradicts: the next anchor would cover up what was done to it.
+
+    Returns
+    -------
+    bool
+        Whether there is an anchor at all; somebody may have moved it away to go on without it.
+
+    Raises
+    ------
+    RecordsError
+        When the audit does not hold the entry that the anchor tells, or the anchor is damaged.
+    """
+    if not (folder / ANCHOR_FILE).exists():
+        return False
+    try:
+        head = read_anchor(folder)[1]
+    except RecordsError as error:
+        raise RecordsError(f"{error} (to go on without it, of which the audit will tell, move it away)") from error
+    if head != BEFORE and not has_entry(connection, head):
+        raise RecordsError(
+            f"the audit must hold entry {head.number} as {printable_path(folder / ANCHOR_FILE)} tells; it was cut off or "
+            "rewritten, or the database is an older copy (tsis records verify tells more; to go on with what there "
+            "is, move that file away)"
+        )
+    return True
+
+
+def lost_after(head: AuditHead) -> AuditChange:
+    """What the audit is told where there is no anchor although there are entries: nobody knows what was done to them.
+
+    Without it the next anchor would vouch for all of them as if nothing had been.
+    """
+    return AuditChange(action=LOST, kind=KIND, row=ANCHOR_FILE, values={"number": head.number, "hash": head.hash})

@@ -1,0 +1,115 @@
+"""Rows put in and changed, each with what the audit is told of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+from sqlalchemy import insert, select, update
+
+from tsis.errors import InputError, RecordsError, StaleRecordError
+from tsis.files import digest_of_any
+from tsis.model import require_one_of
+from tsis.records._values import entered
+from tsis.records.store import _tables as tables
+from tsis.records.store._audit import AuditChange, last_content
+from tsis.records.store._reader import press_query
+from tsis.records.store._rows import Row, press_of_row, press_row, target_of_row, target_row
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    from sqlalchemy import Connection, Table
+
+    from tsis.records._values import StoredPress, Target
+
+
+def insert_row(connection: Connection, table: Table, row: Row, *, action: str = "add") -> AuditChange:
+    """Enter a row."""
+    connection.execute(insert(table).values(row))
+    return AuditChange(action=action, kind=table.name, row=row["id"], values=row)
+
+
+def insert_row_once(connection: Connection, table: Table, row: Row | None, *, action: str = "add") -> list[AuditChange]:
+    """Enter what many records share, where it is not there yet."""
+    if row is None or connection.execute(select(table.c.id).where(table.c.id == row["id"])).first() is not None:
+        return []
+    return [insert_row(connection, table, row, action=action)]
+
+
+def update_row(connection: Connection, table: Table, before: Any, changed: Row) -> AuditChange:
+    """Change columns of the row of the record ``before``.
+
+    Raises
+    ------
+    StaleRecordError
+        When somebody has changed it since it was read.
+    RecordsError
+        When it is not as its last audit entry says: the next would vouch for what was done to it.
+    """
+    what = "target" if table is tables.targets else "press"
+    unchanged = (table.c.id == before.id) & (table.c.version == before.version)
+    found = connection.execute(select(table).where(unchanged)).first()
+    if found is None:
+        raise StaleRecordError(
+            f"the {what} must be as it was read to be changed; somebody else has changed it since version "
+            f"{before.version} (read it again)"
+        )
+    if digest_of_any(found._asdict()) != last_content(connection, table.name, before.id):
+        raise RecordsError(
+            f"the {what} must be as it was stored to be changed; it was changed behind the program's back "
+            "(tsis records verify tells more; take the store from a backup)"
+        )
+    connection.execute(update(table).where(table.c.id == before.id).values(changed))
+    row = connection.execute(select(table).where(table.c.id == before.id)).one()._asdict()
+    return AuditChange(action="edit", kind=table.name, row=before.id, values=row)
+
+
+def require_row(connection: Connection, table: Table, wanted: str, what: str, **of: str) -> None:
+    """Refuse, with `RecordsError`, to name a row that is not there, or not ``of`` the values given."""
+    query = select(table.c.id).where(table.c.id == wanted)
+    for name, value in of.items():
+        query = query.where(table.c[name] == value)
+    if connection.execute(query).first() is None:
+        raise RecordsError(f"a {what} must be stored before another record names it; {wanted!r:.40} is not")
+
+
+EDITABLE = {"target": ("name", "note", "truth"), "press": ("role", "force_n", "flags", "note")}
+
+
+def target_edit(target: Target, changes: Mapping[str, Any]) -> Callable[[Connection], tuple[Target, list[AuditChange]]]:
+    """What enters changes of a target; `InputError` when a value is not accepted, or may not be changed."""
+    changed = _columns(target_row(entered(_edited(target, "target", changes), changes)), changes)
+
+    def enter(connection: Connection) -> tuple[Target, list[AuditChange]]:
+        change = update_row(connection, tables.targets, target, changed)
+        return target_of_row(change.values), [change]
+
+    return enter
+
+
+def press_edit(
+    press: StoredPress, changes: Mapping[str, Any]
+) -> Callable[[Connection], tuple[StoredPress, list[AuditChange]]]:
+    """What enters changes of a press; errors as `target_edit`."""
+    changed = _columns(press_row(_edited(press, "press", changes)), changes)
+
+    def enter(connection: Connection) -> tuple[StoredPress, list[AuditChange]]:
+        change = update_row(connection, tables.presses, press, changed)
+        found = connection.execute(press_query().where(tables.presses.c.id == press.id)).one()
+        return press_of_row(found._asdict()), [change]
+
+    return enter
+
+
+def _edited(record: Any, kind: str, changes: Mapping[str, Any]) -> Any:
+    if not changes:
+        raise InputError(f"an edit of a {kind} must change something; got nothing (name {', '.join(EDITABLE[kind])})")
+    for name in changes:
+        require_one_of(f"field of a {kind} that may be changed", name, EDITABLE[kind])
+    return replace(record, **changes, version=record.version + 1)
+
+
+def _columns(row: Row, changes: Mapping[str, Any]) -> Row:
+    """What is changed in the row: all else of the record that was read may have been made up."""
+    return {name: row[name] for name in (*changes, "version")}

@@ -1,0 +1,233 @@
+"""Files under the hash of their content: frames, calibrations, samples. Nothing in them is ever changed."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import TYPE_CHECKING, Any
+
+import cv2
+import numpy as np
+
+from tsis.errors import FileInputError, InputError, RecordsError
+from tsis.files import DISK, SHA256, Disk, fault, printable_path, read_bytes, write_durably
+from tsis.instrument import QUICK, whole_levels
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from pathlib import Path
+
+    from numpy.typing import NDArray
+
+    from tsis.model import Estimate, TactileImage
+
+
+ENDINGS = ("png", "json", "samples")
+
+
+class Blobs:
+    """A folder of files named by the SHA-256 of their content.
+
+    Parameters
+    ----------
+    folder
+        Where they lie; it is there. Were it made anew, what belongs into a folder that was moved would be lost.
+    disk
+        By which steps they get there.
+    allowed
+        Asked before each is written; raises where nothing may be.
+    """
+
+    def __init__(self, folder: Path, *, disk: Disk = DISK, allowed: Callable[[], None] = lambda: None) -> None:
+        self.folder = folder
+        self._disk, self._allowed = disk, allowed
+        self._lasting: set[str] = set()  # folders whose names this program has synced
+
+    def put(self, content: bytes, ending: str) -> str:
+        """Keep ``content``, and return its name; then it is on the disk, whatever happens next.
+
+        A file that is there already and whole is not written again, since a file that is replaced can be lost on the
+        way; but it is synced again: whether it and its name ever reached the disk, nobody knows.
+
+        Raises
+        ------
+        RecordsError
+            When it cannot be written, or nobody knows whether it would last; never a part of it is left then.
+        """
+        name = hashlib.sha256(content).hexdigest()
+        path = self.path(name, ending)
+        self._allowed()
+        try:
+            self._make_folder(path)
+            if not self._holds(path, content):
+                self._write(path, content)
+        except OSError as error:
+            raise RecordsError(
+                f"a file of {len(content)} bytes must be written into {printable_path(self.folder)}; got: "
+                f"{error.strerror or error} (what was stored before is as it was; "
+                "free some space, or have the store where it can be written)"
+            ) from error
+        return name
+
+    def _make_folder(self, path: Path) -> None:
+        folder = path.parent
+        if folder.name not in self._lasting or not folder.is_dir():
+            self._disk.make_folder(folder, private=True)
+            self._disk.sync_folder(self.folder)  # also for one that is there: who made it may have been killed
+            self._lasting.add(folder.name)
+
+    def _holds(self, path: Path, content: bytes) -> bool:
+        """Whether the file is there and whole; then it is on the disk."""
+        try:
+            if not path.exists() or read_bytes(path) != content:
+                return False
+        except FileInputError:
+            return False
+        self._disk.sync_again(path)
+        self._disk.sync_folder(path.parent)
+        return True
+
+    def _write(self, path: Path, content: bytes) -> None:
+        damaged = path.exists()
+        try:
+            write_durably(path, content, disk=self._disk, drafts=self.folder, replace=damaged, private=True)
+        except FileExistsError:
+            if not self._holds(path, content):  # as it was written by another program meanwhile
+                raise
+
+    def get(self, name: str, ending: str) -> bytes:
+        """The content of that name, found to be what was stored.
+
+        Raises
+        ------
+        RecordsError
+            When there is none, or it was changed or damaged.
+        """
+        path = self.path(name, ending)
+        try:
+            content = read_bytes(path)
+        except FileInputError as error:
+            state = "be readable" if path.exists() else "be there, and is missing"
+            raise RecordsError(f"a stored file must {state}; {error}") from error
+        if hashlib.sha256(content).hexdigest() != name:
+            raise RecordsError(
+                f"{printable_path(path)} must be as it was stored; its content does not match its name, so it was changed or "
+                "damaged (take it from a backup)"
+            )
+        return content
+
+    def path(self, name: str, ending: str) -> Path:
+        """Where a file lies; names are hashes, so that none leads out of the folder."""
+        if not SHA256.fullmatch(name) or ending not in ENDINGS:
+            raise RecordsError(f"a stored file must be named by a SHA-256 and end in {ENDINGS}; got {name!r:.80}")
+        return self.folder / name[:2] / f"{name}.{ending}"
+
+    def names(self) -> Iterator[tuple[str, str]]:
+        """Name and ending of every file that is there."""
+        for path in sorted(self.folder.glob("[0-9a-f][0-9a-f]/*")):
+            name, _, ending = path.name.partition(".")
+            if SHA256.fullmatch(name) and ending in ENDINGS:
+                yield name, ending
+
+
+def frame_bytes(image: TactileImage) -> bytes:
+    """Content of the file of a frame; `InputError` when its levels are not whole numbers in [0, full_scale]."""
+    return bytes(cv2.imencode(".png", whole_levels(image.grey, image.full_scale), QUICK)[1].tobytes())
+
+
+def frame_levels(content: bytes, name: str) -> NDArray[Any]:
+    """Grey levels of a file whose hash was found right, shape (rows, columns), uint8 or uint16; read-only.
+
+    Raises
+    ------
+    RecordsError
+        When it is no such file all the same; ``name`` says which.
+    """
+    levels = None
+    if fault(content) is None:
+        levels = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_UNCHANGED)
+    if levels is None or levels.ndim != 2:
+        raise RecordsError(f"frame {name[:12]} must be a grey PNG file; it is not (tsis records verify)")
+    levels.flags.writeable = False
+    return levels
+
+
+FORMAT = b"tsis-samples 1\n"
+MOST_PARAMETERS, MOST_SAMPLES, LONGEST_NAME = 64, 16_000_000, 200  # samples: of all parameters together
+_DIGEST = len(FORMAT) + 65
+_DOUBLE = np.dtype("<f8")
+
+
+def samples_bytes(estimate: Estimate) -> bytes:
+    """The samples of an estimate, parameters in their order.
+
+    Raises
+    ------
+    InputError
+        When they are too many, or a name cannot be shown on one line.
+
+    Examples
+    --------
+    >>> from tsis.model import Estimate
+    >>> content = samples_bytes(Estimate(samples={"depth_mm": [4.0, 5.0]}, prior_sd={"depth_mm": 2.0}))
+    >>> samples_of(content)
+    {'depth_mm': array([4., 5.])}
+    """
+    parameters = [[name, int(values.size)] for name, values in estimate.samples.items()]
+    if (reason := _unsound(parameters)) is not None:
+        raise InputError(f"samples must be of at most {MOST_PARAMETERS} parameters and {MOST_SAMPLES}; got {reason}")
+    header = json.dumps({"parameters": parameters}, separators=(",", ":")).encode() + b"\n"
+    rest = header + b"".join(np.ascontiguousarray(each, _DOUBLE).tobytes() for each in estimate.samples.values())
+    return FORMAT + hashlib.sha256(rest).hexdigest().encode() + b"\n" + rest
+
+
+def samples_of(content: bytes, source: str = "samples") -> dict[str, NDArray[np.float64]]:
+    """The samples that `samples_bytes` wrote; ``source`` names the file in errors.
+
+    Raises
+    ------
+    FileInputError
+        When it is no such file, or a single byte of it was changed.
+    """
+    if content[: len(FORMAT)] != FORMAT:
+        raise FileInputError(f"{source} must begin with {FORMAT!r}; got {content[: len(FORMAT)]!r}")
+    if hashlib.sha256(content[_DIGEST:]).hexdigest().encode() + b"\n" != content[len(FORMAT) : _DIGEST]:
+        raise FileInputError(f"{source} must be as it was written; its content does not match its hash")
+    end = content.find(b"\n", _DIGEST, _DIGEST + MOST_PARAMETERS * (8 * LONGEST_NAME))
+    try:
+        parameters = json.loads(content[_DIGEST:end])["parameters"]
+    except (ValueError, TypeError, KeyError, RecursionError) as error:
+        raise FileInputError(f"{source} must name its parameters in its header; got something else") from error
+    if (reason := _unsound(parameters)) is not None:
+        raise FileInputError(f"{source} must hold a sensible number of samples; got {reason}")
+    wanted = end + 1 + _DOUBLE.itemsize * sum(size for _, size in parameters)
+    if len(content) != wanted:
+        raise FileInputError(f"{source} must be {wanted} bytes long; got {len(content)}")
+    return _parts(content, parameters, end + 1, source)
+
+
+def _parts(content: bytes, parameters: list[Any], start: int, source: str) -> dict[str, NDArray[np.float64]]:
+    found: dict[str, NDArray[np.float64]] = {}
+    for name, size in parameters:
+        found[name] = np.frombuffer(content, _DOUBLE, count=size, offset=start).astype(np.float64)
+        start += size * _DOUBLE.itemsize
+        if not np.isfinite(found[name]).all():
+            raise FileInputError(f"{source} must hold finite samples; got others of {name!r}")
+    return found
+
+
+def _unsound(parameters: Any) -> str | None:
+    """What is wrong with names and lengths; None when nothing is."""
+    if not isinstance(parameters, list) or len(parameters) > MOST_PARAMETERS:
+        return "no list of parameters, or a long one"
+    for each in parameters:
+        if not isinstance(each, list) or len(each) != 2 or not isinstance(each[0], str) or type(each[1]) is not int:
+            return f"{each!r:.80} for a name and a length"
+        if not 0 < len(each[0]) <= LONGEST_NAME or not each[0].isprintable():
+            return f"the name {each[0]!r:.80}"
+        if not 0 < each[1] <= MOST_SAMPLES:
+            return f"{each[1]!r:.20} of {each[0]!r:.80}"
+    names = {each[0] for each in parameters}
+    if len(names) != len(parameters) or sum(each[1] for each in parameters) > MOST_SAMPLES:
+        return "a name twice, or too many in all"
+    return None

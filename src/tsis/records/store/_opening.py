@@ -1,0 +1,255 @@
+"""Where stores lie, and how one is opened or made."""
+
+from __future__ import annotations
+
+import getpass
+import os
+import shlex
+import stat
+import uuid
+import warnings
+from datetime import UTC, datetime
+from pathlib import Path
+
+import platformdirs
+from sqlalchemy import insert, select
+
+from tsis.errors import RecordsError, RecordsWarning
+from tsis.files import (
+    DISK,
+    PRIVATE_FILE,
+    PRIVATE_FOLDER,
+    Disk,
+    as_path,
+    make_folder_durably,
+    one_line,
+    printable_path,
+    remove_unfinished,
+)
+from tsis.model import require_one_of
+from tsis.records._values import KINDS, require_label
+from tsis.records.store import _rows as rows
+from tsis.records.store import _tables as tables
+from tsis.records.store._audit import ANCHOR_FILE as ANCHOR
+from tsis.records.store._audit import (
+    BEFORE,
+    AuditChange,
+    AuditHead,
+    append_audit,
+    begin_audit,
+    locked_head,
+    read_anchor,
+    write_anchor,
+)
+from tsis.records.store._database import DATABASE_FILE, Database
+from tsis.records.store._secret import TERM, new_secret
+from tsis.records.store._store import FILES, Store
+
+ABANDONED_S = 86_400.0  # no file takes a day to be written: a draft of that age is a killed program's
+
+
+def default_folder(kind: str) -> Path:
+    """Folder of this user's store of a kind: below ``$TSIS_RECORDS_DIR``, else the platform's folder for data.
+
+    Raises
+    ------
+    UnknownNameError
+        When the kind is neither ``"phantom"`` nor ``"subject"``.
+    """
+    require_one_of("kind of store", kind, KINDS)
+    return Path(os.environ.get("TSIS_RECORDS_DIR") or Path(platformdirs.user_data_dir("tsis")) / "records") / f"{kind}s"
+
+
+def open_store(
+    folder: str | os.PathLike[str] | None = None,
+    *,
+    kind: str = "phantom",
+    database: str | None = None,
+    create: bool = True,
+    actor: str | None = None,
+    disk: Disk = DISK,
+) -> Store:
+    """Open a store, or make an empty one; where nothing can be written one can be read all the same.
+
+    A new store has folders of mode 0700 and files of mode 0600. `RecordsWarning` says when others may read an old one.
+
+    Parameters
+    ----------
+    folder
+        Where its files lie; by default that of this user and kind.
+    kind
+        ``"phantom"`` or ``"subject"``; a store of the other kind is refused.
+    database
+        URL of a PostgreSQL database for the rows; by default they lie in SQLite in the folder.
+    create
+        Whether a new one may be made.
+    actor
+        Who works, for the audit; by default the user of this machine.
+    disk
+        By which steps files get onto the disk.
+
+    Raises
+    ------
+    RecordsError
+        When there is none and ``create`` is false; when it cannot be made, read or believed, or is of another kind.
+    InputError
+        When the actor cannot be shown in a line.
+    """
+    require_one_of("kind of store", kind, KINDS)
+    actor = _user() if actor is None else actor
+    require_label("actor", actor)
+    place = default_folder(kind) if folder is None else as_path(folder)
+    if not create and (not place.is_dir() if database else not (place / DATABASE_FILE).is_file()):
+        raise RecordsError(
+            f"{printable_path(place)} must be a store of records; there is none (tsis records import makes one)"
+        )
+    read_only = only_readable(place) and (database is not None or (place / DATABASE_FILE).is_file())
+    if not read_only:
+        _make(place, disk, own_database=database is None)
+    rows_of = Database(database, place, read_only=read_only)
+    try:
+        if not create or read_only:
+            _require_begun(rows_of)
+        rows_of.migrate()
+        found = _terms(rows_of) or _begun(rows_of, place, kind, actor, disk)
+        _require_kind(place, kind, found["kind"])
+        _require_own_place(rows_of, place, found["identity"])
+        if not read_only:
+            _warn_of_open_modes(place)
+        return Store(place, rows_of, identity=found["identity"], kind=kind, actor=actor, disk=disk)
+    except BaseException:
+        rows_of.close()
+        raise
+
+
+def only_readable(place: Path) -> bool:
+    """Whether a folder is there and nothing can be written into it, as on a backup medium or in somebody else's."""
+    try:
+        return any(each.exists() and not os.access(each, os.W_OK) for each in (place, place / DATABASE_FILE))
+    except (OSError, ValueError):  # a name that no folder can have
+        return False
+
+
+def _make(place: Path, disk: Disk, *, own_database: bool) -> None:
+    """Make the folders and the database file of a store where they are missing; remove what killed programs left."""
+    try:
+        make_folder_durably(place / FILES, disk=disk, private=True)
+        if own_database:  # SQLite would let everyone read the file; its log takes over the mode
+            os.close(os.open(place / DATABASE_FILE, os.O_RDWR | os.O_CREAT, PRIVATE_FILE))
+    except (OSError, ValueError) as error:  # ValueError: a NUL character in its name
+        raise RecordsError(
+            f"{printable_path(place)} must be a folder that can be made; got: {one_line(error)} (choose another)"
+        ) from error
+    for folder in (place, place / FILES):
+        remove_unfinished(folder, age_s=ABANDONED_S)
+
+
+def _warn_of_open_modes(place: Path) -> None:
+    """Warn, once a program, where other users of this machine may read a store that an older release made."""
+    if os.name == "posix" and all(map(_open_to_others, (place, place / FILES))):
+        warnings.warn(
+            f"other users of this machine can read the records in {printable_path(place)} "
+            f"(this closes the folder: chmod -R go= {shlex.quote(str(place))})",
+            RecordsWarning,
+            stacklevel=1,
+        )
+
+
+def _open_to_others(folder: Path) -> bool:
+    return bool(stat.S_IMODE(folder.stat().st_mode) & ~PRIVATE_FOLDER)
+
+
+def _user() -> str:
+    try:
+        return getpass.getuser()
+    except (OSError, KeyError):  # a container's user without a name
+        return "unknown"
+
+
+def _require_begun(database: Database) -> None:
+    if database.empty():
+        raise RecordsError(f"{database.name} must hold a store of records; it is empty (tsis records import makes one)")
+
+
+def _require_kind(place: Path, wanted: str, kind: str) -> None:
+    if kind != wanted:
+        raise RecordsError(
+            f"{printable_path(place)} must be a store of {wanted}s; it is one of {kind}s, which are kept apart "
+            f"(name it with --kind {kind})"
+        )
+
+
+def _require_own_place(database: Database, place: Path, identity: str) -> None:
+    """Refuse a folder whose files are those of another store, or that never held any."""
+    if (place / ANCHOR).exists():
+        try:
+            anchored = read_anchor(place)[0]
+        except RecordsError:
+            return  # it is damaged: `verify` says so, and nothing can be added
+    elif any((place / FILES).glob("*/*")):
+        return  # the anchor is lost: `verify` says so
+    else:
+        with database.reading() as connection:
+            if connection.execute(select(tables.frames.c.id).limit(1)).first() is None:
+                return  # nothing is missing
+        anchored = "none"
+    if anchored != identity:
+        raise RecordsError(
+            f"{printable_path(place)} must be the folder of the store {identity[:12]}; it is that of {anchored[:12]!r} "
+            "(name the folder and the database that belong together)"
+        )
+
+
+def _terms(database: Database) -> dict[str, str]:
+    """What the store says of itself; empty for a new one."""
+    with database.reading() as connection:
+        found = {row.name: row.value for row in connection.execute(select(tables.store))}
+        begun = any(
+            connection.execute(select(table).limit(1)).first() is not None
+            for table in (tables.audit_head, tables.audit)
+        )
+    if (found or begun) and (found.get("kind") not in KINDS or not isinstance(found.get("identity"), str)):
+        shown_terms = {name: value for name, value in found.items() if name != TERM}
+        raise RecordsError(
+            f"{database.name} must say what store it is; got {shown_terms!r:.80} (take it from a backup)"
+        )
+    return found
+
+
+def _begun(database: Database, place: Path, kind: str, actor: str, disk: Disk) -> dict[str, str]:
+    terms = {"kind": kind, "identity": uuid.uuid4().hex, "made": rows.moment(datetime.now(UTC)), TERM: new_secret()}
+    with database.beginning() as connection:
+        if connection.execute(select(tables.audit_head)).first() is not None:
+            head = None  # another program was faster
+        else:
+            _require_no_other(database, place)
+            begin_audit(connection)
+            entered = [{"name": name, "value": value} for name, value in terms.items()]
+            connection.execute(insert(tables.store), entered)
+            changes = [AuditChange(action="add", kind="store", row=row["name"], values=row) for row in entered]
+            head = append_audit(connection, locked_head(connection), changes, actor=actor)
+            _anchor(place, terms["identity"], BEFORE, disk)  # so that a store without one was tampered with
+    if head is None:
+        return _terms(database)
+    _anchor(place, terms["identity"], head, disk)
+    return terms
+
+
+def _require_no_other(database: Database, place: Path) -> None:
+    """Refuse to begin anew in a folder whose database was lost."""
+    if (place / ANCHOR).exists():
+        identity, anchored = read_anchor(place)
+        if anchored != BEFORE:  # else a first beginning was cut short
+            raise RecordsError(
+                f"{printable_path(place)} must have its database; {database.name} is empty, and the anchor tells of "
+                f"{anchored.number} entries of the store {identity[:12]!r} (take the database from a backup)"
+            )
+
+
+def _anchor(place: Path, identity: str, head: AuditHead, disk: Disk) -> None:
+    try:
+        write_anchor(place, identity, head, disk=disk)
+    except OSError as error:
+        raise RecordsError(
+            f"{printable_path(place)} must be a folder that can be written; got: {one_line(error)}"
+        ) from error

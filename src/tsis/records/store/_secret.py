@@ -1,0 +1,62 @@
+"""The secret of a store, from which pseudonyms follow: made with the store, and in no export."""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import secrets
+from typing import TYPE_CHECKING
+
+from sqlalchemy import insert, select
+
+from tsis.errors import RecordsError
+from tsis.records.store._audit import AuditChange
+from tsis.records.store._tables import audit, store
+
+if TYPE_CHECKING:
+    from sqlalchemy import Connection
+
+
+TERM = "secret"  # its name among the terms of a store
+BYTES = 32
+
+
+def new_secret() -> str:
+    """A secret that nobody can guess, as hexadecimal digits."""
+    return secrets.token_hex(BYTES)
+
+
+def derived(secret: str, what: str, identity: str) -> str:
+    """64 hexadecimal digits that follow from a secret and an identity; nobody gets them without the secret."""
+    return hmac.new(bytes.fromhex(secret), f"tsis {what}\0{identity}".encode(), hashlib.sha256).hexdigest()
+
+
+def read_secret(connection: Connection) -> str | None:
+    """The secret of a store; None in one that was begun before there were any.
+
+    Raises
+    ------
+    RecordsError
+        When it was changed into none, or taken out.
+    """
+    found = connection.execute(select(store.c.value).where(store.c.name == TERM)).scalar()
+    if found is None:
+        entered = select(audit.c.number).where((audit.c.kind == store.name) & (audit.c.row == TERM)).limit(1)
+        if connection.execute(entered).first() is None:
+            return None
+    elif isinstance(found, str) and len(found) == 2 * BYTES and set(found) <= set("0123456789abcdef"):
+        return found
+    raise RecordsError(
+        "the secret of the store, from which pseudonyms follow, must be as it was made; it was changed or taken out "
+        "(tsis records verify; take the database from a backup)"
+    )
+
+
+def entered_secret(connection: Connection) -> tuple[str, list[AuditChange]]:
+    """Give a secret to a store that has none, with what the audit is told of it."""
+    known = read_secret(connection)
+    if known is not None:  # another program was faster
+        return known, []
+    row = {"name": TERM, "value": new_secret()}
+    connection.execute(insert(store).values(row))
+    return row["value"], [AuditChange(action="add", kind=store.name, row=TERM, values=row)]

@@ -1,0 +1,226 @@
+"""Which number a target gets: the next after all, as long as there is one."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from sqlalchemy import func, select
+
+from tsis.calibration.file import calibration_bytes
+from tsis.errors import InputError, RecordsError
+from tsis.files import LARGEST_TARGET
+from tsis.records.store import _rows as rows
+from tsis.records.store import _tables as tables
+from tsis.records.store._editing import insert_row, insert_row_once
+from tsis.records.store._files import frame_bytes, frame_levels, samples_bytes
+from tsis.records.store._reader import MOST_AT_ONCE
+from tsis.records.store._summary import in_lineage
+from tsis.records.store._tables import targets
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+
+    from sqlalchemy import Connection, Table
+
+    from tsis.records._target_record import TargetRecord
+    from tsis.records._values import StoredPress, Target
+    from tsis.records.store._audit import AuditChange
+    from tsis.records.store._files import Blobs
+
+
+_number = targets.c.number
+
+
+def is_taken(connection: Connection, number: int) -> bool:
+    """Whether a target is called so."""
+    return connection.execute(select(_number).where(_number == number)).first() is not None
+
+
+def next_number(connection: Connection) -> int:
+    """The next after all.
+
+    Raises
+    ------
+    InputError
+        When the largest is taken, so that somebody has to choose.
+    """
+    last = _last(connection)
+    if last >= LARGEST_TARGET:
+        raise InputError(
+            f"number must be given in a store that holds target {LARGEST_TARGET}, after which there is none; got none "
+            f"(give one that is free, as {_lowest(connection)})"
+        )
+    return last + 1
+
+
+def free_number(connection: Connection, wanted: int) -> int:
+    """That number; where another target has it the next after all, else the lowest that is free."""
+    if not is_taken(connection, wanted):
+        return wanted
+    last = _last(connection)
+    return last + 1 if last < LARGEST_TARGET else _lowest(connection)
+
+
+def _last(connection: Connection) -> int:
+    return int(connection.execute(select(func.max(_number))).scalar_one() or 0)
+
+
+def _lowest(connection: Connection) -> int:
+    taken = set(connection.execute(select(_number)).scalars())
+    for number in range(1, LARGEST_TARGET + 1):
+        if number not in taken:
+            return number
+    raise RecordsError(f"a store must hold at most {LARGEST_TARGET} targets; it has as many (begin another)")
+
+
+ACTION = "import"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ImportedTarget:
+    """What became of a dossier.
+
+    Attributes
+    ----------
+    target
+        As it is in this store: another number where its own was taken.
+    new
+        Whether it was entered, and not there before.
+    presses, estimates
+        How many were added.
+    present
+        How many presses and estimates were there already.
+    differing
+        How many of these presses say something else here than in the dossier.
+    """
+
+    target: Target
+    new: bool
+    presses: int
+    estimates: int
+    present: int
+    differing: int
+
+
+class TargetImport:
+    """A dossier whose files are stored, ready to be entered.
+
+    Parameters
+    ----------
+    dossier
+        What is taken in.
+    blobs
+        Where its files go.
+    held
+        Frame of each of its presses that is here already, by the press, as `held_frames` gives them.
+    progress
+        Told (done, all) of the frames.
+
+    Raises
+    ------
+    RecordsError
+        When it lacks what it cites, or a file cannot be stored.
+    """
+
+    def __init__(
+        self,
+        dossier: TargetRecord,
+        blobs: Blobs,
+        held: Mapping[str, str],
+        progress: Callable[[int, int], None] | None = None,
+    ) -> None:
+        self.target = dossier.target
+        self.frames: dict[str, rows.Row] = {}
+        self.presses: list[rows.Row] = []
+        for done, press in enumerate(dossier.presses, start=1):
+            # Other libraries pack the same levels into other bytes: those that are here are not stored twice.
+            content = _content(dossier, press, blobs, held) or frame_bytes(dossier.image(press))
+            frame = blobs.put(content, "png")
+            sizes = {"rows": press.rows, "columns": press.columns, "bytes": len(content)}
+            self.frames[frame] = {"id": frame, **sizes}
+            self.presses.append(rows.press_row(replace(press, frame=frame)))
+            if progress is not None:
+                progress(done, len(dossier.presses))
+        self.calibrations = [
+            rows.calibration_row(known, blobs.put(calibration_bytes(known), "json"))
+            for known in dossier.calibrations.values()
+        ]
+        self.estimates = [
+            rows.estimate_row(stored, blobs.put(samples_bytes(stored.estimate), "samples"))
+            for stored in in_lineage(dossier.estimates)  # a row can name only those that are there
+        ]
+
+    def enter(self, connection: Connection) -> tuple[ImportedTarget, list[AuditChange]]:
+        """Enter what is not there yet; `RecordsError` when an identity is that of something else here."""
+        held = connection.execute(select(tables.targets).where(tables.targets.c.id == self.target.id)).first()
+        changes: list[AuditChange] = []
+        if held is None:
+            target = replace(self.target, number=free_number(connection, self.target.number), version=1)
+            changes.append(insert_row(connection, tables.targets, rows.target_row(target), action=ACTION))
+        else:
+            target = rows.target_of_row(held._asdict())
+        for table, shared in ((tables.calibrations, self.calibrations), (tables.frames, list(self.frames.values()))):
+            for row in shared:
+                changes += insert_row_once(connection, table, row, action=ACTION)
+        added, differing = {tables.presses.name: 0, tables.estimates.name: 0}, 0
+        for table, row in self._own():
+            there = _held(connection, table, row)
+            if there is None:
+                changes.append(insert_row(connection, table, row, action=ACTION))
+                added[table.name] += 1
+            elif there["target"] != row["target"]:
+                raise RecordsError(f"{table.name} {row['id']!r:.40} must be of this target; here it is of another")
+            else:
+                differing += there != row
+        given = len(self.presses) + len(self.estimates)
+        return ImportedTarget(
+            target=target,
+            new=held is None,
+            presses=added["presses"],
+            estimates=added["estimates"],
+            present=given - sum(added.values()),
+            differing=differing,
+        ), changes
+
+    def _own(self) -> Iterator[tuple[Table, rows.Row]]:
+        for table, its in ((tables.presses, self.presses), (tables.estimates, self.estimates)):
+            for row in its:
+                yield table, row
+
+
+def require_kind(target: Target, kind: str) -> None:
+    """Refuse a target of the other kind, with `RecordsError`: what is known of one must never get into the other."""
+    if target.kind != kind:
+        raise RecordsError(
+            f"a store of {kind}s must hold nothing else; this target is a {target.kind} "
+            f"(open another store with --kind {target.kind})"
+        )
+
+
+def held_frames(connection: Connection, presses: Sequence[StoredPress]) -> dict[str, str]:
+    """Frames of those of the presses that are stored already, by the identity of the press."""
+    table, wanted = tables.presses.c, [press.id for press in presses]
+    found: dict[str, str] = {}
+    for at in range(0, len(wanted), MOST_AT_ONCE):
+        query = select(table.id, table.frame).where(table.id.in_(wanted[at : at + MOST_AT_ONCE]))
+        found |= {row.id: row.frame for row in connection.execute(query)}
+    return found
+
+
+def _content(dossier: TargetRecord, press: StoredPress, blobs: Blobs, held: Mapping[str, str]) -> bytes | None:
+    """The stored file of a press's frame; None where there is none that holds its grey levels."""
+    levels = dossier.levels(press)
+    for name in (held.get(press.id, ""), press.frame):
+        with suppress(RecordsError):  # it is not there, or was damaged
+            content = blobs.get(name, "png")
+            if np.array_equal(frame_levels(content, name), levels):
+                return content
+    return None
+
+
+def _held(connection: Connection, table: Table, row: rows.Row) -> dict[str, Any] | None:
+    found = connection.execute(select(table).where(table.c.id == row["id"])).first()
+    return None if found is None else found._asdict()

@@ -1,0 +1,178 @@
+"""From the schema that a database has to the present one, in one transaction; of an old file a copy stays."""
+
+from __future__ import annotations
+
+import sqlite3
+import threading
+from contextlib import suppress
+from functools import cache
+from typing import TYPE_CHECKING
+
+from alembic import command
+from alembic.autogenerate import compare_metadata
+from alembic.config import Config
+from alembic.migration import MigrationContext
+from alembic.script import ScriptDirectory
+from sqlalchemy import create_engine, inspect, text
+
+from tsis.errors import RecordsError
+from tsis.files import DISK, PRIVATE_FILE, UNFINISHED, one_line, printable_path
+from tsis.records.store._tables import metadata
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+    from pathlib import Path
+
+    from sqlalchemy import Connection
+
+
+VERSIONS = "alembic_version"
+_one_at_a_time = threading.Lock()  # Alembic's context belongs to the whole process
+
+
+@cache
+def known_revisions() -> tuple[str, ...]:
+    """Every schema that this release can read, the present one first."""
+    return tuple(step.revision for step in ScriptDirectory.from_config(_alembic()).walk_revisions())
+
+
+def wanted_revision() -> str:
+    """The present schema."""
+    return known_revisions()[0]
+
+
+def revision(connection: Connection, name: str) -> str | None:
+    """The schema of a database; None for an empty one.
+
+    Raises
+    ------
+    RecordsError
+        When it is one that this release does not know; ``name`` is what messages call the database.
+    """
+    if not inspect(connection).has_table(VERSIONS):
+        return None
+    found = list(connection.execute(text(f"SELECT version_num FROM {VERSIONS}")).scalars())
+    if len(found) != 1 or found[0] not in known_revisions():
+        raise RecordsError(
+            f"{name} must have a schema up to {wanted_revision()}; it has {', '.join(map(repr, found)) or 'none':.60} "
+            "(was it written by a newer release of tsis? then update tsis)"
+        )
+    return str(found[0])
+
+
+def upgraded(connection: Connection) -> None:
+    """Run the steps that are missing, within the transaction of ``connection``."""
+    with _one_at_a_time:
+        command.upgrade(_alembic(connection), "head")
+
+
+def copied(connection: Connection, file: Path, present: str) -> None:
+    """Keep a copy of a SQLite ``file`` of schema ``present`` beside it: whole, on the disk, or not at all.
+
+    Raises
+    ------
+    RecordsError
+        When it cannot be written; then nothing is migrated.
+    """
+    copy = file.with_name(f"records-of-schema-{present}.sqlite3")
+    draft = copy.with_name(f".{copy.name}{UNFINISHED}")
+    try:
+        draft.unlink(missing_ok=True)  # of a migration that was killed
+        draft.touch(mode=PRIVATE_FILE)
+        # SQLite writes such a copy outside of a transaction only, into a file that is empty or missing.
+        connection.connection.driver_connection.execute("VACUUM INTO ?", (str(draft),))  # type: ignore[union-attr]
+        with draft.open("rb+") as written:
+            DISK.sync(written)
+        DISK.rename(draft, copy)
+        DISK.sync_folder(copy.parent)
+    except (OSError, sqlite3.Error) as error:
+        raise RecordsError(
+            f"a copy of the old records must be written to {printable_path(copy)}; got: {one_line(error)} "
+            "(nothing was changed; free some space)"
+        ) from error
+    finally:
+        with suppress(OSError):
+            draft.unlink(missing_ok=True)  # where it did not become the copy
+
+
+def _alembic(connection: Connection | None = None) -> Config:
+    config = Config()
+    config.set_main_option("script_location", "tsis.records:migrations")
+    config.attributes["connection"] = connection
+    return config
+
+
+_BEFORE_UPDATE_DELETE_TRUNCATE = 2 + 8 + 16 + 32  # bits of tgtype, of a trigger once a statement
+_EVER = ("O", "A")  # tgenabled: in an ordinary session
+
+
+def schema_faults(connection: Connection) -> Iterator[str]:
+    """One sentence for each table, column, index or trigger that is absent, changed or put in."""
+    return _in_sqlite(connection) if connection.dialect.name == "sqlite" else _in_postgresql(connection)
+
+
+def _in_sqlite(connection: Connection) -> Iterator[str]:
+    for (said,) in connection.execute(text("PRAGMA integrity_check(10)")):  # an index that lacks a row hides it
+        if said != "ok":
+            yield f"the database file is damaged: {one_line(said)}"
+    wanted, found = _made_by_migrations(), _sqlite_schema(connection)
+    for kind, name in sorted(wanted.keys() | found.keys()):
+        what = f"{kind} {one_line(name, 80)} of the database"
+        if (kind, name) not in found:
+            yield f"the {what} was taken out"
+        elif (kind, name) not in wanted:
+            yield f"the {what} was put in"
+        elif found[kind, name] != wanted[kind, name]:
+            yield f"the {what} is not as it was made"
+
+
+@cache
+def _made_by_migrations() -> dict[tuple[str, str], str]:
+    engine = create_engine("sqlite://")
+    try:
+        with engine.connect() as connection, connection.begin():
+            upgraded(connection)
+            return _sqlite_schema(connection)
+    finally:
+        engine.dispose()
+
+
+def _sqlite_schema(connection: Connection) -> dict[tuple[str, str], str]:
+    listed = connection.execute(text("SELECT type, name, sql FROM sqlite_master"))
+    # SQLite's own tables hold nothing of ours, and Alembic's is not always spelt the same.
+    return {
+        (str(row.type), str(row.name)): " ".join(str(row.sql).split())
+        for row in listed
+        if VERSIONS not in str(row.sql) and not str(row.name).startswith("sqlite_")
+    }
+
+
+def _in_postgresql(connection: Connection) -> Iterator[str]:
+    ours = set(metadata.tables)
+    options = {"include_name": lambda name, kind, _: kind != "table" or name in ours, "compare_type": True}
+    context = MigrationContext.configure(connection, opts=options)
+    for change in compare_metadata(context, metadata):
+        yield f"the schema of the database is not as it was made; to be done: {one_line(change)}"
+    yield from _postgresql_trigger_faults(connection)
+    listed = connection.execute(text("SELECT tablename, rulename FROM pg_rules WHERE schemaname = current_schema()"))
+    for row in listed:
+        if row.tablename in ours:
+            yield f"the rule {one_line(row.rulename, 80)} of the table {row.tablename} was put in"
+
+
+def _postgresql_trigger_faults(connection: Connection) -> Iterator[str]:
+    query = """SELECT relname, tgname, tgenabled, tgtype, prosrc FROM pg_trigger JOIN pg_class ON pg_class.oid = tgrelid
+        JOIN pg_proc ON pg_proc.oid = tgfoid WHERE NOT tgisinternal AND relnamespace = current_schema()::regnamespace"""
+    kept = False
+    for row in connection.execute(text(query)):
+        if (row.relname, row.tgname) == ("audit", "audit_append_only"):
+            enabled = row.tgenabled.decode() if isinstance(row.tgenabled, bytes) else row.tgenabled
+            kept = (
+                enabled in _EVER
+                and row.tgtype == _BEFORE_UPDATE_DELETE_TRUNCATE
+                and " ".join(row.prosrc.split()) == "BEGIN RAISE EXCEPTION 'audit is append-only'; END"
+            )
+        elif row.relname in metadata.tables:
+            yield f"the trigger {one_line(row.tgname, 80)} of the table {row.relname} was put in"
+    if not kept:
+        yield "the trigger by which the audit is append-only was taken out, changed or switched off"

@@ -1,0 +1,192 @@
+"""Whether a store is what was stored: the schema, the audit's chain, rows against their entries, files against names.
+
+A database that was tampered with may hold anything anywhere: text where numbers should be, bytes, nothing at all. That
+is a fault to be told, not an error.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from sqlalchemy import select
+
+from tsis.errors import RecordsError
+from tsis.files import digest_of_any, one_line
+from tsis.records.store._audit import BEFORE, FIRST, LOST, AuditHead, has_entry, read_anchor
+from tsis.records.store._audit import KIND as ANCHOR
+from tsis.records.store._tables import RECORDED, audit, audit_head, calibrations, estimates, frames
+from tsis.records.store._upgrade import schema_faults
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from sqlalchemy import Connection, Row, Select, Table
+
+    from tsis.records.store._store import Store
+
+
+_AT_ONCE = 1000  # rows
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoreVerification:
+    """What was found.
+
+    Attributes
+    ----------
+    faults
+        One sentence for each thing that is not as it was stored; none when the store can be believed.
+    notes
+        One sentence for each thing that happened to the store and is no fault of what it holds.
+    head
+        Last entry of the audit. Written down elsewhere, it shows later whether the whole store was put back.
+    rows, files
+        How many were compared.
+    unnamed
+        Files that no row names: of saves that were cut short before they were acknowledged. No fault.
+    unanchored
+        How many of the last entries of the audit its anchor does not vouch for: of saves that were killed between row
+        and anchor, or found no room for it. No fault; the next record brings it up to date.
+    """
+
+    faults: tuple[str, ...]
+    notes: tuple[str, ...]
+    head: AuditHead
+    rows: int
+    files: int
+    unnamed: int
+    unanchored: int
+
+    @property
+    def sound(self) -> bool:
+        """Whether all is as it was stored."""
+        return not self.faults
+
+
+def verify_store(store: Store, *, progress: Callable[[int, int], None] | None = None) -> StoreVerification:
+    """Compare all of a store with what its audit says was stored.
+
+    Parameters
+    ----------
+    store
+        What to verify; it is only read.
+    progress
+        Told how many of how many files were read.
+
+    Raises
+    ------
+    RecordsError
+        When the database cannot be read at all.
+    """
+    faults, anchored = _anchor(store)  # before the database, of which others may write more meanwhile
+    with store.database.reading() as connection:
+        faults += schema_faults(connection)
+        faults += _chain_faults(connection)
+        head = _head(connection)
+        if anchored is not None and anchored != BEFORE and not has_entry(connection, anchored):
+            faults.append(
+                f"audit entry {anchored.number} must be the one that the anchor tells; it is another, or was cut off"
+            )
+        row_faults, count = _row_faults(connection)
+        notes = tuple(_notes(connection))
+        wanted = dict(_files(connection))
+    faults += row_faults
+    for done, ((name, ending), of) in enumerate(wanted.items(), start=1):
+        try:
+            store.blobs.get(name, ending)
+        except RecordsError as error:
+            faults.append(f"{of}: {error}")
+        if progress is not None:
+            progress(done, len(wanted))
+    return StoreVerification(
+        faults=tuple(faults),
+        notes=notes,
+        head=head,
+        rows=count,
+        files=len(wanted),
+        unnamed=sum(1 for each in store.blobs.names() if each not in wanted),
+        unanchored=max(0, head.number - (0 if anchored is None else anchored.number)),
+    )
+
+
+def _anchor(store: Store) -> tuple[list[str], AuditHead | None]:
+    try:
+        identity, anchored = read_anchor(store.folder)
+    except RecordsError as error:
+        return [str(error)], None
+    if identity != store.identity:
+        return [f"the anchor must be that of this store, {store.identity}; it is that of {identity!r:.60}"], anchored
+    return [], anchored
+
+
+def _notes(connection: Connection) -> Iterator[str]:
+    """Times at which the anchor was lost and somebody went on."""
+    for row in _all(connection, select(audit).where(audit.c.action == LOST).order_by(audit.c.number)):
+        number, moment, actor = (one_line(each, 80) for each in (row.number, row.moment, row.actor))
+        yield (
+            f"audit entry {number} tells that the anchor was missing when {actor} went on at {moment}: whether the "
+            "entries before it were cut short or written anew until then, only a backup or a head that was written "
+            "down can tell"
+        )
+
+
+def _head(connection: Connection) -> AuditHead:
+    """What the database says is the last entry; that before the first where it says nothing sensible."""
+    found = [tuple(row) for row in connection.execute(select(audit_head).limit(2))]
+    if len(found) != 1 or found[0][0] != 1 or type(found[0][1]) is not int or not isinstance(found[0][2], str):
+        return BEFORE
+    return AuditHead(number=found[0][1], hash=found[0][2])
+
+
+def _all(connection: Connection, query: Select[Any]) -> Iterator[Row[Any]]:
+    yield from connection.execute(query, execution_options={"yield_per": _AT_ONCE})
+
+
+def _chain_faults(connection: Connection) -> Iterator[str]:
+    number, before = 0, FIRST
+    for row in _all(connection, select(audit).order_by(audit.c.number)):
+        entry = row._asdict()
+        written = entry.pop("hash")
+        if entry["number"] != number + 1:
+            shown = one_line(entry["number"], 40)
+            yield f"audit entry {number + 1} must follow entry {number}; {shown} does (entries were removed or put in)"
+        elif entry["previous"] != before:
+            yield f"audit entry {number + 1} must follow the one before it; it follows another"
+        if digest_of_any(entry) != written:
+            yield f"audit entry {one_line(entry['number'], 40)} must be as it was written; it was changed"
+        number, before = entry["number"] if type(entry["number"]) is int else number + 1, written
+    head = _head(connection)
+    if (head.number, head.hash) != (number, before):
+        yield f"the audit must end at entry {head.number}; it ends at {number}"
+
+
+def _row_faults(connection: Connection) -> tuple[list[str], int]:
+    """Rows that differ from their last entry, were put in beside the audit, or taken out."""
+    entries = _all(connection, select(audit.c.kind, audit.c.row, audit.c.content).order_by(audit.c.number))
+    last = {(entry.kind, entry.row): entry.content for entry in entries if entry.kind != ANCHOR}
+    faults, count = [], 0
+    for name, table in RECORDED.items():
+        primary = next(iter(table.primary_key)).name
+        for found in _all(connection, select(table)):
+            row = found._asdict()
+            count += 1
+            key, shown = (name, row[primary]), one_line(row[primary], 80)
+            if key not in last:
+                faults.append(f"{name} {shown}: this row was put in beside the audit")
+            elif last.pop(key) != digest_of_any(row):
+                faults.append(f"{name} {shown}: this row is not as it was stored")
+    faults += [f"{one_line(name, 40)} {one_line(key, 80)}: this row was taken out" for name, key in last]
+    return faults, count
+
+
+def _files(connection: Connection) -> Iterator[tuple[tuple[str, str], str]]:
+    """Name and ending of every file that rows name, and which row that is."""
+    kinds: tuple[tuple[Table, str, str], ...] = (
+        (frames, "id", "png"),
+        (calibrations, "file", "json"),
+        (estimates, "samples", "samples"),
+    )
+    for table, column, ending in kinds:
+        for row in _all(connection, select(table.c.id, table.c[column].label("file"))):
+            yield (str(row.file), ending), f"{table.name} {one_line(row.id, 80)}"

@@ -1,0 +1,234 @@
+"""Report of a probe's calibration: scale, reference, force line, answer to pressure, specification sheet."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from tsis.calibration.file import calibration_sha256, to_plain
+from tsis.plots import dot_board, force_residuals, force_sums, hysteresis_loops
+from tsis.report._document import envelope
+from tsis.report._page import Card, Page, Picture, Table, html
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from matplotlib.figure import Figure
+
+    from tsis.calibration import MeasuredValue
+    from tsis.calibration.file import ProbeCalibration
+    from tsis.calibration.session import SessionResult
+
+
+PER_CENT = 100.0
+Row = tuple[str, str, str]
+
+
+def calibration_document(
+    known: ProbeCalibration, findings: SessionResult, *, provenance: Mapping[str, Any]
+) -> dict[str, Any]:
+    """What programs read of a calibration."""
+    return envelope(
+        "calibrate",
+        name=known.name,
+        sha256=calibration_sha256(known),
+        values=measured_values(known),
+        saturation_kpa={
+            "value": findings.response.saturation.value_kpa,
+            "identified": findings.response.saturation.identified,
+        },
+        made=None if known.made is None else known.made.isoformat(),
+        expires=None if known.expires is None else known.expires.isoformat(),
+        provenance=dict(provenance),
+    )
+
+
+def measured_values(known: ProbeCalibration) -> dict[str, dict[str, Any]]:
+    """Numbers with their uncertainty, for programs."""
+    return {
+        name: {"value": value.value, "sd": value.sd, "interval_95": list(value.interval()), "unit": value.unit}
+        for name, value in _measured(known).items()
+    }
+
+
+def calibration_rows(known: ProbeCalibration, findings: SessionResult) -> tuple[Row, ...]:
+    """Quantity, value and 95 % interval of everything that was measured."""
+    low, high = findings.response.saturation.interval()
+    upper = f"{high:.4g} kPa" if findings.response.saturation.identified else "open above"
+    rows = list(held_rows(known))
+    rows.append(("saturation", f"{findings.response.saturation.value_kpa:.4g} kPa", f"{low:.4g} to {upper}"))
+    line = findings.line
+    rows.append(_share_row("largest departure of the mean of tips from the line", line.linearity))
+    if line.hysteresis is not None:
+        rows.append(_share_row("hysteresis", line.hysteresis))
+    if line.tip_difference is not None:
+        rows.append(_share_row("largest tip against the one before, at 0.8 N", line.tip_difference))
+    return tuple(rows)
+
+
+def held_rows(known: ProbeCalibration, *, cited: str = "") -> tuple[Row, ...]:
+    """The same of what the file itself holds; ``cited`` is its identity where not all of it is shown."""
+    rows = [
+        ("probe", known.probe or "not named", ""),
+        ("camera", known.camera or "not named", ""),
+        *((f"setting {name}", f"{value:g}", "") for name, value in known.settings.items()),
+        ("made", "simulated" if known.made is None else f"{known.made:%Y-%m-%d %H:%M}", ""),
+        ("good until", "does not age" if known.expires is None else f"{known.expires:%Y-%m-%d}", ""),
+        ("identity", (cited or calibration_sha256(known))[:12], ""),
+    ]
+    rows += [_row(name, value) for name, value in _measured(known).items()]
+    if known.force_line is not None:
+        rows.append(("range of force", f"{known.force_line.least_n:.2f} to {known.force_line.most_n:.2f} N", ""))
+    if known.response is not None:
+        rows.append(("gain", f"{known.response.gain_grey_per_kpa:.4g} grey/kPa", f"sd {known.response.gain_sd:.1%}"))
+    return tuple(rows)
+
+
+def specification_rows(known: ProbeCalibration) -> tuple[tuple[str, str, str, str], ...]:
+    """The sheet: quantity, measured, fingertip, printed in the source."""
+    if known.specification is None:
+        return ()
+    return tuple(
+        (
+            row.quantity,
+            "not measured" if row.measured is None else _shown(row.measured, row.unit),
+            row.fingertip,
+            row.printed,
+        )
+        for row in known.specification.rows
+    )
+
+
+def specification_notes(known: ProbeCalibration) -> tuple[str, ...]:
+    """What one must know to compare the columns of the sheet."""
+    rows = () if known.specification is None else known.specification.rows
+    return tuple(f"{row.quantity[0].upper()}{row.quantity[1:]}: {row.note}." for row in rows if row.note)
+
+
+def calibration_notes(known: ProbeCalibration, findings: SessionResult) -> tuple[str, ...]:
+    """What a reader must know besides the numbers."""
+    scale, line = known.scale, known.force_line
+    notes = []
+    if findings.dots.distorted:
+        notes.append(
+            f"The lens distorts: elsewhere in the frame the scale differs by up to {findings.dots.largest_change:.1%}."
+        )
+    if scale is not None:
+        notes.append(f"Scale from {scale.count} dots, which the fit leaves {scale.residual_px:.2f} px off.")
+    if line is not None and line.assumed_tip_share > 0:
+        notes.append("One tip only: how much tips differ was assumed, as printed in the source (2.45 %).")
+    if not findings.response.saturation.identified:
+        notes.append("No press came near saturation: it has a lower end only. Press harder with the smallest tip.")
+    if findings.line.saturated:
+        notes.append("Pixels clipped in the heaviest presses, which end the range of force.")
+    if known.reference is not None and known.reference.flat_frames == 0:
+        notes.append("No flat field was taken: light counts as even.")
+    if known.reference is not None and known.reference.patch_px is None:
+        notes.append("No reference patch: the lamps' drift is not corrected but counted as 1 % of every force.")
+    return tuple(notes)
+
+
+def calibration_report(known: ProbeCalibration, findings: SessionResult, *, provenance: Mapping[str, Any]) -> bytes:
+    """One HTML page of a calibration."""
+    return html(calibration_page(known, findings, provenance=provenance))
+
+
+def calibration_page(known: ProbeCalibration, findings: SessionResult, *, provenance: Mapping[str, Any]) -> Page:
+    """What that page holds: numbers, notes, figures of what the fits left, tables."""
+    line, scale = known.force_line, known.scale
+    assert line is not None  # a session measures both
+    assert scale is not None
+
+    def sums(figure: Figure) -> None:
+        force_sums(findings.loadings, line, figure.subplots())
+
+    def residuals(figure: Figure) -> None:
+        left, right = figure.subplots(1, 2)
+        force_residuals(findings.loadings, line, left)
+        hysteresis_loops(findings.loadings, right)
+
+    def board(figure: Figure) -> None:
+        dot_board(findings.dots, figure.subplots(), image=findings.board, scale=scale)
+
+    x, y = scale.mm_per_pixel
+    force = line.slope_grey_per_n
+    cards = (
+        Card(title="Scale", value=f"{x:.5f} x {y:.5f} mm", detail=f"a pixel, from {scale.count} dots"),
+        Card(title="Force", value=f"{force.value:.4g} grey/N", detail=f"sd {force.sd / force.value:.2%}"),
+        Card(title="Good until", value="does not age" if known.expires is None else f"{known.expires:%Y-%m-%d}"),
+    )
+    pictures = (
+        Picture(
+            title="Sum of grey levels over the force",
+            draw=sums,
+            size=(6.4, 4.2),
+            alt="Sums of grey levels rise in a straight line with the force; rings loading, crosses unloading",
+        ),
+        Picture(
+            title="What the line leaves, and the loop",
+            draw=residuals,
+            size=(9.6, 4.0),
+            alt="Departures from the line in per cent of the range, and loading less unloading, by tip",
+            wide=True,
+        ),
+        Picture(
+            title="The dot board",
+            draw=board,
+            size=(6.4, 4.4),
+            alt="Frame of the board with the dots found, their lattice, and what the fit leaves, magnified",
+        ),
+    )
+    return Page(
+        title=f"Calibration {known.name}",
+        subtitle=f"probe {known.probe}, camera {known.camera}",
+        cards=cards,
+        notes=(*calibration_notes(known, findings), *specification_notes(known)),
+        pictures=pictures,
+        tables=(
+            Table(
+                title="Measured",
+                headings=("quantity", "value", "95 % interval"),
+                rows=calibration_rows(known, findings),
+            ),
+            Table(
+                title="Specification sheet (table 4.1)",
+                headings=("quantity", "measured", "fingertip", "printed in the source"),
+                rows=specification_rows(known),
+            ),
+        ),
+        provenance={**provenance, "line": to_plain(findings.line)},
+    )
+
+
+def _measured(known: ProbeCalibration) -> dict[str, MeasuredValue]:
+    found: dict[str, MeasuredValue] = {}
+    if known.scale is not None:
+        found |= {"scale x": known.scale.mm_per_pixel_x, "scale y": known.scale.mm_per_pixel_y}
+    if known.reference is not None:
+        found |= {
+            "read noise": known.reference.read_noise_grey,
+            "shot noise": known.reference.shot_noise_grey,
+            "stray light": known.reference.stray_grey,
+        }
+    if known.force_line is not None:
+        found |= {
+            "force line, intercept": known.force_line.intercept_grey,
+            "force line, slope": known.force_line.slope_grey_per_n,
+        }
+    return found
+
+
+def _row(name: str, value: MeasuredValue) -> Row:
+    low, high = value.interval()
+    return name, f"{value.value:.5g} {value.unit}".strip(), f"{low:.5g} to {high:.5g}"
+
+
+def _share_row(name: str, value: MeasuredValue) -> Row:
+    low, high = value.interval()
+    return name, f"{PER_CENT * value.value:.2f} %", f"{PER_CENT * low:.2f} to {PER_CENT * high:.2f} %"
+
+
+def _shown(value: MeasuredValue, unit: str) -> str:
+    low, high = value.interval()
+    if not unit:
+        return f"{PER_CENT * value.value:.2f} % ({PER_CENT * low:.2f} to {PER_CENT * high:.2f})"
+    return f"{value.value:.3g} {unit} ({low:.3g} to {high:.3g})"

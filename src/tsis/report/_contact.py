@@ -1,0 +1,307 @@
+"""Report of what image files say without a probe calibration."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.errors import TsisError
+from tsis.imaging import features, find_contact, height_surface, match_light, signal, subtract_background
+from tsis.plots import relief, ring_profile, tactile_image
+from tsis.report._page import Card, Page, Picture, Table, html
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from matplotlib.figure import Figure
+
+    from tsis.imaging import Contact, Features, RadialProfile
+    from tsis.model import TactileImage
+
+
+ODD_SHARE = 1e-3  # of the pixels
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ImageFinding:
+    """What one image says: the frame, its change of grey level, its features and the round contact if there is one."""
+
+    image: TactileImage
+    change: TactileImage
+    features: Features
+    contact: Contact | None
+
+
+def analyse_image(image: TactileImage, reference: TactileImage | None, *, invert: bool) -> ImageFinding:
+    """Read everything that one image says without a calibration."""
+    found = features(image, reference, invert=invert)
+    change = signal(image, reference, invert=invert)
+    contact = find_contact(change, patch=found.patch) if found.contact else None
+    return ImageFinding(image=image, change=change, features=found, contact=contact)
+
+
+def contact_report(
+    findings: Sequence[ImageFinding],
+    *,
+    refused: Sequence[tuple[str, str]],
+    provenance: Mapping[str, Any],
+) -> bytes:
+    """One HTML page of contact features: images with outline, surface, profile, numbers, and what was refused.
+
+    Parameters
+    ----------
+    findings
+        What each image says.
+    refused
+        Estimates that cannot be made from these files, each with the reason.
+    provenance
+        Versions, files and options.
+    """
+    return html(
+        Page(
+            title="Contact found in tactile images",
+            subtitle=", ".join(finding.image.name for finding in findings),
+            cards=_cards(findings[0].features) if len(findings) == 1 else (),
+            notes=tuple(note for finding in findings for note in finding_notes(finding)),
+            pictures=tuple(picture for finding in findings for picture in _pictures(finding)),
+            tables=tuple(
+                Table(
+                    title=f"Features of {finding.image.name}",
+                    headings=("quantity", "value"),
+                    rows=finding_rows(finding),
+                )
+                for finding in findings
+            ),
+            refused=tuple(refused),
+            provenance=provenance,
+        )
+    )
+
+
+def finding_rows(finding: ImageFinding) -> tuple[tuple[str, str], ...]:
+    """Names and values of the features, for people."""
+    found, circle = finding.features, finding.contact
+    if not found.contact:
+        return (("contact", "none found: nothing stands out of the noise"),)
+    rows = [
+        ("centroid", _pair(found.centroid_px, "px") + _also(_pair(found.centroid_mm, "mm from the axis"))),
+        ("area", f"{found.area_px:.0f} px" + _also(_one(found.area_mm2, "mm²"))),
+        (
+            "equivalent diameter",
+            f"{found.equivalent_diameter_px:.1f} px" + _also(_one(found.equivalent_diameter_mm, "mm")),
+        ),
+        ("ellipse semi-axes", _pair(found.semi_axes_px, "px") + _also(_pair(found.semi_axes_mm, "mm"))),
+        ("direction of the long axis", _one(found.angle_deg, "degrees")),
+        ("eccentricity", _one(found.eccentricity, "")),
+        ("circularity", _one(found.circularity, "")),
+        ("peak", f"{found.peak:.1f} grey levels"),
+        ("sum of grey levels", f"{found.total:.0f}"),
+        ("saturated share", f"{100 * found.saturated_share:.1f} %"),
+        ("touches the border", "yes" if found.cropped else "no"),
+    ]
+    if circle is not None:
+        rows[1:1] = [
+            ("centre of the round contact", _pair(circle.centre_px, "px")),
+            ("radius of its steepest edge", f"{circle.radius_px:.1f} px" + _also(_one(circle.radius_mm, "mm"))),
+        ]
+    return tuple((name, value.strip()) for name, value in rows)
+
+
+def finding_notes(finding: ImageFinding) -> tuple[str, ...]:
+    """One sentence for each thing that limits what the image says."""
+    image, found, notes = finding.image, finding.features, []
+    if not found.contact:
+        notes.append(
+            f"{image.name}: no contact stands out of the noise (is --invert right, and the reference untouched?)."
+        )
+    if found.cropped:
+        notes.append(f"{image.name}: the contact touches the picture's border, so area and diameter are too small.")
+    fall, rise = _extremes(finding.change)
+    if found.contact and fall > rise:
+        notes.append(
+            f"{image.name}: the light changes more the other way, by {fall:.0f} against {rise:.0f} grey levels: is "
+            "--invert right, which says that light falls where this probe is pressed?"
+        )
+    clipped = float(np.mean(image.grey >= image.full_scale))
+    if not found.contact and clipped > 0:
+        notes.append(
+            f"{image.name}: {100 * clipped:.1f} % of the picture is clipped by the camera (shorten the exposure)."
+        )
+    if found.saturated_share > 0:
+        notes.append(f"{image.name}: {100 * found.saturated_share:.1f} % of the contact is clipped by the camera.")
+    if image.mm_per_pixel is None:
+        notes.append(f"{image.name}: no scale was given, so lengths are in pixels (give --scale-mm).")
+    return tuple(notes)
+
+
+def _extremes(change: TactileImage) -> tuple[float, float]:
+    """How far the grey levels fall and rise, but for the odd pixel."""
+    low, high = np.quantile(change.grey, [ODD_SHARE, 1 - ODD_SHARE])
+    return -float(low), float(high)
+
+
+def _cards(found: Features) -> tuple[Card, ...]:
+    if not found.contact:
+        return (Card(title="Contact", value="none", detail="nothing stands out of the noise", doubtful=True),)
+    in_mm = found.equivalent_diameter_mm is not None
+    diameter = _one(found.equivalent_diameter_mm, "mm") if in_mm else f"{found.equivalent_diameter_px:.1f} px"
+    area = _one(found.area_mm2, "mm²") if in_mm else f"{found.area_px:.0f} px"
+    return (
+        Card(
+            title="Centroid", value=_pair(found.centroid_px, "px"), detail=_pair(found.centroid_mm, "mm from the axis")
+        ),
+        Card(title="Equivalent diameter", value=diameter, detail="of the disc of the same area"),
+        Card(title="Area", value=area, detail="cropped by the picture" if found.cropped else "inside the outline"),
+    )
+
+
+def _pictures(finding: ImageFinding) -> tuple[Picture, ...]:
+    image, change, found = finding.image, finding.change, finding.features
+
+    def outline(figure: Figure) -> None:
+        tactile_image(change, figure.subplots(), found=found, low=0.0)
+
+    pictures = [
+        Picture(
+            title=f"Signal of {image.name}",
+            draw=outline,
+            size=(6.0, 4.2),
+            alt=f"Change of grey level in {image.name} with the contact's outline and centroid",
+            caption="Change of grey level, positive where the probe is pressed; outline and centroid in white.",
+        )
+    ]
+    if change.mm_per_pixel is not None and min(change.grey.shape) > 1:
+
+        def lifted(figure: Figure) -> None:
+            relief(height_surface(change, max_points=96), figure.add_subplot(projection="3d"))
+
+        pictures.append(
+            Picture(
+                title="Surface",
+                draw=lifted,
+                size=(6.0, 4.2),
+                vector=False,
+                alt="The same signal as a surface in three dimensions",
+                caption="Heights are grey levels, not millimetres.",
+            )
+        )
+    profile = found.profile
+    if profile is not None:
+        pictures.append(
+            Picture(
+                title="Profile",
+                draw=lambda figure: _draw_profile(figure, profile),
+                size=(5.5, 3.6),
+                alt="Mean grey level in rings around the centroid",
+                caption="Mean change of grey level in rings around the centroid.",
+            )
+        )
+    return tuple(pictures)
+
+
+def _draw_profile(figure: Figure, profile: RadialProfile) -> None:
+    ring_profile(profile, figure.subplots())
+
+
+def _one(value: float | None, unit: str) -> str:
+    return "" if value is None else f"{value:.3g} {unit}"
+
+
+def _pair(values: tuple[float, float] | None, unit: str) -> str:
+    return "" if values is None else f"({values[0]:.2f}, {values[1]:.2f}) {unit}"
+
+
+def _also(text: str) -> str:
+    return f", {text}" if text else ""
+
+
+SIZE = (4.4, 3.0)
+DIVERGING = "RdBu_r"  # blue to red through white, which those see apart who do not tell red from green
+NO_VALUE = "none"
+
+
+def comparison(one: TactileImage, other: TactileImage, *, same_light: bool = False) -> Page:
+    """Two frames, what differs between them, and what each says of its contact.
+
+    Parameters
+    ----------
+    one, other
+        Frames as the camera gave them, each with a name.
+    same_light
+        Whether to bring the second to the brightness of the first before it is taken away
+        (`tsis.imaging.match_light`).
+
+    Returns
+    -------
+    Page
+        Both in one colour map, the first minus the second where they can be subtracted (a sentence says why where they
+        cannot), and a table of features.
+    """
+    top = float(max(one.grey.max(), other.grey.max()))
+    pictures = [_frame(one, top), _frame(other, top)]
+    notes: list[str] = []
+    try:
+        change = subtract_background(one, match_light(other, one) if same_light else other)
+    except TsisError as error:
+        notes.append(f"These two cannot be subtracted: {error}.")
+    else:
+        pictures.append(_difference(change, one, other))
+        notes.append(_said(change, same_light=same_light))
+    return Page(
+        title=f"{one.name} compared with {other.name}",
+        subtitle="",
+        pictures=tuple(pictures),
+        notes=tuple(notes),
+        tables=(_features(one, other),),
+    )
+
+
+def _frame(image: TactileImage, top: float) -> Picture:
+    def draw(figure: Figure) -> None:
+        tactile_image(image, figure.subplots(), low=0.0, high=top)
+
+    force = "force not measured" if image.force_n is None else f"{image.force_n:g} N"
+    return Picture(
+        title=image.name,
+        draw=draw,
+        size=SIZE,
+        alt=f"Frame of {image.name}, bright where the pressure is high",
+        caption=f"{force}. Both frames in one colour map.",
+        vector=False,
+    )
+
+
+def _difference(change: TactileImage, one: TactileImage, other: TactileImage) -> Picture:
+    reach = float(np.abs(change.grey).max()) or 1.0
+
+    def draw(figure: Figure) -> None:
+        ax = figure.subplots()
+        tactile_image(change, ax, low=-reach, high=reach, label="grey levels", colours=DIVERGING, ink="black")
+
+    return Picture(
+        title="Difference",
+        draw=draw,
+        size=SIZE,
+        alt=f"{one.name} minus {other.name}: red where the first is brighter, blue where the second is",
+        caption="The first minus the second: red where the first is brighter, blue where the second is.",
+        vector=False,
+    )
+
+
+def _said(change: TactileImage, *, same_light: bool) -> str:
+    grey = change.grey
+    light = "; the second was brought to the brightness of the first" if same_light else ""
+    return (
+        f"Difference in grey levels: mean {grey.mean():.3g}, root mean square {np.sqrt(np.square(grey).mean()):.3g}, "
+        f"from {grey.min():.4g} to {grey.max():.4g}{light}."
+    )
+
+
+def _features(one: TactileImage, other: TactileImage) -> Table:
+    """Names of the features of either, and the value of each."""
+    found = [dict(finding_rows(analyse_image(image, None, invert=False))) for image in (one, other)]
+    names = list(dict.fromkeys([*found[0], *found[1]]))
+    rows = tuple((name, *(each.get(name, NO_VALUE) for each in found)) for name in names)
+    return Table(title="Features", headings=("quantity", one.name, other.name), rows=rows)

@@ -1,0 +1,345 @@
+"""What somebody wants to know of a probe before it is built, and the designs that answer it."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.imaging import Sensor
+from tsis.inclusion import InclusionPrior
+from tsis.inclusion.design import (
+    ASPECTS,
+    CRITERIA,
+    MOST_EVALUATIONS,
+    compare_designs,
+    design_alternatives,
+    optimise_design,
+    protocol_of,
+    rank_designs,
+)
+from tsis.model import Probe, require_integer, require_one_of, require_type
+from tsis.plots import LABELS, design_errors
+from tsis.report._document import envelope
+from tsis.report._page import Card, Page, Picture, Table
+from tsis.virtual import nominal_calibration
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from matplotlib.figure import Figure
+
+    from tsis.inclusion.design import Design, DesignOptimum, Protocol
+    from tsis.model import Calibration
+
+
+FLAT_N, DOMED_N = (1.0,), (0.5, 1.0)  # under a dome two forces load the tissue in two different ways
+QUICK = ("forces", "frames", "reference")  # of one probe, whose press is solved once
+PLANNED = "as planned"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DesignQuestion:
+    """What would a probe and its presses tell, and what would others?
+
+    Parameters
+    ----------
+    probe
+        What presses.
+    forces_n
+        Forces of the presses in newtons; 0.5 and 1 on a dome, else 1 when empty.
+    with_reference
+        Whether plain tissue nearby is pressed too.
+    frames_each
+        How often each press is made.
+    compared
+        What is changed, of `tsis.inclusion.design.ASPECTS`; nothing when empty.
+    criterion
+        What designs are ranked and searched by: ``"all"``, or one parameter's error.
+    traced
+        Whether the lamps light the face; else it is lit evenly.
+    evaluations
+        Stacks of layers that a search for better ones may solve, in [1, 25]; no search when None.
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range, or a name is unknown.
+    """
+
+    probe: Probe
+    forces_n: tuple[float, ...] = ()
+    with_reference: bool = True
+    frames_each: int = 1
+    compared: tuple[str, ...] = QUICK
+    criterion: str = "all"
+    traced: bool = False
+    evaluations: int | None = None
+
+    def __post_init__(self) -> None:
+        require_type("probe", self.probe, Probe)
+        for aspect in self.compared:
+            require_one_of("aspect", aspect, ASPECTS)
+        require_one_of("criterion", self.criterion, CRITERIA)
+        if self.evaluations is not None:
+            require_integer("evaluations", self.evaluations, 1, MOST_EVALUATIONS)
+        _ = self.planned
+
+    @property
+    def planned(self) -> Protocol:
+        """The probe with its presses."""
+        forces = self.forces_n or (FLAT_N if self.probe.face_curvature_mm is None else DOMED_N)
+        once = protocol_of(self.probe, tuple(forces), with_reference=self.with_reference)
+        return replace(once, frames_each=self.frames_each, name=PLANNED)
+
+    @property
+    def protocols(self) -> tuple[Protocol, ...]:
+        """The planned one first, then each other with its own name."""
+        planned = self.planned
+        changed = [other for aspect in self.compared for other in design_alternatives(planned, aspect)]  # type: ignore[arg-type]
+        return (planned, *{other.name: other for other in changed}.values())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DesignAnswer:
+    """The designs, best first, and the best that a search has found.
+
+    Attributes
+    ----------
+    question
+        What was asked.
+    designs
+        Best first by the question's criterion, those that break a limit last; the searched one among them.
+    optimum
+        What the search found; None without one.
+    """
+
+    question: DesignQuestion
+    designs: tuple[Design, ...]
+    optimum: DesignOptimum | None = None
+
+    @property
+    def planned(self) -> Design:
+        """The design that was asked for."""
+        return next(one for one in self.designs if one.protocol.name == PLANNED)
+
+    @property
+    def best(self) -> Design:
+        """The first in order; it may break a limit when all do."""
+        return self.designs[0]
+
+
+SENSOR, PRIOR = Sensor(), InclusionPrior()
+
+
+def design_calibration() -> Calibration:
+    """The calibration that a planned probe is judged with: nobody has measured one yet."""
+    return nominal_calibration(SENSOR)
+
+
+def compared_designs(
+    question: DesignQuestion, *, progress: Callable[[int, int], None] | None = None
+) -> tuple[Design, ...]:
+    """Judge the planned design and its alternatives; a new probe's press takes seconds to solve and is kept.
+
+    Parameters
+    ----------
+    question
+        What is asked.
+    progress
+        Called with (designs done, designs in all); what it raises ends the work.
+    """
+    return compare_designs(
+        question.protocols,
+        of=question.probe,
+        prior=PRIOR,
+        calibration=design_calibration(),
+        sensor=SENSOR,
+        traced=question.traced,
+        progress=progress,
+    )
+
+
+def searched_design(
+    question: DesignQuestion, *, progress: Callable[[int, int], None] | None = None
+) -> DesignOptimum | None:
+    """Search the layers' moduli and the forces, for minutes; None when the question asks for no search."""
+    if question.evaluations is None:
+        return None
+    return optimise_design(
+        question.planned,
+        prior=PRIOR,
+        calibration=design_calibration(),
+        sensor=SENSOR,
+        criterion=question.criterion,
+        evaluations=question.evaluations,
+        traced=question.traced,
+        progress=progress,
+    )
+
+
+def answered(question: DesignQuestion, found: tuple[Design, ...], optimum: DesignOptimum | None = None) -> DesignAnswer:
+    """Put what was found in order."""
+    designs = [*found, *([] if optimum is None else [optimum.best])]
+    return DesignAnswer(question=question, designs=rank_designs(designs, question.criterion), optimum=optimum)
+
+
+HEADINGS = ("design", "d / mm", "h / mm", "E / kPa", "known", "strain", "whole", "grey", "breaks")
+SHORT = {"diameter_mm": ("Diameter", "mm", 2), "depth_mm": ("Depth", "mm", 2), "young_kpa": ("Modulus", "kPa", 1)}
+CROSSES = "Nearer to the corner is better; crosses break a limit."
+
+
+def design_document(answer: DesignAnswer) -> dict[str, Any]:
+    """All of it, as plain values with the names of Python."""
+    question, best = answer.question, answer.optimum
+    return envelope(
+        "design",
+        planned=asdict(question.planned),
+        criterion=question.criterion,
+        designs=[_document(one) for one in answer.designs],
+        optimum=None if best is None else _optimum_document(best),
+        prior=asdict(PRIOR),
+        calibration=asdict(design_calibration()),
+        sensor=asdict(SENSOR),
+        light="traced" if question.traced else "even",
+    )
+
+
+def design_rows(designs: Sequence[Design]) -> tuple[tuple[str, ...], ...]:
+    """The designs under `HEADINGS`, in their order."""
+    return tuple(_row(one) for one in designs)
+
+
+def design_caption(designs: Sequence[Design]) -> str:
+    """What the errors of `design_rows` are."""
+    return (
+        f"Expected errors over {len(designs[0].information.inclusions)} inclusions, best first; what breaks a limit "
+        "comes last."
+    )
+
+
+def design_notes(answer: DesignAnswer) -> tuple[str, ...]:
+    """What to know besides the table: before any press, what the columns mean, limits broken, what binds the best."""
+    before = PRIOR.sd
+    broken = {f"{one.protocol.name}: {said}" for one in answer.designs for said in one.limits.broken.values()}
+    return (
+        f"Before any press: d {before['diameter_mm']:.2f} mm, h {before['depth_mm']:.2f} mm, "
+        f"E {before['young_kpa']:.1f} kPa.",
+        "known: share of the inclusions whose modulus would be known to 20 kPa; whole: share on which the whole face "
+        "touches in the weakest press; grey: the brightest place.",
+        *sorted(broken),
+        *(() if answer.optimum is None else _optimum_notes(answer.optimum)),
+    )
+
+
+def draw_errors(designs: Sequence[Design], figure: Figure) -> None:
+    """Depth over diameter and modulus over depth, with a numbered point for each design."""
+    left, right = figure.subplots(1, 2)
+    design_errors(designs, ("diameter_mm", "depth_mm"), left)
+    design_errors(designs, ("depth_mm", "young_kpa"), right)
+    figure.legend(*left.get_legend_handles_labels(), loc="outside right upper", fontsize=8, markerscale=0.8)
+
+
+def design_page(answer: DesignAnswer) -> Page:
+    """The planned design's errors as cards with the prior beside them, the information plot, and all designs."""
+    designs = answer.designs
+    return Page(
+        title="What it would tell",
+        subtitle=answer.planned.protocol.described,
+        cards=(*(_card(answer.planned, name) for name in SHORT), _best_card(answer)),
+        notes=design_notes(answer),
+        pictures=(
+            Picture(
+                title="Expected errors",
+                draw=partial(draw_errors, designs),
+                size=(11.0, 4.0),
+                alt=f"Expected errors of {len(designs)} designs; the best is {answer.best.protocol.name}. The table "
+                "below holds the numbers.",
+                caption=CROSSES,
+                wide=True,
+            ),
+        ),
+        tables=(Table(title=design_caption(designs), headings=HEADINGS, rows=design_rows(designs)),),
+    )
+
+
+def _card(design: Design, name: str) -> Card:
+    title, unit, digits = SHORT[name]
+    error, before = design.information.rmse[name], PRIOR.sd[name]
+    return Card(
+        title=f"{title}, as planned",
+        value=f"± {error:.{digits}f} {unit}",
+        detail=f"before any press ± {before:.{digits}f} {unit}",
+        doubtful=bool(design.limits.broken),
+    )
+
+
+def _best_card(answer: DesignAnswer) -> Card:
+    best, criterion = answer.best, answer.question.criterion
+    by = "all three together" if criterion == "all" else LABELS[criterion]
+    return Card(
+        title="Best of all",
+        value=best.protocol.name,
+        detail=f"by {by}" + ("; it breaks a limit, as all do" if best.limits.broken else ""),
+        doubtful=bool(best.limits.broken),
+    )
+
+
+def _row(one: Design) -> tuple[str, ...]:
+    errors, limits = one.information.rmse, one.limits
+    return (
+        one.protocol.name,
+        f"{errors['diameter_mm']:.2f}",
+        f"{errors['depth_mm']:.2f}",
+        f"{errors['young_kpa']:.1f}",
+        f"{one.information.identified_share:.0%}",
+        f"{limits.strain:.2f}",
+        f"{limits.whole_share:.0%}",
+        f"{limits.brightest_grey:.0f}",
+        ", ".join(limits.broken),
+    )
+
+
+def _document(one: Design) -> dict[str, Any]:
+    told = one.information
+    bound = told.cramer_rao_sd
+    return {
+        "name": one.protocol.name,
+        "presses": one.protocol.described,
+        "layers_young_kpa": [layer.young_kpa for layer in one.protocol.probe.layers],
+        "face_curvature_mm": one.protocol.probe.face_curvature_mm,
+        "expected_rmse": told.rmse,
+        "modulus_identified_share": told.identified_share,
+        "mean_log_narrowing": told.log_sd,
+        "limits": asdict(one.limits),
+        "broken": one.limits.broken,
+        "inclusions": [
+            {"inclusion": inclusion, "expected_sd": sd, "cramer_rao_sd": least if np.isfinite(least).all() else None}
+            for inclusion, sd, least in zip(
+                told.inclusions.tolist(), told.expected_sd.tolist(), bound.tolist(), strict=True
+            )
+        ],
+    }
+
+
+def _optimum_document(best: DesignOptimum) -> dict[str, Any]:
+    return {
+        "stiffening": best.stiffening,
+        "gradient": best.gradient,
+        "forces_n": list(best.best.protocol.forces_n),
+        "binding": list(best.binding),
+        "evaluations": best.evaluations,
+    }
+
+
+def _optimum_notes(best: DesignOptimum) -> tuple[str, ...]:
+    layers = ", ".join(f"{layer.young_kpa:.3g}" for layer in best.best.protocol.probe.layers)
+    forces = " and ".join(f"{force:.2g}" for force in best.best.protocol.forces_n)
+    held = ", ".join(best.binding) or "nothing; it lies inside the search"
+    return (
+        f"Best found after {best.evaluations} stacks: layers of {layers} kPa from the tissue up, pressed at "
+        f"{forces} N.",
+        f"What binds it: {held}.",
+    )

@@ -1,0 +1,147 @@
+"""The forms in which a target is exported, each written whole as a new file or folder."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from tsis.errors import FileInputError, RecordsError
+from tsis.records.store import open_store
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from tsis.records import TargetRecord
+
+
+ENDINGS = {  # of the name that a form gets where nobody chose one
+    "html": ".html",
+    "pdf": ".pdf",
+    "csv": "-csv",
+    "hdf5": ".h5",
+    "zarr": ".zarr",
+    "fhir": ".fhir.json",
+    "dicom": "-dicom",
+    "bundle": ".zip",
+}
+FORM_LABELS = {  # of each, for people who choose
+    "html": "HTML: the report as one page",
+    "pdf": "PDF: the report on paper",
+    "csv": "CSV: tables, and frames as PNG",
+    "hdf5": "HDF5: everything as arrays",
+    "zarr": "Zarr: everything as arrays",
+    "fhir": "FHIR R4: observations as JSON",
+    "dicom": "DICOM: series, report and document",
+    "bundle": "Bundle: everything, for another store",
+}
+PAGES = ("html", "pdf")  # forms that say what of a target is damaged; the others are whole or not written
+MASKED = ("fhir", "dicom")  # forms that leave out labels and times unless they are asked for
+
+
+def write_form(form: str, dossier: TargetRecord, path: Path, *, identified: bool) -> str:
+    """Write one form of a dossier; of a bundle return the SHA-256 by which its receiver knows it, else nothing.
+
+    Raises
+    ------
+    FileInputError
+        When there is something of that name, or it cannot be written.
+    MissingExtraError
+        When the form needs an extra that is not installed.
+    RecordsError
+        When a stored file is damaged.
+    """
+    if form in PAGES:
+        _write_file(path, page_bytes(form, dossier))
+    elif form == "fhir":
+        from tsis.records.export import fhir_observations
+
+        _write_file(path, fhir_observations(dossier, identified=identified))
+    elif form == "dicom":
+        from tsis.records.dicom import write_dicom
+
+        write_dicom(dossier, path, identified=identified)
+    elif form == "bundle":
+        from tsis.records.export.bundle import write_bundle
+
+        return write_bundle(dossier, path)
+    else:
+        _writer(form)(dossier, path)
+    return ""
+
+
+def page_bytes(form: str, dossier: TargetRecord) -> bytes:
+    """The report of a target in one of `PAGES`, drawn and laid out."""
+    from tsis.report.target import target_page
+
+    page = target_page(dossier)
+    if form == "html":
+        from tsis.report._page import html
+
+        return html(page)
+    from tsis.report.paper import pdf
+
+    return pdf(page)
+
+
+def _writer(form: str) -> Callable[[TargetRecord, Path], object]:
+    from tsis.records.export import write_csv
+    from tsis.records.export.arrays import write_hdf5, write_zarr
+
+    writers: dict[str, Callable[[TargetRecord, Path], object]] = {
+        "csv": write_csv,
+        "hdf5": write_hdf5,
+        "zarr": write_zarr,
+    }
+    return writers[form]
+
+
+def _write_file(path: Path, content: bytes) -> None:
+    from tsis.records.export import export_file
+
+    with export_file(path) as draft:
+        draft.write_bytes(content)
+
+
+def require_absent(path: Path) -> None:
+    """Refuse a place where there is something, before anything is computed."""
+    try:
+        taken = path.is_symlink() or path.exists()
+    except OSError as error:
+        raise FileInputError(f"{str(path)!r:.120} must be a new name; got: {error.strerror or error}") from error
+    if taken or path.name in ("", ".."):
+        raise FileInputError(f"{str(path)!r:.120} must be a new name; there is such a file or folder (choose another)")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StoreAddress:
+    """Where a store lies, and which one it is.
+
+    Parameters
+    ----------
+    folder, kind, database
+        As of `tsis.records.store.open_store`.
+    identity
+        Its own.
+    """
+
+    folder: Path
+    kind: str
+    database: str | None
+    identity: str
+
+
+def report_of_stored_target(place: StoreAddress, number: int, form: str) -> bytes:
+    """The report of a target in a form of `tsis.report.PAGES`, as the store holds it at this moment.
+
+    Raises
+    ------
+    RecordsError
+        When the store cannot be read, or another one lies there now.
+    InputError
+        When there is no target of that number.
+    """
+    with open_store(place.folder, kind=place.kind, database=place.database, create=False) as store:
+        if store.identity != place.identity:
+            raise RecordsError(f"the store must be {place.identity[:12]}, which was opened; got {store.identity[:12]}")
+        return page_bytes(form, store.dossier(store.target(number)))

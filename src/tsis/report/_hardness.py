@@ -1,0 +1,171 @@
+"""Report of an object's hardness by direct contact."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from tsis.hardness import shore
+from tsis.model import INTERVAL_LEVEL
+from tsis.plots import contact_growth, modulus, tactile_image
+from tsis.report._document import estimate_messages, withheld_reason
+from tsis.report._inclusion import inclusion_cards
+from tsis.report._page import Card, Page, Picture, Table, html
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from matplotlib.figure import Figure
+
+    from tsis.hardness import ContactTable
+    from tsis.model import Estimate, TactileImage
+    from tsis.records import StoredEstimate
+
+
+NOT_TRUSTED = "The modulus is not to be trusted, for a reason named below."
+
+
+def hardness_report(
+    estimate: Estimate,
+    *,
+    title: str,
+    images: Sequence[TactileImage],
+    table: ContactTable,
+    provenance: Mapping[str, Any],
+    truth_kpa: float | None = None,
+) -> bytes:
+    """One HTML page of a hardness estimate: the modulus, the contact's growth, the frames and what limits them.
+
+    Parameters
+    ----------
+    estimate
+        Of `tsis.hardness.estimate`.
+    title
+        Heading of the page.
+    images
+        The frames that were estimated.
+    table
+        Contact radii of the probe.
+    provenance
+        Versions, files and options.
+    truth_kpa
+        The true modulus where it is known.
+    """
+    page = hardness_page(estimate, title=title, images=images, table=table, provenance=provenance, truth_kpa=truth_kpa)
+    return html(page)
+
+
+def hardness_page(
+    estimate: Estimate,
+    *,
+    title: str,
+    images: Sequence[TactileImage],
+    table: ContactTable,
+    provenance: Mapping[str, Any],
+    truth_kpa: float | None = None,
+) -> Page:
+    """What that page holds; parameters as `hardness_report`."""
+
+    def growth(figure: Figure) -> None:
+        contact_growth(estimate, figure.subplots(), table=table)
+
+    pictures = [
+        modulus_picture(estimate, truth_kpa),
+        _picture("Growth of the contact", growth, "Contact radius over force, of the frames and of the estimate"),
+    ]
+    pictures += [_frame(image) for image in images]
+    return Page(
+        title=title,
+        subtitle=", ".join(image.name for image in images),
+        cards=(hardness_card(estimate, truth_kpa),),
+        notes=hardness_notes(estimate),
+        pictures=tuple(pictures),
+        tables=(Table(title="Result", headings=("quantity", "value"), rows=hardness_rows(estimate)),),
+        provenance=provenance,
+    )
+
+
+def hardness_card(estimate: Estimate, truth_kpa: float | None = None) -> Card:
+    """The modulus, if it is to be trusted, with the truth where it is known."""
+    doubt = withheld_reason(estimate, "young_kpa")
+    low, high = estimate.interval(INTERVAL_LEVEL)["young_kpa"]
+    said = [f"90 % interval {low:.3g} to {high:.3g} kPa"] if estimate.trusted else []
+    known = [] if truth_kpa is None else [f"truth {truth_kpa:.3g} kPa"]
+    return Card(
+        title="Young's modulus",
+        value=doubt or f"{estimate.mean['young_kpa']:.3g} kPa",
+        detail="; ".join(said + known),
+        doubtful=bool(doubt),
+    )
+
+
+def modulus_picture(estimate: Estimate, truth_kpa: float | None = None) -> Picture:
+    """Posterior of the modulus."""
+
+    def density(figure: Figure) -> None:
+        modulus(estimate, figure.subplots(), truth_kpa=truth_kpa)
+
+    return _picture("Modulus", density, "Posterior density of the modulus with its 90 % interval")
+
+
+def hardness_rows(estimate: Estimate) -> tuple[tuple[str, str], ...]:
+    """Names and values for people; of an estimate that is not to be trusted no modulus."""
+    rows = []
+    doubt = withheld_reason(estimate, "young_kpa")
+    low, high = estimate.interval(INTERVAL_LEVEL)["young_kpa"]
+    rows.append(("Young's modulus", doubt or f"{estimate.mean['young_kpa']:.3g} kPa"))
+    if estimate.trusted:
+        rows.append(("90 % interval", f"{low:.3g} to {high:.3g} kPa"))
+    if not doubt:
+        readings = shore(estimate.mean["young_kpa"])
+        for name, value in (("Shore 00", readings.shore_00), ("Shore A", readings.shore_a)):
+            rows.append((f"{name} (converted)", "outside the scale" if value is None else f"{value:.0f}"))
+    for press in estimate.provenance.get("presses", ()):
+        seen = press["seen"]
+        rows.append(
+            (
+                f"contact radius, {press['name'] or 'image'}",
+                f"{seen['radius_mm']:.3f} mm ± {100 * seen['radius_sd']:.2f} %",
+            )
+        )
+        rows.append((f"force by light, {press['name'] or 'image'}", f"{seen['light_force_n']:.3g} N"))
+    return tuple(rows)
+
+
+def hardness_notes(estimate: Estimate) -> tuple[str, ...]:
+    """What a reader must know besides the numbers, the most important first."""
+    said = [estimate.identifiability if estimate.trusted else NOT_TRUSTED, *estimate.notes]
+    if not withheld_reason(estimate, "young_kpa"):
+        said.append(f"Shore readings are converted, not measured. {shore(estimate.mean['young_kpa']).source}.")
+    return (*said, f"Prior: {estimate.prior}.")
+
+
+def _picture(title: str, draw: Any, alt: str) -> Picture:
+    return Picture(title=title, draw=draw, size=(4.2, 3.0), alt=alt)
+
+
+def _frame(image: TactileImage) -> Picture:
+    def draw(figure: Figure) -> None:
+        tactile_image(image, figure.subplots())
+
+    return Picture(
+        title=image.name or "Frame",
+        draw=draw,
+        size=(4.2, 3.0),
+        alt=f"Grey levels of {image.name or 'a frame'}",
+        caption=f"{image.force_n:g} N by the gauge.",
+    )
+
+
+HARDNESS = "hardness"
+
+
+def estimate_cards(stored: StoredEstimate, truth: Mapping[str, float]) -> tuple[Card, ...]:
+    """The numbers of an estimate of either kind, with the truth where it is known."""
+    if stored.kind == HARDNESS:
+        return (hardness_card(stored.estimate, truth.get("young_kpa")),)
+    return inclusion_cards(stored.estimate, truth)
+
+
+def estimate_sentences(stored: StoredEstimate) -> tuple[str, ...]:
+    """What a reader must know besides the numbers, the most important first."""
+    return hardness_notes(stored.estimate) if stored.kind == HARDNESS else estimate_messages(stored.estimate)

@@ -1,0 +1,176 @@
+"""Report of one estimate of an inclusion."""
+
+from __future__ import annotations
+
+import itertools
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.imaging import subtract_background
+from tsis.model import INTERVAL_LEVEL
+from tsis.plots import marginal, trade_off
+from tsis.report._document import estimate_messages, probability_text, sd_text, withheld_reason
+from tsis.report._frames import change_picture, force_of, frame_picture, profile_picture, surface_picture
+from tsis.report._page import Card, Page, Picture, html
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from matplotlib.figure import Figure
+    from numpy.typing import NDArray
+
+    from tsis.inclusion import InclusionPrior
+    from tsis.model import Estimate, TactileImage
+
+
+LIKELY = 0.95  # probability of an inclusion from which nobody need doubt it
+TITLES = {"diameter_mm": ("Diameter d", "mm"), "depth_mm": ("Depth h", "mm"), "young_kpa": ("Modulus E", "kPa")}
+
+
+def inclusion_report(
+    estimate: Estimate,
+    *,
+    title: str,
+    subtitle: str,
+    targets: Sequence[TactileImage],
+    references: Sequence[TactileImage],
+    prior: InclusionPrior,
+    ring_edges_mm: NDArray[np.float64],
+    truth: Mapping[str, float] | None = None,
+    provenance: Mapping[str, Any] | None = None,
+) -> bytes:
+    """One HTML page: images, surface, posterior with the truth if known, and where all of it came from.
+
+    Pictures show the target of the highest force and the reference nearest to it; the profiles are those of all frames.
+
+    Parameters
+    ----------
+    estimate
+        What was estimated.
+    title, subtitle
+        Heading of the page.
+    targets, references
+        The presses on the target, at least one, and those on plain tissue, each of known force.
+    prior
+        Ranges that the posteriors are drawn in.
+    ring_edges_mm
+        Rings of the profile.
+    truth
+        True parameters of a virtual phantom.
+    provenance
+        Anything to add to the estimate's own provenance.
+    """
+    target, reference = _shown(targets, references)
+    return html(
+        Page(
+            title=title,
+            subtitle=subtitle,
+            cards=inclusion_cards(estimate, truth),
+            notes=estimate_messages(estimate),
+            pictures=(
+                marginals_picture(estimate, prior, truth),
+                *_image_pictures(target, reference),
+                profile_picture({"target": targets, "plain tissue": references}, ring_edges_mm),
+                trade_off_picture(estimate, truth),
+            ),
+            provenance={**(provenance or {}), **estimate.provenance},
+        )
+    )
+
+
+def _shown(
+    targets: Sequence[TactileImage], references: Sequence[TactileImage]
+) -> tuple[TactileImage, TactileImage | None]:
+    """The target of the highest force, and the reference whose force is nearest."""
+    target = max(targets, key=force_of)
+    return target, min(references, key=lambda frame: abs(force_of(frame) - force_of(target)), default=None)
+
+
+def inclusion_cards(estimate: Estimate, truth: Mapping[str, float] | None = None) -> tuple[Card, ...]:
+    """One card a parameter, without a number where the estimate is not to be trusted, and that of the presence."""
+    return (*(_card(estimate, name, truth or {}) for name in estimate.samples), *_presence_card(estimate))
+
+
+def _card(estimate: Estimate, name: str, truth: Mapping[str, float]) -> Card:
+    heading, unit = TITLES.get(name, (name, ""))
+    known = [f"truth {truth[name]:.3g} {unit}"] if name in truth else []
+    doubt = withheld_reason(estimate, name)
+    if not estimate.trusted:
+        return Card(title=heading, value=doubt, detail="; ".join(known), doubtful=True)
+    low, high = estimate.interval(INTERVAL_LEVEL)[name]
+    interval = f"{low:.3g} to {high:.3g} {unit}"
+    value = interval if doubt else f"{estimate.mean[name]:.3g} {unit}"
+    detail = [doubt or f"90 % interval {interval}", _spreads(estimate, name, unit), *known]
+    return Card(title=heading, value=value, detail="; ".join(detail), doubtful=bool(doubt))
+
+
+def _spreads(estimate: Estimate, name: str, unit: str) -> str:
+    """How wide the posterior is, the prior was, and any unbiased estimate has to be."""
+    bound = estimate.cramer_rao_sd.get(name, float("inf"))
+    limit = f", Cramér-Rao bound {sd_text(bound)}" if np.isfinite(bound) else ""
+    return f"sd {sd_text(estimate.sd[name])} {unit} (prior {sd_text(estimate.prior_sd[name])}{limit})"
+
+
+def _presence_card(estimate: Estimate) -> tuple[Card, ...]:
+    if estimate.presence is None:
+        return ()
+    return (
+        Card(
+            title="Is there an inclusion?",
+            value=probability_text(estimate.presence),
+            detail="probability of an inclusion over plain, even tissue",
+            doubtful=estimate.presence < LIKELY,
+        ),
+    )
+
+
+def marginals_picture(estimate: Estimate, prior: InclusionPrior, truth: Mapping[str, float] | None) -> Picture:
+    """Posterior of each parameter against its prior."""
+
+    def marginals(figure: Figure) -> None:
+        axes = figure.subplots(1, len(estimate.samples), squeeze=False)[0]
+        for name, ax in zip(estimate.samples, axes, strict=True):
+            known = (truth or {}).get(name)
+            marginal(estimate, name, ax, prior_range=getattr(prior, name), truth=known)
+        axes[0].legend(frameon=False, fontsize=8)
+
+    intervals = estimate.interval(INTERVAL_LEVEL) if estimate.trusted else {}
+    words = ", ".join(f"{name} {low:.3g} to {high:.3g}" for name, (low, high) in intervals.items())
+    doubt = "" if estimate.trusted else "Not to be trusted. "
+    marked = "" if not truth else " The dashed line is the truth."
+    return Picture(
+        title="What the presses told",
+        draw=marginals,
+        size=(9.5, 2.8),
+        alt=f"Posterior of each parameter, 90 % intervals: {words or 'not to be trusted'}",
+        caption=f"{doubt}Posterior (blue) against the uniform prior (grey), 90 % interval shaded.{marked}",
+        wide=True,
+    )
+
+
+def trade_off_picture(estimate: Estimate, truth: Mapping[str, float] | None) -> Picture:
+    """Joint posterior of each pair of parameters, of which there are at least two."""
+
+    def pairs(figure: Figure) -> None:
+        names = list(itertools.combinations(estimate.samples, 2))
+        for (one, other), ax in zip(names, figure.subplots(1, len(names), squeeze=False)[0], strict=True):
+            known = (truth[one], truth[other]) if truth and one in truth and other in truth else None
+            trade_off(estimate, (one, other), ax, truth=known)
+
+    doubt = "" if estimate.trusted else "Not to be trusted. "
+    marked = "" if not truth else " The cross is the truth."
+    return Picture(
+        title="Which parameters trade off",
+        draw=pairs,
+        size=(9.5, 3.0),
+        alt="Joint posterior of each pair of parameters",
+        caption=f"{doubt}Joint posteriors: a slanted band is a combination known better than its parts.{marked}",
+        wide=True,
+    )
+
+
+def _image_pictures(target: TactileImage, reference: TactileImage | None) -> tuple[Picture, ...]:
+    signal = target if reference is None else subtract_background(target, reference)
+    change = () if reference is None else (change_picture(signal),)
+    return (frame_picture(target), *change, surface_picture(signal))

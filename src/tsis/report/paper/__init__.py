@@ -1,0 +1,5 @@
+"""FIXME."""
+
+from tsis.report.paper._pdf import pdf
+
+__all__ = ["pdf"]

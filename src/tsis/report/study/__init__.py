@@ -1,0 +1,23 @@
+"""FIXME."""
+
+from tsis.report.study._document import study_document, study_verification_document
+from tsis.report.study._page import PAGE, PAPER, publish_study, study_page
+from tsis.report.study._tables import targets_table
+from tsis.report.study._text import ends, few_notes, method_of, record_notes, share, share_ends, undecided_notes
+
+__all__ = [
+    "PAGE",
+    "PAPER",
+    "ends",
+    "few_notes",
+    "method_of",
+    "publish_study",
+    "record_notes",
+    "share",
+    "share_ends",
+    "study_document",
+    "study_page",
+    "study_verification_document",
+    "targets_table",
+    "undecided_notes",
+]

@@ -1,0 +1,228 @@
+"""The report of a blinded study: a page for people, a document for programs, and the readings as a table."""
+
+from __future__ import annotations
+
+import hashlib
+import itertools
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from tsis.records.export import table_bytes
+from tsis.report._document import json_bytes
+from tsis.report._folder import free_folder, require_room, write_folder
+from tsis.report._page import Card, Page, Table, html
+from tsis.report.study._document import study_document
+from tsis.report.study._pictures import study_pictures
+from tsis.report.study._tables import comparison_table, device_tables, targets_table
+from tsis.report.study._text import ends, few_notes, method_of, record_notes, share_ends, small, undecided_notes
+from tsis.study import ANALYSED, JUDGED_BY, QUANTITIES, enter_analysis, unblind
+from tsis.study.analysis import analyse
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from tsis.study import Study
+    from tsis.study.analysis import DeviceAnalysis, StudyAnalysis
+
+
+ANALYSIS, READINGS, PAGE, PAPER = "analysis.json", "readings.csv", "report.html", "report.pdf"
+NOT_TOLD = (
+    (
+        "The virtual probe",
+        "Its presses, its light and its camera follow the same laws as the estimator, on a finer mesh and with errors "
+        "of the sizes that the calibration states. What real gel, skin, hands and cameras add is not in these numbers.",
+    ),
+    (
+        "The prior",
+        "Before it saw a frame the estimator believed the ranges of size, depth and modulus that the provenance tells, "
+        "and an inclusion in one target of two. Where inclusions are rarer, the same press gives a lower probability.",
+    ),
+    (
+        "These targets",
+        "Rates hold for targets like these, found where the probe was put. Nobody searched for them.",
+    ),
+    (
+        "Chosen thresholds",
+        "A threshold that was chosen on these targets looks better here than it will on others.",
+    ),
+    ("Blindness", "The seal keeps people from reading the truth by accident. It does not keep out who opens its file."),
+)
+
+
+def study_page(analysis: StudyAnalysis) -> Page:
+    """What the study says, with every number's interval, and what it does not tell."""
+    plan, devices = analysis.study.plan, analysis.devices
+    present = sum(truth.has_inclusion for truth in analysis.truths.values())
+    forces = " and ".join(f"{force:g}" for force in plan.forces_n)
+    pressed = f"{plan.probe}, {forces} N, " + ("each with a press on plain tissue" if plan.with_reference else "alone")
+    return Page(
+        title=f"Study {plan.name}",
+        subtitle=f"{present} targets with an inclusion and {len(plan.codes) - present} without, read blind, in "
+        f"an order by chance; {', '.join(one.judged.device for one in devices)}",
+        cards=(_record_card(analysis), *(card for one in devices for card in _cards(one, several=len(devices) > 1))),
+        notes=(
+            *record_notes(analysis),
+            *(note for one in devices for note in (*few_notes(one), *undecided_notes(one))),
+            f"What counts is {JUDGED_BY}; repeats serve to tell how well readings agree. Intervals hold 95 %, unless "
+            "said otherwise, for each number by itself.",
+        ),
+        pictures=tuple(study_pictures(analysis)),
+        tables=(
+            *(table for one in devices for table in device_tables(one)),
+            *(comparison_table(one) for one in analysis.comparisons),
+            targets_table(analysis),
+            Table(title="What this study does not tell", headings=("of", "why"), rows=NOT_TOLD),
+        ),
+        provenance=_provenance(analysis, pressed),
+    )
+
+
+def study_files(analysis: StudyAnalysis) -> dict[str, bytes]:
+    """The report as a page, on paper, for programs, and all readings as a table, by the names of the files."""
+    from tsis.report.paper import pdf
+
+    page = study_page(analysis)
+    return {
+        PAGE: html(page),
+        PAPER: pdf(page),
+        ANALYSIS: json_bytes(study_document(analysis)),
+        READINGS: table_bytes(_reading_rows(analysis)),
+    }
+
+
+def _record_card(analysis: StudyAnalysis) -> Card:
+    found = analysis.verification
+    if found.sound:
+        return Card(title="The record", value="as written", detail=f"head {found.head[:16]}, {found.lines} lines")
+    count = len(found.faults)
+    return Card(
+        title="The record",
+        value="CHANGED",
+        detail=f"{count} {'place differs' if count == 1 else 'places differ'} from what was written; see below",
+        doubtful=True,
+    )
+
+
+def _cards(one: DeviceAnalysis, *, several: bool) -> tuple[Card, ...]:
+    of = f", {one.judged.device}" if several else ""
+    counts, cards = one.counts, []
+    rates = {}
+    if counts is not None and counts.present:
+        rates["Sensitivity"] = counts.sensitivity
+    if counts is not None and counts.absent:
+        rates["Specificity"] = counts.specificity
+    for name, rate in rates.items():
+        told = f"{rate.successes} of {rate.trials}; {share_ends(rate)}, Wilson"
+        cards.append(Card(title=f"{name}{of}", value=f"{100 * rate.value:.3g} %", detail=told, doubtful=one.few))
+    if one.curve is not None:
+        told = f"{ends(one.auc_interval)}, {method_of(one.auc_interval)}"
+        cards.append(
+            Card(title=f"Area under the curve{of}", value=f"{one.curve.auc:.3f}", detail=told, doubtful=one.few)
+        )
+    if one.reliability is not None:
+        interval = one.brier_interval
+        told = "no interval" if interval is None else f"{ends(interval)}, {method_of(interval)}"
+        cards.append(Card(title=f"Brier score{of}", value=small(one.reliability.brier.score), detail=told))
+    return tuple(cards)
+
+
+def _provenance(analysis: StudyAnalysis, pressed: str) -> dict[str, Any]:
+    plan, study = analysis.study.plan, analysis.study
+    prior = next((each.evidence["prior"] for each in study.readings if "prior" in each.evidence), None)
+    return {
+        "study": {"name": plan.name, "made": plan.made.isoformat(), "tsis": plan.tsis},
+        "virtual probe": pressed,
+        "seed": "in the seal" if plan.seed is None else plan.seed,
+        "threshold fixed beforehand": plan.threshold,
+        "sealed truth (SHA-256)": plan.commitment,
+        **({} if prior is None else {"prior of the virtual probe": prior}),
+        "head of the log": analysis.verification.head,
+        "unblinded": analysis.verification.unblinded,
+    }
+
+
+def _reading_rows(analysis: StudyAnalysis) -> list[list[Any]]:
+    headings = ["code", "label", "present", *(f"true_{name}" for name in QUANTITIES), "device", "operator", "repeat"]
+    rows: list[list[Any]] = [
+        [*headings, "score", *QUANTITIES, *(f"sd_{name}" for name in QUANTITIES), "flags", "reason"]
+    ]
+    for each in analysis.study.readings:
+        truth = analysis.truths[each.code]
+        known = [truth.values.get(name) for name in QUANTITIES]
+        said = [
+            each.score,
+            *(each.values.get(name) for name in QUANTITIES),
+            *(each.sd.get(name) for name in QUANTITIES),
+        ]
+        by = [each.device, each.operator, each.repeat]
+        rows.append(
+            [each.code, truth.label, truth.has_inclusion, *known, *by, *said, " ".join(each.flags), each.reason]
+        )
+    return rows
+
+
+FOLDER = "analysis"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PublishedStudy:
+    """A report that was written.
+
+    Attributes
+    ----------
+    analysis
+        What it says.
+    study
+        As it is with the entry of this analysis.
+    folder
+        Where the files lie.
+    """
+
+    analysis: StudyAnalysis
+    study: Study
+    folder: Path
+
+
+def publish_study(
+    study: Study, *, by: str, out: Path | None = None, progress: Callable[[int, int], None] | None = None
+) -> PublishedStudy:
+    """Unblind a study where it is blind still, analyse it and write the report.
+
+    Parameters
+    ----------
+    study
+        With one reading at least.
+    by
+        Who unblinds and analyses it.
+    out
+        Folder to write, a number is added when it exists; ``analysis`` in the study by default.
+    progress
+        Called with (done, total) devices.
+
+    Raises
+    ------
+    FileInputError
+        When the folder cannot be written.
+    RecordsError
+        When there is no reading, or the truth cannot be read.
+    """
+    place = _own_place(study) if out is None else free_folder(out)
+    require_room(place)  # before what cannot be taken back
+    for device in study.devices:
+        study.threshold_of(device)
+    analysis = analyse(unblind(study, by=by), progress=progress)
+    files = study_files(analysis)
+    folder = write_folder(place, files)
+    inside = folder.name if folder.parent == study.folder.resolve() else ""
+    told = {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
+    return PublishedStudy(
+        analysis=analysis, study=enter_analysis(analysis.study, by=by, folder=inside, files=told), folder=folder
+    )
+
+
+def _own_place(study: Study) -> Path:
+    """A new folder in the study: a name that its log knows is not given again, though that report may be gone."""
+    known = [entry.content.get("folder") for entry in study.chain.entries if entry.action == ANALYSED]
+    names = itertools.chain([FOLDER], (f"{FOLDER}-{number}" for number in itertools.count(2)))
+    return next(study.folder / name for name in names if name not in known and not (study.folder / name).exists())

@@ -1,0 +1,162 @@
+"""Numbers of a study in words."""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING
+
+from tsis.study.analysis import FEW
+
+if TYPE_CHECKING:
+    from tsis.detection import Interval, Proportion
+    from tsis.study.analysis import DeviceAnalysis, StudyAnalysis
+
+
+NAMES = {
+    "score": ("score", ""),
+    "diameter_mm": ("diameter", "mm"),
+    "depth_mm": ("depth", "mm"),
+    "young_kpa": ("modulus", "kPa"),
+}
+METHODS = {
+    "wilson": "Wilson",
+    "newcombe": "Newcombe",
+    "delong": "DeLong",
+    "bootstrap": "bootstrap",
+    "f": "F",
+    "chi-square": "chi-square",
+    "mls": "Graybill and Wang",
+    "wald": "Wald",
+    "t": "Student",
+    "exact": "Carkeet, exact",
+}
+LEAST_SHOWN = 5e-4
+
+
+def labelled(quantity: str) -> str:
+    """Name and unit.
+
+    Examples
+    --------
+    >>> labelled("depth_mm"), labelled("score")
+    ('depth / mm', 'score')
+    """
+    name, unit = NAMES[quantity]
+    return f"{name} / {unit}" if unit else name
+
+
+def ends(interval: Interval | None, digits: int = 3) -> str:
+    """Both ends in words; a dash where there is no interval."""
+    if interval is None:
+        return "-"
+    low, high = (f"{end:.{digits}f}" if math.isfinite(end) else "no end" for end in interval)
+    return f"{low} to {high}"
+
+
+def method_of(interval: Interval | None) -> str:
+    """How an interval was made; empty where there is none."""
+    return "" if interval is None else METHODS.get(interval.method, interval.method)
+
+
+def share(proportion: Proportion | None) -> str:
+    """So many of so many, in per cent.
+
+    Examples
+    --------
+    >>> from tsis.detection import Proportion
+    >>> share(Proportion(successes=6, trials=8))
+    '75 % (6 of 8)'
+    """
+    if proportion is None:
+        return "none"
+    value = 100 * proportion.value
+    return f"{value:.3g} % ({proportion.successes} of {proportion.trials})"
+
+
+def share_ends(proportion: Proportion | None) -> str:
+    """Its Wilson interval in per cent."""
+    if proportion is None:
+        return "-"
+    low, high = (100 * end for end in proportion.interval())
+    return f"{low:.1f} to {high:.1f} %"
+
+
+def small(value: float, digits: int = 3) -> str:
+    """A number of 0 and more, which is not written as 0 where it is not.
+
+    Examples
+    --------
+    >>> small(0.01234), small(0.00001), small(0.0)
+    ('0.012', 'below 0.001', '0.000')
+    """
+    least = 10.0**-digits
+    return f"below {least:g}" if 0 < value < LEAST_SHOWN * least / 1e-3 else f"{value:.{digits}f}"
+
+
+def counted(count: int, what: str) -> str:
+    """A number of things.
+
+    Examples
+    --------
+    >>> counted(1, "target"), counted(2, "target")
+    ('1 target', '2 targets')
+    """
+    return f"{count} {what}" if count == 1 else f"{count} {what}s"
+
+
+def score_words(score: float, *, probability: bool) -> str:
+    """A score; a probability without a claim of certainty.
+
+    Examples
+    --------
+    >>> score_words(1.0, probability=True), score_words(0.25, probability=True), score_words(1.0, probability=False)
+    ('above 0.999', '0.250', '1')
+    """
+    if not probability:
+        return f"{score:.4g}"
+    return "above 0.999" if score > 0.9995 else "below 0.001" if score < 0.0005 else f"{score:.3f}"
+
+
+def record_notes(analysis: StudyAnalysis) -> tuple[str, ...]:
+    """Whether the study is as it was written, and the head by which that can be told later."""
+    found = analysis.verification
+    head = (
+        f"Unblinded {found.unblinded}. The log has {found.lines} lines; its head is {found.head}. Keep the head "
+        "elsewhere: tsis study verify --head tells from it whether the log was cut short or written anew."
+    )
+    if found.sound:
+        return ("Plan, sealed truth and every line of the log are as they were written.", head)
+    return (
+        "NOT AS IT WAS WRITTEN, in these places:",
+        *(str(fault) for fault in found.faults),
+        head,
+    )
+
+
+def few_notes(one: DeviceAnalysis) -> tuple[str, ...]:
+    """What to say of a study so small that it says little."""
+    if not one.few:
+        return ()
+    inside = sum(target.truth.has_inclusion for target in one.judged.decided)
+    outside = len(one.judged.decided) - inside
+    return (
+        f"{one.judged.device}: judged on {counted(inside, 'target')} with an inclusion and {outside} without. With "
+        f"fewer than {FEW} of a class a study says little: read the intervals, not the values.",
+    )
+
+
+def undecided_notes(one: DeviceAnalysis) -> tuple[str, ...]:
+    """What was not read or not decided, and what it would change."""
+    notes = []
+    judged, wrong = one.judged, one.counts_if_wrong
+    if judged.undecided and wrong is not None:
+        sensitivity = share(wrong.sensitivity) if wrong.present else "none"
+        specificity = share(wrong.specificity) if wrong.absent else "none"
+        area = "" if one.auc_if_wrong is None else f", area {one.auc_if_wrong:.3f}"
+        notes.append(
+            f"{judged.device}: {counted(len(judged.undecided), 'target')} undecided, left out of the numbers. Taken as "
+            f"the wrong answer: sensitivity {sensitivity}, specificity {specificity}{area}."
+        )
+    if judged.unread:
+        notes.append(f"{judged.device}: {counted(len(judged.unread), 'target')} not read, left out of the numbers.")
+    return tuple(notes)

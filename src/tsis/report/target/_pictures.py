@@ -1,0 +1,170 @@
+"""Pictures of a target: the strongest press, what it changed, profiles, every frame, and what the estimate says."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from tsis.catalog import load_probe
+from tsis.errors import InputError, TsisError, UnknownNameError
+from tsis.imaging import subtract_background
+from tsis.inclusion import InclusionPrior, ring_edges
+from tsis.report._frames import change_picture, force_of, frame_picture, profile_picture, sheet_picture, surface_picture
+from tsis.report._hardness import modulus_picture
+from tsis.report._inclusion import marginals_picture, trade_off_picture
+from tsis.report.target._text import newest_first
+
+if TYPE_CHECKING:
+    from tsis.model import TactileImage
+    from tsis.records import StoredEstimate, TargetRecord
+    from tsis.report._page import Picture
+
+
+MOST_FRAMES, MOST_PROFILES = 12, 10  # that a figure shows and a reader tells apart
+ORDER = ("target", "ball", "plain", "untouched")  # what is shown at large, where there is more than one role
+REFERENCES = ("plain", "untouched")
+GROUPS = {"target": "target", "ball": "known ball", "plain": "plain tissue"}
+CHANGES = {
+    "plain": ("What the inclusion adds", "the press on plain tissue whose force is nearest"),
+    "untouched": ("What the touch changed", "the frame of the untouched probe"),
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gallery:
+    """Pictures, and a sentence for each that could not be drawn."""
+
+    pictures: tuple[Picture, ...] = ()
+    notes: tuple[str, ...] = ()
+
+    def __add__(self, other: Gallery) -> Gallery:
+        """Both, one after the other."""
+        return Gallery(pictures=self.pictures + other.pictures, notes=self.notes + other.notes)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FrameWithRole:
+    """A frame that could be read, and the role of its press."""
+
+    role: str
+    image: TactileImage
+
+
+def target_gallery(dossier: TargetRecord) -> Gallery:
+    """Everything that the frames and the estimates in force let one draw."""
+    frames, unread = _frames(dossier)
+    gallery = unread + _posteriors(dossier) + _strongest(frames) + _profiles(dossier, frames)
+    if len(frames) > 1:
+        gallery += Gallery(pictures=(sheet_picture([(frame.role, frame.image) for frame in frames]),))
+    return gallery
+
+
+def _frames(dossier: TargetRecord) -> tuple[list[FrameWithRole], Gallery]:
+    """Frames in the order of their presses, of many those that estimates rest on, and what cannot be read."""
+    used = {press for stored in dossier.in_force for press in stored.presses}
+    numbered = list(enumerate(dossier.presses, 1))
+    chosen = sorted(numbered, key=lambda pair: (pair[1].id not in used, pair[0]))[:MOST_FRAMES]
+    frames, notes = [], []
+    for number, press in sorted(chosen, key=lambda pair: pair[0]):
+        try:
+            image = replace(dossier.image(press), name=press.name or f"press {number}")
+        except TsisError as error:
+            notes.append(f"The frame of press {number} cannot be shown: {error}.")
+        else:
+            frames.append(FrameWithRole(role=press.role, image=image))
+    if len(numbered) > len(chosen):
+        notes.append(f"The pictures show {len(chosen)} of {len(numbered)} presses.")
+    return frames, Gallery(notes=tuple(notes))
+
+
+def _posteriors(dossier: TargetRecord) -> Gallery:
+    found = Gallery()
+    for stored in newest_first(dossier):
+        found += _posterior(dossier, stored)
+    return found
+
+
+def _posterior(dossier: TargetRecord, stored: StoredEstimate) -> Gallery:
+    if not stored.estimate.trusted:
+        return Gallery()
+    estimate, truth = stored.estimate, dossier.target.truth
+    if stored.kind == "hardness":
+        return Gallery(pictures=(modulus_picture(estimate, truth.get("young_kpa")),))
+    joint = (trade_off_picture(estimate, truth),) if len(estimate.samples) > 1 else ()
+    prior = _prior(stored)
+    if prior is None:
+        return Gallery(
+            pictures=joint, notes=("The prior is not told in a way that lets one draw the posteriors in it.",)
+        )
+    return Gallery(pictures=(marginals_picture(estimate, prior, truth), *joint))
+
+
+def _prior(stored: StoredEstimate) -> InclusionPrior | None:
+    """The prior that the estimate was made with, None where its record tells another kind of prior."""
+    told = stored.estimate.provenance.get("prior") or stored.options.get("prior") or {}
+    if not isinstance(told, Mapping) or not all(hasattr(InclusionPrior, name) for name in stored.estimate.samples):
+        return None
+    fields: dict[str, Any] = {
+        str(name): tuple(value) if isinstance(value, list) else value for name, value in told.items()
+    }
+    try:
+        return InclusionPrior(**fields)
+    except (InputError, TypeError):
+        return None
+
+
+def _strongest(frames: list[FrameWithRole]) -> Gallery:
+    """The press of the highest force on what matters most, and what it changed."""
+    if not frames:
+        return Gallery()
+    shown = max(frames, key=lambda frame: (-ORDER.index(frame.role), force_of(frame.image)))
+    pictures = Gallery(pictures=(frame_picture(shown.image),))
+    if shown.role not in ("target", "ball"):
+        return pictures
+    return pictures + _change(shown.image, [frame for frame in frames if frame.role in REFERENCES])
+
+
+def _change(target: TactileImage, references: list[FrameWithRole]) -> Gallery:
+    near = min(
+        references,
+        key=lambda frame: (REFERENCES.index(frame.role), abs(force_of(frame.image) - force_of(target))),
+        default=None,
+    )
+    signal, pictures, notes = target, [], []
+    if near is not None:
+        title, what = CHANGES[near.role]
+        try:
+            signal = subtract_background(target, near.image)
+        except InputError as error:
+            notes.append(f"{target.name} cannot be compared with {near.image.name}: {error}.")
+        else:
+            said = f"{target.name} minus {near.image.name}, {what}; outline and centroid in white."
+            pictures.append(change_picture(signal, title=title, caption=said))
+    if signal.mm_per_pixel is not None and min(signal.grey.shape) > 1:
+        pictures.append(surface_picture(signal))
+    return Gallery(pictures=tuple(pictures), notes=tuple(notes))
+
+
+def _profiles(dossier: TargetRecord, frames: list[FrameWithRole]) -> Gallery:
+    """Ring means, for which probe and scale must be known."""
+    scaled = [frame for frame in frames if frame.role in GROUPS and frame.image.mm_per_pixel is not None]
+    if not scaled:
+        return Gallery()
+    name = _probe(dossier)
+    try:
+        edges = ring_edges(load_probe(name))
+    except UnknownNameError:
+        said = f"the catalog has no probe {name}" if name else "nobody wrote down which probe pressed"
+        return Gallery(notes=(f"Profiles in rings are left out: {said}.",))
+    scaled = sorted(scaled, key=lambda frame: -force_of(frame.image))[:MOST_PROFILES]
+    groups = {words: [frame.image for frame in scaled if frame.role == role] for role, words in GROUPS.items()}
+    rests = any(stored.kind == "inclusion" for stored in dossier.in_force)
+    title = "The profiles that the estimate rests on" if rests else "Profiles"
+    return Gallery(pictures=(profile_picture(groups, edges, title=title),))
+
+
+def _probe(dossier: TargetRecord) -> str:
+    if dossier.in_force:  # that of the inclusion where there is one, which rests on profiles
+        return dossier.in_force[0].probe
+    return next((press.probe for press in dossier.presses if press.probe), "")

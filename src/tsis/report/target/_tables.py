@@ -1,0 +1,161 @@
+"""Tables of a target: the estimate in force beside the truth, the presses, the calibrations, earlier estimates."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.model import INTERVAL_LEVEL, NO_UNIT, label_of, unit_of
+from tsis.report._calibration import held_rows
+from tsis.report._document import sd_text, withheld_reason
+from tsis.report._hardness import hardness_rows
+from tsis.report._inclusion import TITLES
+from tsis.report._page import Table
+from tsis.report.target._text import SHORT, heading, newest_first, time_text
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from tsis.model import Estimate
+    from tsis.records import StoredEstimate, StoredPress, TargetRecord
+
+
+def target_tables(dossier: TargetRecord) -> tuple[Table, ...]:
+    """All tables that there is anything to say in."""
+    return (
+        *_result(dossier),
+        *_presses(dossier),
+        *(
+            Table(
+                title=f"Calibration {known.name} ({identity[:SHORT]})",
+                headings=("quantity", "value", "95 % interval"),
+                rows=held_rows(known, cited=identity),
+            )
+            for identity, known in sorted(dossier.calibrations.items())
+        ),
+        *history_tables(dossier),
+    )
+
+
+def parameter_label(name: str) -> tuple[str, str]:
+    """Words and unit of a parameter."""
+    if name in TITLES:
+        return TITLES[name]
+    unit = unit_of(name)
+    return label_of(name), "" if unit == NO_UNIT else unit
+
+
+def measure(value: float, unit: str) -> str:
+    """A number with its unit."""
+    return f"{value:.4g} {unit}".strip()
+
+
+def _result(dossier: TargetRecord) -> tuple[Table, ...]:
+    truth = dossier.target.truth
+    if not dossier.estimates:
+        known = tuple(
+            (parameter_label(name)[0], measure(value, parameter_label(name)[1])) for name, value in truth.items()
+        )
+        return (
+            (Table(title="What is true of the phantom", headings=("quantity", "truth"), rows=known),) if known else ()
+        )
+    return tuple(_estimate_in_force(dossier, stored) for stored in newest_first(dossier))
+
+
+def _estimate_in_force(dossier: TargetRecord, stored: StoredEstimate) -> Table:
+    title, truth = heading(dossier, stored, "Estimate in force"), dossier.target.truth
+    if stored.kind == "hardness":
+        true = [
+            (f"truth of {parameter_label(name)[0]}", measure(value, parameter_label(name)[1]))
+            for name, value in truth.items()
+        ]
+        values = (*hardness_rows(stored.estimate), *true)
+        return Table(title=title, headings=("quantity", "value"), rows=values)
+    headings = ("quantity", "mean", "90 % interval", "sd", "prior sd", "least sd (Cramér-Rao)")
+    names = (*stored.estimate.samples, *(name for name in truth if name not in stored.estimate.samples))
+    rows = tuple(_parameter_row(stored.estimate, name, truth) for name in names)
+    return Table(title=title, headings=(*headings, "truth") if truth else headings, rows=rows)
+
+
+def _parameter_row(estimate: Estimate, name: str, truth: Mapping[str, float]) -> tuple[str, ...]:
+    words, unit = parameter_label(name)
+    known = () if not truth else (measure(truth[name], unit) if name in truth else "not known",)
+    if name not in estimate.samples:
+        return (words, "not estimated", "", "", "", "", *known)
+    doubt = withheld_reason(estimate, name)
+    if not estimate.trusted:
+        return (words, doubt, "", "", "", "", *known)
+    low, high = estimate.interval(INTERVAL_LEVEL)[name]
+    bound = estimate.cramer_rao_sd.get(name, np.inf)
+    return (
+        words,
+        doubt or f"{estimate.mean[name]:.3g} {unit}",
+        f"{low:.3g} to {high:.3g} {unit}",
+        sd_text(estimate.sd[name]),
+        sd_text(estimate.prior_sd[name]),
+        sd_text(bound) if np.isfinite(bound) else "none known",
+        *known,
+    )
+
+
+def _presses(dossier: TargetRecord) -> tuple[Table, ...]:
+    if not dossier.presses:
+        return ()
+    noted = any(press.name or press.note for press in dossier.presses)
+    headings = ("no.", "taken (UTC)", "role", "force", "mm per pixel", "flags", "frame, SHA-256")
+    rows = tuple(
+        _press_row(number, press) + ((_said(press),) if noted else ())
+        for number, press in enumerate(dossier.presses, 1)
+    )
+    return (Table(title="Presses", headings=(*headings, "name and note") if noted else headings, rows=rows),)
+
+
+def _press_row(number: int, press: StoredPress) -> tuple[str, ...]:
+    return (
+        str(number),
+        time_text(press.taken),
+        press.role,
+        "not measured" if press.force_n is None else f"{press.force_n:.3g} N",
+        "not known" if press.mm_per_pixel is None else "{:.4g} × {:.4g}".format(*press.mm_per_pixel),
+        ", ".join(press.flags) or "none",
+        press.frame[:SHORT],
+    )
+
+
+def _said(press: StoredPress) -> str:
+    return ": ".join(part for part in (press.name, press.note) if part)
+
+
+def history_tables(dossier: TargetRecord) -> tuple[Table, ...]:
+    """Every estimate that was made; no table where there is none."""
+    if not dossier.estimates:
+        return ()
+    headings = ("made (UTC)", "estimate", "kind", "tsis", "mean and 90 % interval", "presses", "takes the place of")
+    rows = tuple(_history_row(stored) for stored in dossier.estimates)
+    return (Table(title="All estimates, the last of each kind in force", headings=headings, rows=rows),)
+
+
+def _history_row(stored: StoredEstimate) -> tuple[str, ...]:
+    estimate = stored.estimate
+    told = "; ".join(_told(estimate, name) for name in estimate.samples)
+    return (
+        time_text(stored.made),
+        stored.id[:SHORT],
+        stored.kind,
+        _version(stored.environment),
+        told if estimate.trusted else "not to be trusted",
+        str(len(stored.presses)),
+        stored.supersedes[:SHORT] if stored.supersedes else "none",
+    )
+
+
+def _version(environment: Mapping[str, Any]) -> str:
+    return str(environment.get("tsis", "not known"))
+
+
+def _told(estimate: Estimate, name: str) -> str:
+    words, unit = parameter_label(name)
+    low, high = estimate.interval(INTERVAL_LEVEL)[name]
+    mean = withheld_reason(estimate, name) or f"{estimate.mean[name]:.3g} {unit}".strip()
+    return f"{words} {mean} ({low:.3g} to {high:.3g})"

@@ -1,0 +1,160 @@
+"""What the page of a subject is made of: the records without what may identify, but for label, number and times."""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import replace
+from datetime import UTC
+from typing import TYPE_CHECKING
+
+from tsis.calibration.guard import FLAGS
+from tsis.report._hardness import estimate_sentences
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from datetime import datetime
+
+    from tsis.records import StoredEstimate, StoredPress, TargetRecord
+
+
+SAID = (
+    "Notes, settings, names of files, and probes and flags that tsis does not know are left out, since this is a "
+    "subject: the page shows the pseudonym only."
+)
+
+
+def without_identity(dossier: TargetRecord) -> TargetRecord:
+    """A phantom's as it is; a subject's with the label alone, which is a pseudonym, and identities of this page."""
+    if dossier.target.kind != "subject":
+        return dossier
+    from tsis.records import deidentified  # loads the libraries of records, as the dossier has
+
+    found = deidentified(dossier)
+    presses = {press.id: f"press {number}" for number, press in enumerate(found.presses, 1)}
+    estimates = {stored.id: f"estimate {number}" for number, stored in enumerate(found.estimates, 1)}
+    return replace(
+        found,
+        target=replace(found.target, id="not told", name=dossier.target.name),
+        presses=tuple(replace(press, id=presses[press.id]) for press in found.presses),
+        estimates=tuple(_renamed(stored, presses, estimates) for stored in found.estimates),
+    )
+
+
+def _renamed(stored: StoredEstimate, presses: dict[str, str], estimates: dict[str, str]) -> StoredEstimate:
+    return replace(
+        stored,
+        id=estimates[stored.id],
+        supersedes=estimates.get(stored.supersedes, "another") if stored.supersedes else None,
+        presses=tuple(presses.get(each, "another press") for each in stored.presses),
+    )
+
+
+MOST_NAMED = 12  # presses that a sentence names by their numbers
+SHORT = 12  # letters of a SHA-256 or an identity that tell it from others on a page
+
+
+def time_text(when: datetime) -> str:
+    """A time as pages show it, in UTC."""
+    return f"{when.astimezone(UTC):%Y-%m-%d %H:%M:%S}"
+
+
+def count_of(number: int, what: str) -> str:
+    """``"1 press"``, ``"2 presses"``."""
+    plural = f"{what}es" if what.endswith("s") else f"{what}s"
+    return f"{number} {what if number == 1 else plural}"
+
+
+def roles(presses: Sequence[StoredPress]) -> str:
+    """How many presses there are of each role."""
+    from tsis.records import ROLE_WORDS  # loads the libraries of records, which have loaded for a press
+
+    counts = Counter(press.role for press in presses)
+    return ", ".join(f"{counts[role]} {words}" for role, words in ROLE_WORDS.items() if counts[role])
+
+
+def newest_first(dossier: TargetRecord) -> tuple[StoredEstimate, ...]:
+    """The estimates in force, of each kind one."""
+    return tuple(sorted(dossier.in_force, key=lambda stored: stored.made, reverse=True))
+
+
+def heading(dossier: TargetRecord, stored: StoredEstimate, title: str) -> str:
+    """A title, with the kind of the estimate that it is of where more than one is in force."""
+    return f"{title} ({stored.kind})" if len(dossier.in_force) > 1 else title
+
+
+def target_notes(dossier: TargetRecord) -> tuple[str, ...]:
+    """All sentences, those of the estimate in force first."""
+    return (
+        *_estimate_notes(dossier),
+        *_flag_notes(dossier),
+        *_gap_notes(dossier),
+        *(f"Left out: {sentence}." for sentence in dossier.damaged),
+        *((f"Note: {dossier.target.note}",) if dossier.target.note else ()),
+        *((SAID,) if dossier.target.kind == "subject" else ()),
+    )
+
+
+def _estimate_notes(dossier: TargetRecord) -> tuple[str, ...]:
+    found = newest_first(dossier)
+    if not found:
+        return ("Nothing was estimated from these presses yet.",) if dossier.presses else ("Nothing was recorded yet.",)
+    said = []
+    for stored in found:
+        told = (*estimate_sentences(stored), origin(stored), *_coverage(dossier, stored))
+        said += [f"Of the {stored.kind}: {sentence}" if len(found) > 1 else sentence for sentence in told]
+    return tuple(said)
+
+
+def origin(stored: StoredEstimate) -> str:
+    """What an estimate was made from, when and by which code."""
+    version = f"tsis {stored.environment['tsis']}" if "tsis" in stored.environment else "an unknown version of tsis"
+    again = f" It takes the place of {stored.supersedes[:SHORT]}." if stored.supersedes else ""
+    return (
+        f"Estimated {time_text(stored.made)} UTC by {version} from {count_of(len(stored.presses), 'press')} of probe "
+        f"{stored.probe or 'not named'} with calibration {stored.calibration[:SHORT]}.{again}"
+    )
+
+
+def _coverage(dossier: TargetRecord, stored: StoredEstimate) -> tuple[str, ...]:
+    known = {press.id for press in dossier.presses}
+    left, gone = len(known.difference(stored.presses)), len(set(stored.presses).difference(known))
+    said = [f"The estimate does not rest on {count_of(left, 'other press')} of this target."] if left else []
+    if gone:
+        said.append(f"The store no longer shows {count_of(gone, 'press')} that the estimate rests on.")
+    return tuple(said)
+
+
+def _flag_notes(dossier: TargetRecord) -> tuple[str, ...]:
+    """One sentence a flag of the press guard: the presses that it was raised for, and what it means."""
+    raised: dict[str, list[int]] = {}
+    for number, press in enumerate(dossier.presses, 1):
+        for flag in press.flags:
+            raised.setdefault(flag, []).append(number)
+    return tuple(
+        f"{_numbered(numbers)} flagged {flag}: "
+        f"{FLAGS[flag].means if flag in FLAGS else 'no flag of the press guard; somebody wrote it down'}."
+        for flag, numbers in raised.items()
+    )
+
+
+def _gap_notes(dossier: TargetRecord) -> tuple[str, ...]:
+    """What nobody measured."""
+    pressed = [(number, press) for number, press in enumerate(dossier.presses, 1) if press.role != "untouched"]
+    gaps = {
+        "without a measured force": [number for number, press in pressed if press.force_n is None],
+        "without a scale, so that lengths are in pixels": [
+            number for number, press in enumerate(dossier.presses, 1) if press.mm_per_pixel is None
+        ],
+        "without a calibration": [
+            number for number, press in enumerate(dossier.presses, 1) if press.calibration is None
+        ],
+    }
+    return tuple(f"{_numbered(numbers)} {what}." for what, numbers in gaps.items() if numbers)
+
+
+def _numbered(numbers: Sequence[int]) -> str:
+    if len(numbers) == 1:
+        return f"Press {numbers[0]} is"
+    if len(numbers) > MOST_NAMED:
+        return f"{len(numbers)} presses, the first of them {numbers[0]}, are"
+    return f"Presses {', '.join(map(str, numbers[:-1]))} and {numbers[-1]} are"

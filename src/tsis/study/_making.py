@@ -1,0 +1,213 @@
+"""Lists of targets for a study: those of the catalog, or drawn by chance."""
+
+from __future__ import annotations
+
+import os
+import secrets
+from dataclasses import replace
+from datetime import UTC, datetime
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.__about__ import __version__
+from tsis.catalog import load_phantom, load_probe
+from tsis.errors import InputError, RecordsError
+from tsis.files import as_path, atomic_folder, one_line, printable_path
+from tsis.inclusion import InclusionPrior
+from tsis.model import LARGEST_SEED, Inclusion, Phantom, require_integer, require_number, require_type
+from tsis.study._folder import CREATED, PLAN, SEAL, open_study, user
+from tsis.study._log import LOG_FILE, Chain, Draft, link_entries
+from tsis.study._plan import StudyPlan, coded
+from tsis.study._seal import SealedTruth, commitment
+from tsis.study._values import TargetTruth, require_short_name
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from tsis.study._folder import Study
+
+
+MOST_TARGETS = 100_000  # of one kind
+PRINTED = 8  # inclusions of the catalog for studies of detection
+DIAMETER_MM, DEPTH_MM, YOUNG_KPA = (2.0, 15.0), (4.0, 12.0), (40.0, 120.0)
+LARGEST_POISSON = 0.4949
+CLEARANCE = 0.97  # of the slab that an inclusion may reach down to
+
+
+def printed_targets(present: int = PRINTED, blank: int = PRINTED) -> tuple[TargetTruth, ...]:
+    """Phantoms ``detection-1`` to ``detection-8`` of the catalog, over and over, and ``detection-blank``.
+
+    Parameters
+    ----------
+    present, blank
+        How many with and without an inclusion; one at least in all.
+
+    Raises
+    ------
+    InputError
+        When a number is negative or too large, or both are 0.
+
+    Examples
+    --------
+    >>> [target.has_inclusion for target in printed_targets(1, 2)]
+    [True, False, False]
+    """
+    _check_numbers(present, blank)
+    names = [f"detection-{1 + number % PRINTED}" for number in range(present)] + ["detection-blank"] * blank
+    return tuple(TargetTruth(label=name, phantom=_unnamed(load_phantom(name))) for name in names)
+
+
+def random_targets(present: int, blank: int, *, rng: np.random.Generator) -> tuple[TargetTruth, ...]:
+    """Inclusions of 2 to 15 mm, 4 to 12 mm deep, of 40 to 120 kPa, and blanks; tissue varies alike in both.
+
+    Tissue is drawn from what the estimator believes of it, `tsis.inclusion.InclusionPrior`; the slab's thickness is
+    drawn again until the inclusion fits.
+
+    Parameters
+    ----------
+    present, blank
+        How many with and without an inclusion; one at least in all.
+    rng
+        Source of the draws.
+
+    Raises
+    ------
+    InputError
+        When a number is negative or too large, or both are 0.
+    """
+    _check_numbers(present, blank)
+    require_type("rng", rng, np.random.Generator)
+    prior = InclusionPrior()
+    with_one = [
+        TargetTruth(label=f"random-{number + 1}", phantom=_drawn_with_inclusion(prior, rng))
+        for number in range(present)
+    ]
+    without = [
+        TargetTruth(label=f"blank-{number + 1}", phantom=_drawn_tissue(prior, rng, at_least_mm=0.0))
+        for number in range(blank)
+    ]
+    return (*with_one, *without)
+
+
+def _drawn_with_inclusion(prior: InclusionPrior, rng: np.random.Generator) -> Phantom:
+    diameter, depth, young = (float(rng.uniform(*ends)) for ends in (DIAMETER_MM, DEPTH_MM, YOUNG_KPA))
+    tissue = _drawn_tissue(prior, rng, at_least_mm=(diameter + depth) / CLEARANCE)
+    lump = Inclusion(diameter_mm=diameter, depth_mm=depth, young_kpa=young, poisson=tissue.poisson)
+    return replace(tissue, inclusion=lump)
+
+
+def _drawn_tissue(prior: InclusionPrior, rng: np.random.Generator, *, at_least_mm: float) -> Phantom:
+    young = prior.tissue_young_kpa * float(np.exp(prior.tissue_young_sd * rng.standard_normal()))
+    poisson = min(prior.poisson + prior.poisson_sd * float(rng.standard_normal()), LARGEST_POISSON)
+    while True:
+        thickness = prior.thickness_mm * float(np.exp(prior.thickness_sd * rng.standard_normal()))
+        if thickness > at_least_mm:
+            return Phantom(young_kpa=young, thickness_mm=thickness, poisson=poisson)
+
+
+def _check_numbers(present: int, blank: int) -> None:
+    require_integer("present", present, 0, MOST_TARGETS)
+    require_integer("blank", blank, 0 if present else 1, MOST_TARGETS, hint="a study needs a target")
+
+
+def _unnamed(phantom: Phantom) -> Phantom:
+    """Without what would tell who it is, or what of it was assumed: the label says where it came from."""
+    lump = phantom.inclusion
+    return Phantom(
+        young_kpa=phantom.young_kpa, thickness_mm=phantom.thickness_mm, poisson=phantom.poisson, inclusion=lump
+    )
+
+
+THRESHOLD = 0.5
+
+
+def new_study(
+    folder: str | os.PathLike[str],
+    targets: Sequence[TargetTruth] | Callable[[int], Sequence[TargetTruth]],
+    *,
+    name: str = "",
+    seed: int | None = None,
+    probe: str = "tsis-domed",
+    forces_n: Sequence[float] | None = None,
+    with_reference: bool = True,
+    repeats: int = 1,
+    threshold: float = THRESHOLD,
+    actor: str = "",
+) -> Study:
+    """Make a study: its folder appears whole or not at all.
+
+    Parameters
+    ----------
+    folder
+        A new one.
+    targets
+        What is to be read, in any order; or what gives the targets for a seed, where they are drawn.
+    name
+        Of the study; that of the folder by default.
+    seed
+        What codes and order follow from. Whoever knows it can make the same study and read its truth; None draws one
+        and keeps it in the seal.
+    probe, forces_n, with_reference
+        How the virtual probe presses: by default with 0.5 and 1 N under a dome, else 1 N.
+    repeats
+        How often an operator reads every target.
+    threshold
+        From which score on a target is called one with an inclusion.
+    actor
+        Who makes it; the user of this machine by default.
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range, or there is no target.
+    RecordsError
+        When the folder exists or cannot be made.
+    """
+    place = as_path(folder)
+    given = seed
+    seed = secrets.randbelow(LARGEST_SEED) if seed is None else require_integer("seed", seed, 0, LARGEST_SEED)
+    listed = tuple(targets(seed) if callable(targets) else targets)
+    if not listed:
+        raise InputError("targets must be at least one; got none")
+    for each in listed:
+        require_type("targets", each, TargetTruth)
+    truths = coded(listed, seed)
+    sealed = SealedTruth(salt=secrets.token_hex(32), seed=seed, truths=truths).content()
+    if forces_n is None:
+        forces_n = (1.0,) if load_probe(probe).face_curvature_mm is None else (0.5, 1.0)
+    plan = StudyPlan(
+        name=name or place.resolve().name,
+        seed=given,
+        probe=probe,
+        forces_n=tuple(forces_n),
+        with_reference=with_reference,
+        repeats=repeats,
+        threshold=float(require_number("threshold", threshold, -1e12, 1e12)),
+        codes=tuple(truths),
+        commitment=commitment(sealed),
+        made=datetime.now(UTC),
+        tsis=__version__,
+    )
+    planned = plan.content()
+    begun = {"study_sha256": commitment(planned), "truth_sha256": plan.commitment, "tsis": __version__}
+    nothing = Chain(entries=(), lines=0, breaks={})
+    first = link_entries(
+        nothing, [Draft(actor=require_short_name("actor", actor or user()), action=CREATED, content=begun)], plan.made
+    )
+    try:
+        with atomic_folder(place) as draft:
+            (draft / PLAN).write_bytes(planned)
+            handle = os.open(draft / SEAL, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+            with os.fdopen(handle, "wb") as file:
+                file.write(sealed)
+            (draft / LOG_FILE).write_bytes(f"{first[0].line()}\n".encode())
+    except FileExistsError as error:
+        raise RecordsError(
+            f"{printable_path(place)} must be a new name; there is such a file or folder (choose another)"
+        ) from error
+    except (OSError, ValueError) as error:
+        raise RecordsError(
+            f"{printable_path(place)} must be a place that can be written; got: {one_line(error)}"
+        ) from error
+    return open_study(place)

@@ -1,0 +1,225 @@
+"""Codes that tell nothing of what they stand for, in an order that chance decides."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass
+from datetime import datetime
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from tsis.__about__ import RESEARCH_USE_ONLY
+from tsis.catalog import list_probes
+from tsis.errors import FileInputError, InputError, RecordsError
+from tsis.files import SHA256, parse_object
+from tsis.model import LARGEST_SEED, require_integer, require_number, require_one_of, require_type
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+
+LETTERS = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"  # without those that are taken for each other
+LENGTH = 4
+CODES, ORDER, TARGETS = 1, 2, 3  # what a seed is used for: each use draws apart from the others
+
+Target = TypeVar("Target")
+
+
+def coded(targets: Sequence[Target], seed: int) -> dict[str, Target]:
+    """Give every target a code, and put them into the order in which they are to be read.
+
+    Codes and order follow from the seed and the number of targets alone, never from what the targets are.
+
+    Parameters
+    ----------
+    targets
+        In any order.
+    seed
+        Whole, from 0.
+
+    Returns
+    -------
+    dict
+        Targets by code, in the order of reading.
+
+    Raises
+    ------
+    InputError
+        When the seed is no whole number.
+
+    Examples
+    --------
+    >>> list(coded(["a", "b", "c"], seed=1)) == list(coded(["x", "y", "z"], seed=1))
+    True
+    """
+    require_integer("seed", seed, 0, LARGEST_SEED)
+    order = np.random.default_rng([seed, ORDER]).permutation(len(targets))
+    return {code: targets[place] for code, place in zip(_codes(len(targets), seed), order.tolist(), strict=True)}
+
+
+def _codes(count: int, seed: int) -> list[str]:
+    rng, found = np.random.default_rng([seed, CODES]), dict[str, None]()
+    while len(found) < count:
+        found["T-" + "".join(LETTERS[place] for place in rng.integers(len(LETTERS), size=LENGTH))] = None
+    return list(found)
+
+
+FORMAT, VERSION = "tsis-study", 1
+LONGEST_NAME, MOST_FORCES, MOST_REPEATS = 120, 16, 1000
+LARGEST_THRESHOLD = 1e12
+CODE = re.compile(r"T-[2-9A-HJ-NP-Z]{4}")
+JUDGED_BY = "the first reading of each target by each device"
+UNDECIDED = "counted apart, and also as the wrong answer"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudyPlan:
+    """The plan of a study, without anything of the truth.
+
+    Parameters
+    ----------
+    name
+        Of the study.
+    seed
+        What codes, order and drawn targets follow from; None where it lies in the seal with the truth.
+    probe
+        Name of the virtual probe in the catalog.
+    forces_n
+        Forces with which it presses every target, newtons.
+    with_reference
+        Whether it presses plain tissue nearby too.
+    repeats
+        How often an operator reads every target.
+    threshold
+        A target is called one with an inclusion where its score is at least this; fixed before any reading.
+    codes
+        Of the targets, in the order of reading.
+    commitment
+        SHA-256 of the sealed truth.
+    made
+        When, with its offset from UTC.
+    tsis
+        Version that made it.
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range.
+    """
+
+    name: str
+    seed: int | None
+    probe: str
+    forces_n: tuple[float, ...]
+    with_reference: bool
+    repeats: int
+    threshold: float
+    codes: tuple[str, ...]
+    commitment: str
+    made: datetime
+    tsis: str
+
+    def __post_init__(self) -> None:
+        for name in ("name", "tsis"):
+            text = getattr(self, name)
+            require_type(name, text, str)
+            if not 0 < len(text) <= LONGEST_NAME or not text.isprintable():
+                raise InputError(f"{name} must be 1 to {LONGEST_NAME} printable letters; got {text!r:.80}")
+        if self.seed is not None:
+            require_integer("seed", self.seed, 0, LARGEST_SEED)
+        require_one_of("probe", self.probe, list_probes())
+        forces = tuple(require_number("forces_n", force, 1e-4, 20.0, hint="newtons") for force in self.forces_n)
+        if not 0 < len(forces) <= MOST_FORCES or len(set(forces)) < len(forces):
+            raise InputError(f"forces_n must be 1 to {MOST_FORCES} different forces; got {list(self.forces_n)!r:.80}")
+        object.__setattr__(self, "forces_n", forces)
+        require_type("with_reference", self.with_reference, bool)
+        require_integer("repeats", self.repeats, 1, MOST_REPEATS)
+        require_number("threshold", self.threshold, -LARGEST_THRESHOLD, LARGEST_THRESHOLD)
+        object.__setattr__(self, "codes", tuple(self.codes))
+        bad = [code for code in self.codes if not isinstance(code, str) or not CODE.fullmatch(code)]
+        if bad or not self.codes or len(set(self.codes)) < len(self.codes):
+            raise InputError(
+                f"codes must be different codes such as T-7F3K, at least one; got {bad or self.codes!r:.80}"
+            )
+        if not isinstance(self.commitment, str) or not SHA256.fullmatch(self.commitment):
+            raise InputError(f"commitment must be a SHA-256 in hexadecimal digits; got {self.commitment!r:.80}")
+        require_type("made", self.made, datetime)
+
+    @property
+    def device(self) -> str:
+        """What the readings of its virtual probe are entered under."""
+        return f"virtual {self.probe}"
+
+    def content(self) -> bytes:
+        """The file."""
+        return (
+            json.dumps(
+                {
+                    "format": FORMAT,
+                    "version": VERSION,
+                    "notice": RESEARCH_USE_ONLY,
+                    "tsis": self.tsis,
+                    "name": self.name,
+                    "made": self.made.isoformat(),
+                    "seed": self.seed,
+                    "probe": self.probe,
+                    "forces_n": list(self.forces_n),
+                    "with_reference": self.with_reference,
+                    "repeats": self.repeats,
+                    "threshold": self.threshold,
+                    "judged_by": JUDGED_BY,
+                    "undecided": UNDECIDED,
+                    "codes": list(self.codes),
+                    "truth_sha256": self.commitment,
+                },
+                indent=2,
+                allow_nan=False,
+            )
+            + "\n"
+        ).encode()
+
+
+def parse_study_plan(content: bytes, name: str) -> StudyPlan:
+    """The plan in the content of a ``study.json``; ``name`` says in errors where it came from.
+
+    Raises
+    ------
+    RecordsError
+        When it holds no plan that this version reads.
+    """
+    try:
+        plain = parse_object(content, name, values=2_000_000)
+        require_study_format(plain, FORMAT, VERSION)
+        return _plan(plain)
+    except FileInputError as error:  # which names the file
+        raise RecordsError(str(error)) from error
+    except InputError as error:
+        raise RecordsError(f"{name}: {error}") from error
+    except (KeyError, TypeError, ValueError) as error:
+        raise RecordsError(f"{name} must hold every part of a study's plan; wrong or missing: {error!s:.80}") from error
+
+
+def require_study_format(plain: Mapping[str, Any], form: str, version: int) -> None:
+    """Refuse a file of another kind or version."""
+    if plain.get("format") != form:
+        raise InputError(f"format must be {form!r}; got {plain.get('format')!r:.60}")
+    if plain.get("version") != version:
+        raise InputError(f"version must be {version}; got {plain.get('version')!r:.60} (use the tsis that made it)")
+
+
+def _plan(plain: Mapping[str, Any]) -> StudyPlan:
+    return StudyPlan(
+        name=plain["name"],
+        seed=plain["seed"],
+        probe=plain["probe"],
+        forces_n=tuple(plain["forces_n"]),
+        with_reference=plain["with_reference"],
+        repeats=plain["repeats"],
+        threshold=plain["threshold"],
+        codes=tuple(plain["codes"]),
+        commitment=plain["truth_sha256"],
+        made=datetime.fromisoformat(plain["made"]),
+        tsis=plain["tsis"],
+    )

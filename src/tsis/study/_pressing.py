@@ -1,0 +1,246 @@
+"""The virtual probe reads what is left of a study, target by target."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import asdict, dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.__about__ import __version__
+from tsis.calibration.file import ProbeCalibration, calibration_sha256
+from tsis.catalog import load_probe
+from tsis.errors import InputError, MechanicsError, RecordsError
+from tsis.files import one_line
+from tsis.inclusion import UNTRUSTED_FLAGS, InclusionPrior, estimate
+from tsis.mechanics.surrogate import build_full_contact_surrogate
+from tsis.model import INTERVAL_LEVEL, LARGEST_SEED, require_integer
+from tsis.optics.irradiance import irradiance
+from tsis.study._folder import PLAN, enter_readings, open_study, read_seal, user
+from tsis.study._log import run_lock
+from tsis.study._values import QUANTITIES, DeviceReading, require_short_name
+from tsis.virtual import VirtualProbe
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from tsis.model import Estimate, Phantom, TactileImage
+    from tsis.optics.irradiance import Irradiance
+    from tsis.records.store import Store
+    from tsis.study._folder import Study
+    from tsis.study._values import TargetTruth
+
+
+NO_INCLUSION = "no_inclusion"  # an answer, though nothing can be measured then
+NOT_TRUSTED = "the estimate is not to be trusted"
+NOT_PRESSED = "the press could not be computed"  # why would tell of the truth
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunResult:
+    """What a run did.
+
+    Attributes
+    ----------
+    study
+        As it is then.
+    entered
+        How many readings came in.
+    undecided
+        How many of them are.
+    left
+        How many are still to be made by this operator.
+    """
+
+    study: Study
+    entered: int
+    undecided: int
+    left: int
+
+
+def press_study(
+    study: Study,
+    *,
+    operator: str = "",
+    seed: int = 0,
+    keep: Store | None = None,
+    progress: Callable[[int, int], None] | None = None,
+    preparing: Callable[[int, int], None] | None = None,
+    ended: Callable[[], bool] | None = None,
+) -> RunResult:
+    """Press what an operator has still to read, estimate, and enter each reading at once.
+
+    Every reading is made by a virtual probe with errors of its own, drawn for the seed, the code, the operator and the
+    repeat: whoever stops it anywhere and goes on has the readings of an undisturbed run. Nothing of the truth gets into
+    the log, nor into the store.
+
+    Parameters
+    ----------
+    study
+        Which one; it must be blind and as it was made.
+    operator
+        Who holds the probe; the user of this machine by default. Another one reads every target anew.
+    seed
+        Of the probe's errors.
+    keep
+        Store of phantoms that gets frames, calibration and estimate under each code.
+    progress
+        Called with (done, total) readings.
+    preparing
+        Called with (done, total) while the model of this probe is built, which is kept for next time.
+    ended
+        Asked before each reading whether to stop.
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range.
+    RecordsError
+        When the study is unblinded, its files are not as they were made, or another run is under way.
+    """
+    operator = require_short_name("operator", operator or user())
+    require_integer("seed", seed, 0, LARGEST_SEED)
+    seal, unchanged = read_seal(study)
+    if not unchanged:
+        raise RecordsError(
+            "the sealed truth must be the one that was sealed; it was changed (tsis study verify tells more)"
+        )
+    if study.unblinded is not None:
+        raise RecordsError("readings must come before a study is unblinded; this one is, so nothing was pressed")
+    with run_lock(study.folder / PLAN):
+        study = open_study(study.folder)  # another run may just have ended
+        left = study.missing(study.plan.device, operator)
+        bench = None if not left else _Bench.of(study, preparing)
+        entered = undecided = 0
+        for done, (code, repeat) in enumerate(left):
+            if progress is not None:
+                progress(done, len(left))
+            if ended is not None and ended():
+                break
+            assert bench is not None
+            rng = _rng(seed, code, operator, repeat)
+            reading = bench.read(seal.truths[code], rng, keep, code=code, operator=operator, repeat=repeat, seed=seed)
+            study = enter_readings(study, [reading], actor=operator)
+            entered, undecided = entered + 1, undecided + reading.undecided
+    if progress is not None and left:
+        progress(entered, len(left))
+    return RunResult(study=study, entered=entered, undecided=undecided, left=len(left) - entered)
+
+
+def _rng(seed: int, code: str, operator: str, repeat: int) -> np.random.Generator:
+    """Source of the errors of one reading, whichever were made before it."""
+    named_by = hashlib.sha256(f"{code}\0{operator}\0{repeat}".encode()).digest()
+    return np.random.default_rng([seed, *np.frombuffer(named_by, dtype=np.uint32).tolist()])
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Bench:
+    """The probe of a study, its light and what is believed before any press."""
+
+    study: Study
+    light: Irradiance
+    prior: InclusionPrior
+
+    @classmethod
+    def of(cls, study: Study, preparing: Callable[[int, int], None] | None) -> _Bench:
+        probe, prior = load_probe(study.plan.probe), InclusionPrior()
+        light = irradiance(probe, progress=preparing)
+        build_full_contact_surrogate(probe, prior.box(), progress=preparing)
+        return cls(study=study, light=light, prior=prior)
+
+    def read(
+        self,
+        truth: TargetTruth,
+        rng: np.random.Generator,
+        store: Store | None,
+        *,
+        code: str,
+        operator: str,
+        repeat: int,
+        seed: int,
+    ) -> DeviceReading:
+        """Press one target and estimate."""
+        plan = self.study.plan
+        blank = DeviceReading(code=code, device=plan.device, operator=operator, repeat=repeat, score=None)
+        virtual = VirtualProbe(load_probe(plan.probe), rng=rng, light=self.light)
+        calibration = virtual.calibration
+        known = ProbeCalibration(name=calibration.name, probe=plan.probe, response=calibration)
+        evidence: dict[str, Any] = {"tsis": __version__, "seed": seed, "calibration_sha256": calibration_sha256(known)}
+        try:
+            targets, references = self._frames(virtual, truth.phantom, rng, code)
+        except (InputError, MechanicsError):
+            return replace(blank, reason=NOT_PRESSED, evidence=evidence)
+        evidence["frames_sha256"] = _digest(targets + references)
+        evidence["prior"] = str(self.prior)
+        try:
+            found = estimate(
+                targets, probe=virtual.probe, calibration=calibration, reference=references, prior=self.prior
+            )
+        except (InputError, MechanicsError) as error:
+            return replace(blank, reason=one_line(error), evidence=evidence)
+        if store is not None:
+            evidence["kept_as"] = _kept(store, found, known, targets, references, code, self.prior)
+        doubts = UNTRUSTED_FLAGS.intersection(found.flags) - {NO_INCLUSION}
+        if doubts or found.presence is None:
+            reason = f"{NOT_TRUSTED}: {', '.join(sorted(doubts))}"
+            return replace(blank, reason=reason, flags=found.flags, evidence=evidence)
+        score = float(found.presence)
+        reading = replace(blank, score=score, rank=found.log_bayes_factor, flags=found.flags, evidence=evidence)
+        if not found.trusted:  # there is nothing to measure
+            return reading
+        return replace(
+            reading,
+            values={name: found.mean[name] for name in QUANTITIES},
+            sd={name: found.sd[name] for name in QUANTITIES},
+            interval_90=found.interval(INTERVAL_LEVEL),
+        )
+
+    def _frames(
+        self, virtual: VirtualProbe, phantom: Phantom, rng: np.random.Generator, code: str
+    ) -> tuple[list[TactileImage], list[TactileImage]]:
+        """Frames of the target and of plain tissue nearby, which is a little softer or stiffer; named by the code."""
+        plan = self.study.plan
+        softer = float(np.exp(virtual.calibration.site_sd * rng.standard_normal()))
+        site = replace(phantom.without_inclusion(), young_kpa=softer * phantom.young_kpa)
+        pressed = {"target": phantom, **({"plain": site} if plan.with_reference else {})}
+        frames = {
+            what: [
+                replace(virtual.press(slab, force_n=force), name=f"{code}-{what}-{force:g}N.png")
+                for force in plan.forces_n
+            ]
+            for what, slab in pressed.items()
+        }
+        return frames["target"], frames.get("plain", [])
+
+
+def _digest(frames: list[TactileImage]) -> str:
+    """SHA-256 of the grey levels of all frames, in single precision, which holds 16 bits exactly."""
+    found = hashlib.sha256()
+    for frame in frames:
+        found.update(frame.grey.astype(np.float32).tobytes())
+    return found.hexdigest()
+
+
+def _kept(
+    store: Store,
+    found: Estimate,
+    known: ProbeCalibration,
+    targets: list[TactileImage],
+    references: list[TactileImage],
+    code: str,
+    prior: InclusionPrior,
+) -> int:
+    """Number under which the store has it: the code is all that it is told of the target."""
+    from tsis.records import SavableResult, save_results
+
+    keepable = SavableResult(
+        kind="inclusion",
+        estimate=found,
+        probe=known.probe,
+        known=known,
+        frames={"target": targets, "plain": references},
+        options={"prior": asdict(prior)},
+        name=code,
+    )
+    return int(save_results(store, keepable)["target"])

@@ -1,0 +1,233 @@
+"""What a device said of a target."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any
+
+from tsis.errors import InputError
+from tsis.model import Inclusion, Phantom, require_integer, require_number, require_one_of, require_pair, require_type
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+
+QUANTITIES = ("diameter_mm", "depth_mm", "young_kpa")
+LONGEST = 120
+LARGEST_SCORE, MOST_REPEATS = 1e12, 1000
+LARGEST_VALUE = 1e6
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviceReading:
+    """One reading.
+
+    Parameters
+    ----------
+    code
+        Of the target.
+    device, operator
+        What read it, and who held it.
+    repeat
+        How many times this operator has read the target with this device, this one included.
+    score
+        Higher means that an inclusion is likelier; of the virtual probe its probability. None where the device gave no
+        answer: the reading is undecided, and no guess stands in for it.
+    rank
+        What orders readings of the same device where their scores are rounded: of the virtual probe the natural
+        logarithm of the Bayes factor. None where the score itself does.
+    reason
+        Why it is undecided.
+    values
+        Diameter, depth and modulus that were read, those of `QUANTITIES` that there are.
+    sd, interval_90
+        Their standard deviations, and 90 % intervals, where the device tells them.
+    flags
+        Short names of what the reader must know.
+    evidence
+        Where it came from: hash of the frames, calibration, prior, seed, version.
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range.
+    """
+
+    code: str
+    device: str
+    operator: str
+    repeat: int
+    score: float | None
+    rank: float | None = None
+    reason: str = ""
+    values: Mapping[str, float] = field(default_factory=dict)
+    sd: Mapping[str, float] = field(default_factory=dict)
+    interval_90: Mapping[str, tuple[float, float]] = field(default_factory=dict)
+    flags: tuple[str, ...] = ()
+    evidence: Mapping[str, Any] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        for name in ("code", "device", "operator"):
+            require_short_name(name, getattr(self, name))
+        require_integer("repeat", self.repeat, 1, MOST_REPEATS)
+        if self.score is not None:
+            score = require_number("score", self.score, -LARGEST_SCORE, LARGEST_SCORE)
+            object.__setattr__(self, "score", score)
+        if self.rank is not None:
+            object.__setattr__(self, "rank", require_number("rank", self.rank, -LARGEST_SCORE, LARGEST_SCORE))
+        for name in ("values", "sd"):
+            held = {
+                require_one_of("quantity", each, QUANTITIES): require_number(each, value, 0.0, LARGEST_VALUE)
+                for each, value in getattr(self, name).items()
+            }
+            object.__setattr__(self, name, MappingProxyType(held))
+        ends = {
+            require_one_of("quantity", each, QUANTITIES): require_pair(each, tuple(float(end) for end in pair))
+            for each, pair in self.interval_90.items()
+        }
+        object.__setattr__(self, "interval_90", MappingProxyType(ends))
+        object.__setattr__(self, "flags", tuple(self.flags))
+        for text in (self.reason, *self.flags):
+            if not isinstance(text, str) or not text.isprintable():
+                raise InputError(f"reason and flags must be printable text; got {text!r:.80}")
+        object.__setattr__(self, "evidence", MappingProxyType(dict(self.evidence)))
+
+    @property
+    def undecided(self) -> bool:
+        """Whether the device gave no answer."""
+        return self.score is None
+
+    @property
+    def key(self) -> tuple[str, str, str, int]:
+        """What no two readings of a study share."""
+        return self.code, self.device, self.operator, self.repeat
+
+    def plain(self) -> dict[str, Any]:
+        """As plain values, for the log."""
+        return {
+            "code": self.code,
+            "device": self.device,
+            "operator": self.operator,
+            "repeat": self.repeat,
+            "score": self.score,
+            "rank": self.rank,
+            "reason": self.reason,
+            "values": dict(self.values),
+            "sd": dict(self.sd),
+            "interval_90": {name: list(ends) for name, ends in self.interval_90.items()},
+            "flags": list(self.flags),
+            "evidence": dict(self.evidence),
+        }
+
+
+def parse_reading(plain: Mapping[str, Any]) -> DeviceReading:
+    """The reading that `DeviceReading.plain` wrote.
+
+    Raises
+    ------
+    InputError
+        When it holds something else.
+    """
+    try:
+        return DeviceReading(**plain)
+    except (TypeError, AttributeError, ValueError, OverflowError) as error:
+        if isinstance(error, InputError):
+            raise
+        raise InputError(f"a reading must hold what a study writes of it; wrong or missing: {error!s:.80}") from error
+
+
+def require_short_name(what: str, name: object) -> str:
+    """Return a short printable name, or say that it is none."""
+    if not isinstance(name, str) or not 0 < len(name) <= LONGEST or not name.isprintable() or name != name.strip():
+        raise InputError(
+            f"{what} must be 1 to {LONGEST} printable letters without spaces around them; got {name!r:.80}"
+        )
+    return name
+
+
+LONGEST_LABEL = 120
+TISSUE = ("young_kpa", "poisson", "thickness_mm")
+LUMP = ("diameter_mm", "depth_mm", "young_kpa", "poisson")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TargetTruth:
+    """A target as it is, told to nobody before the study is unblinded.
+
+    Parameters
+    ----------
+    label
+        What the maker of the study calls it.
+    phantom
+        Tissue, with one spherical inclusion or none.
+
+    Raises
+    ------
+    InputError
+        When the label is no short text, or the phantom holds several inclusions or one that is no sphere.
+    """
+
+    label: str
+    phantom: Phantom
+
+    def __post_init__(self) -> None:
+        require_type("label", self.label, str)
+        require_type("phantom", self.phantom, Phantom)
+        if not 0 < len(self.label) <= LONGEST_LABEL or not self.label.isprintable():
+            raise InputError(f"label must be 1 to {LONGEST_LABEL} printable letters; got {self.label!r:.80}")
+        lump = self.phantom.inclusion
+        if self.phantom.more_inclusions or (lump is not None and lump.semi_axes_mm is not None):
+            raise InputError(f"phantom must hold one sphere or none; got {self.phantom.inclusions!r:.120}")
+
+    @property
+    def has_inclusion(self) -> bool:
+        """Whether there is an inclusion."""
+        return self.phantom.inclusion is not None
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Diameter, depth and modulus of the inclusion by the names of an estimate; empty where there is none."""
+        lump = self.phantom.inclusion
+        if lump is None:
+            return {}
+        return {"diameter_mm": lump.diameter_mm, "depth_mm": lump.depth_mm, "young_kpa": lump.young_kpa}
+
+    def plain(self) -> dict[str, Any]:
+        """As plain values, for a file."""
+        lump = self.phantom.inclusion
+        held = None
+        if lump is not None:
+            held = {**{name: getattr(lump, name) for name in LUMP}, "offset_mm": list(lump.offset_mm)}
+        return {
+            "label": self.label,
+            "tissue": {name: getattr(self.phantom, name) for name in TISSUE},
+            "inclusion": held,
+        }
+
+
+def parse_target_truth(plain: Mapping[str, Any]) -> TargetTruth:
+    """The target that `TargetTruth.plain` wrote.
+
+    Raises
+    ------
+    InputError
+        When it holds something else.
+
+    Examples
+    --------
+    >>> blank = TargetTruth(label="gel", phantom=Phantom(young_kpa=5.0, thickness_mm=30.0))
+    >>> parse_target_truth(blank.plain()) == blank
+    True
+    """
+    try:
+        tissue, lump = plain["tissue"], plain["inclusion"]
+        inclusion = None
+        if lump is not None:
+            inclusion = Inclusion(**{name: lump[name] for name in LUMP}, offset_mm=tuple(lump["offset_mm"]))
+        phantom = Phantom(**{name: tissue[name] for name in TISSUE}, inclusion=inclusion)
+        return TargetTruth(label=plain["label"], phantom=phantom)
+    except (KeyError, TypeError, IndexError) as error:
+        raise InputError(
+            f"a target must hold label, tissue and inclusion as a study writes them; got {plain!r:.120}"
+        ) from error

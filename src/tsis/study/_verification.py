@@ -1,0 +1,210 @@
+"""Is a study as it was written?"""
+
+from __future__ import annotations
+
+import os
+from collections import Counter
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, TypeGuard
+
+from tsis.errors import InputError, RecordsError
+from tsis.files import as_path, one_line, read_bytes
+from tsis.study._folder import ANALYSED, CREATED, IMPORTED, PLAN, READING, SEAL, UNBLINDED, no_study
+from tsis.study._log import LOG_FILE, read_log
+from tsis.study._plan import parse_study_plan
+from tsis.study._seal import commitment
+from tsis.study._values import parse_reading
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tsis.study._log import Chain, Entry
+    from tsis.study._plan import StudyPlan
+
+
+ACTIONS = (CREATED, READING, IMPORTED, UNBLINDED, ANALYSED)
+LEAST_HEAD = 12  # digits by which a head is told
+BEFORE, AFTER = "before the unblinding", "after the unblinding"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudyFault:
+    """What is not as it was written.
+
+    Attributes
+    ----------
+    file
+        Which file of the study.
+    line
+        Which line of it; 0 for the whole.
+    what
+        What is wrong, as the end of a sentence.
+    when
+        Whether it was changed before or after the unblinding; empty while the study is blind.
+    """
+
+    file: str
+    line: int
+    what: str
+    when: str = ""
+
+    @property
+    def key(self) -> str:
+        """What tells it from others."""
+        return f"{self.file}:{self.line}"
+
+    def __str__(self) -> str:
+        place = f"{self.file}, line {self.line}" if self.line else self.file
+        return f"{place} {self.what}" + (f" ({self.when})" if self.when else "") + "."
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StudyVerification:
+    """What was found.
+
+    Attributes
+    ----------
+    faults
+        In the order of files and lines; none where all is as it was written.
+    head
+        Hash of the log's last line. Who keeps it elsewhere can tell later that the log was not cut short since.
+    lines
+        Of the log.
+    unblinded
+        When and by whom, in words; empty while the study is blind.
+    """
+
+    faults: tuple[StudyFault, ...]
+    head: str
+    lines: int
+    unblinded: str
+
+    @property
+    def sound(self) -> bool:
+        """Whether all is as it was written."""
+        return not self.faults
+
+
+def verify_study(folder: str | os.PathLike[str], *, head: str | None = None) -> StudyVerification:
+    """Compare every file of a study with its log, and every line of the log with the one before.
+
+    Parameters
+    ----------
+    folder
+        Of the study.
+    head
+        Hash, or its first 12 digits or more, that a report or an earlier verification printed: the log must hold that
+        line still. Without it nobody can tell lines that were cut off the end, nor a log that was written anew.
+
+    Raises
+    ------
+    InputError
+        When the head is no hash, or there is no log to read.
+    RecordsError
+        When the folder holds no study.
+    """
+    place = as_path(folder)
+    if not any(os.path.lexists(place / name) for name in (PLAN, LOG_FILE)):
+        raise RecordsError(no_study(place))
+    chain = read_log(place)
+    faults = [StudyFault(file=LOG_FILE, line=line, what=what) for line, what in sorted(chain.breaks.items())]
+    faults += _file_faults(place, chain)
+    faults += _order_faults(chain, _plan(place))
+    if head is not None and not _holds(chain, head):
+        cut = f"lacks the line with the hash {head[:16]}...: it was cut short or written anew"
+        faults.append(StudyFault(file=LOG_FILE, line=0, what=cut))
+    by = next((entry for entry in chain.entries if entry.action == UNBLINDED), None)
+    return StudyVerification(
+        faults=tuple(replace(fault, when=_when(fault, by)) for fault in faults),
+        head=chain.head,
+        lines=chain.lines,
+        unblinded="" if by is None else one_line(f"{by.moment} by {by.actor}"),
+    )
+
+
+def _when(fault: StudyFault, unblinded: Entry | None) -> str:
+    """The line of the unblinding says what did not fit at that moment."""
+    if unblinded is None:
+        return ""
+    known = unblinded.content.get("faults")
+    return BEFORE if isinstance(known, list) and fault.key in known else AFTER
+
+
+def _plan(place: Path) -> StudyPlan | None:
+    try:
+        return parse_study_plan(read_bytes(place / PLAN), PLAN)
+    except (InputError, RecordsError):  # its hash tells that it was changed
+        return None
+
+
+def _file_faults(place: Path, chain: Chain) -> list[StudyFault]:
+    first = chain.entries[0] if chain.entries and chain.entries[0].action == CREATED else None
+    faults = [] if first is not None else [StudyFault(file=LOG_FILE, line=1, what="does not tell how the study began")]
+    begun = {} if first is None else first.content
+    faults += _changed(place / PLAN, begun.get("study_sha256"))
+    plan = _plan(place)
+    told = begun.get("truth_sha256") or (plan.commitment if plan else None)
+    faults += _changed(place / SEAL, told)
+    for entry in chain.entries:
+        folder, files = entry.content.get("folder"), entry.content.get("files")
+        if entry.action != ANALYSED or not folder or not isinstance(files, dict):
+            continue
+        for name, digest in files.items():
+            if is_one_name(folder) and is_one_name(name):
+                faults += _changed(place / folder / name, digest, shown_as=f"{one_line(folder)}/{one_line(name)}")
+    return faults
+
+
+def is_one_name(name: object) -> TypeGuard[str]:
+    """Whether a name leads nowhere but into the folder that it stands in."""
+    return isinstance(name, str) and name not in ("", ".", "..") and not set(name) & set("/\\\0")
+
+
+def _changed(path: Path, digest: object, *, shown_as: str = "") -> list[StudyFault]:
+    name = shown_as or path.name
+    try:
+        content = read_bytes(path)
+    except InputError:
+        return [StudyFault(file=name, line=0, what="is missing or cannot be read")]
+    if digest is None or commitment(content) == digest:
+        return []
+    return [StudyFault(file=name, line=0, what="was changed: its SHA-256 is not the one in the log")]
+
+
+def _order_faults(chain: Chain, plan: StudyPlan | None) -> list[StudyFault]:
+    """Lines whose hashes fit, and which no study writes."""
+    faults: list[StudyFault] = []
+    seen: Counter[tuple[str, str, str, int]] = Counter()
+    blind = True
+    for entry in chain.entries:
+        what = ""
+        if entry.action not in ACTIONS or (entry.action == CREATED) != (entry.number == 1):
+            what = "holds what no study writes there"
+        elif entry.action in (READING, IMPORTED) and not blind:
+            what = "is a reading that came after the unblinding; it is not counted"
+        elif entry.action == UNBLINDED and not blind:
+            what = "unblinds a second time"
+        elif entry.action == READING:
+            what = _reading_fault(entry, plan, seen)
+        blind = blind and entry.action != UNBLINDED
+        if what and entry.number not in chain.breaks:
+            faults.append(StudyFault(file=LOG_FILE, line=entry.number, what=what))
+    return faults
+
+
+def _reading_fault(entry: Entry, plan: StudyPlan | None, seen: Counter[tuple[str, str, str, int]]) -> str:
+    try:
+        reading = parse_reading(entry.content)
+    except InputError:
+        return "holds no reading that a study writes"
+    seen[reading.key] += 1
+    if plan is not None and reading.code not in plan.codes:
+        return "is a reading of a code that is not in the plan"
+    return "is a reading that is there already" if seen[reading.key] > 1 else ""
+
+
+def _holds(chain: Chain, head: str) -> bool:
+    wanted = head.strip().lower()
+    if len(wanted) < LEAST_HEAD or set(wanted) - set("0123456789abcdef"):
+        raise InputError(f"head must be a hash that a report printed, {LEAST_HEAD} digits or more; got {head!r:.80}")
+    return any(entry.hash.startswith(wanted) for entry in chain.entries)

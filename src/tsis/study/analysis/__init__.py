@@ -1,0 +1,19 @@
+"""FIXME."""
+
+from tsis.study.analysis._agreement import Agreement, AgreementValue
+from tsis.study.analysis._analysis import DeviceComparison, StudyAnalysis, analyse
+from tsis.study.analysis._device import FEW, DeviceAnalysis, FoundErrors
+from tsis.study.analysis._results import DeviceResults, TargetResult
+
+__all__ = [
+    "FEW",
+    "Agreement",
+    "AgreementValue",
+    "DeviceAnalysis",
+    "DeviceComparison",
+    "DeviceResults",
+    "FoundErrors",
+    "StudyAnalysis",
+    "TargetResult",
+    "analyse",
+]

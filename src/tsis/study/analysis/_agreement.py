@@ -1,0 +1,146 @@
+"""Readings of the same targets again, by one operator and by several."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from tsis.detection import intraclass_correlation, repeatability, reproducibility
+from tsis.errors import InputError
+from tsis.study._values import QUANTITIES
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from tsis.detection import Interval
+    from tsis.study._values import DeviceReading
+    from tsis.study.analysis._results import DeviceResults
+
+
+SCORE = "score"
+LEAST_TARGETS = 3  # below, an agreement says nothing
+WITHIN, BETWEEN = "within an operator", "between operators"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AgreementValue:
+    """A number with its interval where it has one, and else why not."""
+
+    value: float | None
+    interval: Interval | None
+    remark: str = ""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Agreement:
+    """How well repeated readings of one quantity agree.
+
+    Attributes
+    ----------
+    quantity
+        ``"score"`` or one of the quantities of an inclusion.
+    between
+        `WITHIN` an operator or `BETWEEN` operators.
+    targets, operators, repeats
+        What it rests on: targets that all of them read all those times, with an answer.
+    correlation
+        Intraclass correlation, and its form.
+    form
+        ``"ICC(1,1)"`` of repeats, ``"ICC(2,1)"`` of operators.
+    coefficient
+        Two readings of a target differ by less with a probability of 95 %, in the unit of the quantity.
+    """
+
+    quantity: str
+    between: str
+    targets: int
+    operators: int
+    repeats: int
+    form: str
+    correlation: AgreementValue
+    coefficient: AgreementValue
+
+
+def agreements(judged: DeviceResults, readings: Sequence[DeviceReading]) -> tuple[Agreement, ...]:
+    """Agreement of repeats, by the operator who read most, and of operators, as far as there are any.
+
+    Sizes, depths and moduli are compared on inclusions alone.
+    """
+    own = [reading for reading in readings if reading.device == judged.device]
+    inside = {target.code for target in judged.targets if target.truth.has_inclusion}
+    found = []
+    for quantity in (SCORE, *QUANTITIES):
+        table = _table(own, quantity, None if quantity == SCORE else inside)
+        found += [each for each in (_within(quantity, table), _between(quantity, table)) if each is not None]
+    return tuple(found)
+
+
+Table = dict[str, dict[str, list[float]]]  # values by operator and code
+
+
+def _table(readings: Sequence[DeviceReading], quantity: str, codes: set[str] | None) -> Table:
+    table: Table = {}
+    for reading in readings:
+        value = reading.score if quantity == SCORE else reading.values.get(quantity)
+        if value is not None and reading.score is not None and (codes is None or reading.code in codes):
+            table.setdefault(reading.operator, {}).setdefault(reading.code, []).append(value)
+    return table
+
+
+def _within(quantity: str, table: Table) -> Agreement | None:
+    repeated = {name: [row for row in rows.values() if len(row) > 1] for name, rows in table.items()}
+    rows = max(repeated.values(), key=len, default=[])
+    if len(rows) < LEAST_TARGETS:
+        return None
+    repeats = min(map(len, rows))
+    whole = [row[:repeats] for row in rows]
+    return Agreement(
+        quantity=quantity,
+        between=WITHIN,
+        targets=len(rows),
+        operators=1,
+        repeats=repeats,
+        form="ICC(1,1)",
+        correlation=_number(lambda: _value_and_interval(intraclass_correlation(whole, "ICC(1,1)"))),
+        coefficient=_number(lambda: _coefficient_and_interval(repeatability(rows))),
+    )
+
+
+def _between(quantity: str, table: Table) -> Agreement | None:
+    if len(table) < 2:
+        return None
+    shared = [code for code in next(iter(table.values())) if all(code in rows for rows in table.values())]
+    if len(shared) < LEAST_TARGETS:
+        return None
+    repeats = min(len(rows[code]) for rows in table.values() for code in shared)
+    cube = [[rows[code][:repeats] for rows in table.values()] for code in shared]
+    first = [[repeats_of[0] for repeats_of in target] for target in cube]
+    return Agreement(
+        quantity=quantity,
+        between=BETWEEN,
+        targets=len(shared),
+        operators=len(table),
+        repeats=repeats,
+        form="ICC(2,1)",
+        correlation=_number(lambda: _value_and_interval(intraclass_correlation(first, "ICC(2,1)"))),
+        coefficient=_number(lambda: _coefficient_and_interval(reproducibility(cube))),
+    )
+
+
+def _value_and_interval(found: object) -> tuple[float, Callable[[], Interval]]:
+    return found.value, found.interval  # type: ignore[attr-defined]
+
+
+def _coefficient_and_interval(found: object) -> tuple[float, Callable[[], Interval]]:
+    return found.coefficient, found.interval  # type: ignore[attr-defined]
+
+
+def _number(of: Callable[[], tuple[float, Callable[[], Interval]]]) -> AgreementValue:
+    try:
+        value, interval = of()
+    except InputError as error:
+        return AgreementValue(value=None, interval=None, remark=str(error))
+    try:
+        return AgreementValue(value=value, interval=interval())
+    except InputError as error:
+        return AgreementValue(value=value, interval=None, remark=str(error))

@@ -1,0 +1,174 @@
+"""A device beside the first one on the same targets."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.detection import bland_altman, bootstrap_compare_detectors, compare_detectors
+from tsis.errors import InputError, RecordsError
+from tsis.study._folder import read_seal
+from tsis.study._values import QUANTITIES
+from tsis.study._verification import verify_study
+from tsis.study.analysis._device import device_analysis
+from tsis.study.analysis._results import device_results
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from tsis.detection import BlandAltman, Comparison
+    from tsis.study._folder import Study
+    from tsis.study._values import TargetTruth
+    from tsis.study._verification import StudyVerification
+    from tsis.study.analysis._device import DeviceAnalysis
+    from tsis.study.analysis._results import DeviceResults, TargetResult
+
+
+ENOUGH = 30  # targets of each kind from which DeLong's test may be used
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DeviceComparison:
+    """Two devices on targets that both decided.
+
+    Attributes
+    ----------
+    first, second
+        Their names.
+    targets
+        How many both decided.
+    areas
+        Their areas under the curve, paired; None where ``remark`` says why.
+    remark
+        Why there is no comparison of areas.
+    limits
+        Bland and Altman's comparison, first less second, of each quantity on inclusions of which both have it.
+    """
+
+    first: str
+    second: str
+    targets: int
+    areas: Comparison | None
+    remark: str
+    limits: Mapping[str, BlandAltman]
+
+
+def device_comparison(first: DeviceResults, second: DeviceResults, rng: np.random.Generator) -> DeviceComparison:
+    """Compare two devices; with fewer than 30 targets of a kind by the bootstrap, else by DeLong's test."""
+    both = [
+        (one, other)
+        for one, other in zip(first.targets, second.targets, strict=True)
+        if one.score is not None and other.score is not None
+    ]
+    scores = _ranks(first, [one for one, _ in both]), _ranks(second, [other for _, other in both])
+    present = [one.truth.has_inclusion for one, _ in both]
+    areas, remark = None, ""
+    try:
+        if min(sum(present), len(present) - sum(present)) >= ENOUGH:
+            areas = compare_detectors(*scores, present)
+        else:
+            areas = bootstrap_compare_detectors(*scores, present, rng=rng)
+    except InputError as error:
+        remark = str(error)
+    return DeviceComparison(
+        first=first.device,
+        second=second.device,
+        targets=len(both),
+        areas=areas,
+        remark=remark,
+        limits={name: found for name in QUANTITIES if (found := _limits(first, second, name)) is not None},
+    )
+
+
+def _ranks(device: DeviceResults, targets: Sequence[TargetResult]) -> list[float]:
+    """What orders some of the targets that a device decided."""
+    by_code = dict(zip((each.code for each in device.decided), device.ranks()[0].tolist(), strict=True))
+    return [by_code[each.code] for each in targets]
+
+
+def _limits(first: DeviceResults, second: DeviceResults, quantity: str) -> BlandAltman | None:
+    pairs = [
+        (one.reading.values[quantity], other.reading.values[quantity])
+        for one, other in zip(first.targets, second.targets, strict=True)
+        if one.truth.has_inclusion and one.reading and other.reading
+        if quantity in one.reading.values and quantity in other.reading.values
+    ]
+    if len(pairs) < 2:
+        return None
+    return bland_altman([one for one, _ in pairs], [other for _, other in pairs])
+
+
+BOOTSTRAP = 20_110  # seed of what is drawn in an analysis, so that it can be made again to the digit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class StudyAnalysis:
+    """What a study says.
+
+    Attributes
+    ----------
+    study
+        As it was then, unblinded.
+    truths
+        By code.
+    verification
+        Whether it is as it was written.
+    devices
+        Numbers of each, in the order in which they came.
+    comparisons
+        Of every further device with the first.
+    """
+
+    study: Study
+    truths: Mapping[str, TargetTruth]
+    verification: StudyVerification
+    devices: tuple[DeviceAnalysis, ...]
+    comparisons: tuple[DeviceComparison, ...]
+
+
+def analyse(study: Study, *, progress: Callable[[int, int], None] | None = None) -> StudyAnalysis:
+    """Analyse an unblinded study; a study that was changed is analysed as it is, and `verification` tells it.
+
+    The first reading of each target by a device is what counts; repeats serve to tell how well they agree. An analysis
+    draws the same numbers each time, so that the same study has the same answer.
+
+    Parameters
+    ----------
+    study
+        Unblinded.
+    progress
+        Called with (done, total) devices.
+
+    Raises
+    ------
+    RecordsError
+        When the study is blind, or its truth cannot be read.
+    """
+    if study.unblinded is None:
+        raise RecordsError("a study must be unblinded before it is analysed; this one is blind")
+    seal, _ = read_seal(study)
+    truths = {code: seal.truths[code] for code in study.plan.codes}
+    told = [
+        device_results(device, study.threshold_of(device), study.readings, truths, study.plan.codes)
+        for device in study.devices
+    ]
+    devices = []
+    for number, each in enumerate(told):
+        if progress is not None:
+            progress(number, len(told))
+        devices.append(device_analysis(each, study.readings, np.random.default_rng([BOOTSTRAP, number])))
+    comparisons = [
+        device_comparison(told[0], each, np.random.default_rng([BOOTSTRAP, number, 1]))
+        for number, each in enumerate(told[1:], start=1)
+    ]
+    if progress is not None:
+        progress(len(told), len(told))
+    return StudyAnalysis(
+        study=study,
+        truths=truths,
+        verification=verify_study(study.folder),
+        devices=tuple(devices),
+        comparisons=tuple(comparisons),
+    )

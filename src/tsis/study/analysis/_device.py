@@ -1,0 +1,243 @@
+"""Diameter, depth and modulus of inclusions that were found, beside what is true."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, TypeVar
+
+import numpy as np
+
+from tsis.detection import (
+    Proportion,
+    at_sensitivity,
+    at_specificity,
+    bland_altman,
+    brier_interval,
+    held_out_counts,
+    recalibration,
+    reliability_curve,
+    roc,
+    youden_point,
+)
+from tsis.errors import InputError
+from tsis.study._values import QUANTITIES
+from tsis.study.analysis._agreement import agreements
+from tsis.study.analysis._results import strata
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.detection import Counts, Interval, OperatingPoint, Recalibration, ReliabilityCurve, Roc
+    from tsis.study._values import DeviceReading
+    from tsis.study.analysis._agreement import Agreement
+    from tsis.study.analysis._results import DeviceResults, Stratum
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FoundErrors:
+    """Readings of one quantity and what is true.
+
+    Attributes
+    ----------
+    quantity
+        Its name.
+    codes
+        Of the targets.
+    read, true
+        Shape (targets,), in the unit that the name tells.
+    covered
+        How many of the 90 % intervals hold the truth, among those that the device gave; None where it gave none.
+    not_identified
+        How many of the readings say of themselves that the data told hardly more than was believed before.
+    """
+
+    quantity: str
+    codes: tuple[str, ...]
+    read: NDArray[np.float64]
+    true: NDArray[np.float64]
+    covered: Proportion | None
+    not_identified: int
+
+    @property
+    def bias(self) -> float:
+        """Mean of read less true."""
+        return float((self.read - self.true).mean())
+
+    @property
+    def bias_interval(self) -> Interval | None:
+        """Student's interval of it; None of one target alone, or where all errors are equal."""
+        try:
+            return bland_altman(self.read, self.true).bias_interval()
+        except InputError:
+            return None
+
+    @property
+    def rmse(self) -> float:
+        """Root of the mean square of read less true."""
+        return float(np.sqrt(np.mean((self.read - self.true) ** 2)))
+
+    @property
+    def largest(self) -> float:
+        """The largest distance of read and true."""
+        return float(np.abs(self.read - self.true).max())
+
+
+def found_errors(judged: DeviceResults) -> tuple[FoundErrors, ...]:
+    """Errors of every quantity that the device read of inclusions which it found."""
+    return tuple(errors for quantity in QUANTITIES if (errors := _of(judged, quantity)) is not None)
+
+
+def _of(judged: DeviceResults, quantity: str) -> FoundErrors | None:
+    held = [(each, each.reading) for each in judged.found if each.reading and quantity in each.reading.values]
+    if not held:
+        return None
+    inside = [
+        reading.interval_90[quantity][0] <= target.truth.values[quantity] <= reading.interval_90[quantity][1]
+        for target, reading in held
+        if quantity in reading.interval_90
+    ]
+    return FoundErrors(
+        quantity=quantity,
+        codes=tuple(target.code for target, _ in held),
+        read=np.array([reading.values[quantity] for _, reading in held]),
+        true=np.array([target.truth.values[quantity] for target, _ in held]),
+        covered=Proportion(successes=sum(inside), trials=len(inside)) if inside else None,
+        not_identified=sum(f"{quantity}_not_identified" in reading.flags for _, reading in held),
+    )
+
+
+FEW = 5  # of a class: below, a study says little
+WANTED = 0.9  # sensitivity, and specificity, at which operating points are told
+BINS, MANY = 5, 100  # bins of the reliability curve, twice as many from so many targets on
+
+Value = TypeVar("Value")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DeviceAnalysis:
+    """Numbers of one device; what could not be told is None, and ``missing`` says why.
+
+    Attributes
+    ----------
+    judged
+        Its targets.
+    readings
+        How many it made, and how many of them are undecided.
+    undecided_readings
+        Likewise.
+    counts
+        At the threshold that was fixed, undecided targets left out.
+    counts_if_wrong
+        Undecided targets as the wrong answer.
+    curve, auc_interval
+        Of the decided targets by `DeviceResults.ranks`, in whose unit thresholds are told.
+    auc_if_wrong
+        Area with undecided targets as the wrong answer.
+    points
+        Operating points, chosen on the same targets and so optimistic.
+    held_out
+        Counts at thresholds of the largest Youden index that were chosen without the target they decide on.
+    reliability, brier_interval, recalibration
+        Of scores taken for probabilities; where all lie in [0, 1].
+    errors
+        Of size, depth and modulus of inclusions that were found.
+    strata
+        Found among small and large, shallow and deep ones.
+    agreements
+        Of repeats and operators.
+    missing
+        Why something is None, by its name.
+    """
+
+    judged: DeviceResults
+    readings: int
+    undecided_readings: int
+    counts: Counts | None
+    counts_if_wrong: Counts | None
+    curve: Roc | None
+    auc_interval: Interval | None
+    auc_if_wrong: float | None
+    points: tuple[OperatingPoint, ...]
+    held_out: Counts | None
+    reliability: ReliabilityCurve | None
+    brier_interval: Interval | None
+    recalibration: Recalibration | None
+    errors: tuple[FoundErrors, ...]
+    strata: tuple[Stratum, ...]
+    agreements: tuple[Agreement, ...]
+    missing: Mapping[str, str] = field(default_factory=dict)
+
+    @property
+    def few(self) -> bool:
+        """Whether a class has so few decided targets that the study says little."""
+        present = sum(target.truth.has_inclusion for target in self.judged.decided)
+        return min(present, len(self.judged.decided) - present) < FEW
+
+
+def device_analysis(
+    judged: DeviceResults, readings: Sequence[DeviceReading], rng: np.random.Generator
+) -> DeviceAnalysis:
+    """Analyse one device.
+
+    Parameters
+    ----------
+    judged
+        Its targets.
+    readings
+        Of all devices.
+    rng
+        Source of bootstrap draws.
+    """
+    missing: dict[str, str] = {}
+    scores, present = judged.scores()
+    ranks, _ = judged.ranks()
+    inside, outside = int(present.sum()), int((~present).sum())
+    curve = None
+    if inside and outside:
+        curve = _told("curve", missing, lambda: roc(ranks, present))
+    else:
+        missing["curve"] = (
+            f"it needs targets of both kinds; {inside} with an inclusion and {outside} without were decided"
+        )
+    probable = judged.are_probabilities
+    bins = BINS * (2 if len(scores) >= MANY else 1)
+    if not probable:
+        missing["reliability"] = (
+            "scores must lie in [0, 1] to be taken for probabilities" if len(scores) else "no target was decided"
+        )
+    own = [reading for reading in readings if reading.device == judged.device]
+    return DeviceAnalysis(
+        judged=judged,
+        readings=len(own),
+        undecided_readings=sum(reading.undecided for reading in own),
+        counts=judged.counts(),
+        counts_if_wrong=judged.counts(undecided_wrong=True),
+        curve=curve,
+        auc_interval=None if curve is None else _told("auc_interval", missing, curve.auc_interval),
+        auc_if_wrong=_told("auc_if_wrong", missing, lambda: roc(*judged.ranks_if_wrong()).auc),
+        points=()
+        if curve is None
+        else (youden_point(curve), at_sensitivity(curve, WANTED), at_specificity(curve, WANTED)),
+        held_out=_told("held_out", missing, lambda: held_out_counts(ranks, present, youden_point)),
+        reliability=_told("reliability", missing, lambda: reliability_curve(scores, present, bins=bins))
+        if probable
+        else None,
+        brier_interval=_told("brier_interval", missing, lambda: brier_interval(scores, present, rng=rng))
+        if probable
+        else None,
+        recalibration=_told("recalibration", missing, lambda: recalibration(scores, present)) if probable else None,
+        errors=found_errors(judged),
+        strata=strata(judged),
+        agreements=agreements(judged, readings),
+        missing=missing,
+    )
+
+
+def _told(name: str, missing: dict[str, str], of: Callable[[], Value]) -> Value | None:
+    try:
+        return of()
+    except InputError as error:
+        missing[name] = str(error)
+        return None

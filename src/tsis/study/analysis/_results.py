@@ -1,0 +1,203 @@
+"""Targets with what is true of them and what a device said first."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tsis.detection import Counts, Proportion
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.study._values import DeviceReading, TargetTruth
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TargetResult:
+    """A target and the first reading of it by one device.
+
+    Attributes
+    ----------
+    code
+        Of the target.
+    truth
+        What it is.
+    reading
+        The first that the device made of it; None where it made none.
+    """
+
+    code: str
+    truth: TargetTruth
+    reading: DeviceReading | None
+
+    @property
+    def score(self) -> float | None:
+        """What was said; None where the target was not read or the reading is undecided."""
+        return None if self.reading is None else self.reading.score
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DeviceResults:
+    """All targets of a study before one device.
+
+    Attributes
+    ----------
+    device
+        Its name.
+    threshold
+        From which score on a target is called one with an inclusion.
+    targets
+        In the order of the study.
+    """
+
+    device: str
+    threshold: float
+    targets: tuple[TargetResult, ...]
+
+    @property
+    def decided(self) -> tuple[TargetResult, ...]:
+        """Targets with a score."""
+        return tuple(target for target in self.targets if target.score is not None)
+
+    @property
+    def undecided(self) -> tuple[TargetResult, ...]:
+        """Targets that were read without an answer."""
+        return tuple(each for each in self.targets if each.reading is not None and each.score is None)
+
+    @property
+    def unread(self) -> tuple[TargetResult, ...]:
+        """Targets that it did not read."""
+        return tuple(target for target in self.targets if target.reading is None)
+
+    @property
+    def found(self) -> tuple[TargetResult, ...]:
+        """Targets with an inclusion that was found."""
+        return tuple(each for each in self.decided if each.truth.has_inclusion and self.calls(each))
+
+    def calls(self, target: TargetResult) -> bool:
+        """Whether a decided target was said to hold an inclusion."""
+        return target.score is not None and target.score >= self.threshold
+
+    @property
+    def are_probabilities(self) -> bool:
+        """Whether its scores can be taken for probabilities: there are some, and all lie in [0, 1]."""
+        scores, _ = self.scores()
+        return len(scores) > 0 and bool((scores >= 0).all() and (scores <= 1).all())
+
+    def scores(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """Scores and truth of the decided targets."""
+        return (
+            np.array([target.score for target in self.decided], dtype=float),
+            np.array([target.truth.has_inclusion for target in self.decided], dtype=bool),
+        )
+
+    @property
+    def is_ranked(self) -> bool:
+        """Whether every decided target has a rank, which tells rounded scores apart."""
+        return bool(self.decided) and all(each.reading and each.reading.rank is not None for each in self.decided)
+
+    def ranks(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """What orders the decided targets, their scores where there are no ranks, and truth."""
+        scores, present = self.scores()
+        if not self.is_ranked:
+            return scores, present
+        return np.array([each.reading.rank for each in self.decided if each.reading], dtype=float), present
+
+    def ranks_if_wrong(self) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+        """The same with undecided targets as the wrong answer: below, or above, every other."""
+        ranks, present = self.ranks()
+        lowest, highest = (ranks.min() - 1, ranks.max() + 1) if len(ranks) else (0.0, 1.0)
+        missed = np.array([target.truth.has_inclusion for target in self.undecided], dtype=bool)
+        return np.concatenate([ranks, np.where(missed, lowest, highest)]), np.concatenate([present, missed])
+
+    def counts(self, *, undecided_wrong: bool = False) -> Counts | None:
+        """Decisions at the fixed threshold, counted; None where there is none."""
+        said = [(self.calls(target), target.truth.has_inclusion) for target in self.decided]
+        if undecided_wrong:
+            said += [(not target.truth.has_inclusion, target.truth.has_inclusion) for target in self.undecided]
+        return Counts.of([one for one, _ in said], [other for _, other in said]) if said else None
+
+
+def device_results(
+    device: str,
+    threshold: float,
+    readings: Sequence[DeviceReading],
+    truths: Mapping[str, TargetTruth],
+    codes: Sequence[str],
+) -> DeviceResults:
+    """Set the first reading of every target by a device beside the truth.
+
+    Parameters
+    ----------
+    device, threshold
+        As of `DeviceResults`.
+    readings
+        Of all devices, in the order in which they were entered.
+    truths
+        By code.
+    codes
+        In the order of the study.
+    """
+    first: dict[str, DeviceReading] = {}
+    for reading in readings:
+        if reading.device == device:
+            first.setdefault(reading.code, reading)
+    targets = tuple(TargetResult(code=code, truth=truths[code], reading=first.get(code)) for code in codes)
+    return DeviceResults(device=device, threshold=threshold, targets=targets)
+
+
+EDGES_MM = {"diameter_mm": (5.0, 8.0), "depth_mm": (6.0, 8.0)}  # a value at an edge belongs below it, but sizes above
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Stratum:
+    """Inclusions of like size or depth.
+
+    Attributes
+    ----------
+    quantity
+        ``"diameter_mm"`` or ``"depth_mm"``.
+    low, high
+        Ends, mm; infinite where there is none.
+    found
+        Found among those that were decided; None where there was none.
+    undecided
+        How many more were read without an answer.
+    """
+
+    quantity: str
+    low: float
+    high: float
+    found: Proportion | None
+    undecided: int
+
+
+def strata(judged: DeviceResults) -> tuple[Stratum, ...]:
+    """Inclusions by size, then by depth."""
+    return tuple(
+        _of(judged, quantity, low, high)
+        for quantity, edges in EDGES_MM.items()
+        for low, high in zip((0.0, *edges), (*edges, math.inf), strict=True)
+    )
+
+
+def _of(judged: DeviceResults, quantity: str, low: float, high: float) -> Stratum:
+    def inside(value: float) -> bool:
+        return low <= value < high if quantity == "diameter_mm" else low < value <= high
+
+    held = [one for one in judged.targets if one.truth.has_inclusion and inside(one.truth.values[quantity])]
+    decided = [one for one in held if one.score is not None]
+    found = sum(judged.calls(one) for one in decided)
+    return Stratum(
+        quantity=quantity,
+        low=low,
+        high=high,
+        found=Proportion(successes=found, trials=len(decided)) if decided else None,
+        undecided=sum(one.reading is not None and one.score is None for one in held),
+    )

@@ -1,0 +1,138 @@
+"""Workers of a Dask cluster that somebody else has started."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import re
+import time
+from concurrent.futures import CancelledError, ThreadPoolExecutor
+from contextlib import suppress
+from itertools import count
+from typing import TYPE_CHECKING, Any
+from uuid import uuid4
+
+from tsis.errors import InputError, SweepError, import_extra
+from tsis.sweep._work import Lost, finish_batch
+
+if TYPE_CHECKING:
+    from types import TracebackType
+    from typing import Self
+
+    from tsis.sweep._samples import SweepBatch
+    from tsis.sweep._work import Answer, SweepJob
+
+
+AHEAD = 2  # batches a thread of a worker
+ADDRESS = re.compile(r"(tcp|tls)://[\w.\-\[\]:]+:\d{1,5}")
+CONNECT_S = 10.0
+WORKERS_S = 60.0
+COUNT_EVERY_S = 5.0
+LOGGERS = ("distributed", "distributed.client", "distributed.core", "distributed.batched")
+CURE = "what is done is kept: start the cluster and run the same command again"
+
+
+class DaskPool:
+    """The workers of a Dask scheduler.
+
+    Parameters
+    ----------
+    job
+        What all batches share; its folder must be one that all workers see.
+    address
+        Of the scheduler, ``tcp://host:port`` or ``tls://host:port``.
+
+    Raises
+    ------
+    InputError
+        When ``address`` has another form.
+    """
+
+    def __init__(self, job: SweepJob, address: str) -> None:
+        if not ADDRESS.fullmatch(address):
+            raise InputError(f"scheduler must be an address such as tcp://127.0.0.1:8786; got {address!r:.80}")
+        self._distributed = import_extra("distributed", feature="a sweep on a cluster", extra="cluster")
+        self._job, self._address = job, address
+        self._run = uuid4().hex  # results of an earlier client must not answer for this one
+        self._number = count()
+        self._batches: dict[str, SweepBatch] = {}
+        self._window, self._counted = 1, float("-inf")
+        self._loggers = {logger: logger.level for logger in map(logging.getLogger, LOGGERS)}
+
+    @property
+    def window(self) -> int:
+        """Batches to hold at a time; follows the cluster as it grows and shrinks."""
+        if time.monotonic() - self._counted > COUNT_EVERY_S:
+            with suppress(OSError, TimeoutError, RuntimeError):
+                self._window = AHEAD * max(1, sum(self._client.nthreads().values()))
+            self._counted = time.monotonic()
+        return self._window
+
+    def submit(self, batch: SweepBatch) -> None:
+        """Hand over a batch."""
+        key = f"tsis-sweep-{self._run}-{next(self._number)}"
+        self._batches[key] = batch
+        self._answers.add(self._client.submit(finish_batch, self._job, batch, key=key, pure=False))
+
+    def collect(self) -> Answer:
+        """Wait for the next answer.
+
+        Raises
+        ------
+        SweepError
+            When the scheduler is gone.
+        """
+        future = next(self._answers)
+        batch = self._batches.pop(future.key)
+        try:
+            answer: Answer = future.result(timeout=WORKERS_S)
+        except (OSError, CancelledError, self._distributed.KilledWorker) as error:
+            # A worker died more often than the scheduler allows, or an answer was lost on the way: once more.
+            if self._client.status not in ("running", "connecting"):
+                raise SweepError(f"the scheduler at {self._address} is gone; {CURE}") from error
+            answer = Lost(batch=batch)
+        except Exception as error:
+            # Faults of a batch are answers, so this one is the cluster's: workers without tsis, say.
+            reason = f"{type(error).__name__}: {error!s:.200}"
+            raise SweepError(f"the workers at {self._address} must have this version of tsis; got {reason}") from error
+        finally:
+            future.release()  # a scheduler that remembers every batch grows with the sweep
+        return answer
+
+    def __enter__(self) -> Self:
+        for logger in self._loggers:  # they would print tracebacks of connections that the sweep deals with
+            logger.setLevel(logging.CRITICAL)
+        try:
+            with ThreadPoolExecutor(1) as thread:  # a notebook's own thread runs a loop already
+                thread.submit(asyncio.run, self._greet()).result()
+            self._client: Any = self._distributed.Client(self._address, timeout=CONNECT_S, set_as_default=False)
+        except Exception as error:  # another program may answer there with anything, and TLS wants to be configured
+            self._restore_loggers()
+            got = f"{type(error).__name__}: {error!s:.200}"
+            raise SweepError(f"a Dask scheduler must answer at {self._address}; got {got} ({CURE})") from error
+        try:
+            self._client.wait_for_workers(1, timeout=WORKERS_S)
+        except (OSError, TimeoutError) as error:
+            self.__exit__(None, None, None)
+            raise SweepError(
+                f"the scheduler at {self._address} must have a worker; got none in {WORKERS_S:g} s"
+            ) from error
+        self._answers = self._distributed.as_completed(loop=self._client.loop)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        with suppress(Exception):  # a cluster that has gone cannot be said goodbye to
+            self._client.close(timeout=CONNECT_S)
+        self._restore_loggers()
+
+    async def _greet(self) -> None:
+        """Connect once and hang up: a client that meets something else leaves threads and complaints behind."""
+        security = self._distributed.Security().get_connection_args("client")
+        connection = await self._distributed.comm.connect(self._address, timeout=CONNECT_S, **security)
+        await connection.close()
+
+    def _restore_loggers(self) -> None:
+        for logger, level in self._loggers.items():
+            logger.setLevel(level)

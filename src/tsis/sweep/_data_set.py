@@ -1,0 +1,324 @@
+"""``manifest.json``: what a data set is, and the SHA-256 of every file of it."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import sys
+from contextlib import contextmanager
+from dataclasses import asdict
+from importlib import metadata
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tsis.__about__ import RESEARCH_USE_ONLY, __version__
+from tsis.errors import FileInputError, InputError, import_extra
+from tsis.files import UNFINISHED, one_line, printable_path, read_bytes, read_object, write_durably
+from tsis.model import require_one_of
+from tsis.sweep._plan import PROFILES
+from tsis.sweep._plan_file import plan_document, plan_from_document
+from tsis.sweep._shards import (
+    FEATURE,
+    LARGEST_SHARD_BYTES,
+    NAME,
+    Receipt,
+    data_set_of,
+    decode_shard,
+    sha256,
+    shard_name,
+)
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.sweep._plan import Plan
+
+
+MANIFEST_FILE = "manifest.json"
+LARGEST_BYTES, MOST_VALUES = 64 * 2**20, 1_000_000  # of 100 000 files
+FORMAT, VERSION = "tsis-sweep", 1
+# Their versions can change the last digits, or the bytes of a file.
+LIBRARIES = ("numpy", "scipy", "pyarrow")
+
+
+def head(plan: Plan) -> dict[str, Any]:
+    """What decides every byte of a data set; no time, machine or worker is part of it."""
+    import_extra("pyarrow", feature=FEATURE, extra="cluster")
+    document = plan_document(plan)
+    return {
+        "format": FORMAT,
+        "version": VERSION,
+        "tsis": __version__,
+        "libraries": {name: metadata.version(name) for name in LIBRARIES},
+        "plan_sha256": manifest_sha256(document),
+        "plan": document,
+    }
+
+
+def data_set_key(start: Mapping[str, Any]) -> str:
+    """The key that every file of the data set carries."""
+    return manifest_sha256(start)
+
+
+def write_manifest(folder: Path, start: Mapping[str, Any], receipts: Iterable[Receipt] | None) -> None:
+    """Write the manifest; ``receipts`` is None as long as the data set is not complete."""
+    files = None if receipts is None else sorted(receipts, key=lambda receipt: receipt.shard)
+    document = {
+        "notice": RESEARCH_USE_ONLY,
+        **start,
+        "data_set": data_set_key(start),
+        "complete": files is not None,
+        "presses": sum(one.rows for one in files or ()),
+        "refused": sum(one.refused for one in files or ()),
+        "shards": [{"file": shard_name(one.shard), **asdict(one)} for one in files or ()],
+    }
+    write_durably(folder / MANIFEST_FILE, (json.dumps(document, indent=1, allow_nan=False) + "\n").encode())
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """The manifest of a data set, its form checked.
+
+    Raises
+    ------
+    FileInputError
+        When there is none, or it is no manifest of a sweep.
+    """
+    path = folder / MANIFEST_FILE
+    document = read_object(path, most=LARGEST_BYTES, values=MOST_VALUES)
+    try:
+        found = (document["format"], document["version"])
+        entries = [(str(entry["file"]), int(entry["shard"]), str(entry["sha256"])) for entry in document["shards"]]
+        whole = all(NAME.fullmatch(name) and name == shard_name(shard) for name, shard, _ in entries)
+        plan_from_document(document["plan"])
+        whole = whole and document.get("data_set") == data_set_key({key: document[key] for key in START})
+        whole = whole and document["plan_sha256"] == manifest_sha256(document["plan"])
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError, InputError) as error:
+        raise FileInputError(
+            f"{printable_path(path)} must be the manifest of a sweep; got: {one_line(error)}"
+        ) from error
+    if found != (FORMAT, VERSION):
+        raise FileInputError(f"{printable_path(path)} must be of {FORMAT}, version {VERSION}; got another format")
+    if not whole:
+        raise FileInputError(
+            f"{printable_path(path)} must be as it was written; its hashes do not agree with its content"
+        )
+    return dict(document)
+
+
+START = ("format", "version", "tsis", "libraries", "plan_sha256", "plan")
+
+
+def manifest_sha256(document: Mapping[str, Any]) -> str:
+    return hashlib.sha256(json.dumps(document, sort_keys=True, allow_nan=False).encode()).hexdigest()
+
+
+MOST_NAMED = 5
+
+
+def first_few(files: Sequence[str]) -> str:
+    """The first of many files, for a sentence."""
+    return ", ".join(files[:MOST_NAMED]) + (", ..." if len(files) > MOST_NAMED else "")
+
+
+def verify_data_set(folder: str | os.PathLike[str]) -> dict[str, Any]:
+    """Check every file of a data set against its manifest, and return the manifest.
+
+    Raises
+    ------
+    FileInputError
+        When the data set is not complete, or a file is missing, damaged or foreign; the message names them.
+    """
+    place, manifest = _complete(folder)
+    wrong = [
+        *(f"{entry['file']} ({fault})" for entry in manifest["shards"] if (fault := _fault(place, entry))),
+        *(f"{name} (not in the manifest)" for name in _extra(place, manifest)),
+    ]
+    if wrong:
+        raise FileInputError(
+            f"{printable_path(place)} must be as it was written; got {len(wrong)} wrong files: {first_few(wrong)}"
+            " (tsis sweep run with its plan computes damaged and missing files again)"
+        )
+    return manifest
+
+
+def read_data_set(folder: str | os.PathLike[str], columns: Sequence[str] | None = None) -> dict[str, NDArray[Any]]:
+    """Read a data set after checking the SHA-256 of every file that is read.
+
+    Parameters
+    ----------
+    folder
+        What `run_sweep` wrote.
+    columns
+        Names of the columns to read; None for all.
+
+    Returns
+    -------
+    dict
+        By column, one row a press; profiles have an axis more, over ``radius_mm``, which is always there. Refused
+        presses hold NaN, and ``error`` says why.
+
+    Raises
+    ------
+    FileInputError
+        When the data set is not complete or a file is not as it was written.
+    """
+    place, manifest = _complete(folder)
+    outputs = plan_document(plan_from_document(manifest["plan"]))["outputs"]
+    parts: dict[str, list[NDArray[Any]]] = {}
+    for entry in manifest["shards"]:
+        content = read_bytes(place / entry["file"], most=LARGEST_SHARD_BYTES)
+        if sha256(content) != entry["sha256"]:
+            raise FileInputError(
+                f"{printable_path(place / entry['file'])} must be as it was written; its SHA-256 differs"
+            )
+        table = decode_shard(content)
+        for name in table.column_names if columns is None else columns:
+            require_one_of("column", name, table.column_names)
+            try:
+                parts.setdefault(name, []).append(_array(table.column(name), name))
+            except (ValueError, AttributeError, TypeError, NotImplementedError) as error:
+                raise FileInputError(
+                    f"{printable_path(place / entry['file'])} must hold numbers by column; got others"
+                ) from error
+    radius = np.array(outputs["radii_mm"], dtype=float)
+    try:
+        return {"radius_mm": radius} | {name: np.concatenate(values) for name, values in parts.items()}
+    except (ValueError, TypeError) as error:
+        raise FileInputError(f"{printable_path(place)} must hold files with alike columns; got others") from error
+
+
+def _array(column: Any, name: str) -> NDArray[Any]:
+    flat = column.combine_chunks()
+    if name in PROFILES:
+        width = flat.type.list_size
+        return np.asarray(flat.flatten().to_numpy(zero_copy_only=False)).reshape(-1, width)
+    if name == "error":
+        return np.array(flat.to_pylist(), dtype=np.str_)
+    return np.asarray(flat.to_numpy(zero_copy_only=False))
+
+
+def _complete(folder: str | os.PathLike[str]) -> tuple[Path, dict[str, Any]]:
+    place = Path(folder)
+    manifest = read_manifest(place)
+    if not manifest.get("complete"):
+        raise FileInputError(
+            f"{printable_path(place)} must hold a complete data set; tsis sweep run with its plan finishes it"
+        )
+    return place, manifest
+
+
+def _fault(place: Path, entry: dict[str, Any]) -> str:
+    try:
+        content = read_bytes(place / entry["file"], most=LARGEST_SHARD_BYTES)
+    except FileInputError as error:
+        return "missing" if not (place / entry["file"]).exists() else str(error)
+    return "" if sha256(content) == entry["sha256"] else "damaged"
+
+
+def _extra(place: Path, manifest: dict[str, Any]) -> list[str]:
+    expected = {MANIFEST_FILE, *(entry["file"] for entry in manifest["shards"])}
+    return sorted(path.name for path in place.iterdir() if path.name not in expected)
+
+
+def as_folder(folder: str | os.PathLike[str]) -> Path:
+    """The absolute path of a folder that need not exist.
+
+    Raises
+    ------
+    FileInputError
+        When no folder can have this name.
+    """
+    try:
+        return Path(folder).resolve()
+    except (OSError, ValueError, TypeError) as error:
+        raise FileInputError(f"folder must be the name of a folder; got {folder!r:.80}") from error
+
+
+@contextmanager
+def begun(folder: Path, start: Mapping[str, Any]) -> Iterator[None]:
+    """Make or resume the data set that ``start`` describes, and keep other sweeps out of it meanwhile.
+
+    Raises
+    ------
+    FileInputError
+        When the folder cannot be made, belongs to another plan or to something else, or a sweep is running in it.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with _alone(folder):
+            if (folder / MANIFEST_FILE).exists():
+                _refuse_other(folder, start)
+            else:
+                _refuse_content(folder, start)
+                write_manifest(folder, start, None)
+            yield
+    except OSError as error:
+        reason = error.strerror or str(error)
+        raise FileInputError(f"{printable_path(folder)} must be a folder that can be written; got: {reason}") from error
+
+
+def _refuse_other(folder: Path, start: Mapping[str, Any]) -> None:
+    found = read_manifest(folder)
+    if found["plan_sha256"] != start["plan_sha256"]:
+        raise FileInputError(
+            f"{printable_path(folder)} must hold no other data set; got one of another plan, which differs in "
+            f"{', '.join(_differences(found['plan'], start['plan']))} (choose another folder)"
+        )
+    versions = {"tsis": found["tsis"], **found["libraries"]}
+    here = {"tsis": start["tsis"], **start["libraries"]}
+    other = [
+        f"{name} {versions.get(name)} and not {here[name]}"
+        for name in ("tsis", *LIBRARIES)
+        if versions.get(name) != here[name]
+    ]
+    if other:
+        raise FileInputError(
+            f"{printable_path(folder)} was begun with {', '.join(other)}; install those versions or choose another folder, "
+            "so that all of its files are computed alike"
+        )
+    if found["data_set"] != data_set_key(start):
+        raise FileInputError(f"{printable_path(folder)} must hold no other data set; got one of another kind")
+
+
+def _differences(found: Mapping[str, Any], wanted: Mapping[str, Any]) -> list[str]:
+    keys = dict.fromkeys((*wanted, *found))
+    return [key for key in keys if found.get(key) != wanted.get(key)]
+
+
+def _refuse_content(folder: Path, start: Mapping[str, Any]) -> None:
+    """Without a manifest a folder may hold files of this data set alone, as after somebody removed a damaged one."""
+    for path in sorted(folder.iterdir()):
+        if path.name.endswith(UNFINISHED):
+            continue
+        if not NAME.fullmatch(path.name) or data_set_of(path) != data_set_key(start):
+            raise FileInputError(
+                f"{printable_path(folder)} must be new, empty, or a folder that this plan began; got {path.name!r:.80} in it"
+            )
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    if sys.platform == "win32":
+        yield
+        return
+    import fcntl
+
+    # The system drops this lock with the process, however that ends; a file of our own would outlive a kill.
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise FileInputError(
+                f"{printable_path(folder)} must not be in use; another sweep is writing into it"
+            ) from error
+        except OSError:
+            pass  # some network file systems have no such locks; two sweeps there only do the work twice
+        yield
+    finally:
+        os.close(handle)

@@ -1,0 +1,333 @@
+"""What one quantity of a sweep does: it keeps one value, is sampled in a range, or takes the values of a list."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from tsis.errors import InputError
+from tsis.model import LARGEST_SEED, Inclusion, Phantom, Probe, require_number, require_one_of, require_type
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Range:
+    """A range that is sampled evenly, or evenly in the logarithm.
+
+    Parameters
+    ----------
+    low, high
+        Ends of the range, in the quantity's unit; ``low < high``.
+    logarithmic
+        Sample the logarithm evenly; then ``low`` must be positive.
+
+    Raises
+    ------
+    InputError
+        When the ends are in the wrong order, or a logarithm does not exist.
+
+    Examples
+    --------
+    >>> Range(low=10.0, high=1000.0, logarithmic=True).at(np.array([0.0, 0.5, 1.0])).round(9).tolist()
+    [10.0, 100.0, 1000.0]
+    """
+
+    low: float
+    high: float
+    logarithmic: bool = False
+
+    def __post_init__(self) -> None:
+        if not self.low < self.high:
+            raise InputError(
+                f"a range must be [low, high] with low < high; got [{self.low:g}, {self.high:g}] "
+                "(give one number to keep a value)"
+            )
+        if self.logarithmic and self.low <= 0:
+            raise InputError(f"a logarithmic range must start above 0; got [{self.low:g}, {self.high:g}]")
+
+    def at(self, unit: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Values at ``unit`` in [0, 1], never outside the range."""
+        if self.logarithmic:
+            values = self.low * (self.high / self.low) ** unit
+        else:
+            values = self.low + (self.high - self.low) * unit
+        return np.clip(values, self.low, self.high)
+
+
+Quantity: TypeAlias = float | Range | tuple[float, ...]
+
+
+def extremes(quantity: Quantity) -> tuple[float, float]:
+    """Smallest and largest value that a quantity takes."""
+    if isinstance(quantity, Range):
+        return quantity.low, quantity.high
+    if isinstance(quantity, tuple):
+        return min(quantity), max(quantity)
+    return quantity, quantity
+
+
+TISSUE = ("tissue_young_kpa", "thickness_mm", "poisson")
+INCLUSION = ("diameter_mm", "depth_mm", "young_kpa")
+QUANTITIES = (*TISSUE, *INCLUSION, "inclusion_poisson")
+DEFAULT_POISSON = 0.49
+
+SCALARS = ("approach_mm",)
+PROFILES = ("face_displacement_mm", "pressure_kpa", "change_by_inclusion_mm")
+COLUMNS = (*SCALARS, *PROFILES)
+
+SAMPLINGS = ("sobol", "latin-hypercube", "random", "grid")
+MODELS = ("small", "finite")
+UNFIT = ("refuse", "keep")
+
+LARGEST_PRESSES = 10_000_000
+LARGEST_LATIN = 1_000_000  # a hypercube is drawn whole, the others piece by piece
+LARGEST_BATCH = 10_000
+LARGEST_SHARDS = 100_000  # in one folder
+LARGEST_RADII = 250
+LARGEST_FORCES = 100
+DEFAULT_RADII = 25
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Plan:
+    """Everything that decides the bytes of a data set; how it is computed is not part of it.
+
+    Parameters
+    ----------
+    probe
+        What presses.
+    quantities
+        By name, of `QUANTITIES`: a number is the same for all presses, a `Range` is sampled, a tuple lists values of
+        a grid. ``tissue_young_kpa`` and ``thickness_mm`` are required; ``diameter_mm``, ``depth_mm`` and
+        ``young_kpa`` of the inclusion are given together, or not at all for plain tissue. ``poisson`` is the tissue's.
+    forces_n
+        Every phantom is pressed with each of these forces, N.
+    sample
+        ``"sobol"``, ``"latin-hypercube"``, ``"random"`` or ``"grid"``.
+    count
+        Number of phantoms; None for a grid, which has a phantom for each combination.
+    seed
+        Seed of the sampling; None for a grid.
+    strain
+        Model of the press, see `tsis.mechanics.press`.
+    batch
+        Phantoms in one file of the data set.
+    unfit
+        What to do when an inclusion may not fit into the slab: ``"refuse"`` the plan, or ``"keep"`` such phantoms as
+        rows that hold an error and no numbers.
+    radii_mm
+        Radii on the face at which profiles are kept, mm, ascending; empty for 25 radii from the axis to the edge.
+    columns
+        What is kept of each press, of `COLUMNS`.
+
+    Raises
+    ------
+    InputError
+        When a value lies outside its range, or the values do not go together.
+    """
+
+    probe: Probe
+    quantities: Mapping[str, Quantity]
+    forces_n: tuple[float, ...] = (1.0,)
+    sample: str = "sobol"
+    count: int | None = None
+    seed: int | None = None
+    strain: str = "small"
+    batch: int = 100
+    unfit: str = "refuse"
+    radii_mm: tuple[float, ...] = ()
+    columns: tuple[str, ...] = ("approach_mm", "face_displacement_mm", "pressure_kpa")
+    _samples: int = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        require_type("probe", self.probe, Probe)
+        for name, value, choices in (
+            ("sample", self.sample, SAMPLINGS),
+            ("strain", self.strain, MODELS),
+            ("unfit", self.unfit, UNFIT),
+        ):
+            if value not in choices:
+                raise InputError(f"{name} must be one of {', '.join(choices)}; got {value!r:.80}")
+        object.__setattr__(self, "forces_n", _numbers("forces_n", self.forces_n, 0.0, 50.0, LARGEST_FORCES))
+        object.__setattr__(self, "quantities", _checked_quantities(self.quantities))
+        object.__setattr__(self, "radii_mm", self._checked_radii())
+        object.__setattr__(self, "columns", _checked_columns(self.columns, has_inclusion=self.has_inclusion))
+        _whole("batch", self.batch, 1, LARGEST_BATCH)
+        object.__setattr__(self, "_samples", self._grid() if self.sample == "grid" else self._sampled())
+        self._check_size()
+        self._check_phantoms()
+
+    @property
+    def has_inclusion(self) -> bool:
+        """False for plain tissue."""
+        return "diameter_mm" in self.quantities
+
+    @property
+    def samples(self) -> int:
+        """Number of phantoms."""
+        return self._samples
+
+    @property
+    def presses(self) -> int:
+        """Number of presses: phantoms times forces."""
+        return self.samples * len(self.forces_n)
+
+    @property
+    def shards(self) -> int:
+        """Number of files of the data set."""
+        return -(-self.samples // self.batch)
+
+    @property
+    def sampled(self) -> tuple[str, ...]:
+        """Names of the quantities that are sampled, in the order of the dimensions."""
+        return tuple(name for name, value in self.quantities.items() if isinstance(value, Range))
+
+    def phantom(self, values: Mapping[str, float]) -> Phantom:
+        """The phantom of one sample."""
+        inclusion = None
+        if self.has_inclusion:
+            inclusion = Inclusion(
+                diameter_mm=values["diameter_mm"],
+                depth_mm=values["depth_mm"],
+                young_kpa=values["young_kpa"],
+                poisson=values["inclusion_poisson"],
+            )
+        return Phantom(
+            young_kpa=values["tissue_young_kpa"],
+            thickness_mm=values["thickness_mm"],
+            poisson=values["poisson"],
+            inclusion=inclusion,
+        )
+
+    def _grid(self) -> int:
+        if self.count is not None or self.seed is not None:
+            raise InputError("count and seed must be left out of a grid, which has a phantom for each combination")
+        if self.sampled:
+            raise InputError(
+                f"a grid must have numbers and lists only; got a range for {self.sampled[0]} "
+                "(list its values under [grid], or choose another sample)"
+            )
+        return math.prod(len(value) for value in self.quantities.values() if isinstance(value, tuple))
+
+    def _sampled(self) -> int:
+        lists = [name for name, value in self.quantities.items() if isinstance(value, tuple)]
+        if lists:
+            raise InputError(f"{lists[0]} must be a number or a range when sample is {self.sample!r}; got a list")
+        if not self.sampled:
+            raise InputError(
+                "at least one quantity must be a range [low, high]; got numbers alone (use sample = 'grid')"
+            )
+        if self.count is None or self.seed is None:
+            raise InputError(f"count and seed must be given when sample is {self.sample!r}")
+        _whole("seed", self.seed, 0, LARGEST_SEED)
+        largest = LARGEST_LATIN if self.sample == "latin-hypercube" else LARGEST_PRESSES
+        return _whole("count", self.count, 1, largest)
+
+    def _checked_radii(self) -> tuple[float, ...]:
+        if not self.radii_mm:
+            return tuple(np.linspace(0.0, self.probe.radius_mm, DEFAULT_RADII).tolist())
+        radii = _numbers("radii_mm", self.radii_mm, 0.0, self.probe.radius_mm, LARGEST_RADII)
+        if any(second <= first for first, second in pairwise(radii)):
+            raise InputError(f"radii_mm must ascend; got {list(radii)!r:.80}")
+        return radii
+
+    def _check_size(self) -> None:
+        if self.presses > LARGEST_PRESSES:
+            raise InputError(
+                f"a sweep must have at most {LARGEST_PRESSES} presses; got {self.samples} phantoms "
+                f"x {len(self.forces_n)} forces (split it)"
+            )
+        if self.shards > LARGEST_SHARDS:
+            raise InputError(
+                f"a sweep must fit into {LARGEST_SHARDS} files; got {self.shards} "
+                f"(set batch to at least {-(-self.samples // LARGEST_SHARDS)})"
+            )
+        if self.batch * len(self.forces_n) > LARGEST_BATCH:
+            raise InputError(
+                f"a file must hold at most {LARGEST_BATCH} presses; "
+                f"got batch = {self.batch} x {len(self.forces_n)} forces"
+            )
+
+    def _check_phantoms(self) -> None:
+        """Build the extreme phantoms: the values between them lie in the same intervals."""
+        ends = {name: extremes(value) for name, value in self.quantities.items()}
+        if not self.has_inclusion:
+            for k in (0, 1):
+                self.phantom({name: end[k] for name, end in ends.items()})
+            return
+        thinnest, thickest = ends["thickness_mm"]
+        # Each end is checked by itself; whether an inclusion fits is one question more, asked below.
+        for k in (0, 1):
+            values = {name: end[k] for name, end in ends.items()}
+            self.phantom({**values, "diameter_mm": 0.1, "depth_mm": 0.2})
+            Inclusion(diameter_mm=values["diameter_mm"], depth_mm=values["depth_mm"], young_kpa=values["young_kpa"])
+        shallowest, deepest = (ends["depth_mm"][k] + ends["diameter_mm"][k] for k in (0, 1))
+        if shallowest >= thickest:
+            raise InputError(
+                f"depth_mm + diameter_mm must be less than thickness_mm = {thickest:g} for some phantom; "
+                f"got at least {shallowest:g}"
+            )
+        if self.unfit == "refuse" and deepest >= thinnest:
+            raise InputError(
+                f"depth_mm + diameter_mm must be less than thickness_mm = {thinnest:g} for every phantom; "
+                f"got up to {deepest:g} (narrow a range, or set unfit = 'keep' for rows that hold an error)"
+            )
+
+
+def _checked_quantities(quantities: Mapping[str, Quantity]) -> dict[str, Quantity]:
+    given = {require_one_of("quantity", name, QUANTITIES): _checked(name, value) for name, value in quantities.items()}
+    missing = [name for name in ("tissue_young_kpa", "thickness_mm") if name not in given]
+    of_inclusion = [name for name in INCLUSION if name in given]
+    if of_inclusion:
+        missing += [name for name in INCLUSION if name not in given]
+    if missing:
+        raise InputError(f"a plan must give {', '.join(missing)}; got {', '.join(given) or 'nothing'}")
+    if "inclusion_poisson" in given and not of_inclusion:
+        raise InputError("inclusion_poisson must be left out for plain tissue; got it without diameter_mm")
+    given.setdefault("poisson", DEFAULT_POISSON)
+    if of_inclusion:
+        given.setdefault("inclusion_poisson", DEFAULT_POISSON)
+    return {name: given[name] for name in QUANTITIES if name in given}
+
+
+def _checked(name: str, value: Any) -> Quantity:
+    if isinstance(value, Range):
+        for end in (value.low, value.high):
+            require_number(name, end, 0.0, 1e6)
+        return value
+    if isinstance(value, tuple):
+        return _numbers(name, value, 0.0, 1e6, LARGEST_PRESSES)
+    return require_number(name, value, 0.0, 1e6)
+
+
+def _checked_columns(columns: Any, *, has_inclusion: bool) -> tuple[str, ...]:
+    if not isinstance(columns, (tuple, list)) or not columns:
+        raise InputError(f"columns must be a list of names ({', '.join(COLUMNS)}); got {columns!r:.80}")
+    chosen = {require_one_of("column", name, COLUMNS) for name in columns}
+    if "change_by_inclusion_mm" in chosen and not has_inclusion:
+        raise InputError("change_by_inclusion_mm must be left out of columns for plain tissue, where nothing changes")
+    return tuple(name for name in COLUMNS if name in chosen)
+
+
+def _numbers(name: str, values: Any, low: float, high: float, most: int) -> tuple[float, ...]:
+    if not isinstance(values, (tuple, list)) or not 0 < len(values) <= most:
+        got = f"{len(values)}" if isinstance(values, (tuple, list)) else f"{values!r:.80}"
+        raise InputError(f"{name} must be a list of 1 to {most} numbers; got {got}")
+    numbers = tuple(require_number(name, value, low, high) for value in values)
+    if len(set(numbers)) < len(numbers):
+        raise InputError(f"{name} must not repeat a value; got {list(values)!r:.80}")
+    return numbers
+
+
+def _whole(name: str, value: Any, low: int, high: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not low <= value <= high:
+        raise InputError(f"{name} must be a whole number in [{low}, {high}]; got {value!r:.80}")
+    return value

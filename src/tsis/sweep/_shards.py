@@ -1,0 +1,185 @@
+"""One batch as one Parquet file, whose bytes are decided by the plan alone and which proves that it is whole.
+
+The file holds its own SHA-256, taken with zeros in its place. A damaged, cut or foreign file is therefore recognised by
+itself and before any parser reads it, without a second file that could be lost.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from tsis.errors import FileInputError, SweepError, import_extra
+from tsis.files import one_line, read_bytes
+from tsis.sweep._plan import PROFILES
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from tsis.sweep._samples import Rows
+
+
+NAME = re.compile(r"part-\d{6}\.parquet")
+DATA_SET, SHARD, REFUSED, DIGEST = "tsis.data_set", "tsis.shard", "tsis.refused", "tsis.sha256"
+LARGEST_SHARD_BYTES = 96 * 2**20  # a file of the most presses and profiles takes 60 million bytes
+_ZEROS = b"0" * 64
+# In a Parquet footer an entry is its key, the byte 0x18 (a text follows), the text's length and the text.
+_BEFORE_DIGEST = DIGEST.encode() + b"\x18" + bytes([len(_ZEROS)])
+FEATURE = "a sweep's Parquet files"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Receipt:
+    """What is known of one file of the data set.
+
+    Attributes
+    ----------
+    shard
+        Number of the file, from 0.
+    sha256
+        Of its bytes.
+    rows, refused
+        Presses in it, and how many of them the model refused.
+    """
+
+    shard: int
+    sha256: str
+    rows: int
+    refused: int
+
+
+def shard_name(shard: int) -> str:
+    """The file's name.
+
+    Examples
+    --------
+    >>> shard_name(12)
+    'part-000012.parquet'
+    """
+    return f"part-{shard:06d}.parquet"
+
+
+def encode_shard(rows: Rows, *, shard: int, data_set: str) -> bytes:
+    """The bytes of a file."""
+    pa, parquet = _arrow()
+    columns = {"sample": pa.array(rows.sample, pa.int64())}
+    for name, values in rows.numbers.items():
+        flat = pa.array(values.ravel(), pa.float64())
+        columns[name] = pa.FixedSizeListArray.from_arrays(flat, values.shape[1]) if name in PROFILES else flat
+    columns["error"] = pa.array(rows.error, pa.string())
+    table = pa.table(columns)
+    sink = pa.BufferOutputStream()
+    # Every option that shapes the bytes is spelled out: a default may change with the library.
+    with parquet.ParquetWriter(
+        sink,
+        table.schema,
+        version="2.6",
+        data_page_version="1.0",
+        compression="zstd",
+        compression_level=3,
+        use_dictionary=False,
+        write_statistics=False,
+        store_schema=True,
+    ) as writer:
+        writer.write_table(table, row_group_size=max(1, table.num_rows))
+        # Not part of the schema, where they would be stored a second time in another encoding.
+        writer.add_key_value_metadata(
+            {DATA_SET: data_set, SHARD: str(shard), REFUSED: str(rows.refused), DIGEST: _ZEROS.decode()}
+        )
+    return _signed(sink.getvalue().to_pybytes())
+
+
+def receipt_of(content: bytes, *, shard: int, data_set: str) -> Receipt | None:
+    """What a file of this data set says of itself; None when it is damaged or belongs elsewhere."""
+    if not is_whole(content):
+        return None
+    try:
+        footer = _footer(content)
+        found = footer.metadata or {}
+        if (found[DATA_SET.encode()].decode(), int(found[SHARD.encode()])) != (data_set, shard):
+            return None
+        return Receipt(shard=shard, sha256=sha256(content), rows=footer.num_rows, refused=int(found[REFUSED.encode()]))
+    except (KeyError, ValueError):
+        return None
+
+
+def data_set_of(path: Path) -> str | None:
+    """The data set that a whole file belongs to; None when it is damaged or no file of a sweep."""
+    content = read_bytes(path, most=LARGEST_SHARD_BYTES)
+    if not is_whole(content):
+        return None
+    try:
+        name = (_footer(content).metadata or {}).get(DATA_SET.encode())
+        return None if name is None else str(name.decode())
+    except ValueError:
+        return None
+
+
+def is_whole(content: bytes) -> bool:
+    """True when the SHA-256 inside the file is that of its bytes."""
+    place = _digest_place(content)
+    if place is None:
+        return False
+    return content[place : place + len(_ZEROS)] == _digest(content, place)
+
+
+def decode_shard(content: bytes) -> Any:
+    """The Arrow table of a file whose bytes were checked.
+
+    Raises
+    ------
+    FileInputError
+        When it is no Parquet file all the same, or unpacks to more than a sweep writes.
+    """
+    pa, parquet = _arrow()
+    try:
+        footer = _footer(content)
+        unpacked = sum(abs(footer.row_group(group).total_byte_size) for group in range(footer.num_row_groups))
+        table = (
+            parquet.read_table(pa.BufferReader(content), use_threads=False) if unpacked <= LARGEST_SHARD_BYTES else None
+        )
+    except Exception as error:  # hostile bytes make Arrow raise nearly anything
+        raise FileInputError(f"a file of a sweep must be a whole Parquet file; got: {one_line(error)}") from error
+    if table is None:
+        raise FileInputError(f"a file of a sweep must unpack to at most {LARGEST_SHARD_BYTES} bytes; got {unpacked}")
+    return table
+
+
+def sha256(content: bytes) -> str:
+    """SHA-256 in hexadecimal digits."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def _arrow() -> tuple[Any, Any]:
+    pa, parquet = (import_extra(name, feature=FEATURE, extra="cluster") for name in ("pyarrow", "pyarrow.parquet"))
+    return pa, parquet
+
+
+def _footer(content: bytes) -> Any:
+    pa, parquet = _arrow()
+    try:
+        return parquet.read_metadata(pa.BufferReader(content))
+    except Exception as error:  # hostile bytes make Arrow raise nearly anything
+        raise FileInputError("a file of a sweep must be a whole Parquet file; its footer is damaged") from error
+
+
+def _signed(content: bytes) -> bytes:
+    place = _digest_place(content)
+    if place is None or content[place : place + len(_ZEROS)] != _ZEROS:
+        raise SweepError("this version of pyarrow writes Parquet footers in an unknown form; install an older one")
+    return content[:place] + _digest(content, place) + content[place + len(_ZEROS) :]
+
+
+def _digest_place(content: bytes) -> int | None:
+    found = content.rfind(_BEFORE_DIGEST)
+    place = found + len(_BEFORE_DIGEST)
+    return None if found < 0 or place + len(_ZEROS) > len(content) else place
+
+
+def _digest(content: bytes, place: int) -> bytes:
+    digest = hashlib.sha256(content[:place])
+    digest.update(_ZEROS)
+    digest.update(content[place + len(_ZEROS) :])
+    return digest.hexdigest().encode()

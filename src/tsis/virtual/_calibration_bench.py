@@ -1,0 +1,112 @@
+"""The bench of a calibration without hardware: every step's frames from the virtual loading machine and targets."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+from typing import TYPE_CHECKING
+
+from tsis.calibration.force import loading_forces
+from tsis.calibration.session import (
+    BOARD,
+    BOARD_UNTOUCHED,
+    DARK,
+    EDGE,
+    FLAT,
+    UNTOUCHED,
+    CalibrationFrame,
+    CalibrationStep,
+)
+from tsis.errors import InputError
+from tsis.virtual._loading_machine import FLAT_LEVELS as LEVELS
+from tsis.virtual._loading_machine import VirtualLoadingMachine
+from tsis.virtual._scale_targets import dot_board_frame, untouched_frame
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    import numpy as np
+
+    from tsis.imaging import Sensor
+    from tsis.model import Probe, TactileImage
+
+
+FRAMES_PER_S = 30.0
+NAMED = "virtual bench, seed "
+BOARD_TURN_DEG = 3.0
+
+
+def bench_name(seed: int) -> str:
+    """What a session calls the virtual bench: another seed is another one, whose frames do not mix.
+
+    Examples
+    --------
+    >>> bench_name(4), bench_seed("virtual bench, seed 4"), bench_seed("aravis:Fake_1")
+    ('virtual bench, seed 4', 4, None)
+    """
+    return f"{NAMED}{seed}"
+
+
+def bench_seed(name: str) -> int | None:
+    """Seed of the virtual bench of that name; None when it is a camera's."""
+    number = name.removeprefix(NAMED)
+    return int(number) if name.startswith(NAMED) and number.isascii() and number.isdecimal() else None
+
+
+class VirtualBench:
+    """Takes the frames of every step by itself.
+
+    Parameters
+    ----------
+    probe
+        What is calibrated.
+    rng
+        Source of every error.
+    sensor
+        The camera.
+    pitch_mm
+        Pitch of the dot board.
+    """
+
+    def __init__(
+        self, probe: Probe, *, rng: np.random.Generator, sensor: Sensor | None = None, pitch_mm: float = 2.5
+    ) -> None:
+        self.machine = VirtualLoadingMachine(probe, rng=rng, sensor=sensor)
+        self._rng, self._pitch_mm = rng, pitch_mm
+
+    @property
+    def patch_px(self) -> tuple[int, int, int, int] | None:
+        """Where its camera sees the lamps past the probe."""
+        return self.machine.patch_px
+
+    def shots(self, step: CalibrationStep) -> Iterator[CalibrationFrame]:
+        """Yield the frames of a step."""
+        if step.tip_mm is not None:
+            for image, shown_n in self.machine.loading(step.tip_mm, loading_forces()):
+                yield CalibrationFrame(image=_bare(image), force_n=shown_n)
+            return
+        take = self._take(step)
+        for number in range(step.frames):
+            yield CalibrationFrame(image=_bare(take()), time_s=number / FRAMES_PER_S)
+
+    def _take(self, step: CalibrationStep) -> Callable[[], TactileImage]:
+        sensor, rng = self.machine.sensor, self._rng
+        if step.name == BOARD:
+            board = dot_board_frame(sensor, rng=rng, pitch_mm=self._pitch_mm, angle_deg=BOARD_TURN_DEG, bright=True)
+            return lambda: board
+        calls: dict[str, Callable[[], TactileImage]] = {
+            DARK: self.machine.dark,
+            UNTOUCHED: self.machine.no_contact,
+            BOARD_UNTOUCHED: lambda: untouched_frame(sensor, rng=rng),
+            EDGE: self.machine.edge,
+        }
+        for level, light in enumerate(LEVELS, start=1):
+            calls[f"{FLAT}-{level}"] = partial(self.machine.flat, light)
+        if step.name not in calls:
+            raise InputError(f"step must be one of a calibration's plan; got {step.name!r:.60}")
+        return calls[step.name]
+
+
+def _bare(image: TactileImage) -> TactileImage:
+    """The frame as a camera gives it, which knows neither scale nor force."""
+    return replace(image, mm_per_pixel=None, force_n=None)

@@ -1,0 +1,261 @@
+"""A virtual rig behind the camera protocol: a stream of frames of a press that is held."""
+
+from __future__ import annotations
+
+import threading
+import time
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from tsis.errors import CameraError, InputError
+from tsis.imaging import expose
+from tsis.instrument import Frame, Mode, Setting
+from tsis.model import require_number, require_one_of
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from numpy.typing import NDArray
+
+    from tsis.imaging import Sensor
+    from tsis.model import Phantom, SoftSphere
+
+
+LARGEST_FORCE_N = 5.0
+FORCE = "force_n"  # its setting that no other camera has
+USUAL_PER_S = 30.0
+USUAL_MS = 20.0  # exposure under which the light is that of the probe's calibration
+
+
+class VirtualScene(Protocol):
+    """What a camera may look at: a `VirtualProbe` on tissue, or a `DirectContactRig` on objects."""
+
+    @property
+    def sensor(self) -> Sensor:
+        """Pixels and noise."""
+
+    def light(self, pressed: Any, /, *, force_n: float) -> NDArray[np.float64]:
+        """Expected grey levels above the background, shape (rows, columns)."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Held:
+    """A press that is held; replaced as a whole, so that no frame shows one press under the force of another."""
+
+    lies: Phantom | SoftSphere
+    force: Setting
+    light: NDArray[np.float64] | None
+
+
+class VirtualCamera:
+    """A camera that looks at a virtual probe while it is held on a phantom or an object.
+
+    Its settings are the force of the press (0 for no contact) and those of a camera: ``exposure_ms``, to which light
+    is proportional, ``gain`` in decibels, which amplifies light and noise alike, and ``brightness``, the black level.
+    At 20 ms, 0 dB and the sensor's own black level it sees what `VirtualProbe` sees.
+
+    Parameters
+    ----------
+    probe
+        The virtual probe.
+    phantom
+        What it is held on.
+    rng
+        Source of the frames' noise.
+    force_n
+        Force at the start, in newtons.
+    frames_per_s
+        Rate, in [0.1, 1000].
+    paced
+        Whether a frame comes when a camera of that rate would bring it, or else as soon as it is asked for.
+    clock
+        Seconds, monotonic.
+    light
+        Expected grey levels above the background of the press at the start, shape (rows, columns), where they are
+        known; computed for the first frame else, which takes tenths of a second on tissue and seconds on a sphere.
+
+    Examples
+    --------
+    >>> import numpy, tsis
+    >>> rng = numpy.random.default_rng(1)
+    >>> probe = tsis.virtual.VirtualProbe(tsis.load_probe("tsis-2011"), rng=rng)
+    >>> camera = VirtualCamera(probe, tsis.load_phantom("plain"), rng=rng)
+    >>> camera.open()
+    >>> camera.start()
+    >>> next(camera.frames()).pixels.shape
+    (492, 768)
+    >>> camera.stop()
+    """
+
+    def __init__(
+        self,
+        probe: VirtualScene,
+        phantom: Phantom | SoftSphere,
+        *,
+        rng: np.random.Generator,
+        force_n: float = 1.0,
+        frames_per_s: float = USUAL_PER_S,
+        paced: bool = False,
+        clock: Callable[[], float] = time.monotonic,
+        light: NDArray[np.float64] | None = None,
+    ) -> None:
+        self._probe, self._rng = probe, rng
+        rate = require_number("frames_per_s", frames_per_s, 0.1, 1000.0)
+        self._paced, self._clock = paced, clock
+        self._settings = {
+            one.name: one
+            for one in (
+                Setting(name="exposure_ms", value=min(USUAL_MS, 1000 / rate), low=0.01, high=1000 / rate, unit="ms"),
+                Setting(name="gain", value=0.0, low=0.0, high=24.0, unit="dB"),
+                Setting(
+                    name="brightness",
+                    value=probe.sensor.background_grey,
+                    low=0.0,
+                    high=0.25 * probe.sensor.full_scale,
+                    unit="grey levels",
+                ),
+            )
+        }
+        force = Setting(name=FORCE, value=force_n, low=0.0, high=LARGEST_FORCE_N, unit="newtons")
+        force.checked(force_n)
+        shape = (probe.sensor.rows, probe.sensor.columns)
+        if light is not None and np.shape(light) != shape:
+            raise InputError(f"light must have the sensor's shape, {shape}; got {np.shape(light)}")
+        self._held = _Held(lies=phantom, force=force, light=light)
+        self._pressing = threading.Lock()
+        self._mode = virtual_mode(probe.sensor, rate)
+        self._opened = False
+        self._running, self._stopped = threading.Event(), threading.Event()
+
+    @property
+    def name(self) -> str:
+        """What a person calls it."""
+        return _called(self._held)
+
+    @property
+    def lost(self) -> bool:
+        """Never: nothing can be unplugged."""
+        return False
+
+    def open(self) -> None:
+        """Take hold of it."""
+        self._opened = True
+
+    def modes(self) -> tuple[Mode, ...]:
+        """The sensor's one mode."""
+        return (self._mode,)
+
+    def settings(self) -> tuple[Setting, ...]:
+        """The force of the press, and the camera's exposure, gain and black level."""
+        return (self._held.force, *self._settings.values())
+
+    def adjust(self, name: str, value: float) -> None:
+        """Change a setting; the next frame shows it.
+
+        Raises
+        ------
+        UnknownNameError, InputError
+            When there is no such setting, or its range does not hold the value.
+        MechanicsError
+            When the tissue cannot be pressed so hard; the press is as it was.
+        """
+        require_one_of("setting", name, (FORCE, *self._settings))
+        if name != FORCE:
+            setting = self._settings[name]
+            self._settings[name] = replace(setting, value=setting.checked(value))
+            return
+        with self._pressing:
+            held = self._held
+            force = replace(held.force, value=held.force.checked(value))
+            light = held.light
+            if light is not None and force.value != held.force.value:
+                light = self._probe.light(held.lies, force_n=force.value)
+            self._held = _Held(lies=held.lies, force=force, light=light)
+
+    def hold_on(
+        self, phantom: Phantom | SoftSphere, *, force_n: float, light: NDArray[np.float64] | None = None
+    ) -> None:
+        """Lift the probe and press anew, on the same or on something else; errors as `adjust`.
+
+        Frames go on meanwhile as they were. ``light`` is that of the new press where it is known.
+        """
+        with self._pressing:
+            force = replace(self._held.force, value=self._held.force.checked(force_n))
+            seen = self._probe.light(phantom, force_n=force.value) if light is None else light
+            self._held = _Held(lies=phantom, force=force, light=seen)
+
+    def start(self, mode: Mode | None = None) -> None:
+        """Begin to deliver frames."""
+        if not self._opened:
+            raise CameraError(f"{self.name} must be opened first; call open()")
+        if mode not in (None, self._mode):
+            raise InputError(f"mode must be {self._mode}; got {mode}")
+        self._stopped.clear()
+        self._running.set()
+
+    def frames(self) -> Iterator[Frame]:
+        """Yield frames of the press as it is held, until stopped."""
+        if not self._running.is_set():
+            raise CameraError(f"{self.name} must be started before frames are read; call start()")
+        sequence = 0
+        period_s, begun_s = 1 / (self._mode.frames_per_s or 1.0), self._clock()
+        due_s = begun_s
+        while self._running.is_set():
+            if self._paced:
+                due_s = max(due_s, self._clock())  # a frame that took long to make delays those after it
+                if self._stopped.wait(due_s - self._clock()):
+                    return
+            held, light = self._lit()
+            values = {FORCE: held.force.value} | {name: setting.value for name, setting in self._settings.items()}
+            begun_s = due_s if sequence == 0 else begun_s
+            yield Frame(
+                pixels=self._exposed(light, values),
+                sequence=sequence,
+                time_s=due_s - begun_s,
+                full_scale=self._mode.full_scale,
+                name=f"{_called(held)}#{sequence}",
+                settings={"source": "virtual", **values},
+            )
+            sequence += 1
+            due_s += period_s
+
+    def _lit(self) -> tuple[_Held, NDArray[np.float64]]:
+        """The press and its light, which is computed where nobody has yet."""
+        held = self._held
+        if held.light is None:
+            with self._pressing:
+                held = self._held
+                if held.light is None:
+                    light = self._probe.light(held.lies, force_n=held.force.value)
+                    self._held = held = replace(held, light=light)
+        assert held.light is not None
+        return held, held.light
+
+    def _exposed(self, light: NDArray[np.float64], values: dict[str, float]) -> NDArray[Any]:
+        sensor = self._probe.sensor
+        amplified = 10 ** (values["gain"] / 20)
+        seen = replace(
+            sensor,
+            background_grey=values["brightness"],
+            read_noise_grey=min(amplified * sensor.read_noise_grey, sensor.full_scale),
+            shot_noise_grey=min(amplified * sensor.shot_noise_grey, sensor.full_scale),
+        )
+        grey = expose(light * (amplified * values["exposure_ms"] / USUAL_MS), seen, self._rng)
+        return grey.astype(np.uint8 if sensor.full_scale <= 255 else np.uint16)
+
+    def stop(self) -> None:
+        """End the stream."""
+        self._running.clear()
+        self._stopped.set()
+        self._opened = False
+
+
+def virtual_mode(sensor: Sensor, frames_per_s: float = USUAL_PER_S) -> Mode:
+    """The one mode of a virtual camera with that sensor."""
+    return Mode(width_px=sensor.columns, height_px=sensor.rows, full_scale=sensor.full_scale, frames_per_s=frames_per_s)
+
+
+def _called(held: _Held) -> str:
+    return f"virtual probe on {held.lies.name or 'a phantom'}"

@@ -1,0 +1,250 @@
+"""The loading machine of section 5.1 without hardware: tips on the bare probe, frames of its camera, a force gauge."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from tsis.calibration.force import LARGEST_GAUGE_N
+from tsis.errors import InputError
+from tsis.imaging import Sensor, rough_contact
+from tsis.mechanics import HertzContact, effective_modulus_kpa, hertz_under_force
+from tsis.model import MN_PER_N, Calibration, Probe, TactileImage, require_number, require_type
+from tsis.virtual._direct_contact import direct_contact_calibration
+from tsis.virtual._loading_camera import LoadingCamera, MachineErrors, drawn_truth
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from tsis.imaging import LedDrift
+
+
+NOMINAL_TIP_MM, NOMINAL_N = 2.0, 2.0  # the press for which the exposure is chosen
+HEADROOM = 1.2  # light that errors of the machine may add before pixels clip
+FLAT_LEVELS = (0.15, 0.4, 0.65)  # of the scale
+EDGE_LEVEL = 0.6
+
+
+class VirtualLoadingMachine:
+    """A rigid tip that presses the bare probe under a force gauge, and the probe's camera.
+
+    Pressure is Hertz's on a half-space of the probe's effective modulus, beyond his assumptions where the tip sinks in
+    deep; light is that of rough contact. Lamps warm up and wander, light is uneven, pixels are bad, the gauge has a
+    zero, a gain and noise of its own, unloading remembers loading. Every call takes a frame and some time.
+
+    Parameters
+    ----------
+    probe
+        What is pressed.
+    rng
+        Source of every error; a seed gives the same machine and the same frames.
+    sensor
+        The camera.
+    drift
+        How the lamps drift.
+    errors
+        Sizes of the errors.
+    patch
+        Whether a corner of the frame sees the lamps past the probe.
+    saturation_kpa
+        Pressure at which the skin's asperities saturate; five times the largest nominal pressure when None.
+    blur_mm
+        Standard deviation of the point spread on the face, mm, in [0, 2].
+    warm_s, frame_s
+        Seconds from switching the lamps on to the first frame, and from frame to frame.
+
+    Raises
+    ------
+    InputError
+        When an argument is of the wrong kind or outside its range.
+
+    Examples
+    --------
+    >>> import numpy, tsis
+    >>> machine = VirtualLoadingMachine(tsis.load_probe("tsis-direct"), rng=numpy.random.default_rng(1))
+    >>> image, shown_n = machine.press(2.0, 1.0)
+    >>> image.grey.shape, round(shown_n, 2)
+    ((492, 768), 1.0)
+    """
+
+    def __init__(
+        self,
+        probe: Probe,
+        *,
+        rng: np.random.Generator,
+        sensor: Sensor | None = None,
+        drift: LedDrift | None = None,
+        errors: MachineErrors | None = None,
+        patch: bool = True,
+        saturation_kpa: float | None = None,
+        blur_mm: float = 0.05,
+        warm_s: float = 1800.0,
+        frame_s: float = 10.0,
+    ) -> None:
+        require_type("probe", probe, Probe)
+        require_type("rng", rng, np.random.Generator)
+        self.probe, self.sensor, self.errors = probe, sensor or Sensor(), errors or MachineErrors()
+        require_type("sensor", self.sensor, Sensor)
+        require_type("errors", self.errors, MachineErrors)
+        self._rng, self._blur_mm = rng, require_number("blur_mm", blur_mm, 0.0, 2.0, hint="millimetres")
+        self.camera = LoadingCamera(self.sensor, rng=rng, drift=drift, patch=patch, warm_s=warm_s, frame_s=frame_s)
+        self._tips: dict[float, tuple[float, NDArray[np.float64]]] = {}
+        self._largest_n = 0.0
+        peak = _contact(probe, 1.0, NOMINAL_TIP_MM, NOMINAL_N).peak_pressure_kpa
+        nominal = Calibration(
+            gain_grey_per_kpa=direct_contact_calibration(
+                self.sensor, probe=probe, peak_kpa=HEADROOM * peak
+            ).gain_grey_per_kpa,
+            saturation_kpa=5 * peak if saturation_kpa is None else saturation_kpa,
+        )
+        self.truth = drawn_truth(nominal, self.camera, self.errors, rng)
+
+    @property
+    def patch_px(self) -> tuple[int, int, int, int] | None:
+        """Reference patch as left, top, right, bottom; None when there is none."""
+        return None if self.camera.patch is None else self.camera.patch.patch_px
+
+    @property
+    def lamps(self) -> tuple[float, ...]:
+        """True brightness of the lamps in each frame so far, those without light too."""
+        return self.camera.lamps
+
+    def dark(self) -> TactileImage:
+        """A frame with the lamps off."""
+        return self._named(self.camera.dark(), "dark", lit=0.0)
+
+    def no_contact(self) -> TactileImage:
+        """A frame of the untouched probe, the lamps on."""
+        self._largest_n = 0.0
+        return self._lit(np.zeros(self.truth.relative_light.shape), "no contact")
+
+    def flat(self, level: float = 0.4) -> TactileImage:
+        """A frame of even contact with the whole face that fills a share of the scale, in [0.02, 0.9]."""
+        require_number("level", level, 0.02, 0.9, hint="a share of the scale")
+        return self._lit(level * self.camera.range_grey * self.truth.relative_light, f"flat {level:g}")
+
+    def edge(self, angle_deg: float = 5.0) -> TactileImage:
+        """A frame of a block pressed evenly on one half of the face, its straight edge tilted to the columns."""
+        require_number("angle_deg", angle_deg, -45.0, 45.0, hint="degrees")
+        x, y = self.sensor.axes_mm()
+        across = x[None, :] * np.cos(np.radians(angle_deg)) + y[:, None] * np.sin(np.radians(angle_deg))
+        # Covered shares of pixels, as the edge runs through them.
+        block = EDGE_LEVEL * self.camera.range_grey * np.clip(0.5 + across / self.sensor.mm_per_pixel[0], 0.0, 1.0)
+        return self._lit(self._blurred(block) * self.truth.relative_light, "edge")
+
+    def press(self, tip_radius_mm: float, force_n: float) -> tuple[TactileImage, float]:
+        """Press a tip with a commanded force, and read the camera and the gauge.
+
+        Parameters
+        ----------
+        tip_radius_mm
+            Radius of the tip, mm, in [0.5, 100]; it keeps its place and its light as long as the machine runs.
+        force_n
+            Newtons, in [0, 50]; 0 is no contact, after which a new loading begins.
+
+        Returns
+        -------
+        The frame, and what the gauge shows in newtons.
+
+        Raises
+        ------
+        InputError
+            When a value lies outside its range, or the contact would leave the frame.
+        """
+        tip = require_number("tip_radius_mm", tip_radius_mm, 0.5, 100.0, hint="millimetres")
+        force = require_number("force_n", force_n, 0.0, LARGEST_GAUGE_N, hint="newtons")
+        force *= max(0.0, 1 + self.errors.force_sd * self._rng.standard_normal())
+        if force == 0:
+            return self.no_contact(), self._shown(0.0)
+        light = self._light(tip, force, *self._mounted(tip)) * self._once(force)
+        image = self._lit(light * self.truth.relative_light, f"{tip:g} mm tip at {force_n:g} N", force_n=force_n)
+        return image, self._shown(force)
+
+    def loading(self, tip_radius_mm: float, forces_n: Sequence[float]) -> list[tuple[TactileImage, float]]:
+        """Frames and gauge readings of forces in order of time."""
+        return [self.press(tip_radius_mm, force) for force in forces_n]
+
+    def expected_grey(self, tip_radius_mm: float, force_n: float) -> float:
+        """True sum of grey levels of loading at lamps of 1, without what tips, presses and noise add."""
+        return float(self._light(tip_radius_mm, force_n, 0.0, np.zeros(2), patterned=False).sum())
+
+    def contact(self, tip_radius_mm: float, force_n: float) -> HertzContact:
+        """True contact of a tip."""
+        return _contact(self.probe, self.truth.stiffness, tip_radius_mm, force_n)
+
+    def _mounted(self, tip: float) -> tuple[float, NDArray[np.float64]]:
+        """Light and place in mm of a tip, drawn when it is first used."""
+        if tip not in self._tips:
+            light = self.errors.tip_sd * float(self._rng.standard_normal())
+            self._tips[tip] = light, self.errors.place_sd_mm * self._rng.standard_normal(2)
+        return self._tips[tip]
+
+    def _once(self, force: float) -> float:
+        """What this press does to the light: its own scatter, and what it remembers of the largest force."""
+        self._largest_n = max(self._largest_n, force)
+        share = force / self._largest_n
+        memory = self.truth.hysteresis_share * 4 * share * (1 - share)
+        return (1 + memory) * (1 + self.errors.repeatability_sd * self._rng.standard_normal())
+
+    def _light(
+        self, tip: float, force: float, brighter: float, place: NDArray[np.float64], *, patterned: bool = True
+    ) -> NDArray[np.float64]:
+        """Light of a contact under even light, shape (rows, columns)."""
+        contact = self.contact(tip, force)
+        x, y = self.sensor.axes_mm()
+        reach = contact.contact_radius_mm + 4 * self._blur_mm + 2 * max(self.sensor.mm_per_pixel)
+        columns, rows = np.abs(x - place[0]) <= reach, np.abs(y - place[1]) <= reach
+        if columns[[0, -1]].any() or rows[[0, -1]].any():
+            raise InputError(
+                f"the contact must lie in the frame; a {tip:g} mm tip at {force:.2g} N touches "
+                f"{contact.contact_radius_mm:.2g} mm around its middle (press less, or see a wider field)"
+            )
+        radius = np.hypot(x[columns][None, :] - place[0], y[rows][:, None] - place[1])
+        light = rough_contact(contact.pressure_kpa(radius), self.truth.answer) * (1 + brighter)
+        if patterned:
+            knots = self.errors.pattern_sd * np.sqrt(1.5) * self._rng.standard_normal(int(2 * reach) + 3)
+            light *= 1 + np.interp(2 * radius, np.arange(len(knots)), knots)
+        picture = np.zeros((self.sensor.rows, self.sensor.columns))
+        picture[np.ix_(rows, columns)] = self._blurred(light)
+        return picture
+
+    def _blurred(self, light: NDArray[np.float64]) -> NDArray[np.float64]:
+        if self._blur_mm == 0:
+            return light
+        sigma_x, sigma_y = (self._blur_mm / size for size in self.sensor.mm_per_pixel)
+        return np.asarray(cv2.GaussianBlur(light, (0, 0), sigmaX=sigma_x, sigmaY=sigma_y), dtype=float)
+
+    def _shown(self, force: float) -> float:
+        """What the gauge displays of a force, newtons."""
+        shown = self.truth.gauge_gain * force + self.truth.gauge_zero_n
+        shown += self.errors.gauge_noise_n * float(self._rng.standard_normal())
+        step = self.errors.gauge_resolution_n
+        return shown if step == 0 else round(shown / step) * step
+
+    def _lit(self, light: NDArray[np.float64], name: str, *, force_n: float = 0.0) -> TactileImage:
+        stray = self.errors.stray_grey * self.truth.relative_light
+        return self._named(self.camera.lit(light + stray), name, lit=1.0, force_n=force_n)
+
+    def _named(self, grey: NDArray[np.float64], name: str, *, lit: float, force_n: float = 0.0) -> TactileImage:
+        return TactileImage(
+            grey=grey,
+            mm_per_pixel=self.sensor.mm_per_pixel,
+            full_scale=self.sensor.full_scale,
+            force_n=force_n,
+            name=name,
+            settings={"source": "virtual loading machine", "probe": self.probe.name, "lamps": lit},
+        )
+
+
+def _contact(probe: Probe, stiffness: float, tip_radius_mm: float, force_n: float) -> HertzContact:
+    """Hertz's contact on the half-space that stands for a probe so many times as stiff as its layers say."""
+    return hertz_under_force(
+        radius_mm=tip_radius_mm,
+        force_mn=force_n * MN_PER_N,
+        young_kpa=stiffness * effective_modulus_kpa(probe.layers),
+        poisson=probe.layers[0].poisson,
+    )

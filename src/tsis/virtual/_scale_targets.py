@@ -1,0 +1,214 @@
+"""What the camera sees of the targets that give its scale: a board of dots, and a ball, pressed into a gel.
+
+They are drawn straight on the face: each part of a pixel is traced to the face through the lens and finds there the
+nearest dot, or the ball's depth. Light, blur and noise follow. No part of this is the estimators' own path.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+
+from tsis.imaging import Sensor, expose
+from tsis.model import TactileImage, require_integer, require_number, require_type
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+
+PARTS = 2  # of a pixel, along each axis
+LEVEL = 0.55  # grey level of the untouched probe in the middle, share of the sensor's range
+SHADE = 0.25  # share of the light that is missing in the frame's corners, and gained from one side to the other
+DISTORTION = 0.01  # by which a length at the frame's corner is seen shorter than in its middle
+SMALL_DEPTH_MM = 1.5  # depth over which the gel's answer of light to depth bends
+ANSWER = 0.45  # share of the light that the deepest places lose
+
+
+def untouched_frame(sensor: Sensor, *, rng: np.random.Generator) -> TactileImage:
+    """The probe without a target, in the same uneven light.
+
+    Parameters
+    ----------
+    sensor
+        The camera.
+    rng
+        Source of the noise.
+    """
+    require_type("sensor", sensor, Sensor)
+    return _exposed(np.ones((sensor.rows, sensor.columns)), sensor, rng, 0.0, "untouched probe")
+
+
+def dot_board_frame(
+    sensor: Sensor,
+    *,
+    rng: np.random.Generator,
+    pitch_mm: float = 2.5,
+    dot_diameter_mm: float = 0.8,
+    angle_deg: float = 0.0,
+    offset_mm: tuple[float, float] = (0.0, 0.0),
+    scatter_mm: float = 0.01,
+    missing: float = 0.0,
+    strays: int = 0,
+    distortion: float = DISTORTION,
+    contrast: float = 0.3,
+    bright: bool = False,
+    blur_px: float = 2.0,
+) -> TactileImage:
+    """A board of dots pressed on the whole face.
+
+    Parameters
+    ----------
+    sensor
+        The camera; its ``mm_per_pixel`` is the true scale in the middle of the frame.
+    rng
+        Source of the noise, of the dots' scatter, and of which are missing.
+    pitch_mm
+        Distance of neighbouring dots, in [0.05, 50] mm.
+    dot_diameter_mm
+        Diameter of a dot, in [0.01, 50] mm.
+    angle_deg
+        Angle of the board in the image, degrees, from its x axis towards its y axis.
+    offset_mm
+        Place (x, y) of a dot relative to the frame's middle, mm.
+    scatter_mm
+        Standard deviation of each coordinate of a dot as made, in [0, 1] mm.
+    missing
+        Share of the dots that leave no mark, in [0, 1].
+    strays
+        How many specks, as large as dots, lie anywhere.
+    distortion
+        Relative lengthening of the face's way from the frame's middle to its corner, in [-0.3, 0.3]; pincushion where
+        it is negative.
+    contrast
+        Share of the light by which dots change it, in [0, 0.45].
+    bright
+        True when dots gain light, as on a waveguide, and do not lose it, as on a translucent gel.
+    blur_px
+        Standard deviation of the lens's blur, in [0, 50] pixels.
+
+    Returns
+    -------
+    TactileImage
+        The frame, without a scale: that is what it is for.
+
+    Examples
+    --------
+    >>> frame = dot_board_frame(Sensor(), rng=np.random.default_rng(1), pitch_mm=2.5)
+    >>> frame.grey.shape, frame.mm_per_pixel
+    ((492, 768), None)
+    """
+    require_type("sensor", sensor, Sensor)
+    require_number("pitch_mm", pitch_mm, 0.05, 50.0, hint="millimetres")
+    require_number("dot_diameter_mm", dot_diameter_mm, 0.01, 50.0, hint="millimetres")
+    require_number("scatter_mm", scatter_mm, 0.0, 1.0, hint="millimetres")
+    require_number("missing", missing, 0.0, 1.0, hint="a share of one")
+    require_number("contrast", contrast, 0.0, 0.45, hint="a share of one")
+    x, y = _face_mm(sensor, distortion)
+    turn = np.exp(-1j * np.radians(require_number("angle_deg", angle_deg, -360.0, 360.0, hint="degrees")))
+    place = ((x - offset_mm[0]) + 1j * (y - offset_mm[1])) * turn / pitch_mm
+    column, row = np.rint(place.real).astype(int), np.rint(place.imag).astype(int)
+    first = column.min(), row.min()
+    board = int(np.ptp(column)) + 1, int(np.ptp(row)) + 1
+    wrong = scatter_mm / pitch_mm * (rng.standard_normal(board) + 1j * rng.standard_normal(board))
+    there = (rng.random(board) >= missing).astype(float)
+    cell = column - first[0], row - first[1]
+    distance = pitch_mm * np.abs(place - (column + 1j * row) - wrong[cell])
+    mark = there[cell] * _soft_disc(distance, dot_diameter_mm)
+    for _ in range(require_integer("strays", strays, 0, 1000)):
+        speck = rng.uniform(x.min(), x.max()), rng.uniform(y.min(), y.max())
+        mark = np.maximum(mark, _soft_disc(np.hypot(x - speck[0], y - speck[1]), dot_diameter_mm))
+    change = contrast * _pixels(mark, sensor)
+    return _exposed(1 + change if bright else 1 - change, sensor, rng, blur_px, f"dots at {pitch_mm:g} mm")
+
+
+def ball_frame(
+    sensor: Sensor,
+    *,
+    rng: np.random.Generator,
+    ball_radius_mm: float = 4.0,
+    depth_mm: float = 1.0,
+    offset_mm: tuple[float, float] = (0.0, 0.0),
+    conforming: float = 0.85,
+    distortion: float = 0.0,
+    blur_px: float = 2.0,
+) -> TactileImage:
+    """A ball pressed into a translucent gel, which is darker where it is thinner.
+
+    Inside the contact the face is the ball's; outside it rises to the untouched level on a smooth slope. The light
+    falls with depth along a curve that bends.
+
+    Parameters
+    ----------
+    sensor
+        The camera; its ``mm_per_pixel`` is the true scale in the middle of the frame.
+    rng
+        Source of the noise.
+    ball_radius_mm
+        Radius of the ball, in [0.1, 100] mm.
+    depth_mm
+        How deep its lowest point lies below the untouched face, in [0.001, ball_radius_mm] mm.
+    offset_mm
+        Place (x, y) of the ball relative to the frame's middle, mm.
+    conforming
+        Radius of the contact over that of the circle in which the ball cuts the untouched face, in [0.1, 0.99].
+    distortion, blur_px
+        As for `dot_board_frame`.
+
+    Examples
+    --------
+    >>> shallow, deep = (ball_frame(Sensor(), rng=np.random.default_rng(1), depth_mm=depth) for depth in (0.5, 1.5))
+    >>> bool(deep.grey[246, 384] < 0.9 * shallow.grey[246, 384])
+    True
+    """
+    require_type("sensor", sensor, Sensor)
+    radius = require_number("ball_radius_mm", ball_radius_mm, 0.1, 100.0, hint="millimetres")
+    depth = require_number("depth_mm", depth_mm, 1e-3, radius, hint="millimetres")
+    require_number("conforming", conforming, 0.1, 0.99, hint="a share of one")
+    x, y = _face_mm(sensor, distortion)
+    distance = np.hypot(x - offset_mm[0], y - offset_mm[1])
+    edge = conforming * np.sqrt(2 * radius * depth - depth**2)
+    inside = depth - radius + np.sqrt(radius**2 - np.minimum(distance, edge) ** 2)
+    rim = depth - radius + np.sqrt(radius**2 - edge**2)
+    fall = edge / np.sqrt(radius**2 - edge**2) / rim
+    below = inside * np.exp(-fall * np.maximum(distance - edge, 0.0))
+    lost = ANSWER * (1 - np.exp(-_pixels(below, sensor) / SMALL_DEPTH_MM))
+    return _exposed(1 - lost, sensor, rng, blur_px, f"ball of {radius:g} mm, {depth:g} mm deep")
+
+
+def _face_mm(sensor: Sensor, distortion: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Where on the face the parts of the pixels look, (x, y) from the frame's middle, mm, shape (rows * PARTS, ...)."""
+    require_number("distortion", distortion, -0.3, 0.3, hint="a share of one")
+    parts = (np.arange(PARTS) + 0.5) / PARTS - 0.5
+    x, y = (
+        np.add.outer(axis, parts * size).ravel()
+        for axis, size in zip(sensor.axes_mm(), sensor.mm_per_pixel, strict=True)
+    )
+    bent = 1 + distortion * (x[None, :] ** 2 + y[:, None] ** 2) / (x[-1] ** 2 + y[-1] ** 2)
+    return x[None, :] * bent, y[:, None] * bent
+
+
+def _soft_disc(distance_mm: NDArray[np.float64], diameter_mm: float) -> NDArray[np.float64]:
+    """1 in the middle of a disc and 0 outside, with a rim as wide as a sixth of its diameter."""
+    steepness = 24.0 / diameter_mm
+    return np.asarray(1 / (1 + np.exp(np.clip(steepness * (distance_mm - diameter_mm / 2), -50.0, 50.0))))
+
+
+def _pixels(fine: NDArray[np.float64], sensor: Sensor) -> NDArray[np.float64]:
+    return np.asarray(fine.reshape(sensor.rows, PARTS, sensor.columns, PARTS).mean(axis=(1, 3)))
+
+
+def _exposed(
+    share: NDArray[np.float64], sensor: Sensor, rng: np.random.Generator, blur_px: float, name: str
+) -> TactileImage:
+    """The frame of a share of the probe's uneven light."""
+    require_number("blur_px", blur_px, 0.0, 50.0, hint="pixels")
+    if blur_px > 0.0:
+        share = np.asarray(cv2.GaussianBlur(share, (0, 0), blur_px, borderType=cv2.BORDER_REPLICATE))
+    across, down = (np.linspace(-1.0, 1.0, sides) for sides in (sensor.columns, sensor.rows))
+    light = 1 - SHADE * (across[None, :] ** 2 + down[:, None] ** 2) / 2 + SHADE * across[None, :] / 2
+    grey = LEVEL * (sensor.full_scale - sensor.background_grey) * light * share
+    return TactileImage(
+        grey=expose(grey, sensor, rng), full_scale=sensor.full_scale, name=name, settings={"source": "virtual"}
+    )
