@@ -21,7 +21,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import tsis
-from tsis.calibration.force import TIPS_MM, WIDEST, Loading, fit_force_line, loading_forces, read_loading_frame
+from tsis.calibration.force import (
+    HYSTERESIS_POINT,
+    TIPS_MM,
+    Loading,
+    fit_force_line,
+    loading_forces,
+    read_loading_frame,
+)
 from tsis.calibration.reference import make_reference
 from tsis.calibration.response import fit_response
 from tsis.imaging import Sensor
@@ -71,7 +78,9 @@ def one_run(
     intercept, slope = true_line(machine, lamps)
     gain = machine.truth.answer.gain_grey_per_kpa * lamps
     low, high = response.saturation.interval()
-    loop = -4 * WIDEST**2 * (1 - WIDEST) * machine.truth.hysteresis_share  # of the sum f (1 + 4 h f (1 - f))
+    loop = (
+        -4 * HYSTERESIS_POINT**2 * (1 - HYSTERESIS_POINT) * machine.truth.hysteresis_share
+    )  # of the sum f (1 + 4 h f (1 - f))
     assert diagnostics.hysteresis is not None  # every tip was unloaded
     found = (
         ("intercept", intercept, line.intercept_grey),

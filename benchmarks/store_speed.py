@@ -32,13 +32,13 @@ from tsis.records.store import (
     Store,
     append_audit,
     frame_bytes,
-    frames,
+    frame_table,
     locked_head,
     open_store,
     press_row,
-    presses,
+    press_table,
     target_row,
-    targets,
+    target_table,
 )
 
 if TYPE_CHECKING:
@@ -120,9 +120,9 @@ def grown(folder: Path, count: int, spread: int) -> None:
         ]
         changes = []
         for table, entered in (
-            (targets, [target_row(target) for target in kept]),
-            (frames, [{"id": f"{i:064x}", **shape} for i in range(count)]),
-            (presses, [press_row(_press(kept[i % spread], i)) for i in range(count)]),
+            (target_table, [target_row(target) for target in kept]),
+            (frame_table, [{"id": f"{i:064x}", **shape} for i in range(count)]),
+            (press_table, [press_row(_press(kept[i % spread], i)) for i in range(count)]),
         ):
             connection.execute(insert(table), entered)
             changes += [AuditChange(action="add", kind=table.name, row=str(row["id"]), values=row) for row in entered]

@@ -10,7 +10,6 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 from typing import TYPE_CHECKING
-from unittest.mock import patch
 
 import numpy as np
 from benchmarks.busy_press import RADIUS_MM, busy
@@ -36,7 +35,6 @@ from tsis.sweep import (
     run_sweep,
     sweep_batches,
 )
-from tsis.sweep import _dask_pool as dask_crew
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -197,8 +195,7 @@ def scheduler_rate() -> tuple[float, float, float]:
     with (
         tempfile.TemporaryDirectory() as folder,
         LoopbackCluster(Path(folder), WORKERS, THREADS) as cluster,
-        patch.object(dask_crew, "finish", answered_at_once),
-        DaskPool(job, cluster.address) as crew,
+        DaskPool(job, cluster.address, work=answered_at_once) as crew,
     ):
         left = iter(list(sweep_batches(sweep_plan(TASKS * BATCH, batch=BATCH))))
         _wait_for(crew)

@@ -13,7 +13,7 @@ from benchmarks.hostile.bytes_changed import damaged
 from benchmarks.hostile.loader import Loader
 from benchmarks.hostile.picture_loaders import token
 
-from tsis.files import DIGEST_BYTES, _digest
+from tsis.files import DIGEST_BYTES, cached_sha256
 from tsis.instrument.gauge import RecordedGauge
 from tsis.matching import csv_text, read_points
 from tsis.matching.trials import PUBLIC_FILE, TRIAL_ROW_HEAD, public_trials, read_trial_rows
@@ -135,13 +135,13 @@ def _content() -> bytes:
 
 def _cached() -> bytes:
     payload = _content()
-    return _digest(KEY, payload) + payload
+    return cached_sha256(KEY, payload) + payload
 
 
 def _forged_cache(original: bytes, rng: np.random.Generator) -> bytes:
     held = original[DIGEST_BYTES:]
     payload = _member_damaged(held, rng, name="plain.npy") if rng.random() < 0.7 else damaged(held, held, rng)
-    return _digest(KEY, payload) + payload
+    return cached_sha256(KEY, payload) + payload
 
 
 def _from_cache(path: Path) -> Hashable:

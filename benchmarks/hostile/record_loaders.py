@@ -38,16 +38,16 @@ from tsis.sweep import (
     Range,
     Receipt,
     Rows,
-    _digest,
-    _digest_place,
     data_set_key,
     data_set_of,
+    digest_position,
     encode_shard,
     head,
     load_plan,
     manifest_sha256,
     plan_document,
     receipt_of,
+    rows_sha256,
     sha256,
     shard_name,
     write_manifest,
@@ -267,7 +267,7 @@ def _receipt(shard: bytes, key: str) -> Receipt:
 def _signed_again(original: bytes, rng: np.random.Generator) -> bytes:
     """A damaged shard whose own digest is right again."""
     changed = damaged(original, original, rng)
-    place = _digest_place(changed)
+    place = digest_position(changed)
     if place is None:
         return changed
-    return changed[:place] + _digest(changed, place) + changed[place + 64 :]
+    return changed[:place] + rows_sha256(changed, place) + changed[place + 64 :]

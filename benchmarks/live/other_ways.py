@@ -23,7 +23,7 @@ from fastapi import FastAPI, Response
 from fastapi.responses import HTMLResponse, StreamingResponse
 from nicegui import ui
 
-from tsis.console.services import CameraChoice, VirtualStage
+from tsis.console.services import CameraChoice, VirtualSubject
 from tsis.instrument.acquisition import Acquisition
 
 if TYPE_CHECKING:
@@ -37,7 +37,7 @@ class Sender:
     """The newest frame as JPEG, and how many were sent."""
 
     def __init__(self) -> None:
-        self.acquisition = Acquisition(VirtualStage(CameraChoice()).connect)
+        self.acquisition = Acquisition(VirtualSubject(CameraChoice()).connect)
         self.sent = 0
 
     def newest(self) -> bytes:

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from tests.cli.conftest import RunTsis
 
-    from tsis.console import ConsoleTerms
+    from tsis.console import ConsoleSettings
 
 TOKEN = "t" * 43
 ADDRESS = f"http://127.0.0.1:8642/?token={TOKEN}"
@@ -32,7 +32,7 @@ def opened(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> queue.Queue[str]:
     told: queue.Queue[str] = queue.Queue()
     found: queue.Queue[str] = queue.Queue()
 
-    def served(_: ConsoleTerms, *, ready: Callable[[str], None]) -> None:
+    def served(_: ConsoleSettings, *, ready: Callable[[str], None]) -> None:
         ready(ADDRESS)
         found.put(told.get(timeout=HANGS_S))
 

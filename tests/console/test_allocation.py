@@ -8,7 +8,7 @@ import weakref
 
 from tests.waiting import until
 
-from tsis.console._worker import share_memory_among_threads, tidied
+from tsis.console._worker import collecting_garbage, share_memory_among_threads
 
 
 class Knot:
@@ -20,7 +20,7 @@ class Knot:
 def test_what_holds_each_other_is_found_while_nothing_else_is_made() -> None:
     gc.disable()
     try:
-        with tidied(every_s=0.01):
+        with collecting_garbage(every_s=0.01):
             one, two = Knot(), Knot()
             one.other, two.other = two, one
             left = weakref.ref(one)

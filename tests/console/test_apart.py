@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import pytest
 from tests.waiting import HANGS_S
 
-from tsis.console._worker import Apart
+from tsis.console._worker import WorkerProcess
 from tsis.errors import ControlError, InputError, UnknownNameError
 from tsis.model import require_integer, require_one_of
 
@@ -22,13 +22,15 @@ pytestmark = pytest.mark.system
 
 
 @pytest.fixture
-def apart() -> Iterator[Apart]:
-    made = Apart(most=6)
+def apart() -> Iterator[WorkerProcess]:
+    made = WorkerProcess(most=6)
     yield made
     made.close()
 
 
-def test_work_is_done_elsewhere_and_its_errors_come_back(apart: Apart, caplog: pytest.LogCaptureFixture) -> None:
+def test_work_is_done_elsewhere_and_its_errors_come_back(
+    apart: WorkerProcess, caplog: pytest.LogCaptureFixture
+) -> None:
     there = apart.ask(os.getpid)
     assert there != os.getpid()
     assert apart.ask(print, "what a library says") is None
@@ -42,14 +44,14 @@ def test_work_is_done_elsewhere_and_its_errors_come_back(apart: Apart, caplog: p
     assert apart.ask(os.getpid) != there
 
 
-def test_a_process_that_was_killed_is_replaced(apart: Apart) -> None:
+def test_a_process_that_was_killed_is_replaced(apart: WorkerProcess) -> None:
     there = apart.ask(os.getpid)
     with pytest.raises(RuntimeError, match="ended before its work was done"):
         apart.ask(os.kill, there, signal.SIGTERM)
     assert apart.ask(os.getpid) != there
 
 
-def test_nothing_is_waited_for_when_the_console_ends(apart: Apart) -> None:
+def test_nothing_is_waited_for_when_the_console_ends(apart: WorkerProcess) -> None:
     assert apart.ask(require_integer, "port", 1, 0, 2) == 1
     told: list[BaseException] = []
 
@@ -70,7 +72,7 @@ def test_nothing_is_waited_for_when_the_console_ends(apart: Apart) -> None:
         apart.ask(os.getpid)
 
 
-def test_what_cannot_be_sent_is_said_at_once(apart: Apart) -> None:
+def test_what_cannot_be_sent_is_said_at_once(apart: WorkerProcess) -> None:
     with pytest.raises((AttributeError, TypeError)):
         apart.ask(lambda: 1)
     with pytest.raises(InputError):

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from tsis.catalog import list_probes, load_probe
-from tsis.console.pages.design._draft import LAMP, LAYER, AskedDraft, draft_of, sentence
+from tsis.console.pages.design._draft import LAMP, LAYER, QuestionDraft, draft_message, draft_of
 from tsis.console.pages.design._page import file_name
 from tsis.errors import InputError
 
@@ -48,8 +48,8 @@ def test_any_text_gives_a_probe_or_a_sentence(text: str, field: str) -> None:
 
 @given(forces=typed, frames=typed, evaluations=typed)
 def test_any_question_is_asked_or_refused_in_a_sentence(forces: str, frames: str, evaluations: str) -> None:
-    draft = AskedDraft(forces=forces, frames=frames, evaluations=evaluations, search=True)
-    said = sentence(lambda: draft.question(load_probe("tsis-2011")))
+    draft = QuestionDraft(forces=forces, frames=frames, evaluations=evaluations, search=True)
+    said = draft_message(lambda: draft.question(load_probe("tsis-2011")))
     assert "\n" not in said
     if not said:
         question = draft.question(load_probe("tsis-2011"))
@@ -59,10 +59,10 @@ def test_any_question_is_asked_or_refused_in_a_sentence(forces: str, frames: str
 
 
 def test_forces_are_parted_by_commas_and_spaces() -> None:
-    assert AskedDraft(forces="0.5, 1;2  3").forces_n() == (0.5, 1.0, 2.0, 3.0)
-    assert AskedDraft(forces=" ").forces_n() == ()
+    assert QuestionDraft(forces="0.5, 1;2  3").forces_n() == (0.5, 1.0, 2.0, 3.0)
+    assert QuestionDraft(forces=" ").forces_n() == ()
     with pytest.raises(InputError, match="at most 8; got 9"):
-        AskedDraft(forces="1 " * 9).forces_n()
+        QuestionDraft(forces="1 " * 9).forces_n()
 
 
 def test_names_of_files_hold_nothing_strange() -> None:

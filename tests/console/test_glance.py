@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from tsis.console.pages.components import Glance
+from tsis.console.pages.components import StatePoller
 from tsis.console.pages.shell._shell import NOWHERE, address_of, title_of
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ def clock(monkeypatch: pytest.MonkeyPatch) -> Callable[[float], None]:
 def test_all_who_ask_at_once_get_one_look(clock: Callable[[float], None]) -> None:
     async def asked() -> None:
         bench = CountedBench()
-        glance = Glance(bench)  # type: ignore[arg-type]
+        glance = StatePoller(bench)  # type: ignore[arg-type]
         first = await asyncio.gather(*(glance.state() for _ in range(20)))
         assert bench.looks == 1
         assert all(each is first[0] for each in first)
@@ -62,7 +62,7 @@ def test_all_who_ask_at_once_get_one_look(clock: Callable[[float], None]) -> Non
 def test_a_look_that_fails_is_told_and_the_next_one_is_tried(clock: Callable[[float], None]) -> None:
     async def asked() -> None:
         bench = CountedBench()
-        glance = Glance(bench)  # type: ignore[arg-type]
+        glance = StatePoller(bench)  # type: ignore[arg-type]
         bench.fails = True
         with pytest.raises(ValueError, match="nobody foresaw"):
             await glance.state()
@@ -75,7 +75,7 @@ def test_a_look_that_fails_is_told_and_the_next_one_is_tried(clock: Callable[[fl
 def test_who_stops_asking_does_not_stop_the_look_of_others(clock: Callable[[float], None]) -> None:
     async def asked() -> None:
         bench = CountedBench()
-        glance = Glance(bench)  # type: ignore[arg-type]
+        glance = StatePoller(bench)  # type: ignore[arg-type]
         leaving, staying = asyncio.create_task(glance.state()), asyncio.create_task(glance.state())
         await asyncio.sleep(0)
         leaving.cancel()

@@ -26,7 +26,7 @@ from tsis.console.files import thumbnail_png
 from tsis.errors import MissingExtraError
 from tsis.records.export.bundle import read_bundle
 from tsis.records.store import open_store
-from tsis.report import ENDINGS, PAGES, html
+from tsis.report import ENDINGS, PAGE_FORMS, html
 from tsis.report.target import target_page
 
 if TYPE_CHECKING:
@@ -122,7 +122,7 @@ def test_the_report_on_paper_opens_in_another_program(client: FilesOf, tmp_path:
     assert "Target 3: size-10" in sheets(answer.content, tmp_path)[0]
 
 
-@pytest.mark.parametrize("form", [form for form in ENDINGS if form not in PAGES])
+@pytest.mark.parametrize("form", [form for form in ENDINGS if form not in PAGE_FORMS])
 def test_every_form_comes_as_one_file_and_nothing_stays_behind(client: FilesOf, exports: Path, form: str) -> None:
     answer = client.get(f"/files/export/{NUMBER}/{form}")
     assert answer.status_code == 200, answer.text

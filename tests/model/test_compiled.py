@@ -1,4 +1,4 @@
-"""Machine code on disk: thrown away when any source of its room changes; switched off, functions stay Python."""
+"""Machine code on disk: thrown away when any source of its package changes; switched off, functions stay Python."""
 
 from __future__ import annotations
 
@@ -6,37 +6,39 @@ import os
 import shutil
 import subprocess
 import sys
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pytest
 
-import tsis.model
+import tsis.compiled
+
+if TYPE_CHECKING:
+    from pathlib import Path
 
 pytestmark = pytest.mark.system
 
-ROOM = Path(tsis.model.__file__).parent
 STEPS = """
 import numpy as np
-from copied_room.caller import twice
+from copied_package.caller import twice
 print(twice(3.0), *twice.stats.cache_hits.values())
 """
 
 
-def copied_room(tmp_path: Path) -> Path:
-    """A room with the compiler's file, a function, and another file whose function it calls."""
-    room = tmp_path / "copied_room"
-    room.mkdir()
-    (room / "__init__.py").touch()
-    shutil.copy(ROOM / "compiled.py", room)
-    head = "from __future__ import annotations\nfrom copied_room.compiled import compiled\n"
+def copied_package(tmp_path: Path) -> Path:
+    """Make a package with the compiler's file, a function, and another file whose function it calls."""
+    package = tmp_path / "copied_package"
+    package.mkdir()
+    (package / "__init__.py").touch()
+    shutil.copy(tsis.compiled.__file__, package)
+    head = "from __future__ import annotations\nfrom copied_package.compiled import compiled\n"
     called = "@compiled\ndef factor() -> float:\n    return 2.0\n"
-    (room / "called.py").write_text(head + called)
+    (package / "called.py").write_text(head + called)
     caller = (
-        "from copied_room.called import factor\n@compiled\ndef twice(x: float) -> float:\n    return factor() * x\n"
+        "from copied_package.called import factor\n@compiled\ndef twice(x: float) -> float:\n    return factor() * x\n"
     )
-    (room / "caller.py").write_text(head + caller)
-    return room
+    (package / "caller.py").write_text(head + caller)
+    return package
 
 
 def run(folder: Path, code: str, **variables: str) -> str:
@@ -46,11 +48,11 @@ def run(folder: Path, code: str, **variables: str) -> str:
     ).stdout.strip()
 
 
-def test_a_change_in_another_file_of_the_room_is_noticed(tmp_path: Path) -> None:
-    room = copied_room(tmp_path)
+def test_a_change_in_another_file_of_the_package_is_noticed(tmp_path: Path) -> None:
+    package = copied_package(tmp_path)
     assert run(tmp_path, STEPS) == "6.0"
     assert run(tmp_path, STEPS) == "6.0 1", "from disk"
-    called = room / "called.py"
+    called = package / "called.py"
     called.write_text(called.read_text().replace("2.0", "50.0"))
     assert run(tmp_path, STEPS) == "150.0"
 

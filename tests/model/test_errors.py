@@ -6,7 +6,9 @@ from tsis import errors
 
 
 def test_every_error_is_drawn_in_the_tree_and_descends_from_the_root() -> None:
-    classes = [member for _, member in inspect.getmembers(errors, inspect.isclass) if member.__module__ == errors.__name__]
+    classes = [
+        member for _, member in inspect.getmembers(errors, inspect.isclass) if member.__module__ == errors.__name__
+    ]
     assert len(classes) >= 9
     for member in classes:
         assert issubclass(member, (errors.TsisError, errors.TsisWarning))

@@ -262,7 +262,7 @@ import json, os, sys
 from pathlib import Path
 from tests.records.power_loss_scenarios import image
 from tests.records.sample import WHEN, sample_calibration, sample_estimate
-from tsis.records import open_store
+from tsis.records.store import open_store
 told = os.open(sys.argv[2], os.O_WRONLY | os.O_CREAT)
 def keep(record):
     os.write(told, json.dumps({"id": record.id}).encode() + b"\\n")

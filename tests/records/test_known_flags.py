@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 import tsis
-from tsis.hardness import FLAGS as HARDNESS
-from tsis.inclusion import FLAGS as INCLUSION
+from tsis.hardness import HARDNESS_FLAGS as HARDNESS
+from tsis.inclusion import INCLUSION_FLAGS as INCLUSION
 from tsis.inclusion import UNTRUSTED_FLAGS
 from tsis.inclusion._verdict import NAMES
 

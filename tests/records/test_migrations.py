@@ -39,11 +39,11 @@ STATEMENTS = 4  # of the step to schema 2
 KILLED = """
 import os, signal, sys
 from alembic import op
-from tsis.model import durable
-from tsis.records import open_store
+from tsis.files import DISK
+from tsis.records.store import open_store
 folder, at = sys.argv[1:]
 left = 0 if at == "copied" else int(at)
-execute, rename = op.execute, durable.DISK.rename
+execute, rename = op.execute, DISK.rename
 def counted(*statement):
     global left
     if left == 0:
@@ -54,7 +54,7 @@ def renamed(draft, path):
     if at == "copied":
         os.kill(os.getpid(), signal.SIGKILL)
     rename(draft, path)
-op.execute, durable.DISK.rename = counted, renamed
+op.execute, DISK.rename = counted, renamed
 open_store(folder)
 """
 

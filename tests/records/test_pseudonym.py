@@ -101,11 +101,11 @@ def test_an_older_store_gets_one_once_and_its_audit_says_so(place: Place) -> Non
 
 
 def test_a_secret_that_was_taken_out_is_not_made_anew(tmp_path: Path) -> None:
-    for change in (delete(tables.store), update(tables.store).values(value="guessed")):
+    for change in (delete(tables.store_table), update(tables.store_table).values(value="guessed")):
         with open_store(tmp_path / change.__visit_name__) as store:
             filled(store)
             with store.database.writing() as connection:
-                connection.execute(change.where(tables.store.c.name == TERM))
+                connection.execute(change.where(tables.store_table.c.name == TERM))
             with pytest.raises(RecordsError, match="secret of the store, from which pseudonyms follow"):
                 store.dossier(store.target(1))
             assert not verify_store(store).sound

@@ -24,14 +24,14 @@ from tsis.records.store import open_store, verify_store
 ROOT = Path(__file__).parents[2]
 READ = """
 import json, sys
-from tsis.model.errors import RecordsError
-from tsis.records import open_store, verify
-from tsis.records.export import write_bundle
+from tsis.errors import RecordsError
+from tsis.records.export.bundle import write_bundle
+from tsis.records.store import open_store, verify_store
 try:
     with open_store(sys.argv[1], create=False) as store:
         target = store.target(1)
         write_bundle(store.dossier(target), sys.argv[2])
-        found = verify(store)
+        found = verify_store(store)
         try:
             store.add_target()
         except RecordsError as error:

@@ -123,7 +123,9 @@ def test_the_first_entries_of_the_audit_say_who_began_the_store(place: Place) ->
     with place.open(actor="ñ") as store:
         store.add_target()
         with store.database.reading() as connection:
-            actors = list(connection.execute(select(tables.audit.c.actor).order_by(tables.audit.c.number)).scalars())
+            actors = list(
+                connection.execute(select(tables.audit_table.c.actor).order_by(tables.audit_table.c.number)).scalars()
+            )
     assert set(actors[:-1]) == {getpass.getuser()}
     assert actors[-1] == "ñ"
 
@@ -248,7 +250,9 @@ def test_an_estimate_of_an_unspeakable_probe_is_one_sentence(store: Store, name:
     with pytest.raises(InputError, match="probe must be printable"):
         store.add_estimate(target, sample_estimate(), probe=name, **made)  # type: ignore[arg-type]
     with pytest.raises(RecordsError) as caught, store.database.writing() as connection:
-        connection.execute(insert(tables.store).values(name=name, value=b"\xff".decode("utf-8", "surrogateescape")))
+        connection.execute(
+            insert(tables.store_table).values(name=name, value=b"\xff".decode("utf-8", "surrogateescape"))
+        )
     assert "\n" not in str(caught.value)
     assert store.estimates(target) == ()
     assert verify_store(store).sound

@@ -131,7 +131,7 @@ def test_the_audit_tells_an_import_from_what_was_measured_here(store: Store) -> 
     store.add_target()
     store.take_in(sample_dossier())
     with store.database.reading() as connection:
-        entries = connection.execute(select(tables.audit.c.action, tables.audit.c.kind)).all()
+        entries = connection.execute(select(tables.audit_table.c.action, tables.audit_table.c.kind)).all()
     imported = [kind for action, kind in entries if action == "import"]
     assert sorted(imported) == ["calibrations", "estimates", *["frames"] * 4, *["presses"] * 4, "targets"]
 

@@ -11,7 +11,7 @@ from tests.records.sample import sample_dossier
 
 from tsis.errors import FileInputError
 from tsis.records.export import fhir_observations
-from tsis.report import ENDINGS, MASKED, PAGES, html, require_absent, write_form
+from tsis.report import ENDINGS, MASKED, PAGE_FORMS, html, require_absent, write_form
 from tsis.report.target import target_page
 
 if TYPE_CHECKING:
@@ -48,5 +48,5 @@ def test_nothing_is_written_over(tmp_path: Path) -> None:
 
 
 def test_forms_that_mask_or_are_pages_are_forms() -> None:
-    assert {*PAGES, *MASKED} < set(ENDINGS)
+    assert {*PAGE_FORMS, *MASKED} < set(ENDINGS)
     assert len(set(ENDINGS.values())) == len(ENDINGS)

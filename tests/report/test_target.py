@@ -14,7 +14,7 @@ from tests.report.pdf_readers import sheets
 from tests.report.test_pages import HOSTILE, Reader
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.calibration.guard import FLAGS
+from tsis.calibration.guard import GUARD_FLAGS
 from tsis.errors import RecordsError
 from tsis.model import Estimate
 from tsis.records import StoredEstimate, TargetRecord
@@ -78,7 +78,7 @@ def test_every_press_is_told_and_its_flag_explained() -> None:
     assert [row[1] for row in rows] == [f"2026-11-22 09:{30 + i // 3}:{20 * i % 60:02d}" for i in range(4)]
     assert [row[6] for row in rows] == [press.frame[:12] for press in dossier.presses]
     assert rows[1][2:6] == ("target", "1 N", "0.12 × 0.14", "moving")
-    assert f"Press 2 is flagged moving: {FLAGS['moving'].means}." in page.notes
+    assert f"Press 2 is flagged moving: {GUARD_FLAGS['moving'].means}." in page.notes
     assert all(press.frame in str(page.provenance) for press in dossier.presses), "whole hashes"
     odd = target_page(other_presses(dossier, flags=("mine",)))
     assert any(

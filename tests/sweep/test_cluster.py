@@ -28,7 +28,7 @@ SWEEP = """
 import sys
 from tests.sweep import stand_ins
 from tests.sweep.conftest import small_plan
-from tsis.model.errors import TsisError
+from tsis.errors import TsisError
 from tsis.sweep import run_sweep
 try:
     done = run_sweep(small_plan(), sys.argv[1], scheduler=sys.argv[2], press=getattr(stand_ins, sys.argv[3]))

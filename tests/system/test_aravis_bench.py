@@ -11,7 +11,7 @@ from tests.console.bench.places import ANN
 from tests.system.aravis_peer import LOOPBACK, fake_camera, loopback_camera_port, served_probe
 from tests.waiting import until
 
-from tsis.console.services import Bench, BenchTerms
+from tsis.console.services import Instrument, InstrumentSettings
 from tsis.errors import CameraError, InputError
 
 if TYPE_CHECKING:
@@ -29,14 +29,14 @@ def _port() -> Iterator[None]:
 
 
 @pytest.fixture
-def bench(_port: None, tmp_path: Path) -> Iterator[Bench]:
-    terms = BenchTerms(camera=CAMERA, workspace=tmp_path / "workspace", store=tmp_path / "store")
-    with Bench(terms) as made:
+def bench(_port: None, tmp_path: Path) -> Iterator[Instrument]:
+    terms = InstrumentSettings(camera=CAMERA, workspace=tmp_path / "workspace", store=tmp_path / "store")
+    with Instrument(terms) as made:
         made.control.take(ANN, "Ann", held_s=600.0)
         yield made
 
 
-def test_a_camera_is_set_killed_and_comes_back_and_what_was_kept_stays(bench: Bench) -> None:
+def test_a_camera_is_set_killed_and_comes_back_and_what_was_kept_stays(bench: Instrument) -> None:
     with pytest.raises(CameraError):
         bench.start(by=ANN)  # nothing is plugged in
     assert not bench.state().camera.running
@@ -67,7 +67,7 @@ def test_a_camera_is_set_killed_and_comes_back_and_what_was_kept_stays(bench: Be
     assert [press.id for press in bench.store.presses(first.target)] == [first.press.id, second.press.id]
 
 
-def test_the_served_probe_is_seen_and_its_press_kept(bench: Bench) -> None:
+def test_the_served_probe_is_seen_and_its_press_kept(bench: Instrument) -> None:
     with served_probe("B2", "--seed", "4"):
         bench.start(by=ANN)
         bench.hold(role="target", force_n=1.0, by=ANN)

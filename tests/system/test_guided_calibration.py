@@ -209,15 +209,15 @@ def session_steps() -> tuple[str, ...]:
 LOST_IN_MID_LOADING = """
 import sys
 from rich.console import Console
-from tsis.calibration.session import plan
-from tsis.cli.calibrate.operator import Operator
+from tsis.calibration.session import plan_steps
+from tsis.cli.calibrate._guide import Operator
 
 class Bench:
     def loading(self, over):
         assert not over()
         raise SystemExit("Error: the gauge was lost")
 
-next(iter(Operator(Bench(), Console(stderr=True), has_gauge=True).take(plan()[-1])))
+next(iter(Operator(Bench(), Console(stderr=True), has_gauge=True).take(plan_steps()[-1])))
 """
 
 

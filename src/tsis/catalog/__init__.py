@@ -1,4 +1,4 @@
-"""FIXME."""
+"""What ships with the package: probes, phantoms and spheres, as TOML files that a user can copy and replace."""
 
 from tsis.catalog._entries import (
     list_phantoms,

@@ -18,7 +18,7 @@ from tsis.errors import InputError
 from tsis.inclusion.design import MOST_EVALUATIONS
 from tsis.report import (
     HEADINGS,
-    QUICK,
+    QUICK_DEGREES,
     DesignQuestion,
     answered,
     compared_designs,
@@ -96,7 +96,7 @@ def design(
         forces_n=tuple(force_n or ()),
         with_reference=not no_reference,
         frames_each=frames,
-        compared=tuple(aspect.value for aspect in compared) if compared else QUICK,
+        compared=tuple(aspect.value for aspect in compared) if compared else QUICK_DEGREES,
         criterion=criterion.value,
         traced=traced_light,
         evaluations=None if not search else MOST_EVALUATIONS if evaluations is None else evaluations,

@@ -7,17 +7,25 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from tsis.console._app import opened_in_browser
-    from tsis.console._serving import Certificate, ConsoleTerms, serve_console
+    from tsis.console._serving import Certificate, ConsoleSettings, serve_console
     from tsis.console.auth import Logins
-    from tsis.console.services import Bench, BenchTerms
+    from tsis.console.services import Instrument, InstrumentSettings
 
-__all__ = ["Bench", "BenchTerms", "Certificate", "ConsoleTerms", "Logins", "opened_in_browser", "serve_console"]
+__all__ = [
+    "Certificate",
+    "ConsoleSettings",
+    "Instrument",
+    "InstrumentSettings",
+    "Logins",
+    "opened_in_browser",
+    "serve_console",
+]
 
 _HOMES = {
-    "Bench": "services",
-    "BenchTerms": "services",
     "Certificate": "_serving",
-    "ConsoleTerms": "_serving",
+    "ConsoleSettings": "_serving",
+    "Instrument": "services",
+    "InstrumentSettings": "services",
     "Logins": "auth",
     "opened_in_browser": "_app",
     "serve_console": "_serving",

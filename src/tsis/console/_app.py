@@ -21,11 +21,11 @@ from starlette.websockets import WebSocket  # noqa: TC002 - FastAPI reads the an
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
 from tsis.console.api import PLACE, api_app
-from tsis.console.auth import Gate, console_folder, failed, write_private
+from tsis.console.auth import AuthMiddleware, console_folder, failed, write_private
 from tsis.console.files import Reports, files_router
 from tsis.console.live import ADDRESS, LiveHub, live_view
-from tsis.console.pages.shell import AT_ONCE, LANGUAGE, Shell, say_lost
-from tsis.console.studies import StudyShelf
+from tsis.console.pages.shell import AT_ONCE, LANGUAGE, Shell, set_lost_connection_text
+from tsis.console.studies import StudyRepository
 from tsis.errors import FileInputError
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from starlette.types import ASGIApp
 
     from tsis.console.auth import Access
-    from tsis.console.services import Bench
+    from tsis.console.services import Instrument
 
 
 _PAGE = Template("""<!doctype html>
@@ -93,7 +93,7 @@ def _open(page: Path) -> None:
 STATIC = Path(__file__).parent / "static"
 
 
-def console_app(bench: Bench, *, access: Access, hosts: Collection[str]) -> ASGIApp:
+def console_app(bench: Instrument, *, access: Access, hosts: Collection[str]) -> ASGIApp:
     """The console of a bench, behind its gate; one a process, for the pages' library keeps them process-wide.
 
     Parameters
@@ -123,12 +123,12 @@ def console_app(bench: Bench, *, access: Access, hosts: Collection[str]) -> ASGI
     async def live(socket: WebSocket) -> None:
         await live_view(socket, bench=bench, hub=hub)
 
-    application.include_router(files_router(bench.store, reports, StudyShelf(bench.terms.workspace)))
+    application.include_router(files_router(bench.store, reports, StudyRepository(bench.terms.workspace)))
     application.mount(PLACE, api_app(bench, reports))
     for sheet in sorted(STATIC.glob("*.css")):  # console.css, then one for each page that needs more
         ui.add_css(sheet, shared=True)
     ui.add_head_html(AT_ONCE, shared=True)
-    say_lost()
+    set_lost_connection_text()
     ui.run_with(
         application,
         root=Shell(bench).build,
@@ -141,4 +141,4 @@ def console_app(bench: Bench, *, access: Access, hosts: Collection[str]) -> ASGI
         reconnect_timeout=5.0,
         gzip_middleware_factory=None,  # pages are marked on their way out, and files are local
     )
-    return Gate(application, access=access, hosts=hosts)
+    return AuthMiddleware(application, access=access, hosts=hosts)

@@ -24,7 +24,7 @@ _NOT_TOLD = (
 )
 
 
-class OneSentence(logging.Formatter):
+class OneLineFormatter(logging.Formatter):
     """The message and the error, without where it was raised."""
 
     def format(self, record: logging.LogRecord) -> str:
@@ -36,7 +36,7 @@ class OneSentence(logging.Formatter):
         return f"{record.levelname.capitalize()}: {' '.join(text.split())[:500]}"
 
 
-class WholeStory(RotatingFileHandler):
+class FullLogHandler(RotatingFileHandler):
     """The file; where it cannot be written, what was told on the terminal must do."""
 
     def handleError(self, _: logging.LogRecord) -> None:  # noqa: N802 - the library's name
@@ -44,12 +44,12 @@ class WholeStory(RotatingFileHandler):
 
 
 @contextmanager
-def logged(folder: Path) -> Iterator[None]:
+def logging_to(folder: Path) -> Iterator[None]:
     """Log what the console and its libraries say, inside the block: in `FILE` of the folder, and on the terminal."""
-    whole = WholeStory(folder / FILE, maxBytes=LARGEST_BYTES, backupCount=2, encoding="utf-8", delay=True)
+    whole = FullLogHandler(folder / FILE, maxBytes=LARGEST_BYTES, backupCount=2, encoding="utf-8", delay=True)
     whole.setFormatter(logging.Formatter("%(asctime)s %(levelname)s %(name)s: %(message)s"))
     short = logging.StreamHandler()
-    short.setFormatter(OneSentence())
+    short.setFormatter(OneLineFormatter())
     for handler, level in ((whole, logging.INFO), (short, logging.WARNING)):
         handler.setLevel(level)
         handler.addFilter(_is_told)

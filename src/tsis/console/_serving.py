@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING
 import uvicorn
 
 from tsis.console._app import console_app
-from tsis.console._log import logged
-from tsis.console._timeouts import PatientProtocol
-from tsis.console._worker import share_memory_among_threads, tidied
-from tsis.console.auth import Access, Logins, Sessions, console_folder, kept_token, name_of
-from tsis.console.services import Bench, BenchTerms
+from tsis.console._log import logging_to
+from tsis.console._timeouts import TimeoutProtocol
+from tsis.console._worker import collecting_garbage, share_memory_among_threads
+from tsis.console.auth import Access, Logins, Sessions, console_folder, name_of, saved_token
+from tsis.console.services import Instrument, InstrumentSettings
 from tsis.errors import FileInputError, InputError
 from tsis.model import require_integer
 
@@ -79,7 +79,7 @@ OWN_NAMES = ("127.0.0.1", "localhost", "[::1]")
 _OPTION: int = getattr(socket, "SO_EXCLUSIVEADDRUSE", socket.SO_REUSEADDR)
 
 
-def resolved(host: str) -> str:
+def resolve_host(host: str) -> str:
     """The address of this machine that is meant by ``host``.
 
     Raises
@@ -100,7 +100,7 @@ def is_loopback(address: str) -> bool:
     return ipaddress.ip_address(address.partition("%")[0]).is_loopback
 
 
-def listening(address: str, port: int) -> socket.socket:
+def listen(address: str, port: int) -> socket.socket:
     """A socket that listens there; port 0 is any free one.
 
     Raises
@@ -123,7 +123,7 @@ def listening(address: str, port: int) -> socket.socket:
     return listener
 
 
-def shown_name(address: str, names: tuple[str, ...]) -> str:
+def public_host(address: str, names: tuple[str, ...]) -> str:
     """The name under which people open it: the first that was given, else the address itself."""
     if names:
         return names[0]
@@ -140,7 +140,7 @@ CONNECTIONS = 256
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ConsoleTerms:
+class ConsoleSettings:
     """How a console is served.
 
     Parameters
@@ -158,7 +158,7 @@ class ConsoleTerms:
         Make another key, which shuts out everybody who had the old one.
     """
 
-    bench: BenchTerms = field(default_factory=BenchTerms)
+    bench: InstrumentSettings = field(default_factory=InstrumentSettings)
     host: str = LOOPBACK
     port: int = 8642
     certificate: Certificate | None = None
@@ -172,7 +172,7 @@ class ConsoleTerms:
                 raise InputError(f"name of a host must be a name without a port; got {name!r:.80}")
 
 
-def serve_console(terms: ConsoleTerms, *, ready: Callable[[str], None]) -> None:
+def serve_console(terms: ConsoleSettings, *, ready: Callable[[str], None]) -> None:
     """Serve a console until the process is interrupted or terminated.
 
     Parameters
@@ -187,13 +187,13 @@ def serve_console(terms: ConsoleTerms, *, ready: Callable[[str], None]) -> None:
     InputError
         When the address cannot be listened on, or may not be.
     TsisError
-        As `Bench`, and when the console's key, logins or certificate cannot be used.
+        As `Instrument`, and when the console's key, logins or certificate cannot be used.
     """
     with _terminated_as_interrupted():
         address, tls, logins = _permitted(terms)
         folder = console_folder()
-        with listening(address, terms.port) as listener:  # before another key: whoever fails here shuts nobody out
-            token = kept_token(new=terms.new_token, folder=folder)
+        with listen(address, terms.port) as listener:  # before another key: whoever fails here shuts nobody out
+            token = saved_token(new=terms.new_token, folder=folder)
             access = Access(
                 token,
                 sessions=Sessions(token, folder=folder),
@@ -202,22 +202,25 @@ def serve_console(terms: ConsoleTerms, *, ready: Callable[[str], None]) -> None:
                 secure=tls is not None,
             )
             share_memory_among_threads()
-            with logged(folder), Bench(terms.bench) as bench:
+            with logging_to(folder), Instrument(terms.bench) as bench:
                 application = console_app(bench, access=access, hosts=(*OWN_NAMES, *terms.names))
                 ready(_entrance(listener, address, terms, token))
-                with tidied(), suppress(KeyboardInterrupt):  # the server has ended in order, and raises what ended it
+                with (
+                    collecting_garbage(),
+                    suppress(KeyboardInterrupt),
+                ):  # the server has ended in order, and raises what ended it
                     uvicorn.Server(_config(application, tls)).run(sockets=[listener])
 
 
-def _entrance(listener: socket.socket, address: str, terms: ConsoleTerms, token: str) -> str:
+def _entrance(listener: socket.socket, address: str, terms: ConsoleSettings, token: str) -> str:
     """The address that people open."""
     scheme = "http" if terms.certificate is None else "https"
-    return f"{scheme}://{shown_name(address, terms.names)}:{listener.getsockname()[1]}/?token={token}"
+    return f"{scheme}://{public_host(address, terms.names)}:{listener.getsockname()[1]}/?token={token}"
 
 
-def _permitted(terms: ConsoleTerms) -> tuple[str, ssl.SSLContext | None, Logins | None]:
+def _permitted(terms: ConsoleSettings) -> tuple[str, ssl.SSLContext | None, Logins | None]:
     """The address to listen on, TLS and logins; refused is a network without either."""
-    address = resolved(terms.host)
+    address = resolve_host(terms.host)
     tls = None if terms.certificate is None else terms.certificate.context()
     logins = None if tls is None else Logins()
     if not is_loopback(address) and (tls is None or logins is None or not logins.names()):
@@ -232,7 +235,7 @@ def _permitted(terms: ConsoleTerms) -> tuple[str, ssl.SSLContext | None, Logins 
 def _config(application: ASGIApp, tls: ssl.SSLContext | None) -> uvicorn.Config:
     return uvicorn.Config(
         application,
-        http=PatientProtocol,  # by h11, which bounds headers; the quicker parser does not
+        http=TimeoutProtocol,  # by h11, which bounds headers; the quicker parser does not
         ws="websockets-sansio",  # of which that one knows whether a WebSocket was asked for in good form
         h11_max_incomplete_event_size=LARGEST_HEADERS,
         ws_max_size=LARGEST_MESSAGE,

@@ -16,7 +16,7 @@ SILENCE_S = 10.0
 NOT_OPENED = "A WebSocket is asked for by GET, without a body, and with few and short headers."
 
 
-class PatientProtocol(H11Protocol):
+class TimeoutProtocol(H11Protocol):
     """HTTP as uvicorn speaks it, on connections that may be without a request for so long and no longer."""
 
     silence_s = SILENCE_S

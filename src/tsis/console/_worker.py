@@ -24,12 +24,12 @@ if TYPE_CHECKING:
 MOST = 20  # pieces of work after which the process is replaced, with all the memory that it has gathered
 NICE = 10  # how far it stands back behind the console, where a system knows that
 DONE, REFUSED, FAILED = "done", "refused", "failed"
-Given = ParamSpec("Given")
-Answer = TypeVar("Answer")
+Arguments = ParamSpec("Arguments")
+Result = TypeVar("Result")
 _log = logging.getLogger(__name__)
 
 
-class Apart:
+class WorkerProcess:
     """A process that does one piece of work after the other, begun with the first; for several threads.
 
     Parameters
@@ -43,7 +43,7 @@ class Apart:
         self._process: subprocess.Popen[bytes] | None = None
         self._one_at_a_time = threading.Lock()
 
-    def ask(self, work: Callable[Given, Answer], *given: Given.args, **named: Given.kwargs) -> Answer:
+    def ask(self, work: Callable[Arguments, Result], *given: Arguments.args, **named: Arguments.kwargs) -> Result:
         """Have work done there; it is a function of a module, and what it takes and returns can be pickled.
 
         Raises
@@ -161,7 +161,7 @@ def share_memory_among_threads() -> None:
 
 
 @contextmanager
-def tidied(every_s: float = EVERY_S) -> Iterator[None]:
+def collecting_garbage(every_s: float = EVERY_S) -> Iterator[None]:
     """Collect garbage now and then; to be entered once all is loaded, which is set aside as never to be looked at.
 
     Python looks for garbage when many things were made, however large they are: the pictures of several reports, which

@@ -1,4 +1,4 @@
-"""FIXME."""
+"""Bytes on disk: atomic writes, bounded decoding of images and archives, canonical JSON, SHA-256, safe names."""
 
 from tsis.files._archive import arrays_of, npy_layout
 from tsis.files._atomic import (
@@ -14,7 +14,7 @@ from tsis.files._atomic import (
     remove_unfinished,
     write_durably,
 )
-from tsis.files._cache import DIGEST_BYTES, _digest, cache_folder, content_key, read_cached_arrays, write_cached
+from tsis.files._cache import DIGEST_BYTES, cache_folder, cached_sha256, content_key, read_cached_arrays, write_cached
 from tsis.files._image_checks import LARGEST_PIXELS, fault, pixels_alone, png_fault, rows_missing, size_fault
 from tsis.files._json import SHA256, canonical, digest, digest_of_any, parsed
 from tsis.files._names import LARGEST_TARGET, snapshot_stems, target_folder
@@ -42,13 +42,13 @@ __all__ = [
     "SHA256",
     "UNFINISHED",
     "Disk",
-    "_digest",
     "add_files",
     "arrays_of",
     "as_path",
     "atomic_file",
     "atomic_folder",
     "cache_folder",
+    "cached_sha256",
     "canonical",
     "content_key",
     "digest",

@@ -51,7 +51,7 @@ def read_cached(kind: str, key: str) -> bytes | None:
     except OSError:
         return None
     digest, payload = data[:DIGEST_BYTES], data[DIGEST_BYTES:]
-    return payload if _digest(key, payload) == digest else None
+    return payload if cached_sha256(key, payload) == digest else None
 
 
 def read_cached_arrays(kind: str, key: str) -> dict[str, NDArray[Any]] | None:
@@ -70,8 +70,8 @@ def write_cached(kind: str, key: str, payload: bytes) -> None:
     path = cache_folder() / kind / key
     with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
-        write_durably(path, _digest(key, payload) + payload)
+        write_durably(path, cached_sha256(key, payload) + payload)
 
 
-def _digest(key: str, payload: bytes) -> bytes:
+def cached_sha256(key: str, payload: bytes) -> bytes:
     return hashlib.sha256(key.encode() + payload).digest()

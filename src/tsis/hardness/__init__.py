@@ -15,12 +15,12 @@ from tsis.hardness._reading import BLUR_MM, ContactReading, read_contact
 from tsis.hardness._shore import ShoreHardness, shore
 from tsis.hardness._sphere import hertzian_radius_mm, press_fields, require_small_sphere
 from tsis.hardness._table import ContactTable, build_contact_table
-from tsis.hardness._verdict import FLAGS
+from tsis.hardness._verdict import HARDNESS_FLAGS
 
 __all__ = [
     "BLUR_MM",
     "DRIFT_SD",
-    "FLAGS",
+    "HARDNESS_FLAGS",
     "RADIUS_SD_MM",
     "STRESSES",
     "ContactReading",

@@ -13,7 +13,7 @@ from tsis.errors import InputError, MechanicsError
 from tsis.mechanics.finite_strain import (
     LIGHTEST,
     TOUCH,
-    WIDEST,
+    WIDEST_CONTACT,
     SphereOnProbe,
     find_first_contact,
     follow_load_path,
@@ -94,10 +94,10 @@ def _neighbours(resolution: SphereResolution) -> list[SphereResolution]:
 
 def require_small_sphere(probe: Probe, radius_mm: float) -> None:
     """Refuse an object larger than the probe can measure: its contact would reach the rim."""
-    if radius_mm > WIDEST * probe.radius_mm:
+    if radius_mm > WIDEST_CONTACT * probe.radius_mm:
         raise InputError(
-            f"the object must be smaller than the probe: radius_mm must be at most {WIDEST * probe.radius_mm:.3g}, "
-            f"{WIDEST:g} of the face's radius; got {radius_mm:g} (use a wider probe)"
+            f"the object must be smaller than the probe: radius_mm must be at most {WIDEST_CONTACT * probe.radius_mm:.3g}, "
+            f"{WIDEST_CONTACT:g} of the face's radius; got {radius_mm:g} (use a wider probe)"
         )
 
 

@@ -158,7 +158,7 @@ def _about_fit(presses: Sequence[ContactPress], found: HardnessPosterior, radius
     ]
 
 
-FLAGS = MappingProxyType(
+HARDNESS_FLAGS = MappingProxyType(
     {
         "young_kpa_not_identified": "the presses tell next to nothing of the modulus",
         "young_kpa_cut_off": "the modulus piles up at an end of the prior",

@@ -156,7 +156,7 @@ def _cut_off(column: NDArray[np.float64], name: str, interval: tuple[float, floa
     return []
 
 
-FLAGS = MappingProxyType(
+INCLUSION_FLAGS = MappingProxyType(
     {f"{name}_not_identified": f"the presses tell next to nothing of the {words}" for name, words in NAMES.items()}
     | {f"{name}_at_prior_end": f"the {words} piles up at an end of the prior" for name, words in NAMES.items()}
     | {

@@ -242,7 +242,7 @@ def _levels_by_opencv(data: bytes) -> NDArray[Any]:
     return decoded if decoded.ndim == 2 else decoded[..., 2::-1]  # OpenCV keeps blue first
 
 
-QUICK = (cv2.IMWRITE_PNG_COMPRESSION, 1)  # half the time of the default for a tenth more bytes
+QUICK_PNG = (cv2.IMWRITE_PNG_COMPRESSION, 1)  # half the time of the default for a tenth more bytes
 
 
 def png_bytes(image: TactileImage) -> bytes:

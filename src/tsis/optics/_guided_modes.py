@@ -10,9 +10,7 @@ import numpy as np
 
 from tsis.errors import InputError
 from tsis.model import require_array, require_integer
-from tsis.optics.slab import SlabLayers
-from tsis.optics.slab import _field as slab_field
-from tsis.optics.slab import _phase as slab_phase
+from tsis.optics.slab import SlabField, SlabLayers, mode_field, mode_roots, nearly_degenerate
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -93,13 +91,13 @@ class GuidedModes:
         """How many modes have an effective index above ``index``: they fade away in every layer of that index."""
         return int(np.count_nonzero(self.n_eff > index))
 
-    def _field(self, mode: SupportsIndex) -> slab_field.SlabField:
+    def _field(self, mode: SupportsIndex) -> SlabField:
         if not len(self):
             raise InputError(f"mode must be one of none: nothing is guided; got {mode!r}")
         number = require_integer("mode", mode, 0, len(self) - 1)
-        some = slab_field.mixed(self.anchor, self.offset, self._q(number).max(), number)
+        some = nearly_degenerate(self.anchor, self.offset, self._q(number).max(), number)
         q = np.array([self._q(one) for one in range(some.start, some.stop)])
-        return slab_field.field(self.layers, self.n_eff[some], q, number - some.start)
+        return mode_field(self.layers, self.n_eff[some], q, number - some.start)
 
     def _q(self, mode: int) -> NDArray[np.float64]:
         return np.asarray(self.layers.at(self.anchor[mode])[0] - self.offset[mode])
@@ -182,6 +180,6 @@ def _intervals_of_modes(layers: SlabLayers) -> Iterator[tuple[NDArray[np.float64
         for anchor, low, high in ((upper, -half, 0.0), (lower, 0.0, half)):
             last = max(first, layers.modes_above(anchor, low))
             found = np.empty(last - first)
-            slab_phase.roots(*layers.at(anchor), low, high, layers.core, first, found)
+            mode_roots(*layers.at(anchor), low, high, layers.core, first, found)
             yield np.full_like(found, anchor), found
             first = last

@@ -6,7 +6,7 @@ import hashlib
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from tsis.calibration.guard import FLAGS as PRESS_FLAGS
+from tsis.calibration.guard import GUARD_FLAGS as PRESS_FLAGS
 from tsis.catalog import list_probes
 from tsis.files import SHA256
 from tsis.records._deidentify_estimate import CALIBRATION, deidentified_estimate, distinct

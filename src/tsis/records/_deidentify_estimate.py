@@ -8,8 +8,8 @@ from dataclasses import fields, replace
 from typing import TYPE_CHECKING, Any
 
 from tsis.files import SHA256
-from tsis.hardness import FLAGS as HARDNESS_FLAGS
-from tsis.inclusion import FLAGS as INCLUSION_FLAGS
+from tsis.hardness import HARDNESS_FLAGS as HARDNESS_FLAGS
+from tsis.inclusion import INCLUSION_FLAGS as INCLUSION_FLAGS
 from tsis.model import INTERVAL_LEVEL, UNITS
 from tsis.records._estimation import OPTIONS, PRIORS
 from tsis.records._provenance import LIBRARIES

@@ -14,7 +14,7 @@ from tsis.report._calibration import (
 from tsis.report._contact import analyse_image, comparison, contact_report, finding_notes, finding_rows
 from tsis.report._design import (
     HEADINGS,
-    QUICK,
+    QUICK_DEGREES,
     DesignAnswer,
     DesignQuestion,
     answered,
@@ -41,7 +41,7 @@ from tsis.report._forms import (
     ENDINGS,
     FORM_LABELS,
     MASKED,
-    PAGES,
+    PAGE_FORMS,
     StoreAddress,
     report_of_stored_target,
     require_absent,
@@ -74,8 +74,8 @@ __all__ = [
     "FORM_LABELS",
     "HEADINGS",
     "MASKED",
-    "PAGES",
-    "QUICK",
+    "PAGE_FORMS",
+    "QUICK_DEGREES",
     "Card",
     "DesignAnswer",
     "DesignQuestion",

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 
 
 FLAT_N, DOMED_N = (1.0,), (0.5, 1.0)  # under a dome two forces load the tissue in two different ways
-QUICK = ("forces", "frames", "reference")  # of one probe, whose press is solved once
+QUICK_DEGREES = ("forces", "frames", "reference")  # of one probe, whose press is solved once
 PLANNED = "as planned"
 
 
@@ -73,7 +73,7 @@ class DesignQuestion:
     forces_n: tuple[float, ...] = ()
     with_reference: bool = True
     frames_each: int = 1
-    compared: tuple[str, ...] = QUICK
+    compared: tuple[str, ...] = QUICK_DEGREES
     criterion: str = "all"
     traced: bool = False
     evaluations: int | None = None

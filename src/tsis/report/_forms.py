@@ -35,7 +35,7 @@ FORM_LABELS = {  # of each, for people who choose
     "dicom": "DICOM: series, report and document",
     "bundle": "Bundle: everything, for another store",
 }
-PAGES = ("html", "pdf")  # forms that say what of a target is damaged; the others are whole or not written
+PAGE_FORMS = ("html", "pdf")  # forms that say what of a target is damaged; the others are whole or not written
 MASKED = ("fhir", "dicom")  # forms that leave out labels and times unless they are asked for
 
 
@@ -51,7 +51,7 @@ def write_form(form: str, dossier: TargetRecord, path: Path, *, identified: bool
     RecordsError
         When a stored file is damaged.
     """
-    if form in PAGES:
+    if form in PAGE_FORMS:
         _write_file(path, page_bytes(form, dossier))
     elif form == "fhir":
         from tsis.records.export import fhir_observations
@@ -71,7 +71,7 @@ def write_form(form: str, dossier: TargetRecord, path: Path, *, identified: bool
 
 
 def page_bytes(form: str, dossier: TargetRecord) -> bytes:
-    """The report of a target in one of `PAGES`, drawn and laid out."""
+    """The report of a target in one of `PAGE_FORMS`, drawn and laid out."""
     from tsis.report.target import target_page
 
     page = target_page(dossier)
@@ -132,7 +132,7 @@ class StoreAddress:
 
 
 def report_of_stored_target(place: StoreAddress, number: int, form: str) -> bytes:
-    """The report of a target in a form of `tsis.report.PAGES`, as the store holds it at this moment.
+    """The report of a target in a form of `tsis.report.PAGE_FORMS`, as the store holds it at this moment.
 
     Raises
     ------

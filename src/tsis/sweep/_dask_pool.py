@@ -16,6 +16,7 @@ from tsis.errors import InputError, SweepError, import_extra
 from tsis.sweep._work import Lost, finish_batch
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
     from types import TracebackType
     from typing import Self
 
@@ -41,6 +42,8 @@ class DaskPool:
         What all batches share; its folder must be one that all workers see.
     address
         Of the scheduler, ``tcp://host:port`` or ``tls://host:port``.
+    work
+        What a worker does with a batch.
 
     Raises
     ------
@@ -48,11 +51,13 @@ class DaskPool:
         When ``address`` has another form.
     """
 
-    def __init__(self, job: SweepJob, address: str) -> None:
+    def __init__(
+        self, job: SweepJob, address: str, *, work: Callable[[SweepJob, SweepBatch], Answer] = finish_batch
+    ) -> None:
         if not ADDRESS.fullmatch(address):
             raise InputError(f"scheduler must be an address such as tcp://127.0.0.1:8786; got {address!r:.80}")
         self._distributed = import_extra("distributed", feature="a sweep on a cluster", extra="cluster")
-        self._job, self._address = job, address
+        self._job, self._address, self._work = job, address, work
         self._run = uuid4().hex  # results of an earlier client must not answer for this one
         self._number = count()
         self._batches: dict[str, SweepBatch] = {}
@@ -72,7 +77,7 @@ class DaskPool:
         """Hand over a batch."""
         key = f"tsis-sweep-{self._run}-{next(self._number)}"
         self._batches[key] = batch
-        self._answers.add(self._client.submit(finish_batch, self._job, batch, key=key, pure=False))
+        self._answers.add(self._client.submit(self._work, self._job, batch, key=key, pure=False))
 
     def collect(self) -> Answer:
         """Wait for the next answer.

@@ -88,7 +88,7 @@ def encode_shard(rows: Rows, *, shard: int, data_set: str) -> bytes:
         writer.add_key_value_metadata(
             {DATA_SET: data_set, SHARD: str(shard), REFUSED: str(rows.refused), DIGEST: _ZEROS.decode()}
         )
-    return _signed(sink.getvalue().to_pybytes())
+    return sign_shard(sink.getvalue().to_pybytes())
 
 
 def receipt_of(content: bytes, *, shard: int, data_set: str) -> Receipt | None:
@@ -119,10 +119,10 @@ def data_set_of(path: Path) -> str | None:
 
 def is_whole(content: bytes) -> bool:
     """True when the SHA-256 inside the file is that of its bytes."""
-    place = _digest_place(content)
+    place = digest_position(content)
     if place is None:
         return False
-    return content[place : place + len(_ZEROS)] == _digest(content, place)
+    return content[place : place + len(_ZEROS)] == rows_sha256(content, place)
 
 
 def decode_shard(content: bytes) -> Any:
@@ -165,20 +165,20 @@ def _footer(content: bytes) -> Any:
         raise FileInputError("a file of a sweep must be a whole Parquet file; its footer is damaged") from error
 
 
-def _signed(content: bytes) -> bytes:
-    place = _digest_place(content)
+def sign_shard(content: bytes) -> bytes:
+    place = digest_position(content)
     if place is None or content[place : place + len(_ZEROS)] != _ZEROS:
         raise SweepError("this version of pyarrow writes Parquet footers in an unknown form; install an older one")
-    return content[:place] + _digest(content, place) + content[place + len(_ZEROS) :]
+    return content[:place] + rows_sha256(content, place) + content[place + len(_ZEROS) :]
 
 
-def _digest_place(content: bytes) -> int | None:
+def digest_position(content: bytes) -> int | None:
     found = content.rfind(_BEFORE_DIGEST)
     place = found + len(_BEFORE_DIGEST)
     return None if found < 0 or place + len(_ZEROS) > len(content) else place
 
 
-def _digest(content: bytes, place: int) -> bytes:
+def rows_sha256(content: bytes, place: int) -> bytes:
     digest = hashlib.sha256(content[:place])
     digest.update(_ZEROS)
     digest.update(content[place + len(_ZEROS) :])

@@ -1,7 +1,7 @@
 """The virtual probe: mechanics, light and camera without hardware."""
 
 from tsis.virtual._calibration_bench import VirtualBench, bench_name, bench_seed
-from tsis.virtual._camera import FORCE, LARGEST_FORCE_N, USUAL_MS, VirtualCamera, virtual_mode
+from tsis.virtual._camera import FORCE_SETTING, LARGEST_FORCE_N, USUAL_MS, VirtualCamera, virtual_mode
 from tsis.virtual._direct_contact import DIRECT_CONTACT_RESOLUTION, DirectContactRig, direct_contact_calibration
 from tsis.virtual._gige import GigEServer
 from tsis.virtual._loading_machine import FLAT_LEVELS, VirtualLoadingMachine
@@ -12,7 +12,7 @@ __all__ = [
     "DIRECT_CONTACT_RESOLUTION",
     "FINE_RESOLUTION",
     "FLAT_LEVELS",
-    "FORCE",
+    "FORCE_SETTING",
     "LARGEST_FORCE_N",
     "USUAL_MS",
     "DirectContactRig",

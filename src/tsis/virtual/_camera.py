@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 LARGEST_FORCE_N = 5.0
-FORCE = "force_n"  # its setting that no other camera has
+FORCE_SETTING = "force_n"  # its setting that no other camera has
 USUAL_PER_S = 30.0
 USUAL_MS = 20.0  # exposure under which the light is that of the probe's calibration
 
@@ -118,7 +118,7 @@ class VirtualCamera:
                 ),
             )
         }
-        force = Setting(name=FORCE, value=force_n, low=0.0, high=LARGEST_FORCE_N, unit="newtons")
+        force = Setting(name=FORCE_SETTING, value=force_n, low=0.0, high=LARGEST_FORCE_N, unit="newtons")
         force.checked(force_n)
         shape = (probe.sensor.rows, probe.sensor.columns)
         if light is not None and np.shape(light) != shape:
@@ -161,8 +161,8 @@ class VirtualCamera:
         MechanicsError
             When the tissue cannot be pressed so hard; the press is as it was.
         """
-        require_one_of("setting", name, (FORCE, *self._settings))
-        if name != FORCE:
+        require_one_of("setting", name, (FORCE_SETTING, *self._settings))
+        if name != FORCE_SETTING:
             setting = self._settings[name]
             self._settings[name] = replace(setting, value=setting.checked(value))
             return
@@ -208,7 +208,9 @@ class VirtualCamera:
                 if self._stopped.wait(due_s - self._clock()):
                     return
             held, light = self._lit()
-            values = {FORCE: held.force.value} | {name: setting.value for name, setting in self._settings.items()}
+            values = {FORCE_SETTING: held.force.value} | {
+                name: setting.value for name, setting in self._settings.items()
+            }
             begun_s = due_s if sequence == 0 else begun_s
             yield Frame(
                 pixels=self._exposed(light, values),

@@ -10,7 +10,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import tsis
-from tsis.calibration.guard import FLAGS, FrameShape, GuardLimits, GuardReference, PressWatch, WatchState, check_press
+from tsis.calibration.guard import (
+    GUARD_FLAGS,
+    FrameShape,
+    GuardLimits,
+    GuardReference,
+    PressWatch,
+    WatchState,
+    check_press,
+)
 from tsis.calibration.guard._flags import RANGES
 from tsis.calibration.guard._flicker import flicker_amplitude
 from tsis.calibration.guard._reading import prepared, read_guard_frame
@@ -290,7 +298,7 @@ def test_the_page_names_every_flag_with_its_meaning_and_its_limit() -> None:
     told = {cells[0].strip("`"): cells[1:4] for cells in rows}
     assert told == {
         name: [one.means, f"{getattr(GuardLimits(), one.limit):g} {one.unit}", one.needs or "-"]
-        for name, one in FLAGS.items()
+        for name, one in GUARD_FLAGS.items()
     }
 
 

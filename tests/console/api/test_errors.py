@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from tsis import errors
 from tsis.console._statuses import AbsentError, NoControlError, status_of
-from tsis.console.api._errors import kind_of, problem, sentence_of
+from tsis.console.api._errors import kind_of, message_of, problem
 
 if TYPE_CHECKING:
     from tests.console.api.script import Script
@@ -88,7 +88,7 @@ def test_any_sentence_can_be_sent(text: str) -> None:
 )
 def test_any_value_can_be_told_of(value: object) -> None:
     fault = {"type": "value_error", "loc": ("body", "force_n"), "msg": "Value error, must be so", "input": value}
-    told = sentence_of([fault, fault])
+    told = message_of([fault, fault])
     assert told.startswith("force_n: must be so; got ")
     assert "(and 1 more)" in told
     assert len(told) < 200

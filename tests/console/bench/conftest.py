@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
-    from tsis.console.services import Bench
+    from tsis.console.services import Instrument
 
 
 @pytest.fixture
@@ -19,7 +19,7 @@ def world() -> World:
 
 
 @pytest.fixture
-def bench(tmp_path: Path, world: World) -> Iterator[Bench]:
+def bench(tmp_path: Path, world: World) -> Iterator[Instrument]:
     """A bench before a camera of the test's world, held by Ann."""
     with lit_bench(tmp_path, world) as made:
         yield made

@@ -9,7 +9,7 @@ import numpy as np
 from tests.console.bench.lit_camera import World
 from tests.waiting import HANGS_S
 
-from tsis.console.services import Bench, BenchTerms
+from tsis.console.services import Instrument, InstrumentSettings
 from tsis.instrument.gauge import ForceLog, SimulatedGauge
 
 if TYPE_CHECKING:
@@ -21,19 +21,19 @@ ANN, BOB = "tab ann", "tab bob"
 LIT = "aravis:lit"
 
 
-def lit_bench(folder: Path, world: World | None = None, **terms: Any) -> Bench:
+def lit_bench(folder: Path, world: World | None = None, **terms: Any) -> Instrument:
     """A bench before a camera of that world, which Ann holds."""
     given: dict[str, Any] = {"camera": LIT, "workspace": folder / "workspace", "store": folder / "store"} | terms
-    bench = Bench(BenchTerms(**given), connect_to=(world or World()).connect)
+    bench = Instrument(InstrumentSettings(**given), connect_to=(world or World()).connect)
     bench.control.take(ANN, "Ann", held_s=600.0)
     return bench
 
 
-def virtual_bench(folder: Path, **terms: Any) -> Bench:
+def virtual_bench(folder: Path, **terms: Any) -> Instrument:
     """A bench with the virtual probe, which Ann holds."""
     given: dict[str, Any] = {"workspace": folder / "workspace", "store": folder / "store", "probe": "tsis-2011"}
     given |= terms
-    bench = Bench(BenchTerms(**given))
+    bench = Instrument(InstrumentSettings(**given))
     bench.control.take(ANN, "Ann", held_s=600.0)
     return bench
 

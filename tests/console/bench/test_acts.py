@@ -7,14 +7,14 @@ import threading
 import pytest
 from tests.waiting import HANGS_S
 
-from tsis.console.services import Control
-from tsis.console.services._control import Acts
+from tsis.console.services import ControlLock
+from tsis.console.services._control import Commands
 from tsis.errors import ControlError, InputError
 
 
 @pytest.fixture
-def control() -> Control:
-    control = Control()
+def control() -> ControlLock:
+    control = ControlLock()
     control.take("a", "Ann", held_s=600.0)
     return control
 
@@ -22,7 +22,7 @@ def control() -> Control:
 class Lasting:
     """An act that lasts until it is let go."""
 
-    def __init__(self, acts: Acts) -> None:
+    def __init__(self, acts: Commands) -> None:
         self._acts, self._over, self._begun = acts, threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run)
         self._thread.start()
@@ -39,11 +39,11 @@ class Lasting:
 
 
 @pytest.fixture
-def hurried(control: Control) -> Acts:
-    return Acts(control, patience_s=0.01)
+def hurried(control: ControlLock) -> Commands:
+    return Commands(control, patience_s=0.01)
 
 
-def test_who_comes_meanwhile_is_told_what_is_being_done(hurried: Acts) -> None:
+def test_who_comes_meanwhile_is_told_what_is_being_done(hurried: Commands) -> None:
     lasting = Lasting(hurried)
     assert hurried.busy == "moving the probe"
     with pytest.raises(ControlError, match="the bench is busy moving the probe; try again"), hurried.act("a", "x"):
@@ -54,9 +54,9 @@ def test_who_comes_meanwhile_is_told_what_is_being_done(hurried: Acts) -> None:
     assert hurried.busy == ""
 
 
-def test_of_an_act_that_lasts_is_told_for_how_long(control: Control) -> None:
+def test_of_an_act_that_lasts_is_told_for_how_long(control: ControlLock) -> None:
     now_s = [5.0]
-    acts = Acts(control, patience_s=0.01, clock=lambda: now_s[0])
+    acts = Commands(control, patience_s=0.01, clock=lambda: now_s[0])
     lasting = Lasting(acts)
     assert acts.busy == "moving the probe"
     now_s[0] += 75.0
@@ -67,8 +67,8 @@ def test_of_an_act_that_lasts_is_told_for_how_long(control: Control) -> None:
     assert acts.busy == ""
 
 
-def test_who_lost_the_camera_while_he_waited_does_not_act(control: Control) -> None:
-    acts, refused = Acts(control, patience_s=10.0), []
+def test_who_lost_the_camera_while_he_waited_does_not_act(control: ControlLock) -> None:
+    acts, refused = Commands(control, patience_s=10.0), []
     lasting = Lasting(acts)
 
     def wait() -> None:
@@ -86,14 +86,14 @@ def test_who_lost_the_camera_while_he_waited_does_not_act(control: Control) -> N
     assert refused == ["Bob has taken the camera over; watch, or take it back"]
 
 
-def test_an_act_that_fails_lets_the_next_one_pass(hurried: Acts) -> None:
+def test_an_act_that_fails_lets_the_next_one_pass(hurried: Commands) -> None:
     with pytest.raises(InputError), hurried.act("a", "x"):
         raise InputError("wrong")
     with hurried.act("a", "y"):
         assert hurried.busy == "y"
 
 
-def test_a_closed_bench_lets_nothing_pass_but_what_is_under_way(hurried: Acts) -> None:
+def test_a_closed_bench_lets_nothing_pass_but_what_is_under_way(hurried: Commands) -> None:
     lasting = Lasting(hurried)
     hurried.close()
     lasting.end()

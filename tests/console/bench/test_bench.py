@@ -11,7 +11,7 @@ from tests.console.bench.lit_camera import World
 from tests.console.bench.places import ANN, BOB, LIT, Held, gauge, lit_bench
 from tests.waiting import HANGS_S, until
 
-from tsis.console.services import Bench, BenchState, BenchTerms, CameraChoice
+from tsis.console.services import CameraChoice, Instrument, InstrumentSettings, InstrumentState
 from tsis.errors import CameraError, ControlError, FileInputError, GaugeError, InputError, RecordsError, TsisError
 from tsis.records.store import open_store
 
@@ -129,7 +129,7 @@ def test_a_camera_that_refuses_leaves_a_bench_that_can_start_it_again(tmp_path: 
         bench.snapshot(by=ANN)
 
 
-def test_another_choice_lets_go_of_the_camera_and_of_what_was_said_of_it(bench: Bench, world: World) -> None:
+def test_another_choice_lets_go_of_the_camera_and_of_what_was_said_of_it(bench: Instrument, world: World) -> None:
     bench.start(by=ANN)
     bench.hold(role="ball", force_n=3.0, by=ANN)
     bench.adjust("gain", 9.0, by=ANN)
@@ -143,7 +143,7 @@ def test_another_choice_lets_go_of_the_camera_and_of_what_was_said_of_it(bench: 
 
 
 def test_the_press_of_a_virtual_probe_may_be_said_before_it_runs_and_is_what_it_holds(tmp_path: Path) -> None:
-    with Bench(BenchTerms(workspace=tmp_path / "w", store=tmp_path / "s")) as bench:
+    with Instrument(InstrumentSettings(workspace=tmp_path / "w", store=tmp_path / "s")) as bench:
         bench.control.take(ANN, "Ann", held_s=600.0)
         assert (bench.state().roles, bench.state().force_n) == (("target", "plain", "untouched"), 1.0)
         bench.hold(role="untouched", force_n=0.5, by=ANN)
@@ -158,7 +158,7 @@ def test_the_press_of_a_virtual_probe_may_be_said_before_it_runs_and_is_what_it_
             bench.hold(role="ball", by=ANN)
 
 
-def test_many_watch_while_somebody_acts(bench: Bench) -> None:
+def test_many_watch_while_somebody_acts(bench: Instrument) -> None:
     """State is whole whenever it is asked for: no act in between makes it fail."""
     over, wrong, looks = threading.Event(), list[Exception](), [0]
 
@@ -166,7 +166,7 @@ def test_many_watch_while_somebody_acts(bench: Bench) -> None:
         while not over.is_set():
             try:
                 state = bench.state()
-                assert isinstance(state, BenchState)
+                assert isinstance(state, InstrumentState)
                 assert state.camera.running == (state.camera.name != "")
                 looks[0] += 1
             except Exception as error:
@@ -265,7 +265,7 @@ def test_a_gauge_that_does_not_let_go_keeps_nothing_else_open(tmp_path: Path, mo
     assert closed == [True]
 
 
-def test_what_follows_the_camera_is_ended_by_who_holds_it_and_other_work_by_anybody(bench: Bench) -> None:
+def test_what_follows_the_camera_is_ended_by_who_holds_it_and_other_work_by_anybody(bench: Instrument) -> None:
     estimate, search = bench.jobs.begin("an estimate", Held()), bench.jobs.begin("frames", Held(), at_once=True)
     assert bench.end_job(estimate.identity, by=BOB) is estimate
     with pytest.raises(ControlError, match="held by Ann"):
@@ -278,7 +278,7 @@ def test_what_follows_the_camera_is_ended_by_who_holds_it_and_other_work_by_anyb
         bench.end_job("0" * 32, by=ANN)
 
 
-def test_role_and_force_are_changed_together_or_not_at_all(bench: Bench) -> None:
+def test_role_and_force_are_changed_together_or_not_at_all(bench: Instrument) -> None:
     bench.hold(role="plain", force_n=0.5, by=ANN)
     with pytest.raises(InputError, match="no role is called 'bell'"):
         bench.hold(role="bell", forget=True, by=ANN)

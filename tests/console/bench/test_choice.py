@@ -7,13 +7,13 @@ from typing import Any
 
 import pytest
 
-from tsis.console.services import BenchTerms, CameraChoice, VirtualStage
+from tsis.console.services import CameraChoice, InstrumentSettings, VirtualSubject
 from tsis.errors import InputError, UnknownNameError
 
 
 @pytest.mark.parametrize("spec", ["files:frames", "files:", "video:press.mkv"])
 def test_stored_frames_are_no_camera_and_the_cure_is_named(spec: str) -> None:
-    for choose in (lambda: CameraChoice(spec=spec), lambda: BenchTerms(camera=spec)):
+    for choose in (lambda: CameraChoice(spec=spec), lambda: InstrumentSettings(camera=spec)):
         with pytest.raises(InputError, match=r"stored \(estimate from stored frames with tsis examine, or enter them"):
             choose()
 
@@ -62,7 +62,7 @@ def test_what_can_be_pressed_follows_from_the_choice() -> None:
 
 @pytest.mark.parametrize("choice", [CameraChoice(), CameraChoice(phantom="cl2000x", probe="tsis-direct")])
 def test_the_mode_of_the_virtual_probe_is_the_one_that_it_has(choice: CameraChoice) -> None:
-    (mode,) = VirtualStage(choice).connect().modes()
+    (mode,) = VirtualSubject(choice).connect().modes()
     assert replace(choice, mode=mode.label).mode == mode.label
 
 
@@ -71,7 +71,7 @@ def test_a_real_camera_may_be_chosen_in_a_mode_that_only_it_knows() -> None:
 
 
 def test_a_console_may_begin_with_a_sphere() -> None:
-    terms = BenchTerms(phantom="cl2003x", probe="tsis-direct", seed=9)
+    terms = InstrumentSettings(phantom="cl2003x", probe="tsis-direct", seed=9)
     assert terms.choice == CameraChoice(phantom="cl2003x", probe="tsis-direct", seed=9)
     with pytest.raises(UnknownNameError, match="kind of store"):
-        BenchTerms(kind="patient")
+        InstrumentSettings(kind="patient")

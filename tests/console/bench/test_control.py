@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 from tests.waiting import HANGS_S
 
-from tsis.console.services import Control, Holder
+from tsis.console.services import ControlLock, Owner
 from tsis.errors import ControlError, InputError
 
 
@@ -26,21 +26,21 @@ def clock() -> Clock:
 
 
 @pytest.fixture
-def control(clock: Clock) -> Control:
-    control = Control(clock=clock)
+def control(clock: Clock) -> ControlLock:
+    control = ControlLock(clock=clock)
     control.take("a", "Ann")
     return control
 
 
-def test_a_holder_who_is_heard_of_keeps_the_camera(control: Control, clock: Clock) -> None:
+def test_a_holder_who_is_heard_of_keeps_the_camera(control: ControlLock, clock: Clock) -> None:
     for _ in range(5):
         clock.now_s += 9.0
         control.heard_of("a")
         control.heard_of("b")  # who is nobody
-    assert control.holder() == Holder(identity="a", name="Ann")
+    assert control.holder() == Owner(identity="a", name="Ann")
 
 
-def test_every_act_is_a_sign_of_life(control: Control, clock: Clock) -> None:
+def test_every_act_is_a_sign_of_life(control: ControlLock, clock: Clock) -> None:
     clock.now_s += 9.0
     control.require("a")
     clock.now_s += 9.0
@@ -49,7 +49,7 @@ def test_every_act_is_a_sign_of_life(control: Control, clock: Clock) -> None:
 
 @pytest.mark.parametrize("looked_at", [True, False])
 def test_a_silent_holder_has_gone_whether_anybody_looked_or_not(
-    control: Control, clock: Clock, looked_at: bool
+    control: ControlLock, clock: Clock, looked_at: bool
 ) -> None:
     clock.now_s += 10.5
     if looked_at:
@@ -63,12 +63,12 @@ def test_a_silent_holder_has_gone_whether_anybody_looked_or_not(
         control.take("a", "Ann")
 
 
-def test_the_end_of_the_time_still_belongs_to_the_holder(control: Control, clock: Clock) -> None:
+def test_the_end_of_the_time_still_belongs_to_the_holder(control: ControlLock, clock: Clock) -> None:
     clock.now_s += 10.0
     control.require("a")
 
 
-def test_a_script_may_be_silent_for_as_long_as_it_said(control: Control, clock: Clock) -> None:
+def test_a_script_may_be_silent_for_as_long_as_it_said(control: ControlLock, clock: Clock) -> None:
     control.take("a", "Ann", held_s=3600.0)
     clock.now_s += 3599.0
     control.require("a")
@@ -77,7 +77,7 @@ def test_a_script_may_be_silent_for_as_long_as_it_said(control: Control, clock: 
     assert control.holder() is None
 
 
-def test_taking_over_tells_the_former(control: Control) -> None:
+def test_taking_over_tells_the_former(control: ControlLock) -> None:
     with pytest.raises(ControlError, match="the camera is held by Ann; watch, or take it over"):
         control.take("b", "Bob")
     control.take("b", "Bob", over=True)
@@ -91,14 +91,14 @@ def test_taking_over_tells_the_former(control: Control) -> None:
         control.require("b")
 
 
-def test_only_the_holder_gives_it_back(control: Control) -> None:
+def test_only_the_holder_gives_it_back(control: ControlLock) -> None:
     control.release("b")
     control.require("a")
     control.release("a")
     assert control.holder() is None
 
 
-def test_whoever_acts_is_not_silent(control: Control, clock: Clock) -> None:
+def test_whoever_acts_is_not_silent(control: ControlLock, clock: Clock) -> None:
     with control.acting("a"):
         clock.now_s += 60.0
         assert control.holder() is not None
@@ -106,7 +106,7 @@ def test_whoever_acts_is_not_silent(control: Control, clock: Clock) -> None:
     control.require("a")
 
 
-def test_the_camera_can_be_taken_from_who_acts(control: Control, clock: Clock) -> None:
+def test_the_camera_can_be_taken_from_who_acts(control: ControlLock, clock: Clock) -> None:
     with control.acting("a"):
         control.take("b", "Bob", over=True)
         clock.now_s += 11.0
@@ -125,7 +125,7 @@ def test_the_camera_can_be_taken_from_who_acts(control: Control, clock: Clock) -
         ({"held_s": float("nan")}, "held_s must lie in"),
     ],
 )
-def test_a_holder_that_cannot_be_shown_is_refused(control: Control, given: dict[str, Any], words: str) -> None:
+def test_a_holder_that_cannot_be_shown_is_refused(control: ControlLock, given: dict[str, Any], words: str) -> None:
     wanted: dict[str, Any] = {"identity": "a", "name": "Ann"} | given
     with pytest.raises(InputError, match=words):
         control.take(wanted["identity"], wanted["name"], held_s=wanted.get("held_s", 10.0), over=True)
@@ -133,7 +133,7 @@ def test_a_holder_that_cannot_be_shown_is_refused(control: Control, given: dict[
 
 
 def test_of_many_who_take_it_one_gets_it() -> None:
-    control, gate = Control(), threading.Barrier(8)
+    control, gate = ControlLock(), threading.Barrier(8)
     got: list[str] = []
 
     def take(identity: str) -> None:

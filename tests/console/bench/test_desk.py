@@ -11,7 +11,7 @@ from tests.console.bench.places import LIT
 from tests.waiting import HANGS_S, until
 
 from tsis.console.services import CameraChoice
-from tsis.console.services._camera import CameraDesk
+from tsis.console.services._camera import CameraController
 from tsis.errors import CameraError, ControlError, InputError, UnknownNameError
 
 if TYPE_CHECKING:
@@ -19,18 +19,18 @@ if TYPE_CHECKING:
 
 
 @pytest.fixture
-def desk(world: World) -> Iterator[CameraDesk]:
-    desk = CameraDesk(CameraChoice(spec=LIT), connect_to=world.connect)
+def desk(world: World) -> Iterator[CameraController]:
+    desk = CameraController(CameraChoice(spec=LIT), connect_to=world.connect)
     yield desk
     desk.close()
 
 
-def gain(desk: CameraDesk) -> float:
+def gain(desk: CameraController) -> float:
     return {each.name: each.value for each in desk.settings()}["gain"]
 
 
 def test_settings_are_remembered_over_stop_and_start_and_forgotten_with_another_choice(
-    desk: CameraDesk, world: World
+    desk: CameraController, world: World
 ) -> None:
     desk.start()
     desk.adjust("gain", 6.0)
@@ -45,7 +45,7 @@ def test_settings_are_remembered_over_stop_and_start_and_forgotten_with_another_
     assert gain(desk) == 2.0
 
 
-def test_settings_are_made_again_when_a_lost_camera_is_back(desk: CameraDesk, world: World) -> None:
+def test_settings_are_made_again_when_a_lost_camera_is_back(desk: CameraController, world: World) -> None:
     desk.start()
     desk.adjust("gain", 6.0)
     world.plugged = False
@@ -59,7 +59,7 @@ def test_settings_are_made_again_when_a_lost_camera_is_back(desk: CameraDesk, wo
     assert gain(desk) == 6.0
 
 
-def test_presets_go_back_to_how_the_camera_came_also_after_a_stop(desk: CameraDesk) -> None:
+def test_presets_go_back_to_how_the_camera_came_also_after_a_stop(desk: CameraController) -> None:
     desk.start()
     desk.adjust("gain", 6.0)
     desk.stop()
@@ -72,7 +72,7 @@ def test_presets_go_back_to_how_the_camera_came_also_after_a_stop(desk: CameraDe
         desk.preset("defaults")
 
 
-def test_a_setting_that_is_refused_is_not_remembered(desk: CameraDesk) -> None:
+def test_a_setting_that_is_refused_is_not_remembered(desk: CameraController) -> None:
     desk.start()
     for wrong in (25.0, float("nan")):
         with pytest.raises(InputError, match="gain must lie in"):
@@ -85,7 +85,7 @@ def test_a_setting_that_is_refused_is_not_remembered(desk: CameraDesk) -> None:
 
 
 def test_a_remembered_setting_that_the_camera_no_longer_takes_does_not_keep_it_from_starting(
-    desk: CameraDesk, world: World
+    desk: CameraController, world: World
 ) -> None:
     desk.start()
     desk.adjust("gain", 20.0)
@@ -99,7 +99,7 @@ def test_a_remembered_setting_that_the_camera_no_longer_takes_does_not_keep_it_f
 
 def test_what_is_changed_elsewhere_is_seen_and_told(world: World) -> None:
     told = threading.Event()
-    desk = CameraDesk(CameraChoice(spec=LIT), changed=told.set, connect_to=world.connect)
+    desk = CameraController(CameraChoice(spec=LIT), changed=told.set, connect_to=world.connect)
     desk.start()
     assert not told.is_set()
     world.cameras[0].gain = 9.0
@@ -109,7 +109,7 @@ def test_what_is_changed_elsewhere_is_seen_and_told(world: World) -> None:
 
 
 @pytest.mark.parametrize("queued", [0, 2])
-def test_a_frame_is_never_of_before_the_last_change(desk: CameraDesk, world: World, queued: int) -> None:
+def test_a_frame_is_never_of_before_the_last_change(desk: CameraController, world: World, queued: int) -> None:
     """A frame may be exposed, and others wait in the driver, while the change is made."""
     world.queued = queued
     desk.start()
@@ -123,7 +123,7 @@ def test_a_frame_is_never_of_before_the_last_change(desk: CameraDesk, world: Wor
         assert (desk.fresh().frame.pixels == seen(world.level, wanted)).all()
 
 
-def test_without_a_change_it_is_the_newest_frame(desk: CameraDesk) -> None:
+def test_without_a_change_it_is_the_newest_frame(desk: CameraController) -> None:
     desk.start()
     until(lambda: desk.acquisition is not None and desk.acquisition.ring.end > 3)
     assert desk.acquisition is not None
@@ -133,7 +133,7 @@ def test_without_a_change_it_is_the_newest_frame(desk: CameraDesk) -> None:
     assert fresh.frame.sequence >= before.frame.sequence
 
 
-def test_no_frame_of_before_a_loss(desk: CameraDesk, world: World) -> None:
+def test_no_frame_of_before_a_loss(desk: CameraController, world: World) -> None:
     desk.start()
     desk.fresh()
     world.plugged = False
@@ -145,7 +145,7 @@ def test_no_frame_of_before_a_loss(desk: CameraDesk, world: World) -> None:
     assert (desk.fresh().frame.pixels == seen(90, 2.0)).all()
 
 
-def test_a_camera_that_cannot_be_opened_can_be_started_once_it_can(desk: CameraDesk, world: World) -> None:
+def test_a_camera_that_cannot_be_opened_can_be_started_once_it_can(desk: CameraController, world: World) -> None:
     world.refuses = "lit is held by another program; close it"
     for _ in range(2):
         with pytest.raises(CameraError, match="held by another program"):
@@ -157,7 +157,7 @@ def test_a_camera_that_cannot_be_opened_can_be_started_once_it_can(desk: CameraD
     assert (desk.fresh().frame.pixels.shape, desk.name) == ((ROWS, COLUMNS), LIT)
 
 
-def test_a_mode_that_it_does_not_have_is_refused_and_another_can_be_chosen(desk: CameraDesk) -> None:
+def test_a_mode_that_it_does_not_have_is_refused_and_another_can_be_chosen(desk: CameraController) -> None:
     desk.choose(CameraChoice(spec=LIT, mode="Mono16-64x48@100"))
     with pytest.raises(UnknownNameError, match="did you mean 'Mono8-64x48@100'"):
         desk.start()
@@ -166,7 +166,7 @@ def test_a_mode_that_it_does_not_have_is_refused_and_another_can_be_chosen(desk:
     assert desk.fresh().frame.pixels.shape == (ROWS, COLUMNS)
 
 
-def test_closing_does_not_wait_for_a_driver_that_hangs(desk: CameraDesk, world: World) -> None:
+def test_closing_does_not_wait_for_a_driver_that_hangs(desk: CameraController, world: World) -> None:
     world.opening, said = threading.Event(), list[str]()
 
     def start() -> None:
@@ -188,14 +188,14 @@ def test_closing_does_not_wait_for_a_driver_that_hangs(desk: CameraDesk, world: 
         desk.start()
 
 
-def test_a_stopped_camera_has_no_frame_and_no_setting(desk: CameraDesk) -> None:
+def test_a_stopped_camera_has_no_frame_and_no_setting(desk: CameraController) -> None:
     for act in (desk.fresh, lambda: desk.adjust("gain", 3.0)):
         with pytest.raises(CameraError, match=r"must run for this; it is stopped \(start it\)"):
             act()
 
 
 @pytest.mark.parametrize("force_n", [-0.1, 1000.5, float("nan"), float("inf"), "1"])
-def test_a_force_that_nobody_presses_with_is_refused(desk: CameraDesk, force_n: float) -> None:
+def test_a_force_that_nobody_presses_with_is_refused(desk: CameraController, force_n: float) -> None:
     desk.hold("ball", 2.0)
     with pytest.raises(InputError, match="force_n must"):
         desk.hold("plain", force_n)

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
     from pathlib import Path
 
-    from tsis.console.services import Bench, Job, Kept
+    from tsis.console.services import Instrument, Job, SavedPress
     from tsis.records import StoredPress, TargetRecord
 
 SAMPLE = sample_dossier()
@@ -87,12 +87,12 @@ def test_presses_at_no_force_are_left_out_and_say_nothing_of_the_terms() -> None
 
 
 @pytest.fixture(scope="module")
-def probe(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+def probe(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Instrument]:
     with virtual_bench(tmp_path_factory.mktemp("estimates")) as bench:
         yield bench
 
 
-def pressed(bench: Bench, holds: Sequence[tuple[str, float]]) -> list[Kept]:
+def pressed(bench: Instrument, holds: Sequence[tuple[str, float]]) -> list[SavedPress]:
     kept = []
     for role, force_n in holds:
         bench.hold(role=role, force_n=force_n, by=ANN)
@@ -106,7 +106,7 @@ def failed(job: Job) -> str:
     return job.state().sentence
 
 
-def test_what_cannot_be_estimated_is_said(probe: Bench) -> None:
+def test_what_cannot_be_estimated_is_said(probe: Instrument) -> None:
     probe.start(by=ANN)
     probe.set_target(40, by=ANN)
     with pytest.raises(InputError, match="target"):
@@ -136,7 +136,7 @@ def test_what_cannot_be_estimated_is_said(probe: Bench) -> None:
             probe.estimate(number)  # type: ignore[arg-type]
 
 
-def raw_image(kept: Kept) -> tsis.TactileImage:
+def raw_image(kept: SavedPress) -> tsis.TactileImage:
     """The press as its files tell it, without the store."""
     levels = cv2.imread(str(kept.files.raw), cv2.IMREAD_UNCHANGED)
     assert levels is not None
@@ -148,7 +148,7 @@ def raw_image(kept: Kept) -> tsis.TactileImage:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [4, 11])
-def test_an_estimate_is_that_of_the_frames_and_holds_the_truth(probe: Bench, seed: int) -> None:
+def test_an_estimate_is_that_of_the_frames_and_holds_the_truth(probe: Instrument, seed: int) -> None:
     probe.choose(CameraChoice(probe="tsis-2011", seed=seed), by=ANN)
     probe.start(by=ANN)
     probe.set_target(seed, by=ANN)
@@ -205,7 +205,7 @@ def test_hardness_of_a_sphere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -
 
 
 @pytest.mark.slow
-def test_an_estimate_that_is_ended_stores_nothing(probe: Bench) -> None:
+def test_an_estimate_that_is_ended_stores_nothing(probe: Instrument) -> None:
     probe.choose(CameraChoice(probe="tsis-2011"), by=ANN)
     probe.start(by=ANN)
     probe.set_target(77, by=ANN)

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
     from tests.console.bench.lit_camera import World
 
-    from tsis.console.services import Bench
+    from tsis.console.services import Instrument
 
 NOW = datetime.now(UTC)
 
@@ -41,7 +41,7 @@ def known(**changes: Any) -> UsableCalibration:
     return UsableCalibration(known=made, identity=calibration_sha256(made))
 
 
-def test_presses_are_taken_under_it_with_its_scale_and_probe(bench: Bench) -> None:
+def test_presses_are_taken_under_it_with_its_scale_and_probe(bench: Instrument) -> None:
     fits = known(scale=scale((ROWS, COLUMNS)))
     bench.use_calibration(fits, by=ANN)  # before the camera tells what it is
     bench.start(by=ANN)
@@ -54,7 +54,7 @@ def test_presses_are_taken_under_it_with_its_scale_and_probe(bench: Bench) -> No
     assert calibration_sha256(bench.store.calibration(fits.identity)) == fits.identity
 
 
-def test_another_setting_puts_it_out_of_force_until_it_is_set_back(bench: Bench) -> None:
+def test_another_setting_puts_it_out_of_force_until_it_is_set_back(bench: Instrument) -> None:
     bench.start(by=ANN)
     bench.use_calibration(known(), by=ANN)
     bench.adjust("gain", 5.0, by=ANN)
@@ -72,7 +72,7 @@ def test_another_setting_puts_it_out_of_force_until_it_is_set_back(bench: Bench)
 
 
 def test_a_setting_that_was_changed_elsewhere_this_moment_is_noticed_by_the_snapshot(
-    bench: Bench, world: World
+    bench: Instrument, world: World
 ) -> None:
     bench.start(by=ANN)
     bench.use_calibration(known(), by=ANN)
@@ -91,7 +91,7 @@ def test_a_setting_that_was_changed_elsewhere_this_moment_is_noticed_by_the_snap
     ],
 )
 def test_one_that_does_not_fit_is_refused_and_the_one_before_stays(
-    bench: Bench, changes: dict[str, Any], words: str
+    bench: Instrument, changes: dict[str, Any], words: str
 ) -> None:
     bench.use_calibration(known(), by=ANN)
     bench.start(by=ANN)
@@ -104,7 +104,7 @@ def test_one_that_does_not_fit_is_refused_and_the_one_before_stays(
 
 @pytest.mark.parametrize("changes", [{"camera": "aravis:other"}, {"scale": scale((492, 768))}])
 def test_one_that_was_given_before_the_start_and_does_not_fit_is_told_and_nothing_is_kept_under_it(
-    bench: Bench, changes: dict[str, Any]
+    bench: Instrument, changes: dict[str, Any]
 ) -> None:
     other = replace(known().known, **changes)
     bench.use_calibration(UsableCalibration(known=other, identity=calibration_sha256(other)), by=ANN)
@@ -130,7 +130,7 @@ def test_of_a_file_at_the_start(tmp_path: Path) -> None:
 
 
 def test_the_parts_of_one_judgement_belong_together_though_the_camera_is_set_anew_meanwhile(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
+    bench: Instrument, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Somebody turns a knob at the camera: each look at its settings finds another gain."""
     fits = known(scale=scale((ROWS, COLUMNS)))

@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from tests.console.bench.lit_camera import World
 
-    from tsis.console.services import Bench, Job
+    from tsis.console.services import Instrument, Job
     from tsis.instrument.acquisition import Acquisition
 
 
@@ -47,12 +47,12 @@ def newest_s(acquisition: Acquisition) -> float:
 
 
 @pytest.fixture
-def running(bench: Bench) -> Bench:
+def running(bench: Instrument) -> Instrument:
     bench.start(by=ANN)
     return bench
 
 
-def test_it_ends_after_so_many_frames_which_are_those_of_the_camera(running: Bench, tmp_path: Path) -> None:
+def test_it_ends_after_so_many_frames_which_are_those_of_the_camera(running: Instrument, tmp_path: Path) -> None:
     running.hold(role="plain", force_n=0.4, by=ANN)
     job = running.begin_sequence(frames=12, by=ANN)
     result = over(job)
@@ -77,7 +77,7 @@ def test_it_ends_after_so_many_frames_which_are_those_of_the_camera(running: Ben
     assert (told["target"], told["role"], told["probe"], told["calibration"]) == (1, "plain", "tsis-domed", None)
 
 
-def test_it_ends_after_so_long(running: Bench) -> None:
+def test_it_ends_after_so_long(running: Instrument) -> None:
     job = running.begin_sequence(seconds=0.3, by=ANN)
     report = over(job)["report"]
     assert report["kept"] >= 1
@@ -86,7 +86,7 @@ def test_it_ends_after_so_long(running: Bench) -> None:
     assert job.state().total == 3
 
 
-def test_it_ends_when_asked_by_whoever_holds_the_camera_then(running: Bench) -> None:
+def test_it_ends_when_asked_by_whoever_holds_the_camera_then(running: Instrument) -> None:
     job = running.begin_sequence(frames=100_000, by=ANN)
     until(lambda: job.state().done > 5)
     running.control.take("tab bob", "Bob", over=True)
@@ -97,13 +97,13 @@ def test_it_ends_when_asked_by_whoever_holds_the_camera_then(running: Bench) -> 
     running.end_sequence(by="tab bob")  # there is none
 
 
-def test_it_begins_at_once_whatever_else_is_under_way(running: Bench) -> None:
+def test_it_begins_at_once_whatever_else_is_under_way(running: Instrument) -> None:
     for _ in range(5):
         running.jobs.begin("an estimate that lasts", Held())
     assert over(running.begin_sequence(frames=5, by=ANN))["report"]["kept"] == 5
 
 
-def test_what_would_end_the_stream_waits_and_the_rest_goes_on(running: Bench) -> None:
+def test_what_would_end_the_stream_waits_and_the_rest_goes_on(running: Instrument) -> None:
     job = running.begin_sequence(frames=100_000, by=ANN)
     forbidden = (
         lambda: running.stop(by=ANN),
@@ -123,13 +123,13 @@ def test_what_would_end_the_stream_waits_and_the_rest_goes_on(running: Bench) ->
     running.stop(by=ANN)
 
 
-def test_no_folder_is_written_over(running: Bench, tmp_path: Path) -> None:
+def test_no_folder_is_written_over(running: Instrument, tmp_path: Path) -> None:
     folders = [over(running.begin_sequence(frames=2, by=ANN))["folder"] for _ in range(3)]
     place = tmp_path / "workspace" / "Target1"
     assert folders == [str(place / name) for name in ("sequence", "sequence-2", "sequence-3")]
 
 
-def test_a_camera_that_is_lost_on_the_way_loses_nothing_that_was_kept(running: Bench, world: World) -> None:
+def test_a_camera_that_is_lost_on_the_way_loses_nothing_that_was_kept(running: Instrument, world: World) -> None:
     job = running.begin_sequence(frames=40, by=ANN)
     until(lambda: job.state().done > 5)
     world.plugged = False
@@ -143,7 +143,7 @@ def test_a_camera_that_is_lost_on_the_way_loses_nothing_that_was_kept(running: B
     assert len(set(connections)) > 1
 
 
-def test_a_camera_that_stays_away_is_waited_for_until_somebody_ends_it(running: Bench, world: World) -> None:
+def test_a_camera_that_stays_away_is_waited_for_until_somebody_ends_it(running: Instrument, world: World) -> None:
     job = running.begin_sequence(frames=100_000, by=ANN)
     until(lambda: job.state().done > 5)
     world.plugged = False
@@ -156,7 +156,7 @@ def test_a_camera_that_stays_away_is_waited_for_until_somebody_ends_it(running: 
 
 @pytest.mark.parametrize("after", [0, 7])
 def test_a_disk_that_fills_ends_it_with_what_was_kept(
-    running: Bench, monkeypatch: pytest.MonkeyPatch, after: int
+    running: Instrument, monkeypatch: pytest.MonkeyPatch, after: int
 ) -> None:
     keep = FrameFolder.keep
 
@@ -181,7 +181,7 @@ def test_a_disk_that_fills_ends_it_with_what_was_kept(
     assert over(running.begin_sequence(frames=2, by=ANN))["report"]["kept"] == 2
 
 
-def test_the_gauge_is_read_at_every_frame(running: Bench, tmp_path: Path) -> None:
+def test_the_gauge_is_read_at_every_frame(running: Instrument, tmp_path: Path) -> None:
     running.use_gauge(gauge(0.8), by=ANN)
     over(running.begin_sequence(frames=10, by=ANN))
     folder = tmp_path / "workspace" / "Target1" / "sequence"
@@ -190,7 +190,7 @@ def test_the_gauge_is_read_at_every_frame(running: Bench, tmp_path: Path) -> Non
     assert json.loads((folder / "recording.json").read_text())["gauge"]["frames_without_force"] == 0
 
 
-def test_a_gauge_that_ends_holds_up_no_frame(running: Bench, tmp_path: Path) -> None:
+def test_a_gauge_that_ends_holds_up_no_frame(running: Instrument, tmp_path: Path) -> None:
     log, acquisition = gauge(0.8), running.desk.acquisition
     assert acquisition is not None
     running.use_gauge(log, by=ANN)
@@ -212,7 +212,7 @@ def test_a_gauge_that_ends_holds_up_no_frame(running: Bench, tmp_path: Path) -> 
     assert told["gauge"]["frames_without_force"] == sum(row["force_n"] == "" for row in index)
 
 
-def test_a_force_that_is_typed_meanwhile_is_that_of_the_frames_from_then_on(running: Bench) -> None:
+def test_a_force_that_is_typed_meanwhile_is_that_of_the_frames_from_then_on(running: Instrument) -> None:
     running.hold(force_n=0.4, by=ANN)
     job = running.begin_sequence(frames=100_000, by=ANN)
     acts: tuple[Callable[[], None], ...] = (
@@ -231,7 +231,7 @@ def test_a_force_that_is_typed_meanwhile_is_that_of_the_frames_from_then_on(runn
     assert folder.endswith("sequence")
 
 
-def test_something_else_is_pressed_when_it_is_over(running: Bench) -> None:
+def test_something_else_is_pressed_when_it_is_over(running: Instrument) -> None:
     job = running.begin_sequence(frames=100_000, by=ANN)
     with pytest.raises(ControlError, match="a sequence is being recorded; something else can be pressed when"):
         running.hold(role="plain", force_n=0.2, by=ANN)
@@ -244,7 +244,7 @@ def test_something_else_is_pressed_when_it_is_over(running: Bench) -> None:
 
 
 @pytest.mark.parametrize("gain", [2.0, 5.0])
-def test_a_calibration_that_is_put_out_of_force_on_the_way_is_told(running: Bench, gain: float) -> None:
+def test_a_calibration_that_is_put_out_of_force_on_the_way_is_told(running: Instrument, gain: float) -> None:
     running.use_calibration(known(), by=ANN)
     job = running.begin_sequence(frames=100_000, by=ANN)
     until(lambda: job.state().done > 5)
@@ -271,20 +271,20 @@ def test_a_calibration_that_is_put_out_of_force_on_the_way_is_told(running: Benc
         {"frames": "3"},
     ],
 )
-def test_an_end_that_is_none_is_refused_and_no_folder_made(running: Bench, ends: dict[str, Any]) -> None:
+def test_an_end_that_is_none_is_refused_and_no_folder_made(running: Instrument, ends: dict[str, Any]) -> None:
     with pytest.raises(InputError):
         running.begin_sequence(**ends, by=ANN)
     assert not (running.terms.workspace / "Target1").exists()
     assert running.state().sequence is None
 
 
-def test_a_stopped_camera_records_nothing(bench: Bench) -> None:
+def test_a_stopped_camera_records_nothing(bench: Instrument) -> None:
     with pytest.raises(CameraError, match="it is stopped"):
         bench.begin_sequence(frames=1, by=ANN)
     assert not (bench.terms.workspace / "Target1").exists()
 
 
-def test_closing_ends_it_as_a_whole_one(running: Bench) -> None:
+def test_closing_ends_it_as_a_whole_one(running: Instrument) -> None:
     job = running.begin_sequence(frames=100_000, by=ANN)
     until(lambda: job.state().done > 5)
     running.close()

@@ -16,13 +16,13 @@ from tsis.calibration.settling._settling import UNKNOWN
 from tsis.console.services._frame_analysis import (
     BINS,
     LARGEST_SIDE_PX,
-    ForceSeen,
+    PressForce,
+    analyse_frame,
     contact,
     exposure_warnings,
     histogram,
-    look,
-    stillness,
-    thinned,
+    reduced,
+    settling_text,
 )
 from tsis.instrument import Frame
 from tsis.model import TactileImage
@@ -78,7 +78,7 @@ def test_a_gaussian_is_centred_where_it_is_centred(shape: tuple[int, int]) -> No
 def test_what_was_there_untouched_is_no_contact() -> None:
     rim = np.where(np.abs(away(384, 246) - 200) < 12, 200.0, BACKGROUND)
     pressed = rim + np.where(away(420, 230) < 60, 50.0, 0.0)
-    known = thinned(rim)
+    known = reduced(rim)
     found = contact(frame(pressed), known)
     assert found is not None
     assert found.centroid_px == pytest.approx((420, 230), abs=1.0)
@@ -103,7 +103,7 @@ def test_frames_of_odd_shapes_are_borne(shape: tuple[int, int]) -> None:
 @pytest.mark.parametrize("shape", [(492, 768), (3000, 4000), (50, 60), (4000, 30)])
 def test_a_thinned_frame_is_small_and_keeps_its_mean(shape: tuple[int, int]) -> None:
     levels = np.random.default_rng(2).integers(0, 255, shape).astype(np.uint8)
-    small = thinned(levels)
+    small = reduced(levels)
     assert max(small.shape) <= max(LARGEST_SIDE_PX, 3)
     assert small.mean() == pytest.approx(levels.mean(), rel=0.01)
 
@@ -137,8 +137,8 @@ def test_the_whole_of_a_frame_in_numbers_that_json_has(level: float) -> None:
     grey = np.where(away(384, 246) < 90, level, BACKGROUND)
     one = frame(grey)
     watch = PressWatch(FrameShape.of(one.tactile_image(mm_per_pixel=(0.03, 0.04))), reference=GuardReference())
-    sight, after = look(
-        watch, WatchState(), one, number=7, force=ForceSeen(value_n=1.0, source="typed"), untouched=None
+    sight, after = analyse_frame(
+        watch, WatchState(), one, number=7, force=PressForce(value_n=1.0, source="typed"), untouched=None
     )
     assert json.loads(json.dumps(asdict(sight), allow_nan=False))["number"] == 7
     assert sight.clipped_share == pytest.approx(float((one.pixels == 255).mean()))
@@ -151,7 +151,7 @@ def test_flags_that_are_up_leave_no_contact_where_there_is_none() -> None:
     grey = np.full((ROWS, COLUMNS), BACKGROUND)
     reference = GuardReference(untouched=TactileImage(grey=grey))
     watch = PressWatch(FrameShape.of(TactileImage(grey=grey)), reference=reference)
-    sight, _ = look(watch, WatchState(), frame(grey), number=1, force=None, untouched=thinned(grey))
+    sight, _ = analyse_frame(watch, WatchState(), frame(grey), number=1, force=None, untouched=reduced(grey))
     assert [flag.name for flag in sight.flags] == ["no-contact"]
     assert sight.contact is None
 
@@ -161,5 +161,5 @@ def test_flags_that_are_up_leave_no_contact_where_there_is_none() -> None:
     [("settled", 0.0, "settled"), ("settling", 3.6, "wait 4 s"), ("cannot tell", None, "moving")],
 )
 def test_stillness_in_words(verdict: str, wait_s: float | None, said: str) -> None:
-    assert stillness(replace(UNKNOWN, verdict=verdict, wait_s=wait_s)) == said
-    assert stillness(None) == ""
+    assert settling_text(replace(UNKNOWN, verdict=verdict, wait_s=wait_s)) == said
+    assert settling_text(None) == ""

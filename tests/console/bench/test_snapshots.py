@@ -35,7 +35,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from tests.console.bench.lit_camera import World
 
-    from tsis.console.services import Bench
+    from tsis.console.services import Instrument
 
 
 def sha256(pixels: NDArray[Any]) -> str:
@@ -48,16 +48,16 @@ def read(path: Path) -> NDArray[Any]:
     return found
 
 
-def presses(bench: Bench, number: int = 1) -> list[str]:
+def presses(bench: Instrument, number: int = 1) -> list[str]:
     return [press.id for press in bench.store.presses(bench.store.target(number))]
 
 
-def files(bench: Bench) -> set[str]:
+def files(bench: Instrument) -> set[str]:
     place = bench.terms.workspace
     return {str(path.relative_to(place)) for path in place.rglob("*") if path.is_file()}
 
 
-def test_the_press_is_the_frame_that_is_seen(bench: Bench, world: World) -> None:
+def test_the_press_is_the_frame_that_is_seen(bench: Instrument, world: World) -> None:
     bench.start(by=ANN)
     world.level = 77
     bench.hold(role="plain", force_n=0.6, by=ANN)
@@ -87,7 +87,7 @@ def test_the_press_is_the_frame_that_is_seen(bench: Bench, world: World) -> None
 
 
 def test_it_is_kept_when_the_frame_came_and_not_when_it_was_written(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
+    bench: Instrument, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bench.start(by=ANN)
     arrival = bench.desk.fresh()
@@ -97,7 +97,7 @@ def test_it_is_kept_when_the_frame_came_and_not_when_it_was_written(
     assert bench.snapshot(by=ANN).press.taken < before - timedelta(seconds=0.25)
 
 
-def test_every_snapshot_goes_to_the_target_of_its_moment(bench: Bench) -> None:
+def test_every_snapshot_goes_to_the_target_of_its_moment(bench: Instrument) -> None:
     bench.start(by=ANN)
     first = bench.snapshot(by=ANN)
     bench.set_target(7, by=ANN)
@@ -112,7 +112,7 @@ def test_every_snapshot_goes_to_the_target_of_its_moment(bench: Bench) -> None:
 
 
 def test_a_number_that_somebody_else_enters_meanwhile_is_theirs_and_the_press_joins_it(
-    bench: Bench, monkeypatch: pytest.MonkeyPatch
+    bench: Instrument, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     bench.start(by=ANN)
     enter = bench.store.add_target
@@ -128,7 +128,7 @@ def test_a_number_that_somebody_else_enters_meanwhile_is_theirs_and_the_press_jo
     assert presses(bench) == [kept.press.id]
 
 
-def test_a_gauge_tells_the_force(bench: Bench) -> None:
+def test_a_gauge_tells_the_force(bench: Instrument) -> None:
     bench.hold(force_n=0.2, by=ANN)
     bench.start(by=ANN)
     bench.use_gauge(gauge(0.8), by=ANN)
@@ -143,13 +143,13 @@ def test_a_gauge_tells_the_force(bench: Bench) -> None:
     assert json.loads(kept.files.sidecar.read_text())["force"] is None
 
 
-def test_a_gauge_that_pulls_presses_nothing(bench: Bench) -> None:
+def test_a_gauge_that_pulls_presses_nothing(bench: Instrument) -> None:
     bench.start(by=ANN)
     bench.use_gauge(gauge(0.0, zero_n=-0.4), by=ANN)
     assert bench.snapshot(by=ANN).press.force_n == 0.0
 
 
-def test_a_gauge_that_has_ended_keeps_no_press_and_says_so(bench: Bench) -> None:
+def test_a_gauge_that_has_ended_keeps_no_press_and_says_so(bench: Instrument) -> None:
     bench.start(by=ANN)
     log = gauge()
     bench.use_gauge(log, by=ANN)
@@ -166,7 +166,7 @@ def test_a_gauge_that_has_ended_keeps_no_press_and_says_so(bench: Bench) -> None
     assert bench.snapshot(by=ANN).press.force_n is None
 
 
-def test_a_gauge_is_stopped_when_another_takes_its_place_and_not_by_itself(bench: Bench) -> None:
+def test_a_gauge_is_stopped_when_another_takes_its_place_and_not_by_itself(bench: Instrument) -> None:
     first, second = gauge(), gauge()
     bench.use_gauge(first, by=ANN)
     bench.use_gauge(first, by=ANN)
@@ -177,7 +177,7 @@ def test_a_gauge_is_stopped_when_another_takes_its_place_and_not_by_itself(bench
     until(lambda: not second.state().running)
 
 
-def test_nothing_is_kept_while_the_camera_is_away_and_the_next_one_is_of_after(bench: Bench, world: World) -> None:
+def test_nothing_is_kept_while_the_camera_is_away_and_the_next_one_is_of_after(bench: Instrument, world: World) -> None:
     bench.start(by=ANN)
     bench.snapshot(by=ANN)
     before = files(bench)
@@ -194,7 +194,7 @@ def test_nothing_is_kept_while_the_camera_is_away_and_the_next_one_is_of_after(b
     assert bench.state().trouble == ()
 
 
-def test_who_does_not_hold_the_camera_keeps_nothing(bench: Bench) -> None:
+def test_who_does_not_hold_the_camera_keeps_nothing(bench: Instrument) -> None:
     bench.start(by=ANN)
     with pytest.raises(ControlError, match="held by Ann"):
         bench.snapshot(by=BOB)
@@ -210,7 +210,7 @@ def _failing(monkeypatch: pytest.MonkeyPatch, *, lasting: bool) -> FailingDisk:
     return disk
 
 
-def _attempted(bench: Bench) -> tuple[FileInputError | RecordsError | None, str]:
+def _attempted(bench: Instrument) -> tuple[FileInputError | RecordsError | None, str]:
     """What a snapshot says when it fails, or the press."""
     try:
         return None, bench.snapshot(by=ANN).press.id
@@ -220,7 +220,7 @@ def _attempted(bench: Bench) -> tuple[FileInputError | RecordsError | None, str]
 
 @pytest.mark.parametrize("lasting", [False, True])
 def test_a_disk_that_is_full_at_any_step_leaves_nothing_half_kept(
-    bench: Bench, world: World, monkeypatch: pytest.MonkeyPatch, lasting: bool
+    bench: Instrument, world: World, monkeypatch: pytest.MonkeyPatch, lasting: bool
 ) -> None:
     bench.start(by=ANN)
     bench.snapshot(by=ANN)
@@ -255,7 +255,7 @@ def test_a_disk_that_is_full_at_any_step_leaves_nothing_half_kept(
     assert verify_store(bench.store).sound
 
 
-def test_the_first_press_of_a_target_on_a_full_disk(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_first_press_of_a_target_on_a_full_disk(bench: Instrument, monkeypatch: pytest.MonkeyPatch) -> None:
     bench.start(by=ANN)
     disk = _failing(monkeypatch, lasting=True)
     disk.arm(12)  # in the store, after the three files
@@ -326,7 +326,7 @@ def test_a_press_that_the_store_did_not_take_can_be_entered_from_its_files(
         assert press.probe == "tsis-domed"
 
 
-def test_two_who_press_the_key_at_once_keep_two_presses(bench: Bench) -> None:
+def test_two_who_press_the_key_at_once_keep_two_presses(bench: Instrument) -> None:
     bench.start(by=ANN)
     gate, kept, said = threading.Barrier(4), list[str](), list[str]()
 

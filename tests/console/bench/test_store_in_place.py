@@ -8,17 +8,17 @@ import pytest
 from tests.console.bench.places import ANN
 
 from tsis.console.services import _reading as reading
-from tsis.console.services._reading import STORE_LOOKED_AT_S, StoreInPlace
+from tsis.console.services._reading import STORE_LOOKED_AT_S, StoreCheck
 from tsis.errors import RecordsError
 
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.console.services import Bench
+    from tsis.console.services import Instrument
 
 
 def test_a_store_that_was_moved_is_trouble_until_it_is_back(
-    bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    bench: Instrument, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(reading, "STORE_LOOKED_AT_S", 0.0)
     bench.start(by=ANN)
@@ -37,7 +37,7 @@ def test_a_store_that_was_moved_is_trouble_until_it_is_back(
     assert len(bench.store.presses(bench.store.target(1))) == 1
 
 
-def test_the_disk_is_looked_at_once_a_second(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_disk_is_looked_at_once_a_second(bench: Instrument, monkeypatch: pytest.MonkeyPatch) -> None:
     looks: list[float] = []
     now = [0.0]
 
@@ -46,7 +46,7 @@ def test_the_disk_is_looked_at_once_a_second(bench: Bench, monkeypatch: pytest.M
         return now[0] > 2.0
 
     monkeypatch.setattr(bench.store.database, "moved", moved)
-    place = StoreInPlace(bench.store, clock=lambda: now[0])
+    place = StoreCheck(bench.store, clock=lambda: now[0])
     said = []
     for now[0] in (0.1, STORE_LOOKED_AT_S, 1.5, 2.5, 2.6):
         said.append(bool(place.trouble()))

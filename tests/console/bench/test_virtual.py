@@ -9,28 +9,28 @@ import pytest
 from tests.console.bench.places import ANN, virtual_bench
 from tests.waiting import until
 
-from tsis.console.services import CameraChoice, VirtualStage
+from tsis.console.services import CameraChoice, VirtualSubject
 from tsis.errors import ControlError, InputError, MechanicsError
 from tsis.records import REFERENCES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from tsis.console.services import Bench
+    from tsis.console.services import Instrument
 
 
 @pytest.fixture(scope="module")
-def probe(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Bench]:
+def probe(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Instrument]:
     with virtual_bench(tmp_path_factory.mktemp("virtual")) as bench:
         bench.start(by=ANN)
         yield bench
 
 
-def brightness(bench: Bench) -> float:
+def brightness(bench: Instrument) -> float:
     return float(bench.desk.fresh().frame.pixels.mean())
 
 
-def test_role_and_force_are_those_of_the_frames(probe: Bench) -> None:
+def test_role_and_force_are_those_of_the_frames(probe: Instrument) -> None:
     seen = {}
     for role, force_n in (("target", 1.0), ("target", 0.5), ("plain", 1.0), ("untouched", 1.0)):
         probe.hold(role=role, force_n=force_n, by=ANN)
@@ -48,7 +48,7 @@ def test_role_and_force_are_those_of_the_frames(probe: Bench) -> None:
     assert abs(hard - plain) > 0.2  # the inclusion shows
 
 
-def test_what_is_kept_of_it(probe: Bench) -> None:
+def test_what_is_kept_of_it(probe: Instrument) -> None:
     probe.hold(role="target", force_n=1.0, by=ANN)
     kept = probe.snapshot(by=ANN)
     stage = probe.desk.stage
@@ -62,7 +62,7 @@ def test_what_is_kept_of_it(probe: Bench) -> None:
     assert kept.notes == ()
 
 
-def test_the_press_stays_over_stop_and_start(probe: Bench) -> None:
+def test_the_press_stays_over_stop_and_start(probe: Instrument) -> None:
     probe.hold(role="plain", force_n=0.8, by=ANN)
     held = brightness(probe)
     probe.stop(by=ANN)
@@ -76,7 +76,7 @@ def test_the_press_stays_over_stop_and_start(probe: Bench) -> None:
     probe.hold(role="target", force_n=1.0, by=ANN)
 
 
-def test_its_own_calibration_holds_at_its_usual_settings_only(probe: Bench) -> None:
+def test_its_own_calibration_holds_at_its_usual_settings_only(probe: Instrument) -> None:
     probe.hold(role="target", force_n=1.0, by=ANN)
     probe.adjust("exposure_ms", 10.0, by=ANN)
     assert "holds at exposure_ms = 20; the camera is at 10" in probe.state().trouble[0]
@@ -87,7 +87,7 @@ def test_its_own_calibration_holds_at_its_usual_settings_only(probe: Bench) -> N
         probe.adjust("force_n", 2.0, by=ANN)
 
 
-def test_what_cannot_be_pressed_leaves_the_press_as_it_was(probe: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_cannot_be_pressed_leaves_the_press_as_it_was(probe: Instrument, monkeypatch: pytest.MonkeyPatch) -> None:
     probe.hold(role="target", force_n=1.0, by=ANN)
     before = brightness(probe)
     stage = probe.desk.stage
@@ -107,7 +107,7 @@ def test_what_cannot_be_pressed_leaves_the_press_as_it_was(probe: Bench, monkeyp
     assert brightness(probe) == pytest.approx(before, abs=0.05)
 
 
-def test_too_hard_a_press_names_the_largest_force_which_can_be_pressed(probe: Bench) -> None:
+def test_too_hard_a_press_names_the_largest_force_which_can_be_pressed(probe: Instrument) -> None:
     with pytest.raises(
         MechanicsError, match=r"a strain of [0-9.]+; .* holds to 0\.3: choose a force of at most"
     ) as told:
@@ -123,7 +123,7 @@ def test_too_hard_a_press_names_the_largest_force_which_can_be_pressed(probe: Be
     probe.hold(role="target", force_n=1.0, by=ANN)
 
 
-def test_the_guard_sees_what_is_held(probe: Bench) -> None:
+def test_the_guard_sees_what_is_held(probe: Instrument) -> None:
     probe.hold(role="untouched", by=ANN)
     until(lambda: probe.sight is not None and any(flag.name == "no-contact" for flag in probe.sight.flags))
     probe.hold(role="target", by=ANN)
@@ -136,7 +136,7 @@ def test_the_guard_sees_what_is_held(probe: Bench) -> None:
     assert (sight.force.value_n, sight.force.source) == (1.0, "virtual")
 
 
-def kept_files(bench: Bench) -> int:
+def kept_files(bench: Instrument) -> int:
     return sum(path.is_file() for path in bench.terms.workspace.rglob("*"))
 
 
@@ -151,7 +151,7 @@ def test_no_press_of_a_phantom_gets_into_a_store_of_subjects(tmp_path_factory: p
         assert kept_files(bench) == 0
 
 
-def test_another_phantom_under_the_same_number_is_refused_and_under_another_kept(probe: Bench) -> None:
+def test_another_phantom_under_the_same_number_is_refused_and_under_another_kept(probe: Instrument) -> None:
     probe.set_target(9, by=ANN)
     probe.hold(role="target", force_n=1.0, by=ANN)
     kept = probe.snapshot(by=ANN)
@@ -184,7 +184,7 @@ def test_roles_are_those_that_estimates_take() -> None:
 
 def test_the_same_seed_makes_the_same_stage() -> None:
     def first(seed: int) -> np.ndarray:
-        stage = VirtualStage(CameraChoice(probe="tsis-2011", seed=seed))
+        stage = VirtualSubject(CameraChoice(probe="tsis-2011", seed=seed))
         stage.hold("target", 1.0)
         camera = stage.connect()
         camera.open()

@@ -11,7 +11,7 @@ from tests.console.live.feed import Feed
 from tests.waiting import until
 
 from tsis.calibration.guard import GuardReference
-from tsis.console.services._frame_analysis import ForceSeen
+from tsis.console.services._frame_analysis import PressForce
 from tsis.console.services._watcher import Watcher
 from tsis.model import TactileImage
 
@@ -38,7 +38,7 @@ class Watched:
     def __init__(self) -> None:
         self.feed: Feed | None = Feed()
         self.reference = GuardReference(untouched=TactileImage(grey=DARK.astype(float)))
-        self.force: ForceSeen | Exception = ForceSeen(value_n=1.5, source="typed")
+        self.force: PressForce | Exception = PressForce(value_n=1.5, source="typed")
         self.asked = self.forces = 0
         self.watcher = Watcher(lambda: self.feed, self._reference, self._force)  # type: ignore[arg-type, return-value]
 
@@ -55,7 +55,7 @@ class Watched:
         self.asked += 1
         return self.reference, None
 
-    def _force(self, arrival: ReceivedFrame) -> ForceSeen:
+    def _force(self, arrival: ReceivedFrame) -> PressForce:
         self.forces += 1
         if isinstance(self.force, Exception):
             raise self.force
@@ -85,7 +85,7 @@ def test_it_tells_of_the_newest_frame(watched: Watched) -> None:
         assert sight is not None
         assert sight.contact is not None
         assert sight.contact.centroid_px == pytest.approx((x - 0.5, 59.5), abs=1.0)
-        assert sight.force == ForceSeen(value_n=1.5, source="typed")
+        assert sight.force == PressForce(value_n=1.5, source="typed")
     number = watched.look(DARK)
     until(lambda: watched.seen(number))
     assert watched.watcher.sight is not None
@@ -148,7 +148,7 @@ def test_what_nobody_foresaw_ends_nothing(watched: Watched, caplog: pytest.LogCa
         number = watched.look(pressed(40))
         until(lambda asked=asked: watched.forces == asked)  # type: ignore[misc]
     until(lambda: "ZeroDivisionError: of a gauge" in watched.watcher.failure)
-    watched.force = ForceSeen(value_n=2.0, source="gauge")
+    watched.force = PressForce(value_n=2.0, source="gauge")
     number = watched.look(pressed(40))
     until(lambda: watched.seen(number))
     assert watched.watcher.failure == ""

@@ -11,10 +11,10 @@ import pytest
 from tests.records.sample import sample_dossier
 
 from tsis.console.files import Reports
-from tsis.console.files._exporting import written
+from tsis.console.files._exporting import write_export
 from tsis.errors import InputError, RecordsError
 from tsis.records.store import open_store
-from tsis.report import PAGES, StoreAddress, report_of_stored_target
+from tsis.report import PAGE_FORMS, StoreAddress, report_of_stored_target
 from tsis.report._forms import page_bytes
 
 if TYPE_CHECKING:
@@ -28,10 +28,12 @@ def test_a_report_is_made_elsewhere_and_is_the_same(tmp_path: Path, monkeypatch:
     with open_store(tmp_path / "records") as store, closing(Reports(store)) as reports:
         store.take_in(sample_dossier())
         target = store.target(NUMBER)
-        here = {form: page_bytes(form, store.dossier(target)) for form in PAGES}
-        monkeypatch.setattr("tsis.report.target._page.target_page", lambda *_: pytest.fail("it is made in this process"))
+        here = {form: page_bytes(form, store.dossier(target)) for form in PAGE_FORMS}
+        monkeypatch.setattr(
+            "tsis.report.target._page.target_page", lambda *_: pytest.fail("it is made in this process")
+        )
         for form, content in here.items():
-            file = written(store, target, form, reports=reports)
+            file = write_export(store, target, form, reports=reports)
             assert file.path.read_bytes() == content
             file.remove()
         assert reports._apart.ask(os.getpid) != os.getpid()

@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.console import ConsoleTerms, serve_console
+from tsis.console import ConsoleSettings, serve_console
 from tsis.console.live import Histogram, LiveView, SurfaceView
 from tsis.console.live._hub import MAPS
 from tsis.console.pages import _directory as directory
-from tsis.console.services import BenchTerms
+from tsis.console.services import InstrumentSettings
 
 if TYPE_CHECKING:
     from tsis.console.live._element import ColouredFrames
     from tsis.console.pages.components import Viewer
-    from tsis.console.services import Bench, BenchState
+    from tsis.console.services import Instrument, InstrumentState
 
 ENDS: dict[str, str | tuple[float, float]] = {
     "whole": (0.0, 255.0),
@@ -28,7 +28,7 @@ ENDS: dict[str, str | tuple[float, float]] = {
 }
 
 
-def page(bench: Bench, viewer: Viewer) -> None:
+def page(bench: Instrument, viewer: Viewer) -> None:
     """Build the page."""
     with ui.element("div").classes("split"):
         with ui.element("section").classes("panel"):
@@ -44,7 +44,7 @@ def page(bench: Bench, viewer: Viewer) -> None:
             for element in (histogram, surface):
                 element.move(beside)
 
-    def show(state: BenchState) -> None:
+    def show(state: InstrumentState) -> None:
         for element in (view, histogram, surface):
             element.tell(state)
 
@@ -66,8 +66,8 @@ def main() -> None:
     folder = Path(sys.argv[1])
     directory.PAGES.clear()
     directory.PAGES["/"] = ("Elements", page)
-    terms = BenchTerms(workspace=folder / "workspace", store=folder / "records", probe="tsis-2011")
-    serve_console(ConsoleTerms(bench=terms, port=0), ready=lambda address: print(address, flush=True))  # noqa: T201
+    terms = InstrumentSettings(workspace=folder / "workspace", store=folder / "records", probe="tsis-2011")
+    serve_console(ConsoleSettings(bench=terms, port=0), ready=lambda address: print(address, flush=True))  # noqa: T201
 
 
 if __name__ == "__main__":

@@ -23,10 +23,10 @@ from websockets.exceptions import ConnectionClosed
 from websockets.sync.client import connect
 
 from tsis.console.live import LiveHub, live_view
-from tsis.console.live._hub import packet, sight_text
+from tsis.console.live._hub import analysis_json, packet
 from tsis.console.live._socket import is_here
-from tsis.console.services import Sight
-from tsis.console.services._frame_analysis import Seen
+from tsis.console.services import FrameAnalysis
+from tsis.console.services._frame_analysis import ContactView
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -34,12 +34,12 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
     from websockets.sync.client import ClientConnection
 
-SIGHT = Sight(
+SIGHT = FrameAnalysis(
     number=1,
     flags=(),
     force=None,
     still="settled",
-    contact=Seen(centroid_px=(3.0, 4.0), outline_px=((1.0, 2.0), (3.0, 4.0))),
+    contact=ContactView(centroid_px=(3.0, 4.0), outline_px=((1.0, 2.0), (3.0, 4.0))),
     histogram=(5, 6),
     clipped_share=0.25,
     warnings=("too bright",),
@@ -291,13 +291,13 @@ def test_a_frame_is_made_once_for_all_and_not_where_all_wait_for_it(
 
 @pytest.mark.system
 def test_words_of_a_frame_are_made_once_for_all(served: Served, monkeypatch: pytest.MonkeyPatch) -> None:
-    made: list[Sight | None] = []
+    made: list[FrameAnalysis | None] = []
 
-    def text(sight: Sight | None) -> str:
+    def text(sight: FrameAnalysis | None) -> str:
         made.append(sight)
-        return sight_text(sight)
+        return analysis_json(sight)
 
-    monkeypatch.setattr("tsis.console.live._hub.sight_text", text)
+    monkeypatch.setattr("tsis.console.live._hub.analysis_json", text)
     with served.viewer() as one, served.viewer() as other:
         for sight in (SIGHT, replace(SIGHT, number=2)):
             served.bench.sight = sight
@@ -310,7 +310,9 @@ def test_words_of_a_frame_are_made_once_for_all(served: Served, monkeypatch: pyt
 
 
 def test_what_is_not_finite_is_told_as_unknown() -> None:
-    text = sight_text(replace(SIGHT, clipped_share=math.nan, contact=Seen(centroid_px=(math.inf, 1.0), outline_px=())))
+    text = analysis_json(
+        replace(SIGHT, clipped_share=math.nan, contact=ContactView(centroid_px=(math.inf, 1.0), outline_px=()))
+    )
     told = json.loads(text, parse_constant=lambda word: pytest.fail(f"{word} is no JSON"))
     assert (told["clipped_share"], told["contact"]["centroid_px"]) == (None, [None, 1.0])
 

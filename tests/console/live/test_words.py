@@ -9,20 +9,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from tsis.console.live._element import levels_in_words, notice, seen_in_words
-from tsis.console.services import Sight
-from tsis.console.services._frame_analysis import Seen
+from tsis.console.live._element import analysis_text, histogram_text, notice
+from tsis.console.services import FrameAnalysis
+from tsis.console.services._frame_analysis import ContactView
 
-SIGHT = Sight(number=1, flags=(), force=None, still="", contact=None, histogram=(4, 0), clipped_share=0.0, warnings=())
+SIGHT = FrameAnalysis(
+    number=1, flags=(), force=None, still="", contact=None, histogram=(4, 0), clipped_share=0.0, warnings=()
+)
 
 
-def state(sight: Sight | None, *, running: bool = True, lost: bool = False) -> Any:
+def state(sight: FrameAnalysis | None, *, running: bool = True, lost: bool = False) -> Any:
     return SimpleNamespace(sight=sight, camera=SimpleNamespace(running=running, lost=lost))
 
 
-def sight_of(levels: np.ndarray, contact: Seen | None = None) -> Sight:
+def sight_of(levels: np.ndarray, contact: ContactView | None = None) -> FrameAnalysis:
     counts = np.histogram(levels, bins=64, range=(0.0, 256.0))[0]
-    return Sight(
+    return FrameAnalysis(
         number=1,
         flags=(),
         force=None,
@@ -37,7 +39,7 @@ def sight_of(levels: np.ndarray, contact: Seen | None = None) -> Sight:
 @pytest.mark.parametrize("centre", [3, 60, 128, 250])
 def test_half_of_the_pixels_lie_below_the_level_that_is_said(centre: int) -> None:
     levels = np.random.default_rng(1).normal(centre, 20, 5001).round().clip(0, 255)
-    said = levels_in_words(state(sight_of(levels)))
+    said = histogram_text(state(sight_of(levels)))
     found = re.fullmatch(r"half of the pixels below (\d+)% of full scale, ([\d.]+)% at it", said)
     assert found is not None
     assert float(found[1]) == pytest.approx(100 * np.median(levels) / 256, abs=100 / 64 + 0.5)
@@ -45,12 +47,12 @@ def test_half_of_the_pixels_lie_below_the_level_that_is_said(centre: int) -> Non
 
 
 def test_a_contact_is_said_with_its_place() -> None:
-    contact = Seen(centroid_px=(384.4, 245.6), outline_px=())
-    assert seen_in_words(state(sight_of(np.zeros(4), contact))) == "contact around column 384, row 246"
-    assert seen_in_words(state(SIGHT)) == "nothing is pressed"
+    contact = ContactView(centroid_px=(384.4, 245.6), outline_px=())
+    assert analysis_text(state(sight_of(np.zeros(4), contact))) == "contact around column 384, row 246"
+    assert analysis_text(state(SIGHT)) == "nothing is pressed"
 
 
-@pytest.mark.parametrize("words", [seen_in_words, levels_in_words])
+@pytest.mark.parametrize("words", [analysis_text, histogram_text])
 def test_without_frames_that_is_said(words: Any) -> None:
     assert words(state(None)) == words(state(SIGHT, running=False)) == "no frames"
 

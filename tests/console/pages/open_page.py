@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, cast
 from nicegui import Client
 from nicegui.page import page
 
-from tsis.console.pages.components import Glance, Tabs, Viewer
+from tsis.console.pages.components import StatePoller, Tabs, Viewer
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     from nicegui.element import Element
     from nicegui.elements.mixins.text_element import TextElement
 
-    from tsis.console.services import Bench
+    from tsis.console.services import Instrument
 
 
 class Told(Viewer):
     """A viewer whose name is known without a request, and who keeps what he is told."""
 
-    def __init__(self, client: Client, bench: Bench) -> None:
-        super().__init__(client, bench, Glance(bench), Tabs())
+    def __init__(self, client: Client, bench: Instrument) -> None:
+        super().__init__(client, bench, StatePoller(bench), Tabs())
         client.tab_id = "1"  # as if a browser had connected
         self.complaints: list[str] = []
 
@@ -42,7 +42,7 @@ def on_a_page(bench: Any, act: Callable[[Told], Awaitable[None]]) -> None:
         client = Client(page("/"))
         try:
             with client:
-                await act(Told(client, cast("Bench", bench)))
+                await act(Told(client, cast("Instrument", bench)))
         finally:
             client.delete()
 

@@ -9,7 +9,7 @@ from nicegui import run, ui
 from tests.console.bench.places import lit_bench
 from tests.console.pages.open_page import Told, on_a_page, texts
 
-from tsis.console.pages.components import CalibrationSeen, follow_store
+from tsis.console.pages.components import CalibrationMemory, follow_store
 from tsis.console.pages.examine._estimate import EstimatePanel
 from tsis.console.pages.records._target import TargetPage
 
@@ -127,7 +127,7 @@ def test_a_calibration_is_asked_for_when_it_is_another_one() -> None:
             return self.known
 
     bench: Any = Judging()
-    seen = CalibrationSeen(bench)
+    seen = CalibrationMemory(bench)
 
     def state(identity: str) -> Any:
         return SimpleNamespace(calibration_identity=identity)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from tsis.calibration.file import ProbeCalibration
-from tsis.console.pages.hardness._flow import Kept, kept, lacking, next_free, next_words
+from tsis.console.pages.hardness._flow import SavedPresses, missing_text, next_free, next_step_text, saved_presses
 from tsis.console.services import CameraChoice
 from tsis.model import TactileImage
 from tsis.records.store import open_store
@@ -56,7 +56,7 @@ def state(choice: CameraChoice, *, running: bool = True, lost: bool = False, cal
 
 def test_of_each_force_the_newest_press_counts(store: Store) -> None:
     pressed(store, 4, {"target": (0.7, 1.2, 0.7), "ball": (1.0,), "untouched": (0.0,)})
-    found = kept(store, 4)
+    found = saved_presses(store, 4)
     assert [press.force_n for press in found.on_object] == [1.2, 0.7]
     assert found.on_object[1].taken == NOON + timedelta(minutes=3)
     assert [press.force_n for press in found.on_ball] == [1.0]
@@ -68,13 +68,17 @@ def test_the_next_step_follows_from_what_is_kept(store: Store) -> None:
     pressed(store, 1, {"target": (0.7,)})
     pressed(store, 2, {"target": (0.7, 1.2)})
     pressed(store, 3, {"target": (0.7, 0.7)})
-    assert next_words(Kept(number=9), ("lay it there.",), estimating=False) == "Next: lay it there."
-    assert next_words(Kept(number=9), (), estimating=False).startswith("Next: press the object")
-    assert next_words(kept(store, 1), (), estimating=False).startswith("Next: press it again at another force")
-    assert next_words(kept(store, 3), (), estimating=False).startswith("Next: press it again at another force")
-    assert next_words(kept(store, 2), (), estimating=False).startswith("Next: estimate")
-    assert next_words(kept(store, 2), ("lay it there.",), estimating=False).startswith("Next: estimate")
-    assert next_words(kept(store, 2), (), estimating=True) == "The estimate is being made."
+    assert next_step_text(SavedPresses(number=9), ("lay it there.",), estimating=False) == "Next: lay it there."
+    assert next_step_text(SavedPresses(number=9), (), estimating=False).startswith("Next: press the object")
+    assert next_step_text(saved_presses(store, 1), (), estimating=False).startswith(
+        "Next: press it again at another force"
+    )
+    assert next_step_text(saved_presses(store, 3), (), estimating=False).startswith(
+        "Next: press it again at another force"
+    )
+    assert next_step_text(saved_presses(store, 2), (), estimating=False).startswith("Next: estimate")
+    assert next_step_text(saved_presses(store, 2), ("lay it there.",), estimating=False).startswith("Next: estimate")
+    assert next_step_text(saved_presses(store, 2), (), estimating=True) == "The estimate is being made."
 
 
 def test_a_new_object_gets_a_number_of_its_own(store: Store) -> None:
@@ -89,17 +93,17 @@ def test_what_stands_in_the_way_is_named() -> None:
     virtual, sphere = CameraChoice(), CameraChoice(probe="tsis-direct", phantom="cl2000x")
     real = CameraChoice(spec="aravis:x")
     lay = ("lay an object under the virtual probe.",)
-    assert lacking(state(virtual), scaled=False, responds=True) == lay
-    assert lacking(state(sphere, running=False), scaled=False, responds=True) == lay
-    assert lacking(state(sphere), scaled=False, responds=True) == ()
-    assert lacking(state(real), scaled=True, responds=True) == ()
-    (stopped,) = lacking(state(real, running=False), scaled=True, responds=True)
+    assert missing_text(state(virtual), scaled=False, responds=True) == lay
+    assert missing_text(state(sphere, running=False), scaled=False, responds=True) == lay
+    assert missing_text(state(sphere), scaled=False, responds=True) == ()
+    assert missing_text(state(real), scaled=True, responds=True) == ()
+    (stopped,) = missing_text(state(real, running=False), scaled=True, responds=True)
     assert stopped == "start the camera, on the page Examine; it is stopped."
-    (away,) = lacking(state(real, lost=True), scaled=True, responds=True)
+    (away,) = missing_text(state(real, lost=True), scaled=True, responds=True)
     assert away == "wait until the camera is back; it is away."
-    (none,) = lacking(state(real, calibration=""), scaled=False, responds=False)
+    (none,) = missing_text(state(real, calibration=""), scaled=False, responds=False)
     assert none == "put a calibration in force, on the page Camera; there is none (the page Calibrate makes one)."
-    (deaf,) = lacking(state(real), scaled=True, responds=False)
+    (deaf,) = missing_text(state(real), scaled=True, responds=False)
     assert deaf == "choose another calibration; 'c' does not tell the answer to pressure."
-    (blind,) = lacking(state(real), scaled=False, responds=True)
+    (blind,) = missing_text(state(real), scaled=False, responds=True)
     assert blind == "choose another calibration; 'c' does not tell the size of a pixel."

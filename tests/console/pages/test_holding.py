@@ -7,49 +7,49 @@ from typing import TYPE_CHECKING, Any
 
 from tests.console.pages.open_page import Told, on_a_page
 
-from tsis.console.pages.shell._control import Holding
-from tsis.console.services import Control, Holder
+from tsis.console.pages.shell._control import ControlButtons
+from tsis.console.services import ControlLock, Owner
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
 
-class Faster(Control):
+class Faster(ControlLock):
     """Bob takes the camera just after somebody saw that nobody holds it."""
 
-    def holder(self) -> Holder | None:
+    def holder(self) -> Owner | None:
         found = super().holder()
         if found is None:
             self.take("tab 2", "Bob")
         return found
 
 
-def after(act: Callable[[Holding], Any]) -> tuple[str, list[str]]:
+def after(act: Callable[[ControlButtons], Any]) -> tuple[str, list[str]]:
     """Who holds the camera after something was done on a page, and what was complained of there."""
     bench = SimpleNamespace(control=Faster())
     complaints: list[str] = []
 
     async def done(viewer: Told) -> None:
-        waited = act(Holding(bench, viewer))  # type: ignore[arg-type]
+        waited = act(ControlButtons(bench, viewer))  # type: ignore[arg-type]
         if waited is not None:
             await waited
         complaints.extend(viewer.complaints)
 
     on_a_page(bench, done)
-    holder = Control.holder(bench.control)
+    holder = ControlLock.holder(bench.control)
     return "" if holder is None else holder.name, complaints
 
 
 def test_a_page_that_is_open_takes_it_from_nobody() -> None:
-    assert after(Holding.heard) == ("Bob", [])
+    assert after(ControlButtons.heard) == ("Bob", [])
 
 
 def test_a_click_on_a_free_camera_takes_it_from_nobody() -> None:
-    assert after(Holding._asked_for) == ("Bob", ["the camera is held by Bob; watch, or take it over"])
+    assert after(ControlButtons._asked_for) == ("Bob", ["the camera is held by Bob; watch, or take it over"])
 
 
 def test_who_answers_the_question_takes_it_over() -> None:
-    async def asked(holding: Holding) -> None:
+    async def asked(holding: ControlButtons) -> None:
         await holding._asked_for()
         await holding._asked_for()
         assert holding._dialog.value

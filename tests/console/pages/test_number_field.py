@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from tsis.console.pages.components import shown_number, typed_number
+from tsis.console.pages.components import number_text_of_field, typed_number
 from tsis.errors import InputError
 
 
@@ -20,7 +20,7 @@ def test_what_a_float_prints_is_typed_back(value: float) -> None:
 
 @given(st.floats(min_value=-1e6, max_value=1e6))
 def test_what_is_shown_is_a_number_near_by(value: float) -> None:
-    assert math.isclose(typed_number("force", shown_number(value)), value, rel_tol=1e-4, abs_tol=1e-300)
+    assert math.isclose(typed_number("force", number_text_of_field(value)), value, rel_tol=1e-4, abs_tol=1e-300)
 
 
 @given(st.text())
@@ -47,6 +47,6 @@ def test_a_number_too_large_for_one_is_infinite_for_the_bench_to_refuse() -> Non
 
 
 def test_nothing_is_shown_of_nothing() -> None:
-    assert shown_number(None) == ""
-    assert shown_number(5.0) == "5"
-    assert shown_number(0.01) == "0.01"
+    assert number_text_of_field(None) == ""
+    assert number_text_of_field(5.0) == "5"
+    assert number_text_of_field(0.01) == "0.01"

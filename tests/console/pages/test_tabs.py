@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from tsis.console.pages.components import Tabs
 from tsis.console.pages.components._summary import KEPT, NAMED
-from tsis.console.pages.design._draft import DrawingDesk
+from tsis.console.pages.design._draft import ProbeEditor
 
 
 def test_names_of_tabs_are_not_given_twice_and_not_kept_for_ever() -> None:
@@ -17,10 +17,10 @@ def test_names_of_tabs_are_not_given_twice_and_not_kept_for_ever() -> None:
 
 def test_a_tab_finds_its_desk_again_until_many_others_came() -> None:
     tabs = Tabs()
-    mine, other = tabs.kept("mine", DrawingDesk), tabs.kept("other", DrawingDesk)
+    mine, other = tabs.kept("mine", ProbeEditor), tabs.kept("other", ProbeEditor)
     assert other is not mine
     for number in range(KEPT - 1):
-        tabs.kept(f"tab {number}", DrawingDesk)
-        assert tabs.kept("mine", DrawingDesk) is mine
-    assert tabs.kept("other", DrawingDesk) is not other
-    assert Tabs().kept("mine", DrawingDesk) is not mine
+        tabs.kept(f"tab {number}", ProbeEditor)
+        assert tabs.kept("mine", ProbeEditor) is mine
+    assert tabs.kept("other", ProbeEditor) is not other
+    assert Tabs().kept("mine", ProbeEditor) is not mine

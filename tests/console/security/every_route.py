@@ -12,7 +12,7 @@ from typing import Any
 from tsis.console._app import console_app
 from tsis.console.auth import Access
 from tsis.console.pages import PAGES
-from tsis.console.services import Bench, BenchTerms
+from tsis.console.services import Instrument, InstrumentSettings
 
 BELOW_A_MOUNT = ("", "/", "/x", "/console.css", "/socket.io/?EIO=4&transport=polling")
 # Added while the console runs, or when it starts: uploads of a page, and the picture of the tab.
@@ -51,8 +51,8 @@ def routes_of_one(route: Any, prefix: str) -> list[tuple[str, str]]:
 
 if __name__ == "__main__":
     with tempfile.TemporaryDirectory() as folder:
-        terms = BenchTerms(workspace=Path(folder) / "workspace", store=Path(folder) / "store")
-        with Bench(terms) as bench:
+        terms = InstrumentSettings(workspace=Path(folder) / "workspace", store=Path(folder) / "store")
+        with Instrument(terms) as bench:
             gate: Any = console_app(bench, access=Access("t" * 43), hosts=())
             every = routes_of(gate._inner, "") + [(filled(page), "GET") for page in PAGES] + list(LATER)
     json.dump(sorted(set(every)), sys.stdout)

@@ -10,8 +10,8 @@ from starlette.applications import Starlette
 from starlette.responses import HTMLResponse, JSONResponse, PlainTextResponse
 from starlette.routing import Route
 
-from tsis.console.auth import Access, Gate, visitor_of
-from tsis.console.auth._rate_limit import Attempts
+from tsis.console.auth import Access, AuthMiddleware, client_identity
+from tsis.console.auth._rate_limit import LoginRateLimiter
 
 if TYPE_CHECKING:
     from starlette.requests import Request
@@ -27,7 +27,7 @@ METHODS = ["GET", "POST", "PUT", "PATCH", "DELETE", "HEAD", "OPTIONS"]
 async def told(request: Request) -> Response:
     """What the application sees of a request."""
     seen = {name: request.headers[name] for name in request.headers if name.startswith(("x-", "forwarded"))}
-    return JSONResponse({"path": request.url.path, "visitor": visitor_of(request).name, "headers": seen})
+    return JSONResponse({"path": request.url.path, "visitor": client_identity(request).name, "headers": seen})
 
 
 async def counted(request: Request) -> Response:
@@ -58,17 +58,17 @@ class Clock:
         return self.now_s
 
 
-def client(gate: Gate, **options: Any) -> httpx.AsyncClient:
+def client(gate: AuthMiddleware, **options: Any) -> httpx.AsyncClient:
     return httpx.AsyncClient(transport=httpx.ASGITransport(gate), base_url="http://127.0.0.1:8642", **options)
 
 
-def gate(*, logins: Logins | None = None, clock: Clock | None = None, secure: bool = False) -> Gate:
+def gate(*, logins: Logins | None = None, clock: Clock | None = None, secure: bool = False) -> AuthMiddleware:
     access = Access(TOKEN, logins=logins, port=8642, secure=secure)
-    attempts = Attempts(clock=clock or Clock())
-    return Gate(Starlette(routes=ROUTES), access=access, hosts=("127.0.0.1", "localhost"), attempts=attempts)
+    attempts = LoginRateLimiter(clock=clock or Clock())
+    return AuthMiddleware(Starlette(routes=ROUTES), access=access, hosts=("127.0.0.1", "localhost"), attempts=attempts)
 
 
-def answered(method: str, path: str, *, around: Gate | None = None, **options: Any) -> httpx.Response:
+def answered(method: str, path: str, *, around: AuthMiddleware | None = None, **options: Any) -> httpx.Response:
     async def asked() -> httpx.Response:
         async with client(around or gate()) as user:
             return await user.request(method, path, **options)

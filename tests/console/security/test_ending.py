@@ -17,7 +17,7 @@ from tests.console.running import running_console
 from tests.console.security.plain_requests import upgraded
 from tests.waiting import HANGS_S
 
-from tsis.console._serving import listening
+from tsis.console._serving import listen
 
 if TYPE_CHECKING:
     from playwright.sync_api import Browser
@@ -65,7 +65,7 @@ def test_a_page_stays_open_when_the_console_is_started_anew(tmp_path: Path) -> N
 
 
 def test_a_port_that_is_taken_is_one_sentence(tmp_path: Path) -> None:
-    with listening("127.0.0.1", 0) as other:
+    with listen("127.0.0.1", 0) as other:
         port = other.getsockname()[1]
         second = subprocess.run(
             [str(Path(sys.executable).with_name("tsis")), "console", "--no-browser", "--port", str(port)],

@@ -9,7 +9,7 @@ import httpx
 import pytest
 from tests.console.security.gated import KEY, METHODS, TOKEN, answered, gate
 
-from tsis.console.auth import Access, Gate
+from tsis.console.auth import Access, AuthMiddleware
 from tsis.console.auth._login_routes import FAILED
 from tsis.console.auth._middleware import LARGEST_BYTES, TOO_LARGE
 
@@ -117,7 +117,7 @@ def test_a_failure_is_one_sentence(caplog: pytest.LogCaptureFixture) -> None:
         async def __call__(self, *_: object) -> None:
             raise RuntimeError("secret detail")
 
-    around = Gate(Failing(), access=Access(TOKEN), hosts=("127.0.0.1",))
+    around = AuthMiddleware(Failing(), access=Access(TOKEN), hosts=("127.0.0.1",))
     answer = answered("GET", "/x", around=around, headers=KEY)
     assert (answer.status_code, answer.text) == (500, FAILED)
     assert "secret detail" in caplog.text

@@ -10,8 +10,8 @@ import pytest
 import uvicorn
 
 from tsis.console import _serving as serving
-from tsis.console._log import FILE, logged
-from tsis.console._serving import listening
+from tsis.console._log import FILE, logging_to
+from tsis.console._serving import listen
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 def test_who_came_in_is_in_the_file_alone(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     desk, other = logging.getLogger("tsis.console.auth._login_routes"), logging.getLogger("uvicorn.error")
-    with logged(tmp_path):
+    with logging_to(tmp_path):
         desk.info("anna logged in from 192.0.2.7")
         other.log(logging.INFO, "a connection was opened")
         desk.warning("a login from 192.0.2.8 failed")
@@ -37,7 +37,7 @@ def test_who_came_in_is_in_the_file_alone(tmp_path: Path, capsys: pytest.Capture
 def test_an_error_is_a_sentence_on_the_terminal_and_a_story_in_the_file(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    with logged(tmp_path):
+    with logging_to(tmp_path):
         try:
             int("a reason\nin lines")
         except ValueError:
@@ -61,7 +61,7 @@ def test_nothing_is_said_of_what_waits_when_the_console_ends_nor_of_noise(
         await asyncio.Event().wait()
 
     async def served() -> None:
-        with listening("127.0.0.1", 0) as listener:
+        with listen("127.0.0.1", 0) as listener:
             server = uvicorn.Server(serving._config(waiting, None))
             server.config.lifespan = "off"
             running = asyncio.create_task(server._serve([listener]))
@@ -75,7 +75,7 @@ def test_nothing_is_said_of_what_waits_when_the_console_ends_nor_of_noise(
             await running
             writer.close()
 
-    with logged(tmp_path):
+    with logging_to(tmp_path):
         asyncio.run(served())
     assert capsys.readouterr().err == ""
     assert not (tmp_path / FILE).exists()

@@ -11,9 +11,9 @@ import httpx
 import pytest
 import uvicorn
 
-from tsis.console._serving import listening
-from tsis.console._timeouts import PatientProtocol
-from tsis.console.auth import Access, Gate, Logins
+from tsis.console._serving import listen
+from tsis.console._timeouts import TimeoutProtocol
+from tsis.console.auth import Access, AuthMiddleware, Logins
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 LOOKS = 4
 
 
-class Hurried(PatientProtocol):
+class Hurried(TimeoutProtocol):
     """Looks often, and says when it has looked a few times at a request under way."""
 
     silence_s = 0.02
@@ -50,7 +50,7 @@ async def slow(scope: Scope, receive: Receive, send: Send) -> None:
 
 @pytest.fixture
 def port() -> Iterator[int]:
-    with listening("127.0.0.1", 0) as listener:
+    with listen("127.0.0.1", 0) as listener:
         config = uvicorn.Config(slow, http=Hurried, log_config=None, lifespan="off", timeout_keep_alive=60)
         server = uvicorn.Server(config)
         thread = threading.Thread(target=server.run, kwargs={"sockets": [listener]})
@@ -78,7 +78,7 @@ def test_a_login_that_is_never_sent_whole_is_given_up(tmp_path: Path, monkeypatc
     monkeypatch.setattr("tsis.console.auth._login_routes.FORM_S", 0.05)
     logins = Logins(tmp_path)
     logins.add("anna", "correct horse battery")
-    gate, sent = Gate(slow, access=Access("t" * 43, logins=logins), hosts=("127.0.0.1",)), []
+    gate, sent = AuthMiddleware(slow, access=Access("t" * 43, logins=logins), hosts=("127.0.0.1",)), []
 
     async def receive() -> Message:
         await asyncio.Event().wait()

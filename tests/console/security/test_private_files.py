@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from tsis.console.auth import console_folder, kept_token, write_private
+from tsis.console.auth import console_folder, saved_token, write_private
 from tsis.console.auth._key import FILE, FOLDER, read_private
 from tsis.errors import FileInputError
 
@@ -82,17 +82,17 @@ def test_the_folder_may_be_chosen(monkeypatch: pytest.MonkeyPatch, tmp_path: Pat
 
 
 def test_the_key_stays_until_another_is_asked_for(tmp_path: Path) -> None:
-    first = kept_token(folder=tmp_path)
-    assert kept_token(folder=tmp_path) == first
-    assert kept_token(folder=tmp_path / "other") != first
-    second = kept_token(new=True, folder=tmp_path)
+    first = saved_token(folder=tmp_path)
+    assert saved_token(folder=tmp_path) == first
+    assert saved_token(folder=tmp_path / "other") != first
+    second = saved_token(new=True, folder=tmp_path)
     assert second != first
-    assert kept_token(folder=tmp_path) == second
+    assert saved_token(folder=tmp_path) == second
 
 
 def test_consoles_that_start_together_have_one_key(tmp_path: Path) -> None:
     with ThreadPoolExecutor(8) as pool:
-        tokens = set(pool.map(lambda _: kept_token(folder=tmp_path), range(32)))
+        tokens = set(pool.map(lambda _: saved_token(folder=tmp_path), range(32)))
     assert len(tokens) == 1
 
 
@@ -100,5 +100,5 @@ def test_consoles_that_start_together_have_one_key(tmp_path: Path) -> None:
 def test_a_damaged_key_is_named_with_its_cure(tmp_path: Path, content: bytes) -> None:
     write_private(tmp_path / FILE, content)
     with pytest.raises(FileInputError, match="--new-token makes another"):
-        kept_token(folder=tmp_path)
-    assert kept_token(new=True, folder=tmp_path)
+        saved_token(folder=tmp_path)
+    assert saved_token(new=True, folder=tmp_path)

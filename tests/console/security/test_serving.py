@@ -12,9 +12,9 @@ import pytest
 from tests.console.security.conftest import OPENSSL
 
 import tsis.console
-from tsis.console import Certificate, ConsoleTerms, serve_console
-from tsis.console._serving import is_loopback, listening, resolved, shown_name
-from tsis.console.auth import Logins, kept_token
+from tsis.console import Certificate, ConsoleSettings, serve_console
+from tsis.console._serving import is_loopback, listen, public_host, resolve_host
+from tsis.console.auth import Logins, saved_token
 from tsis.console.auth._key import FOLDER
 from tsis.errors import FileInputError, InputError
 
@@ -25,7 +25,7 @@ PASSWORD = "correct horse battery"
 ELSEWHERE = "192.0.2.1"  # an address that no machine has
 
 
-def refused(terms: ConsoleTerms) -> str:
+def refused(terms: ConsoleSettings) -> str:
     """The sentence with which these are refused, before anything is opened."""
     with pytest.raises(InputError) as caught:
         serve_console(terms, ready=lambda _: pytest.fail("it listens"))
@@ -40,40 +40,40 @@ def test_a_network_is_refused_without_a_certificate_and_a_login(
     tls = Certificate(chain=certificate[0], key=certificate[1])
     wanted = "unless a certificate and a login are there"
     for host in ("0.0.0.0", "::", ELSEWHERE):
-        assert wanted in refused(ConsoleTerms(host=host))
-        assert wanted in refused(ConsoleTerms(host=host, certificate=tls))
+        assert wanted in refused(ConsoleSettings(host=host))
+        assert wanted in refused(ConsoleSettings(host=host, certificate=tls))
     Logins(tmp_path).add("anna", PASSWORD)
-    assert wanted in refused(ConsoleTerms(host=ELSEWHERE))
+    assert wanted in refused(ConsoleSettings(host=ELSEWHERE))
     # With both it gets as far as the socket, and this machine has no such address.
-    assert "must be free" in refused(ConsoleTerms(host=ELSEWHERE, certificate=tls))
+    assert "must be free" in refused(ConsoleSettings(host=ELSEWHERE, certificate=tls))
 
 
 @pytest.mark.parametrize("name", ["", "lab.example:80", "http://lab.example", "a b", "lab.example/x", "*"])
 def test_names_of_a_console_are_plain(name: str) -> None:
     with pytest.raises(InputError, match="name of a host must be"):
-        ConsoleTerms(names=(name,))
+        ConsoleSettings(names=(name,))
 
 
 @pytest.mark.parametrize("port", [-1, 65536, 1.5, True])
 def test_ports_are_ports(port: float) -> None:
     with pytest.raises(InputError, match="port must"):
-        ConsoleTerms(port=port)  # type: ignore[arg-type]
+        ConsoleSettings(port=port)  # type: ignore[arg-type]
 
 
 def test_only_loopback_is_loopback() -> None:
     assert all(is_loopback(each) for each in ("127.0.0.1", "127.8.9.1", "::1"))
     assert not any(is_loopback(each) for each in ("0.0.0.0", "::", "192.0.2.1", "fe80::1%eth0", "10.0.0.1"))
-    assert is_loopback(resolved("localhost"))
+    assert is_loopback(resolve_host("localhost"))
     with pytest.raises(InputError, match="must be an address of this machine"):
-        resolved("no such name")
+        resolve_host("no such name")
 
 
 @pytest.mark.system
 def test_the_second_to_want_a_port_is_told_at_once() -> None:
-    with listening("127.0.0.1", 0) as first:
+    with listen("127.0.0.1", 0) as first:
         port = first.getsockname()[1]
         with pytest.raises(InputError, match=rf"port {port} of 127\.0\.0\.1 must be free; got: .+--port"):
-            listening("127.0.0.1", port)
+            listen("127.0.0.1", port)
         socket.create_connection(
             ("127.0.0.1", port)
         ).close()  # who comes while it is prepared waits, and is not refused
@@ -82,10 +82,10 @@ def test_the_second_to_want_a_port_is_told_at_once() -> None:
 @pytest.mark.system
 def test_a_console_that_cannot_listen_leaves_the_key_as_it_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(FOLDER, str(tmp_path))
-    key = kept_token()
-    with listening("127.0.0.1", 0) as first:
-        assert "must be free" in refused(ConsoleTerms(port=first.getsockname()[1], new_token=True))
-    assert kept_token() == key
+    key = saved_token()
+    with listen("127.0.0.1", 0) as first:
+        assert "must be free" in refused(ConsoleSettings(port=first.getsockname()[1], new_token=True))
+    assert saved_token() == key
 
 
 @pytest.mark.system
@@ -101,9 +101,9 @@ def test_what_begins_late_loads_late() -> None:
 
 
 def test_the_address_that_is_shown() -> None:
-    assert shown_name("0.0.0.0", ("lab.example", "other")) == "lab.example"
-    assert shown_name("0.0.0.0", ()) == "127.0.0.1"
-    assert shown_name("2001:db8::1", ()) == "[2001:db8::1]"
+    assert public_host("0.0.0.0", ("lab.example", "other")) == "lab.example"
+    assert public_host("0.0.0.0", ()) == "127.0.0.1"
+    assert public_host("2001:db8::1", ()) == "[2001:db8::1]"
 
 
 def test_a_certificate_speaks_nothing_old(certificate: tuple[Path, Path]) -> None:

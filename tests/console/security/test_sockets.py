@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from tests.waiting import HANGS_S
 
-from tsis.console.auth import Access, Gate
+from tsis.console.auth import Access, AuthMiddleware
 from tsis.console.auth._middleware import DENIAL
 from tsis.console.auth._sockets import MOST, OpenSockets
 
@@ -70,7 +70,7 @@ async def settled() -> None:
 
 def test_refused_sockets_are_closed_or_answered() -> None:
     async def tried() -> None:
-        gate, plain, answered = Gate(accepting, access=Access(TOKEN), hosts=("127.0.0.1",)), Peer(), Peer()
+        gate, plain, answered = AuthMiddleware(accepting, access=Access(TOKEN), hosts=("127.0.0.1",)), Peer(), Peer()
         await gate(scope({}), plain.receive, plain.send)
         assert plain.sent == [{"type": "websocket.close", "code": 1008}]
         await gate(scope({}, extensions={DENIAL: {}}), answered.receive, answered.send)
@@ -84,7 +84,7 @@ def test_refused_sockets_are_closed_or_answered() -> None:
 def test_a_session_that_ends_takes_its_sockets_with_it_and_no_others() -> None:
     async def tried() -> None:
         access = Access(TOKEN)
-        gate = Gate(accepting, access=access, hosts=("127.0.0.1",))
+        gate = AuthMiddleware(accepting, access=access, hosts=("127.0.0.1",))
         first, second = key(access), key(access)
         peers = [Peer(), Peer(), Peer()]
         tasks = [
@@ -113,7 +113,7 @@ def test_a_session_that_ends_takes_its_sockets_with_it_and_no_others() -> None:
 def test_there_is_an_end_to_sockets() -> None:
     async def tried() -> None:
         access = Access(TOKEN)
-        gate, headers = Gate(accepting, access=access, hosts=("127.0.0.1",)), key(access)
+        gate, headers = AuthMiddleware(accepting, access=access, hosts=("127.0.0.1",)), key(access)
         peers = [Peer() for _ in range(MOST)]
         tasks = [asyncio.create_task(gate(scope(headers), peer.receive, peer.send)) for peer in peers]
         await settled()
@@ -136,7 +136,7 @@ def test_there_is_an_end_to_sockets() -> None:
 def test_a_socket_that_fails_is_closed() -> None:
     async def tried() -> None:
         access, peer = Access(TOKEN), Peer()
-        await Gate(failing, access=access, hosts=("127.0.0.1",))(scope(key(access)), peer.receive, peer.send)
+        await AuthMiddleware(failing, access=access, hosts=("127.0.0.1",))(scope(key(access)), peer.receive, peer.send)
         assert peer.kinds == ["websocket.accept", "websocket.close"]
 
     asyncio.run(tried())

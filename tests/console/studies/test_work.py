@@ -10,7 +10,7 @@ from tests.waiting import HANGS_S
 
 from tsis.console._statuses import AbsentError
 from tsis.console.services import Jobs
-from tsis.console.studies import StudyShelf, begin_publishing, begin_reading, job_of, report_bytes
+from tsis.console.studies import StudyRepository, begin_publishing, begin_reading, job_of, report_bytes
 from tsis.console.studies._work import reading_title
 from tsis.errors import ControlError, InputError, RecordsError
 from tsis.study import Study, import_table, printed_targets
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 HEADINGS = b"code,score,operator,repeat,diameter_mm,depth_mm,young_kpa\n"
 
 
-def read_by_palpation(shelf: StudyShelf, study: Study, count: int) -> None:
+def read_by_palpation(shelf: StudyRepository, study: Study, count: int) -> None:
     rows = [f"{code},{at},Ben,1,,,".encode() for at, code in enumerate(study.plan.codes[:count])]
     import_table(shelf.study("trial"), HEADINGS + b"\n".join(rows), "r.csv", device="palpation", actor="Ben")
 
 
 def test_a_second_run_is_refused_while_the_first_is_under_way(tmp_path: Path) -> None:
-    shelf, jobs, held = StudyShelf(tmp_path), Jobs(), Held()
+    shelf, jobs, held = StudyRepository(tmp_path), Jobs(), Held()
     shelf.make("trial", printed_targets(1, 1), actor="Ada")
     running = jobs.begin(reading_title("trial"), held)
     with pytest.raises(ControlError, match="readings of study trial is under way"):
@@ -43,7 +43,7 @@ def test_a_second_run_is_refused_while_the_first_is_under_way(tmp_path: Path) ->
 
 
 def test_a_study_is_unblinded_whole_or_although(tmp_path: Path) -> None:
-    shelf, jobs = StudyShelf(tmp_path), Jobs()
+    shelf, jobs = StudyRepository(tmp_path), Jobs()
     study = shelf.make("trial", printed_targets(2, 0), actor="Ada")
     with pytest.raises(RecordsError, match="must have a reading"):
         begin_publishing(jobs, shelf, "trial", by="Ada", although_incomplete=True)
@@ -64,7 +64,7 @@ def test_a_study_is_unblinded_whole_or_although(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("name", ["..", "../up", "/etc", "a/b", "a\\b", "", ".", "é", "a" * 61, "a\n", "a\0"])
 def test_a_name_is_no_path(tmp_path: Path, name: str) -> None:
-    shelf = StudyShelf(tmp_path)
+    shelf = StudyRepository(tmp_path)
     for call in (shelf.place, lambda each: shelf.make(each, printed_targets(1, 1))):
         with pytest.raises(InputError, match="letters, digits, dashes and underscores"):
             call(name)

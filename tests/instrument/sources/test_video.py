@@ -83,8 +83,8 @@ def test_what_is_no_video_is_refused(tmp_path: Path) -> None:
 
 READER = """
 import sys
-from tsis.instrument import VideoFile
-from tsis.model.errors import FileInputError
+from tsis.instrument.drivers import VideoFile
+from tsis.errors import FileInputError
 for path in sys.argv[1:]:
     source = VideoFile(path)
     try:

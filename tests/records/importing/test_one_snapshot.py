@@ -11,7 +11,7 @@ from tests.records.sample import sample_calibration
 from tsis.calibration import read_usable_calibration
 from tsis.calibration.file import calibration_sha256, write_calibration
 from tsis.errors import FileInputError
-from tsis.records.importing import ImportOptions, enter, find_import_batches, keep_snapshot
+from tsis.records.importing import ImportOptions, enter, find_import_batches, save_snapshot_to_store
 from tsis.records.store import open_store
 
 if TYPE_CHECKING:
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 def test_it_is_kept_as_an_import_brings_it(tmp_path: Path) -> None:
     saved = save(tmp_path / "camera", 1)
     with open_store(tmp_path / "here") as here, open_store(tmp_path / "imported") as imported:
-        said = keep_snapshot(here, saved.sidecar, role="plain", probe="tsis-domed", calibration=None)
+        said = save_snapshot_to_store(here, saved.sidecar, role="plain", probe="tsis-domed", calibration=None)
         (entered,) = enter(
             imported, find_import_batches([tmp_path / "camera"], ImportOptions(role="plain", probe="tsis-domed"))
         )
@@ -38,7 +38,7 @@ def test_the_calibration_tells_the_probe_and_is_kept_with_it(tmp_path: Path) -> 
     with_it = read_usable_calibration(tmp_path / "calibration.json")
     saved = save(tmp_path / "camera", 1, calibration=with_it.citation())
     with open_store(tmp_path / "records") as store:
-        said = keep_snapshot(store, saved.sidecar, role="target", probe="tsis-domed", calibration=with_it)
+        said = save_snapshot_to_store(store, saved.sidecar, role="target", probe="tsis-domed", calibration=with_it)
         (press,) = store.presses(store.target(3))
         assert press.probe == known.probe == "tsis-2011"
         assert calibration_sha256(store.calibration(press.calibration or "")) == with_it.identity
@@ -48,5 +48,5 @@ def test_the_calibration_tells_the_probe_and_is_kept_with_it(tmp_path: Path) -> 
 def test_a_sidecar_that_is_not_there_is_refused(tmp_path: Path) -> None:
     with open_store(tmp_path / "records") as store:
         with pytest.raises(FileInputError, match=r"absent\.json"):
-            keep_snapshot(store, tmp_path / "absent.json", role="target", probe="", calibration=None)
+            save_snapshot_to_store(store, tmp_path / "absent.json", role="target", probe="", calibration=None)
         assert store.targets() == ()

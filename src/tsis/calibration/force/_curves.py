@@ -127,7 +127,7 @@ def spread_of(variance: float, freedom: float, *, unit: str = "") -> MeasuredVal
 
 COMPARED_N = 0.8  # where the source compares its tips
 FALSE_ALARMS, MISSES = 0.05, 0.05
-WIDEST = 0.6  # of the largest force
+HYSTERESIS_POINT = 0.6  # of the largest force
 FEWEST_UNTOUCHED = 3
 
 
@@ -156,7 +156,7 @@ def loading_hysteresis(runs: Sequence[LoadingRun]) -> MeasuredValue | None:
     loops = [run for run in runs if run.has_both_branches]
     if len(loops) < 2:
         return None
-    return mean_of(np.array([float((_basis(np.array([WIDEST])) @ _loop(run))[0]) for run in loops]))
+    return mean_of(np.array([float((_basis(np.array([HYSTERESIS_POINT])) @ _loop(run))[0]) for run in loops]))
 
 
 def _basis(share: NDArray[np.float64]) -> NDArray[np.float64]:

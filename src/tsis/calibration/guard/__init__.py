@@ -1,12 +1,12 @@
 """Is a press usable? Named flags on one frame or live, all thresholds in one place."""
 
 from tsis.calibration.guard._check import check_press, guard_reference, press_watch, with_calibrated_scale
-from tsis.calibration.guard._flags import FLAGS, GuardFlag, GuardLimits
+from tsis.calibration.guard._flags import GUARD_FLAGS, GuardFlag, GuardLimits
 from tsis.calibration.guard._reference import FrameShape, GuardReference
 from tsis.calibration.guard._watch import PressHistory, PressWatch, WatchState
 
 __all__ = [
-    "FLAGS",
+    "GUARD_FLAGS",
     "FrameShape",
     "GuardFlag",
     "GuardLimits",

@@ -35,7 +35,7 @@ def check_press(
         The frame as the camera delivered it.
     reference
         What it is compared with; a frame alone is that of the untouched probe. What a flag needs and nobody gave is
-        not checked: see `tsis.calibration.guard.FLAGS`.
+        not checked: see `tsis.calibration.guard.GUARD_FLAGS`.
     force_n
         Force of the gauge, N, in [0, 1000]; that of the image when None.
     settling

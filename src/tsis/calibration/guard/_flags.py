@@ -120,9 +120,9 @@ class GuardFlag:
     Attributes
     ----------
     name
-        A stable name, one of `FLAGS`.
+        A stable name, one of `GUARD_FLAGS`.
     value, limit
-        What was found and the limit that it passed, in the unit that `FLAGS` names.
+        What was found and the limit that it passed, in the unit that `GUARD_FLAGS` names.
     advice
         What to do, in one line.
     """
@@ -156,7 +156,7 @@ class FlagMeaning:
 
 
 CONTACT_SHARE, UNTOUCHED = "share of the contact's light", "an untouched frame"
-FLAGS = {
+GUARD_FLAGS = {
     "frozen": FlagMeaning(
         means="the camera delivers one picture again and again",
         limit="frozen",

@@ -12,7 +12,7 @@ from tsis.calibration.guard._flags import GuardLimits, findings
 from tsis.calibration.guard._flicker import FRAMES, flicker_amplitude
 from tsis.calibration.guard._reading import prepared, read_guard_frame
 from tsis.calibration.guard._reference import FrameShape, GuardReference
-from tsis.calibration.settling import BINS, LONGEST_S, assess_history
+from tsis.calibration.settling import BINS, LONGEST_HOLD_S, assess_history
 from tsis.model import require_number, require_type
 
 if TYPE_CHECKING:
@@ -200,7 +200,7 @@ class PressWatch:
         *,
         reference: GuardReference | None = None,
         limits: GuardLimits | None = None,
-        longest_s: float = LONGEST_S,
+        longest_s: float = LONGEST_HOLD_S,
     ) -> None:
         require_type("shape", shape, FrameShape)
         reference = GuardReference() if reference is None else reference

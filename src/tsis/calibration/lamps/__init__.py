@@ -1,11 +1,11 @@
 """How bright the lamps are: read off a patch that no press reaches, and how they warm up."""
 
-from tsis.calibration.lamps._patch import LEAST_LIT, Box, ReferencePatch, drift_corrected, patch_ratio, require_lit
+from tsis.calibration.lamps._patch import LEAST_LIT, PixelBox, ReferencePatch, drift_corrected, patch_ratio, require_lit
 from tsis.calibration.lamps._warm_up import WarmUp, fit_warm_up
 
 __all__ = [
     "LEAST_LIT",
-    "Box",
+    "PixelBox",
     "ReferencePatch",
     "WarmUp",
     "drift_corrected",

@@ -22,7 +22,7 @@ LEAST_LIT = 0.02  # of full scale: a patch darker than this measures the black l
 LEAST_PIXELS = 16
 ROUNDING = 12.0**-0.5  # standard deviation of rounding to whole grey levels
 
-Box = tuple[int, int, int, int]
+PixelBox = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,7 +63,7 @@ class ReferencePatch:
             raise InputError(f"a reference patch must hold at least {LEAST_PIXELS} pixels; got {self.pixels}")
 
     @classmethod
-    def from_px(cls, patch_px: Box) -> Self:
+    def from_px(cls, patch_px: PixelBox) -> Self:
         """The patch from (left, top, right, bottom) in pixels, right and bottom not included, as files hold it.
 
         Examples
@@ -77,7 +77,7 @@ class ReferencePatch:
         return cls(first_row=top, last_row=bottom, first_column=left, last_column=right)
 
     @property
-    def patch_px(self) -> Box:
+    def patch_px(self) -> PixelBox:
         """Left, top, right, bottom."""
         return self.first_column, self.first_row, self.last_column, self.last_row
 

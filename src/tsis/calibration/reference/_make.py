@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.calibration.lamps import Box
+    from tsis.calibration.lamps import PixelBox
     from tsis.model import TactileImage
 
 
@@ -35,7 +35,7 @@ def make_reference(
     untouched: Sequence[TactileImage],
     flats: Sequence[Sequence[TactileImage]] = (),
     *,
-    patch_px: Box | None = None,
+    patch_px: PixelBox | None = None,
     scenes: Sequence[Sequence[TactileImage]] = (),
 ) -> CameraReference:
     """Average frames into a reference, and measure the camera's noise.

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.ndimage import uniform_filter
 
 from tsis.calibration._measured import MeasuredValue
-from tsis.calibration.lamps import Box, ReferencePatch
+from tsis.calibration.lamps import PixelBox, ReferencePatch
 from tsis.errors import ImageMismatchError, InputError
 from tsis.imaging import SCALE_TOLERANCE, require_image
 from tsis.model import require_array, require_integer, require_number, require_pixel_scale, require_type
@@ -72,7 +72,7 @@ class CameraReference:
     read_noise_grey: MeasuredValue
     shot_noise_grey: MeasuredValue
     stray_grey: MeasuredValue
-    patch_px: Box | None = None
+    patch_px: PixelBox | None = None
     patch_grey: MeasuredValue | None = None
     lamp_sd: float = 0.0
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from tsis.calibration.settling._decay import Decay
 
 
-LONGEST_S = 100.0  # assumed of soft tissue: the slow term of its relaxation lasts tens of seconds
+LONGEST_HOLD_S = 100.0  # assumed of soft tissue: the slow term of its relaxation lasts tens of seconds
 CERTAINTY = 0.95  # one-sided, of each end of what may still fade
 BINS = 128  # the series is averaged to at most so many values, at equal steps
 FEWEST = 16  # values with which two exponentials and the noise can be told apart
@@ -75,7 +75,7 @@ def judge_settling(
     value: ArrayLike,
     *,
     tolerance: float = 0.01,
-    longest_s: float = LONGEST_S,
+    longest_s: float = LONGEST_HOLD_S,
     step: float | None = None,
 ) -> Settling:
     """Judge from a series of force, sum of grey levels or area whether a press that is held has settled.
@@ -144,7 +144,7 @@ def assess_history(
     value: NDArray[np.float64],
     *,
     tolerance: float,
-    longest_s: float = LONGEST_S,
+    longest_s: float = LONGEST_HOLD_S,
     step: float | None = None,
 ) -> Settling:
     """`judge_settling` of a series already checked and averaged to at most `BINS` values."""

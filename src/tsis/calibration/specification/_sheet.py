@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from tsis.calibration._measured import MeasuredValue
-from tsis.calibration.force import WIDEST
+from tsis.calibration.force import HYSTERESIS_POINT
 from tsis.errors import InputError
 from tsis.model import require_array, require_one_of, require_type
 
@@ -173,7 +173,7 @@ def specification_sheet(
                 measured=diagnostics.hysteresis,
                 fingertip="High",
                 printed="Low",
-                note=f"loading less unloading over the range, at {WIDEST:g} of the largest force",
+                note=f"loading less unloading over the range, at {HYSTERESIS_POINT:g} of the largest force",
             ),
             SpecificationRow(
                 quantity="repeatability",

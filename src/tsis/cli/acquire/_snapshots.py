@@ -53,10 +53,10 @@ class SnapshotDestination:
 
     def keep(self, sidecar: Path, calibration: UsableCalibration | None) -> dict[str, Any]:
         """Store the snapshot of a sidecar; what a result says of it; `TsisError` when it could not be stored."""
-        from tsis.records.importing import keep_snapshot  # loads the libraries of records
+        from tsis.records.importing import save_snapshot_to_store  # loads the libraries of records
 
         with self.destination.opened() as store:
-            return keep_snapshot(store, sidecar, role=self.role, probe=self.probe, calibration=calibration)
+            return save_snapshot_to_store(store, sidecar, role=self.role, probe=self.probe, calibration=calibration)
 
 
 FRAME_S = 10.0  # for which a frame is waited

@@ -16,7 +16,7 @@ from tsis.cli._progress import waiting
 from tsis.cli._store import PHANTOM, StoreDatabase, StoreFolder, StoreKind, TargetNumber, opened
 from tsis.errors import InputError
 from tsis.model import require_one_of
-from tsis.report import ENDINGS, MASKED, PAGES, envelope, require_absent, write_form
+from tsis.report import ENDINGS, MASKED, PAGE_FORMS, envelope, require_absent, write_form
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -62,7 +62,7 @@ def export(
     require_absent(place)
     with opened(store, kind, database) as records, waiting("writing"), ExitStack() as together:
         dossier = records.dossier(records.target(number))
-        if set(wanted) - set(PAGES):  # which say what is missing
+        if set(wanted) - set(PAGE_FORMS):  # which say what is missing
             dossier.require_whole()
         if len(wanted) == 1:
             seal = write_form(wanted[0], dossier, place, identified=identified)

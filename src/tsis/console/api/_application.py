@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
     from tsis.console.files import Reports
-    from tsis.console.services import Bench
+    from tsis.console.services import Instrument
 
 
 PLACE, VERSION = "/api", "/v1"
@@ -58,7 +58,7 @@ Numbers are finite; null stands for what nobody knows or nothing bounds. Names c
 """
 
 
-def api_app(bench: Bench, reports: Reports) -> FastAPI:
+def api_app(bench: Instrument, reports: Reports) -> FastAPI:
     """The calls of a bench, to be mounted at `PLACE`.
 
     Parameters
@@ -87,11 +87,11 @@ def api_app(bench: Bench, reports: Reports) -> FastAPI:
     application.include_router(version)
     install_error_handlers(application)
     application.openapi = partial(description, application)  # type: ignore[method-assign]
-    application.add_middleware(Noted)
+    application.add_middleware(NoticeMiddleware)
     return application
 
 
-class Noted:
+class NoticeMiddleware:
     """Says with every answer what the program may be used for, and that nobody on the way keeps a copy."""
 
     def __init__(self, app: ASGIApp) -> None:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 LONGEST = 1000  # letters of a sentence
 
 
-SENTENCES = {
+MESSAGES = {
     HTTPStatus.NOT_FOUND: "there is nothing at this address; /api/openapi.json lists the calls",
     HTTPStatus.METHOD_NOT_ALLOWED: "this address does not take that method; the header Allow names those that it takes",
     HTTPStatus.BAD_REQUEST: "the body must be JSON in UTF-8 that is not nested too deep and holds no endless number",
@@ -50,7 +50,7 @@ def kind_of(error: errors.TsisError) -> str:
     return next(each.__name__ for each in type(error).__mro__ if each.__module__ == errors.__name__)
 
 
-def sentence_of(faults: Sequence[Any]) -> str:
+def message_of(faults: Sequence[Any]) -> str:
     """What is wrong with a request, from the first thing that pydantic found: name, requirement, value received."""
     first = faults[0]
     where, *names = (str(each) for each in first["loc"])
@@ -77,12 +77,12 @@ def _of_request(_: Request, error: Exception) -> JSONResponse:
             "the body must be sent with the header Content-Type: application/json",
             HTTPException.__name__,
         )
-    return problem(HTTPStatus.UNPROCESSABLE_ENTITY, sentence_of(error.errors()), RequestValidationError.__name__)
+    return problem(HTTPStatus.UNPROCESSABLE_ENTITY, message_of(error.errors()), RequestValidationError.__name__)
 
 
 def _of_http(_: Request, error: Exception) -> JSONResponse:
     assert isinstance(error, HTTPException)
-    sentence = SENTENCES.get(HTTPStatus(error.status_code), str(error.detail))
+    sentence = MESSAGES.get(HTTPStatus(error.status_code), str(error.detail))
     return problem(error.status_code, sentence, HTTPException.__name__, error.headers)
 
 

@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.console.services import HELD_S, LONGEST_HELD_S, LONGEST_NAME, SHORTEST_HELD_S
+from tsis.console.services import LOCK_S, LONGEST_LOCK_S, LONGEST_OWNER_NAME, SHORTEST_LOCK_S
 
 
 def _whole(value: Any) -> Any:
@@ -20,19 +20,19 @@ Identity = Annotated[str, Field(pattern="^[0-9a-f]{32}$", examples=["6f1c0d9a1b7
 Measured = Annotated[float | None, Field(description="null where there is no such number, or it is infinite")]
 
 
-class Given(BaseModel):
+class RequestModel(BaseModel):
     """What a call takes: no field more than these, of their own types, numbers finite."""
 
     model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
 
 
-class Told(BaseModel):
+class ItemModel(BaseModel):
     """Part of an answer, read off the program's own values."""
 
     model_config = ConfigDict(from_attributes=True)
 
 
-class Answer(Told):
+class ResponseModel(ItemModel):
     """What every answer starts with; each also tells by ``command`` what it is."""
 
     notice: str = Field(default=RESEARCH_USE_ONLY, description="what the program may be used for")
@@ -46,7 +46,7 @@ class Problem(BaseModel):
     kind: str = Field(description="class of the error, as in tsis.errors", examples=["InputError"])
 
 
-class StoreTold(Told):
+class StoreItem(ItemModel):
     """Where records are kept."""
 
     folder: str
@@ -54,16 +54,16 @@ class StoreTold(Told):
     identity: str
 
 
-class AboutAnswer(Answer):
+class AboutResponse(ResponseModel):
     """The program and where it keeps things."""
 
     command: Literal["about"] = "about"
     environment: dict[str, Any] = Field(description="versions of program, language and libraries, SHA-256 of the code")
-    store: StoreTold
+    store: StoreItem
     workspace: str = Field(description="folder of snapshots and sequences")
 
 
-class CalibrationTold(Told):
+class CalibrationItem(ItemModel):
     """A calibration by its name and identity."""
 
     name: str
@@ -73,29 +73,29 @@ class CalibrationTold(Told):
     expires: datetime | None = Field(description="null for one that is simulated")
 
 
-class CalibrationAnswer(Answer):
+class CalibrationResponse(ResponseModel):
     """The calibration in force; null without one."""
 
     command: Literal["calibration"] = "calibration"
-    calibration: CalibrationTold | None
+    calibration: CalibrationItem | None
 
 
-class ControlGiven(Given):
+class ControlRequest(RequestModel):
     """A wish to hold the camera."""
 
     name: str = Field(
-        min_length=1, max_length=LONGEST_NAME, description="what others see, one line", examples=["script of Ann"]
+        min_length=1, max_length=LONGEST_OWNER_NAME, description="what others see, one line", examples=["script of Ann"]
     )
     over: bool = Field(default=False, description="whether to take it from whoever holds it")
     held_s: float = Field(
-        default=HELD_S,
-        ge=SHORTEST_HELD_S,
-        le=LONGEST_HELD_S,
+        default=LOCK_S,
+        ge=SHORTEST_LOCK_S,
+        le=LONGEST_LOCK_S,
         description="seconds without a call after which the camera is free again",
     )
 
 
-class ControlAnswer(Answer):
+class ControlResponse(ResponseModel):
     """The camera is held."""
 
     command: Literal["control"] = "control"
@@ -104,7 +104,7 @@ class ControlAnswer(Answer):
     held_s: float
 
 
-class HolderTold(Told):
+class OwnerItem(ItemModel):
     """Who holds the camera."""
 
     name: str

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from pydantic import Field
 
 from tsis.catalog import list_phantoms, list_probes, list_spheres
-from tsis.console.api._models import Answer, Given, Measured, Told, Whole
+from tsis.console.api._models import ItemModel, Measured, RequestModel, ResponseModel, Whole
 from tsis.console.services import LONGEST_SPEC, CameraChoice
 
 PROBES, PHANTOMS = tuple(list_probes()), (*list_phantoms(), *list_spheres())
@@ -16,7 +16,7 @@ LARGEST_EXACT = 2**53 - 1  # whole number of JSON: many programs round larger on
 USUAL = CameraChoice()
 
 
-class CameraChoiceGiven(Given):
+class CameraChoiceRequest(RequestModel):
     """A camera and its mode; of the virtual probe also what it presses."""
 
     spec: str = Field(
@@ -48,7 +48,7 @@ class CameraChoiceGiven(Given):
     seed: Whole = Field(default=USUAL.seed, ge=0, le=LARGEST_EXACT, description="of the virtual probe's errors")
 
 
-class CameraChoiceTold(Told):
+class CameraChoiceItem(ItemModel):
     """The camera as it was chosen."""
 
     spec: str
@@ -61,7 +61,7 @@ class CameraChoiceTold(Told):
     seed: int
 
 
-class SettingTold(Told):
+class SettingItem(ItemModel):
     """A number that the camera lets one set."""
 
     name: str = Field(examples=["exposure_ms"])
@@ -71,10 +71,10 @@ class SettingTold(Told):
     unit: str = Field(description="empty for the driver's own", examples=["ms"])
 
 
-class CameraTold(Told):
+class CameraItem(ItemModel):
     """How the camera is."""
 
-    choice: CameraChoiceTold
+    choice: CameraChoiceItem
     name: str = Field(description="empty before it was connected")
     mode: str
     modes: list[str]
@@ -89,17 +89,17 @@ class CameraTold(Told):
     columns: int
     full_scale: float = Field(description="grey level at which the camera clips; 0 before the first frame")
     mm_per_pixel: tuple[float, float] | None = Field(description="size (x, y) of a pixel on the face, mm; null unknown")
-    settings: list[SettingTold]
+    settings: list[SettingItem]
 
 
-class SettingsAnswer(Answer):
+class SettingsResponse(ResponseModel):
     """What can be adjusted now; empty while the camera is stopped or away."""
 
     command: Literal["settings"] = "settings"
-    settings: list[SettingTold]
+    settings: list[SettingItem]
 
 
-class SettingsGiven(Given):
+class SettingsRequest(RequestModel):
     """New values of settings by name; all are looked at before the first is made."""
 
     values: dict[Annotated[str, Field(max_length=LONGEST_SPEC)], float] = Field(
@@ -107,13 +107,13 @@ class SettingsGiven(Given):
     )
 
 
-class PresetGiven(Given):
+class PresetRequest(RequestModel):
     """A way back to a known state of the settings."""
 
     name: Literal["default", "minimal"] = Field(description="as the camera came, or as low as exposure and gain go")
 
 
-class FoundCameraTold(Told):
+class CameraInfoItem(ItemModel):
     """A camera that answered the search."""
 
     spec: str = Field(description="what to choose it by", examples=["aravis:Fake_1"])
@@ -124,16 +124,16 @@ class FoundCameraTold(Told):
     note: str
 
 
-class CamerasAnswer(Answer):
+class CamerasResponse(ResponseModel):
     """What the last search found."""
 
     command: Literal["cameras"] = "cameras"
     searched: bool = Field(description="whether a search is over; begin one with POST /v1/cameras/search")
-    found: list[FoundCameraTold]
+    found: list[CameraInfoItem]
     missing: dict[str, str] = Field(description="for each source that could not look, why and what to do")
 
 
-class FlagTold(Told):
+class FlagItem(ItemModel):
     """One thing that speaks against using a press as it is."""
 
     name: str = Field(examples=["off-centre"])
@@ -142,35 +142,35 @@ class FlagTold(Told):
     advice: str = Field(description="what to do")
 
 
-class ForceTold(Told):
+class ForceItem(ItemModel):
     """A force and where it is known from."""
 
     value_n: float = Field(description="newtons")
     source: str = Field(description="gauge, virtual or typed")
 
 
-class ContactTold(Told):
+class ContactItem(ItemModel):
     """The contact in a frame, in its pixels."""
 
     centroid_px: tuple[float, float] = Field(description="(x, y), weighted by the signal")
     outline_px: list[tuple[float, float]] = Field(description="points (x, y) of its boundary")
 
 
-class SightTold(Told):
+class FrameAnalysisItem(ItemModel):
     """What the newest frame that was looked at shows."""
 
     number: int = Field(description="how many frames had come")
-    flags: list[FlagTold]
-    force: ForceTold | None = Field(description="null where nobody knows it")
+    flags: list[FlagItem]
+    force: ForceItem | None = Field(description="null where nobody knows it")
     still: str = Field(description="settled, moving, or how long to wait; empty where nobody can tell")
-    contact: ContactTold | None = Field(description="null when nothing stands out")
+    contact: ContactItem | None = Field(description="null when nothing stands out")
     histogram: list[int] = Field(description="pixels in equal bins of grey levels from 0 to full scale")
     clipped_share: float = Field(description="of the pixels, at full scale")
     warnings: list[str] = Field(description="what is wrong with the exposure")
 
 
-class SightAnswer(Answer):
+class FrameAnalysisResponse(ResponseModel):
     """What the newest frame shows; null while none is looked at."""
 
     command: Literal["sight"] = "sight"
-    sight: SightTold | None
+    sight: FrameAnalysisItem | None

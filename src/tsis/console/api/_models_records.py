@@ -7,14 +7,14 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Field
 
-from tsis.console.api._models import Answer, Given, Identity, Measured, Told, Whole
-from tsis.console.api._models_camera import FlagTold, FoundCameraTold
-from tsis.console.services import LONGEST_S, MOST_FRAMES, RESULTS, SHORTEST_S
+from tsis.console.api._models import Identity, ItemModel, Measured, RequestModel, ResponseModel, Whole
+from tsis.console.api._models_camera import CameraInfoItem, FlagItem
+from tsis.console.services import LONGEST_SEQUENCE_S, MOST_SEQUENCE_FRAMES, RESULTS, SHORTEST_SEQUENCE_S
 from tsis.imaging import COLOUR_MAPS
 from tsis.records import LONGEST_NAME, LONGEST_NOTE
 
 
-class SnapshotGiven(Given):
+class SnapshotRequest(RequestModel):
     """How a snapshot is coloured for the eye; the raw frame beside it is not."""
 
     map_name: str = Field(
@@ -22,7 +22,7 @@ class SnapshotGiven(Given):
     )
 
 
-class PressTold(Told):
+class PressItem(ItemModel):
     """A stored press."""
 
     id: str
@@ -44,7 +44,7 @@ class PressTold(Told):
     version: int
 
 
-class FilesTold(Told):
+class FilesItem(ItemModel):
     """Files of a snapshot, on the machine of the console."""
 
     colour: str
@@ -52,43 +52,43 @@ class FilesTold(Told):
     sidecar: str
 
 
-class KeptAnswer(Answer):
+class SavedPressResponse(ResponseModel):
     """A press that is on the disk and in the store."""
 
     command: Literal["snapshot"] = "snapshot"
     target: int
-    press: PressTold
-    files: FilesTold
-    flags: list[FlagTold] = Field(description="what speaks against it")
+    press: PressItem
+    files: FilesItem
+    flags: list[FlagItem] = Field(description="what speaks against it")
     notes: list[str]
 
 
-class PressesAnswer(Answer):
+class PressesResponse(ResponseModel):
     """Some presses of a target, in the order in which they were taken."""
 
     command: Literal["presses"] = "presses"
     target: int
     total: int = Field(description="how many there are")
     offset: int
-    presses: list[PressTold]
+    presses: list[PressItem]
 
 
-class SequenceOfSeconds(Given):
+class SequenceOfSeconds(RequestModel):
     """A sequence that ends after a time."""
 
-    seconds: float = Field(ge=SHORTEST_S, le=LONGEST_S)
+    seconds: float = Field(ge=SHORTEST_SEQUENCE_S, le=LONGEST_SEQUENCE_S)
 
 
-class SequenceOfFrames(Given):
+class SequenceOfFrames(RequestModel):
     """A sequence that ends after so many frames."""
 
-    frames: Whole = Field(ge=1, le=MOST_FRAMES)
+    frames: Whole = Field(ge=1, le=MOST_SEQUENCE_FRAMES)
 
 
 TrueValue = Annotated[float, Field(ge=-1e9, le=1e9)]
 
 
-class TargetTold(Told):
+class TargetItem(ItemModel):
     """One place that was pressed."""
 
     number: int
@@ -101,33 +101,33 @@ class TargetTold(Told):
     version: int = Field(description="counts its edits from 1")
 
 
-class SummaryTold(Told):
+class TargetSummaryItem(ItemModel):
     """A target and how much is stored of it."""
 
-    target: TargetTold
+    target: TargetItem
     presses: int
     estimates: int
     last: datetime | None = Field(description="when it was pressed last; null when it never was")
 
 
-class TargetsAnswer(Answer):
+class TargetsResponse(ResponseModel):
     """Some targets of the store, by number."""
 
     command: Literal["targets"] = "targets"
     total: int
     offset: int
-    targets: list[SummaryTold]
+    targets: list[TargetSummaryItem]
 
 
-class TargetAnswer(Answer):
+class TargetResponse(ResponseModel):
     """A target."""
 
     command: Literal["target"] = "target"
-    target: TargetTold
+    target: TargetItem
     presses: int = Field(description="how many there are")
 
 
-class TargetGiven(Given):
+class TargetRequest(RequestModel):
     """Changes of a target as it was read; what is left out stays."""
 
     version: Whole = Field(ge=1, le=2**31 - 1, description="that was read; refused when somebody has changed it since")
@@ -149,7 +149,7 @@ Presses = Annotated[
 ]
 
 
-class InclusionPriorGiven(Given):
+class InclusionPriorRequest(RequestModel):
     """What is believed of the inclusion and its surroundings before the data; what is left out is as by default."""
 
     diameter_mm: Numbers | None = Field(default=None, description="range (low, high)")
@@ -167,27 +167,27 @@ class InclusionPriorGiven(Given):
     )
 
 
-class HardnessPriorGiven(Given):
+class HardnessPriorRequest(RequestModel):
     """What is believed of the object before the data; what is left out is as by default."""
 
     young_kpa: Numbers | None = Field(default=None, description="range within [1, 1e5]")
     poisson: Numbers | None = Field(default=None, description="range within [0.45, 0.495]")
 
 
-class InclusionGiven(Given):
+class InclusionRequest(RequestModel):
     """An estimate of an inclusion under the surface."""
 
     kind: Literal["inclusion"]
     presses: Presses = None
-    prior: InclusionPriorGiven | None = None
+    prior: InclusionPriorRequest | None = None
 
 
-class HardnessGiven(Given):
+class HardnessRequest(RequestModel):
     """An estimate of the hardness of an object that is touched itself."""
 
     kind: Literal["hardness"]
     presses: Presses = None
-    prior: HardnessPriorGiven | None = None
+    prior: HardnessPriorRequest | None = None
     radius_mm: float | None = Field(
         default=None, ge=1.0, le=50.0, description="of the object; from its frames when null"
     )
@@ -197,10 +197,10 @@ class HardnessGiven(Given):
     drift_sd: float | None = Field(default=None, ge=0.0, le=0.5, description="relative")
 
 
-EstimateGiven = Annotated[InclusionGiven | HardnessGiven, Field(discriminator="kind")]
+EstimateRequest = Annotated[InclusionRequest | HardnessRequest, Field(discriminator="kind")]
 
 
-class ParameterTold(Told):
+class ParameterItem(ItemModel):
     """What is known of one parameter, in the unit that its name carries."""
 
     mean: float
@@ -212,7 +212,7 @@ class ParameterTold(Told):
     truth: float | None = Field(default=None, description="of a phantom, where somebody knows it")
 
 
-class EstimateTold(Told):
+class EstimateItem(ItemModel):
     """A stored estimate with all that is needed to make it again."""
 
     id: str
@@ -222,7 +222,7 @@ class EstimateTold(Told):
     presses: list[str]
     calibration: str
     supersedes: str | None
-    parameters: dict[str, ParameterTold]
+    parameters: dict[str, ParameterItem]
     presence: float | None = Field(description="probability that there is an inclusion; null where nobody asked")
     log_bayes_factor: float | None = Field(
         default=None, description="natural logarithm of how much better an inclusion explains the frames, not rounded"
@@ -237,23 +237,23 @@ class EstimateTold(Told):
     provenance: dict[str, Any]
 
 
-class EstimatesAnswer(Answer):
+class EstimatesResponse(ResponseModel):
     """Estimates of a target in the order in which they were made."""
 
     command: Literal["estimates"] = "estimates"
     target: int
     in_force: list[str] = Field(description="identities of the last of each kind")
-    estimates: list[EstimateTold]
+    estimates: list[EstimateItem]
     damaged: list[str] = Field(description="one sentence for each that is stored but is not as it was")
 
 
-class RecomputeGiven(Given):
+class RecomputeRequest(RequestModel):
     """How to make the estimates in force again."""
 
     dry_run: bool = Field(default=False, description="whether to store nothing")
 
 
-class ShiftTold(Told):
+class ShiftItem(ItemModel):
     """How far one parameter moved; `moved` in units of its old standard deviation."""
 
     name: str
@@ -264,7 +264,7 @@ class ShiftTold(Told):
     moved: Measured
 
 
-class RecomputationTold(Told):
+class RecomputationItem(ItemModel):
     """An estimate made again."""
 
     kind: str
@@ -272,14 +272,14 @@ class RecomputationTold(Told):
     sentence: str = Field(description="what became of the result, and why")
     causes: list[str]
     notes: list[str]
-    shifts: list[ShiftTold]
+    shifts: list[ShiftItem]
     flags_gained: list[str]
     flags_lost: list[str]
     before: str = Field(description="identity of the estimate that was made again")
     stored_as: str | None = Field(description="identity of the new one; null when nothing was stored")
 
 
-class JobTold(Told):
+class JobItem(ItemModel):
     """How far a job is."""
 
     identity: str
@@ -290,7 +290,7 @@ class JobTold(Told):
     sentence: str = Field(description="why it failed, or what came out")
 
 
-class RecordingTold(Told):
+class RecordingItem(ItemModel):
     """What became of the frames while a sequence was recorded."""
 
     kept: int
@@ -302,52 +302,52 @@ class RecordingTold(Told):
     ended_by: str = Field(description="why it ended before its time; empty else")
 
 
-class EstimateResult(Told):
+class EstimateResult(ItemModel):
     """An estimate, as it is stored."""
 
     kind: Literal["estimate"] = "estimate"
-    estimate: EstimateTold
+    estimate: EstimateItem
 
 
-class RecomputeResult(Told):
+class RecomputeResult(ItemModel):
     """Estimates made again."""
 
     kind: Literal["recompute"] = "recompute"
-    recomputations: list[RecomputationTold]
+    recomputations: list[RecomputationItem]
 
 
-class SequenceResult(Told):
+class SequenceResult(ItemModel):
     """A sequence on the disk."""
 
     kind: Literal["sequence"] = "sequence"
     folder: str
-    report: RecordingTold
+    report: RecordingItem
 
 
-class SearchResult(Told):
+class SearchResult(ItemModel):
     """The cameras that answered."""
 
     kind: Literal["cameras"] = "cameras"
-    found: list[FoundCameraTold]
+    found: list[CameraInfoItem]
     missing: dict[str, str]
 
 
 JobResult = Annotated[EstimateResult | RecomputeResult | SequenceResult | SearchResult, Field(discriminator="kind")]
 
 
-class JobAnswer(Answer):
+class JobResponse(ResponseModel):
     """A job."""
 
     command: Literal["job"] = "job"
-    job: JobTold
+    job: JobItem
     result: JobResult | None = Field(
         default=None,
         description=f"null before it is done, of jobs that the pages began, and of all but the last {RESULTS} results",
     )
 
 
-class JobsAnswer(Answer):
+class JobsResponse(ResponseModel):
     """The jobs of this console, the newest last."""
 
     command: Literal["jobs"] = "jobs"
-    jobs: list[JobTold]
+    jobs: list[JobItem]

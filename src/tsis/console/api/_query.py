@@ -10,7 +10,7 @@ from starlette.requests import Request
 
 from tsis.console._statuses import AbsentError, NoControlError
 from tsis.console.files import Reports
-from tsis.console.services import Bench
+from tsis.console.services import Instrument
 from tsis.errors import InputError
 from tsis.files import LARGEST_TARGET
 
@@ -28,7 +28,7 @@ Caller = Annotated[str | None, Header(alias=CONTROL, description="identity that 
 ActingCaller = Annotated[str | None, Header(alias=CONTROL, description=NEEDED)]
 
 
-class Page(BaseModel):
+class PageQuery(BaseModel):
     """Which part of a long list."""
 
     model_config = ConfigDict(extra="forbid")
@@ -37,13 +37,13 @@ class Page(BaseModel):
     offset: int = Field(default=0, ge=0, le=MOST_OFFSET, description="how many are left out before")
 
 
-PageAsked = Annotated[Page, Query()]
+PageOfList = Annotated[PageQuery, Query()]
 
 
-async def bench_of(request: Request) -> Bench:
+async def bench_of(request: Request) -> Instrument:
     """The bench that the application is of."""
     bench: Any = request.app.state.bench
-    assert isinstance(bench, Bench)
+    assert isinstance(bench, Instrument)
     return bench
 
 
@@ -54,7 +54,7 @@ async def reports_of(request: Request) -> Reports:
     return reports
 
 
-TheBench = Annotated[Bench, Depends(bench_of)]
+TheBench = Annotated[Instrument, Depends(bench_of)]
 TheReports = Annotated[Reports, Depends(reports_of)]
 
 
@@ -69,7 +69,7 @@ async def holder(bench: TheBench, identity: ActingCaller = None) -> str:
 Acting = Annotated[str, Depends(holder)]
 
 
-def known_target(bench: Bench, number: int) -> Target:
+def find_target(bench: Instrument, number: int) -> Target:
     """The target of that number; `AbsentError` when there is none."""
     try:
         return bench.store.target(number)
@@ -77,9 +77,9 @@ def known_target(bench: Bench, number: int) -> Target:
         raise AbsentError(str(error)) from error
 
 
-def known_press(bench: Bench, number: int, identity: str) -> tuple[Target, StoredPress]:
+def find_press(bench: Instrument, number: int, identity: str) -> tuple[Target, StoredPress]:
     """A press of a target; `AbsentError` when there is none."""
-    target = known_target(bench, number)
+    target = find_target(bench, number)
     try:
         return target, bench.store.press(target, identity)
     except InputError as error:

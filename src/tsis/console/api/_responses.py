@@ -5,18 +5,18 @@ from __future__ import annotations
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
-from tsis.console.api._models_camera import FoundCameraTold
+from tsis.console.api._models_camera import CameraInfoItem
 from tsis.console.api._models_records import (
+    EstimateItem,
     EstimateResult,
-    EstimateTold,
-    PressTold,
-    RecomputationTold,
+    PressItem,
+    RecomputationItem,
     RecomputeResult,
-    RecordingTold,
+    RecordingItem,
     SearchResult,
     SequenceResult,
-    ShiftTold,
-    TargetTold,
+    ShiftItem,
+    TargetItem,
 )
 from tsis.instrument import CameraListing
 from tsis.records import Recomputation, StoredEstimate, estimate_to_plain, press_to_plain, target_to_plain
@@ -31,54 +31,54 @@ if TYPE_CHECKING:
     from tsis.records.store import Store
 
 
-def told_press(press: StoredPress) -> PressTold:
+def press_item(press: StoredPress) -> PressItem:
     """A press as answers tell it; infinities of its settings are words."""
-    return PressTold(**press_to_plain(press))
+    return PressItem(**press_to_plain(press))
 
 
-def told_target(target: Target) -> TargetTold:
+def target_item(target: Target) -> TargetItem:
     """A target as answers tell it."""
-    return TargetTold(**target_to_plain(target))
+    return TargetItem(**target_to_plain(target))
 
 
-def told_estimate(stored: StoredEstimate, truth: Mapping[str, float] | None = None) -> EstimateTold:
+def estimate_item(stored: StoredEstimate, truth: Mapping[str, float] | None = None) -> EstimateItem:
     """A stored estimate with the truth beside its parameters, where all of them are known."""
     plain = estimate_to_plain(stored)
     made = plain.pop("estimate")
     beside = None if truth is None or not set(stored.estimate.samples) <= set(truth) else truth
     document = estimate_document(stored.estimate, beside)
-    return EstimateTold(**{**plain, **document, "provenance": made["provenance"]})
+    return EstimateItem(**{**plain, **document, "provenance": made["provenance"]})
 
 
-def told_cameras(found: Iterable[CameraInfo]) -> list[FoundCameraTold]:
+def camera_items(found: Iterable[CameraInfo]) -> list[CameraInfoItem]:
     """The cameras that answered."""
-    return [FoundCameraTold(**asdict(each), spec=each.spec) for each in found]
+    return [CameraInfoItem(**asdict(each), spec=each.spec) for each in found]
 
 
-def told_result(result: Any, store: Store) -> JobResult | None:
+def job_result(result: Any, store: Store) -> JobResult | None:
     """What a job returned; None before it is done, and where the pages alone know what it is."""
     match result:
         case StoredEstimate():
             truths = (each.target.truth for each in store.targets() if each.target.id == result.target)
-            return EstimateResult(estimate=told_estimate(result, next(truths, None)))
+            return EstimateResult(estimate=estimate_item(result, next(truths, None)))
         case CameraListing():
-            return SearchResult(found=told_cameras(result.found), missing=dict(result.missing))
+            return SearchResult(found=camera_items(result.found), missing=dict(result.missing))
         case (Recomputation(), *_):
             return RecomputeResult(recomputations=[_recomputation(each) for each in result])
         case {"folder": str(folder), "report": dict(report)}:
-            return SequenceResult(folder=folder, report=RecordingTold(**report))
+            return SequenceResult(folder=folder, report=RecordingItem(**report))
         case _:
             return None
 
 
-def _recomputation(made: Recomputation) -> RecomputationTold:
-    return RecomputationTold(
+def _recomputation(made: Recomputation) -> RecomputationItem:
+    return RecomputationItem(
         kind=made.before.kind,
         same=made.same,
         sentence=made.sentence,
         causes=list(made.causes),
         notes=list(made.notes),
-        shifts=[ShiftTold.model_validate(shift) for shift in made.shifts],
+        shifts=[ShiftItem.model_validate(shift) for shift in made.shifts],
         flags_gained=list(made.flags_gained),
         flags_lost=list(made.flags_lost),
         before=made.before.id,

@@ -10,35 +10,35 @@ import cv2
 from fastapi import APIRouter, Body, Query, Response
 
 from tsis.console.api._documented import OF_ACTS, OF_BODIES, OF_CONTROL, OF_JOBS, picture
-from tsis.console.api._models import ControlAnswer, ControlGiven, HolderTold
+from tsis.console.api._models import ControlRequest, ControlResponse, OwnerItem
 from tsis.console.api._models_camera import (
-    CameraChoiceGiven,
-    CamerasAnswer,
-    CameraTold,
-    FlagTold,
-    PresetGiven,
-    SettingsAnswer,
-    SettingsGiven,
-    SettingTold,
-    SightAnswer,
-    SightTold,
+    CameraChoiceRequest,
+    CameraItem,
+    CamerasResponse,
+    FlagItem,
+    FrameAnalysisItem,
+    FrameAnalysisResponse,
+    PresetRequest,
+    SettingItem,
+    SettingsRequest,
+    SettingsResponse,
 )
 from tsis.console.api._models_records import (
-    FilesTold,
-    JobAnswer,
-    JobTold,
-    KeptAnswer,
+    FilesItem,
+    JobItem,
+    JobResponse,
+    SavedPressResponse,
     SequenceOfFrames,
     SequenceOfSeconds,
-    SnapshotGiven,
+    SnapshotRequest,
 )
-from tsis.console.api._models_state import PressGiven, StateAnswer, TargetChoiceGiven
+from tsis.console.api._models_state import PressRequest, StateResponse, TargetChoiceRequest
 from tsis.console.api._query import Acting, Caller, TheBench
-from tsis.console.api._responses import told_cameras, told_press
+from tsis.console.api._responses import camera_items, press_item
 from tsis.console.live import display_levels
-from tsis.console.services import Bench, CameraChoice
+from tsis.console.services import CameraChoice, Instrument
 from tsis.errors import CameraError, InputError
-from tsis.instrument import QUICK, whole_levels
+from tsis.instrument import QUICK_PNG, whole_levels
 from tsis.model import require_one_of
 from tsis.records import require_label
 
@@ -50,7 +50,7 @@ state_router = APIRouter(tags=["state"])
 
 
 @state_router.get("/state", operation_id="get_state")
-def get_state(bench: TheBench, caller: Caller = None) -> StateAnswer:
+def get_state(bench: TheBench, caller: Caller = None) -> StateResponse:
     """Tell how camera, target, press, calibration and jobs are; with the header it keeps the camera held."""
     if caller:
         bench.control.heard_of(caller)
@@ -58,28 +58,28 @@ def get_state(bench: TheBench, caller: Caller = None) -> StateAnswer:
 
 
 @state_router.get("/sight", operation_id="get_sight")
-def get_sight(bench: TheBench) -> SightAnswer:
+def get_frame_analysis(bench: TheBench) -> FrameAnalysisResponse:
     """Tell what the newest frame shows: contact, force, stillness, flags, grey histogram and exposure."""
     sight = bench.sight
-    return SightAnswer(sight=None if sight is None else SightTold.model_validate(sight))
+    return FrameAnalysisResponse(sight=None if sight is None else FrameAnalysisItem.model_validate(sight))
 
 
-def state_answer(bench: Bench, caller: str | None) -> StateAnswer:
+def state_answer(bench: Instrument, caller: str | None) -> StateResponse:
     """The whole state; what identifies the holder is told to nobody."""
     state = bench.state()
     held = state.holder
-    return StateAnswer(
-        camera=CameraTold.model_validate(state.camera),
+    return StateResponse(
+        camera=CameraItem.model_validate(state.camera),
         target=state.target,
         role=state.role,
         roles=list(state.roles),
         force_n=0.0 if state.lifted else state.force_n,
         calibration=state.calibration,
         calibration_identity=state.calibration_identity,
-        sight=None if state.sight is None else SightTold.model_validate(state.sight),
-        holder=None if held is None else HolderTold(name=held.name, yours=held.identity == caller),
-        sequence=None if state.sequence is None else JobTold(**asdict(state.sequence)),
-        jobs=[JobTold(**asdict(job)) for job in state.jobs],
+        sight=None if state.sight is None else FrameAnalysisItem.model_validate(state.sight),
+        holder=None if held is None else OwnerItem(name=held.name, yours=held.identity == caller),
+        sequence=None if state.sequence is None else JobItem(**asdict(state.sequence)),
+        jobs=[JobItem(**asdict(job)) for job in state.jobs],
         trouble=list(state.trouble),
         busy=state.busy,
         gauge=state.gauge,
@@ -90,34 +90,34 @@ camera_router = APIRouter(prefix="/camera", tags=["camera"])
 
 
 @camera_router.put("", operation_id="choose_camera", responses={**OF_ACTS, **OF_BODIES})
-def choose_camera(bench: TheBench, given: CameraChoiceGiven, by: Acting) -> StateAnswer:
+def choose_camera(bench: TheBench, given: CameraChoiceRequest, by: Acting) -> StateResponse:
     """Take another camera, not yet started."""
     bench.choose(CameraChoice(**given.model_dump()), by=by)
     return state_answer(bench, by)
 
 
 @camera_router.post("/start", operation_id="start_camera", responses=OF_ACTS)
-def start_camera(bench: TheBench, by: Acting) -> StateAnswer:
+def start_camera(bench: TheBench, by: Acting) -> StateResponse:
     """Connect and begin to stream; when it runs already, nothing happens."""
     bench.start(by=by)
     return state_answer(bench, by)
 
 
 @camera_router.post("/stop", operation_id="stop_camera", responses=OF_ACTS)
-def stop_camera(bench: TheBench, by: Acting) -> StateAnswer:
+def stop_camera(bench: TheBench, by: Acting) -> StateResponse:
     """End the stream; settings are remembered for the next start."""
     bench.stop(by=by)
     return state_answer(bench, by)
 
 
 @camera_router.get("/settings", operation_id="get_settings")
-def get_settings(bench: TheBench) -> SettingsAnswer:
+def get_settings(bench: TheBench) -> SettingsResponse:
     """Tell what can be adjusted now, with ranges; null for an end that the driver does not tell."""
     return _settings(bench)
 
 
 @camera_router.patch("/settings", operation_id="change_settings", responses={**OF_ACTS, **OF_BODIES})
-def change_settings(bench: TheBench, given: SettingsGiven, by: Acting) -> SettingsAnswer:
+def change_settings(bench: TheBench, given: SettingsRequest, by: Acting) -> SettingsResponse:
     """Change settings; none when one of them is unknown or outside its range."""
     present = {each.name: each for each in bench.desk.settings()}
     if not present:
@@ -130,39 +130,39 @@ def change_settings(bench: TheBench, given: SettingsGiven, by: Acting) -> Settin
 
 
 @camera_router.post("/preset", operation_id="apply_preset", responses={**OF_ACTS, **OF_BODIES})
-def apply_preset(bench: TheBench, given: PresetGiven, by: Acting) -> SettingsAnswer:
+def apply_preset(bench: TheBench, given: PresetRequest, by: Acting) -> SettingsResponse:
     """Make all settings of a preset."""
     bench.preset(given.name, by=by)
     return _settings(bench)
 
 
-def _settings(bench: Bench) -> SettingsAnswer:
-    return SettingsAnswer(settings=[SettingTold.model_validate(each) for each in bench.desk.settings()])
+def _settings(bench: Instrument) -> SettingsResponse:
+    return SettingsResponse(settings=[SettingItem.model_validate(each) for each in bench.desk.settings()])
 
 
 cameras_router = APIRouter(prefix="/cameras", tags=["camera"])
 
 
 @cameras_router.get("", operation_id="list_cameras")
-def list_cameras(bench: TheBench) -> CamerasAnswer:
+def list_cameras(bench: TheBench) -> CamerasResponse:
     """List the cameras that the last search found; the virtual probe is always there."""
     found = bench.search.findings
     if found is None:
-        return CamerasAnswer(searched=False, found=[], missing={})
-    return CamerasAnswer(searched=True, found=told_cameras(found.found), missing=dict(found.missing))
+        return CamerasResponse(searched=False, found=[], missing={})
+    return CamerasResponse(searched=True, found=camera_items(found.found), missing=dict(found.missing))
 
 
 @cameras_router.post("/search", operation_id="search_cameras", responses=OF_JOBS, status_code=202)
-def search_cameras(bench: TheBench) -> JobAnswer:
+def search_cameras(bench: TheBench) -> JobResponse:
     """Ask every source for its cameras, which takes seconds; the job's result tells them."""
-    return JobAnswer(job=JobTold.model_validate(bench.search.begin().state()))
+    return JobResponse(job=JobItem.model_validate(bench.search.begin().state()))
 
 
 control_router = APIRouter(tags=["control"])
 
 
 @control_router.post("/control", operation_id="take_control", responses={**OF_CONTROL, **OF_BODIES})
-async def take_control(bench: TheBench, given: ControlGiven, caller: Caller = None) -> ControlAnswer:
+async def take_control(bench: TheBench, given: ControlRequest, caller: Caller = None) -> ControlResponse:
     """Hold the camera; who holds it already, and says so by the header, keeps the identity.
 
     It is held until nothing was heard of the holder for `held_s` seconds: acts and `GET /v1/state` with the header
@@ -172,7 +172,7 @@ async def take_control(bench: TheBench, given: ControlGiven, caller: Caller = No
     held = bench.control.holder()
     identity = held.identity if held is not None and held.identity == caller else uuid.uuid4().hex
     bench.control.take(identity, given.name, over=given.over, held_s=given.held_s)
-    return ControlAnswer(identity=identity, name=given.name, held_s=given.held_s)
+    return ControlResponse(identity=identity, name=given.name, held_s=given.held_s)
 
 
 @control_router.delete("/control", operation_id="release_control", status_code=204)
@@ -187,14 +187,14 @@ press_router = APIRouter(tags=["press"])
 
 
 @press_router.put("/target", operation_id="choose_target", responses={**OF_ACTS, **OF_BODIES})
-def choose_target(bench: TheBench, given: TargetChoiceGiven, by: Acting) -> StateAnswer:
+def choose_target(bench: TheBench, given: TargetChoiceRequest, by: Acting) -> StateResponse:
     """Choose the target that snapshots go to; it is entered with its first press."""
     bench.set_target(given.number, by=by)
     return state_answer(bench, by)
 
 
 @press_router.put("/press", operation_id="hold_press", responses={**OF_ACTS, **OF_BODIES})
-def hold_press(bench: TheBench, given: PressGiven, by: Acting) -> StateAnswer:
+def set_press(bench: TheBench, given: PressRequest, by: Acting) -> StateResponse:
     """Say what is pressed and how hard; the virtual probe is moved there."""
     if not given.model_fields_set:
         raise InputError("press must say something: role, force_n or both; got neither")
@@ -204,28 +204,30 @@ def hold_press(bench: TheBench, given: PressGiven, by: Acting) -> StateAnswer:
 
 
 @press_router.post("/snapshot", operation_id="take_snapshot", responses={**OF_ACTS, **OF_BODIES}, status_code=201)
-def take_snapshot(bench: TheBench, by: Acting, given: Annotated[SnapshotGiven | None, Body()] = None) -> KeptAnswer:
+def take_snapshot(
+    bench: TheBench, by: Acting, given: Annotated[SnapshotRequest | None, Body()] = None
+) -> SavedPressResponse:
     """Keep the press as it is seen now: its files, and the press in the store; when this answers, both last."""
-    kept = bench.snapshot(by=by, map_name=(given or SnapshotGiven()).map_name)
+    kept = bench.snapshot(by=by, map_name=(given or SnapshotRequest()).map_name)
     files = {name: str(path.resolve()) for name, path in asdict(kept.files).items()}
-    return KeptAnswer(
+    return SavedPressResponse(
         target=kept.target.number,
-        press=told_press(kept.press),
-        files=FilesTold(**files),
-        flags=[FlagTold.model_validate(flag) for flag in kept.flags],
+        press=press_item(kept.press),
+        files=FilesItem(**files),
+        flags=[FlagItem.model_validate(flag) for flag in kept.flags],
         notes=list(kept.notes),
     )
 
 
 @press_router.post("/sequence", operation_id="begin_sequence", responses={**OF_ACTS, **OF_BODIES}, status_code=202)
-def begin_sequence(bench: TheBench, given: SequenceOfSeconds | SequenceOfFrames, by: Acting) -> JobAnswer:
+def begin_sequence(bench: TheBench, given: SequenceOfSeconds | SequenceOfFrames, by: Acting) -> JobResponse:
     """Record every frame until so many have come or so much time has passed."""
     job = bench.begin_sequence(**given.model_dump(), by=by)
-    return JobAnswer(job=JobTold.model_validate(job.state()))
+    return JobResponse(job=JobItem.model_validate(job.state()))
 
 
 @press_router.delete("/sequence", operation_id="end_sequence", responses=OF_ACTS)
-def end_sequence(bench: TheBench, by: Acting) -> StateAnswer:
+def end_sequence(bench: TheBench, by: Acting) -> StateResponse:
     """End the sequence under way; what was recorded stays. Without one nothing happens."""
     bench.end_sequence(by=by)
     return state_answer(bench, by)
@@ -243,7 +245,7 @@ def get_frame_png(bench: TheBench) -> Response:
     """
     arrival = bench.desk.fresh()
     levels = whole_levels(arrival.frame.pixels, arrival.frame.full_scale)
-    return _sent(arrival, cv2.imencode(".png", levels, QUICK)[1].tobytes(), "image/png")
+    return _sent(arrival, cv2.imencode(".png", levels, QUICK_PNG)[1].tobytes(), "image/png")
 
 
 @frames_router.get("/frame.jpg", operation_id="get_frame_jpg", response_class=Response, responses=picture("image/jpeg"))

@@ -25,90 +25,92 @@ from tsis.console.api._documented import (
     OF_RECORDS,
     file,
 )
-from tsis.console.api._models import AboutAnswer, CalibrationAnswer, CalibrationTold, StoreTold
+from tsis.console.api._models import AboutResponse, CalibrationItem, CalibrationResponse, StoreItem
 from tsis.console.api._models_records import (
-    EstimateGiven,
-    EstimatesAnswer,
-    JobAnswer,
-    JobsAnswer,
-    JobTold,
-    PressesAnswer,
-    RecomputeGiven,
-    SummaryTold,
-    TargetAnswer,
-    TargetGiven,
-    TargetsAnswer,
+    EstimateRequest,
+    EstimatesResponse,
+    JobItem,
+    JobResponse,
+    JobsResponse,
+    PressesResponse,
+    RecomputeRequest,
+    TargetRequest,
+    TargetResponse,
+    TargetsResponse,
+    TargetSummaryItem,
 )
 from tsis.console.api._query import (
     CONTROL,
     Acting,
     Caller,
     JobIdentity,
-    PageAsked,
+    PageOfList,
     PressIdentity,
     TargetNumber,
     TheBench,
     TheReports,
-    known_press,
-    known_target,
+    find_press,
+    find_target,
 )
-from tsis.console.api._responses import told_estimate, told_press, told_result, told_target
+from tsis.console.api._responses import estimate_item, job_result, press_item, target_item
 from tsis.errors import InputError
-from tsis.instrument import QUICK
+from tsis.instrument import QUICK_PNG
 from tsis.records import PRIORS, environment, recompute
 
 if TYPE_CHECKING:
-    from tsis.console.services import Bench, Job
+    from tsis.console.services import Instrument, Job
 
 
 targets_router = APIRouter(prefix="/targets", tags=["records"])
 
 
 @targets_router.get("", operation_id="list_targets")
-def list_targets(bench: TheBench, page: PageAsked) -> TargetsAnswer:
+def list_targets(bench: TheBench, page: PageOfList) -> TargetsResponse:
     """List the targets of the store by number."""
     found = bench.store.targets()
     part = found[page.offset : page.offset + page.limit]
-    return TargetsAnswer(
+    return TargetsResponse(
         total=len(found),
         offset=page.offset,
         targets=[
-            SummaryTold(target=told_target(each.target), presses=each.presses, estimates=each.estimates, last=each.last)
+            TargetSummaryItem(
+                target=target_item(each.target), presses=each.presses, estimates=each.estimates, last=each.last
+            )
             for each in part
         ],
     )
 
 
 @targets_router.get("/{number}", operation_id="get_target", responses=OF_RECORDS)
-def get_target(bench: TheBench, number: TargetNumber) -> TargetAnswer:
+def get_target(bench: TheBench, number: TargetNumber) -> TargetResponse:
     """Tell what is stored of a target."""
-    target = known_target(bench, number)
-    return TargetAnswer(target=told_target(target), presses=bench.store.press_count(target))
+    target = find_target(bench, number)
+    return TargetResponse(target=target_item(target), presses=bench.store.press_count(target))
 
 
 @targets_router.patch("/{number}", operation_id="edit_target", responses={**OF_RECORDS, **OF_EDITS, **OF_BODIES})
-def edit_target(bench: TheBench, number: TargetNumber, given: TargetGiven) -> TargetAnswer:
+def edit_target(bench: TheBench, number: TargetNumber, given: TargetRequest) -> TargetResponse:
     """Change name, note or truth of a target as it was read; 409 when somebody has changed it since.
 
     The audit of the store keeps that it was changed, and when.
     """
-    target = known_target(bench, number)
+    target = find_target(bench, number)
     changes = given.model_dump(exclude={"version"}, exclude_none=True)
     if not changes:
         raise InputError("an edit must change something: name, note or truth; got none of them")
     edited = bench.store.edit_target(replace(target, version=given.version), **changes)
-    return TargetAnswer(target=told_target(edited), presses=bench.store.press_count(edited))
+    return TargetResponse(target=target_item(edited), presses=bench.store.press_count(edited))
 
 
 @targets_router.get("/{number}/presses", operation_id="list_presses", responses=OF_RECORDS)
-def list_presses(bench: TheBench, number: TargetNumber, page: PageAsked) -> PressesAnswer:
+def list_presses(bench: TheBench, number: TargetNumber, page: PageOfList) -> PressesResponse:
     """List presses of a target in the order in which they were taken."""
-    target = known_target(bench, number)
-    return PressesAnswer(
+    target = find_target(bench, number)
+    return PressesResponse(
         target=number,
         total=bench.store.press_count(target),
         offset=page.offset,
-        presses=[told_press(each) for each in bench.store.presses(target, limit=page.limit, offset=page.offset)],
+        presses=[press_item(each) for each in bench.store.presses(target, limit=page.limit, offset=page.offset)],
     )
 
 
@@ -120,8 +122,8 @@ def list_presses(bench: TheBench, number: TargetNumber, page: PageAsked) -> Pres
 )
 def get_press_frame(bench: TheBench, number: TargetNumber, identity: PressIdentity) -> Response:
     """Send the stored frame of a press, after its hash was found right; 503 when it is damaged."""
-    _, press = known_press(bench, number, identity)
-    content = cv2.imencode(".png", bench.store.levels(press.frame), QUICK)[1].tobytes()
+    _, press = find_press(bench, number, identity)
+    content = cv2.imencode(".png", bench.store.levels(press.frame), QUICK_PNG)[1].tobytes()
     return Response(content, media_type="image/png", headers={"TSIS-Full-Scale": f"{press.full_scale:g}"})
 
 
@@ -129,14 +131,14 @@ estimates_router = APIRouter(prefix="/targets/{number}", tags=["records"])
 
 
 @estimates_router.get("/estimates", operation_id="list_estimates", responses=OF_RECORDS)
-def list_estimates(bench: TheBench, number: TargetNumber) -> EstimatesAnswer:
+def list_estimates(bench: TheBench, number: TargetNumber) -> EstimatesResponse:
     """List the estimates of a target in the order in which they were made."""
-    target = known_target(bench, number)
+    target = find_target(bench, number)
     dossier = bench.store.dossier(target, limit=0)
-    return EstimatesAnswer(
+    return EstimatesResponse(
         target=number,
         in_force=[each.id for each in dossier.in_force],
-        estimates=[told_estimate(each, target.truth) for each in dossier.estimates],
+        estimates=[estimate_item(each, target.truth) for each in dossier.estimates],
         damaged=list(dossier.damaged),
     )
 
@@ -144,26 +146,26 @@ def list_estimates(bench: TheBench, number: TargetNumber) -> EstimatesAnswer:
 @estimates_router.post(
     "/estimate", operation_id="estimate_target", responses={**OF_RECORDS, **OF_JOBS, **OF_BODIES}, status_code=202
 )
-def estimate_target(bench: TheBench, number: TargetNumber, given: Annotated[EstimateGiven, Body()]) -> JobAnswer:
+def estimate_target(bench: TheBench, number: TargetNumber, given: Annotated[EstimateRequest, Body()]) -> JobResponse:
     """Estimate a target from its presses and store what was found; the job's result tells it."""
-    known_target(bench, number)
+    find_target(bench, number)
     job = bench.estimate(number, kind=given.kind, presses=given.presses, options=_options(given))
-    return JobAnswer(job=JobTold.model_validate(job.state()))
+    return JobResponse(job=JobItem.model_validate(job.state()))
 
 
 @estimates_router.post(
     "/recompute", operation_id="recompute_target", responses={**OF_RECORDS, **OF_JOBS, **OF_BODIES}, status_code=202
 )
 def recompute_target(
-    bench: TheBench, number: TargetNumber, given: Annotated[RecomputeGiven | None, Body()] = None
-) -> JobAnswer:
+    bench: TheBench, number: TargetNumber, given: Annotated[RecomputeRequest | None, Body()] = None
+) -> JobResponse:
     """Make the estimates in force again with the code of today, and store those that came out otherwise."""
-    target, dry_run = known_target(bench, number), given is not None and given.dry_run
+    target, dry_run = find_target(bench, number), given is not None and given.dry_run
     job = bench.jobs.begin(
         f"recomputation of target {number}",
         lambda job: recompute(bench.store, target, dry_run=dry_run, progress=job.advance),
     )
-    return JobAnswer(job=JobTold.model_validate(job.state()))
+    return JobResponse(job=JobItem.model_validate(job.state()))
 
 
 @estimates_router.get(
@@ -174,7 +176,7 @@ def recompute_target(
 )
 def get_report_html(bench: TheBench, reports: TheReports, number: TargetNumber) -> Response:
     """Send the report of a target as a page."""
-    return Response(reports.content(known_target(bench, number), "html"), media_type="text/html")
+    return Response(reports.content(find_target(bench, number), "html"), media_type="text/html")
 
 
 @estimates_router.get(
@@ -185,10 +187,10 @@ def get_report_html(bench: TheBench, reports: TheReports, number: TargetNumber) 
 )
 def get_report_pdf(bench: TheBench, reports: TheReports, number: TargetNumber) -> Response:
     """Send the report of a target as a PDF."""
-    return Response(reports.content(known_target(bench, number), "pdf"), media_type="application/pdf")
+    return Response(reports.content(find_target(bench, number), "pdf"), media_type="application/pdf")
 
 
-def _options(given: EstimateGiven) -> dict[str, Any]:
+def _options(given: EstimateRequest) -> dict[str, Any]:
     """Options as a stored estimate keeps them: a prior whole, so that a later release knows what was believed."""
     asked = given.model_dump(exclude={"kind", "presses"}, exclude_none=True)
     if "prior" in asked:
@@ -206,7 +208,7 @@ LARGEST_UPLOAD = 32 * 2**20  # bytes
 
 
 @calibration_router.get("", operation_id="get_calibration")
-def get_calibration(bench: TheBench) -> CalibrationAnswer:
+def get_calibration(bench: TheBench) -> CalibrationResponse:
     """Tell which calibration is in force."""
     return _answer(bench)
 
@@ -225,7 +227,7 @@ def get_calibration_file(bench: TheBench) -> Response:
 @calibration_router.put(
     "", operation_id="use_calibration", responses={**OF_ACTS, **OF_BODIES}, openapi_extra=CALIBRATION_BODY
 )
-async def use_calibration(request: Request, bench: TheBench, by: Acting) -> CalibrationAnswer:
+async def use_calibration(request: Request, bench: TheBench, by: Acting) -> CalibrationResponse:
     """Put a calibration in force: the body is a calibration file of at most 32 MiB.
 
     Answers 422 when it was changed, is expired, or is of another camera or other settings than those that run.
@@ -236,7 +238,7 @@ async def use_calibration(request: Request, bench: TheBench, by: Acting) -> Cali
 
 
 @calibration_router.delete("", operation_id="forget_calibration", responses=OF_ACTS)
-def forget_calibration(bench: TheBench, by: Acting) -> CalibrationAnswer:
+def forget_calibration(bench: TheBench, by: Acting) -> CalibrationResponse:
     """Go back to the virtual probe's own calibration, or to none."""
     bench.use_calibration(None, by=by)
     return _answer(bench)
@@ -256,38 +258,38 @@ async def _uploaded(request: Request) -> bytes:
     return bytes(content)
 
 
-def _use(bench: Bench, content: bytes, by: str) -> None:
+def _use(bench: Instrument, content: bytes, by: str) -> None:
     known = parse_calibration(content, "the calibration")
     known.require_usable(datetime.now(UTC))
     bench.use_calibration(UsableCalibration(known=known, identity=calibration_sha256(known)), by=by)
 
 
-def _answer(bench: Bench) -> CalibrationAnswer:
+def _answer(bench: Instrument) -> CalibrationResponse:
     cited = bench.calibration
-    return CalibrationAnswer(calibration=None if cited is None else _told(cited.known, cited.identity))
+    return CalibrationResponse(calibration=None if cited is None else _told(cited.known, cited.identity))
 
 
-def _told(known: ProbeCalibration, sha256: str) -> CalibrationTold:
-    return CalibrationTold(name=known.name, probe=known.probe, sha256=sha256, made=known.made, expires=known.expires)
+def _told(known: ProbeCalibration, sha256: str) -> CalibrationItem:
+    return CalibrationItem(name=known.name, probe=known.probe, sha256=sha256, made=known.made, expires=known.expires)
 
 
 jobs_router = APIRouter(prefix="/jobs", tags=["jobs"])
 
 
 @jobs_router.get("", operation_id="list_jobs")
-def list_jobs(bench: TheBench) -> JobsAnswer:
+def list_jobs(bench: TheBench) -> JobsResponse:
     """List the last jobs of this console, the newest last."""
-    return JobsAnswer(jobs=[JobTold.model_validate(state) for state in bench.jobs.states()])
+    return JobsResponse(jobs=[JobItem.model_validate(state) for state in bench.jobs.states()])
 
 
 @jobs_router.get("/{identity}", operation_id="get_job", responses=OF_RECORDS)
-def get_job(bench: TheBench, identity: JobIdentity) -> JobAnswer:
+def get_job(bench: TheBench, identity: JobIdentity) -> JobResponse:
     """Tell how far a job is, and what it returned."""
     return _job_response(bench, _known(bench, identity))
 
 
 @jobs_router.delete("/{identity}", operation_id="end_job", responses={**OF_RECORDS, **OF_ACTS})
-def end_job(bench: TheBench, identity: JobIdentity, caller: Caller = None) -> JobAnswer:
+def end_job(bench: TheBench, identity: JobIdentity, caller: Caller = None) -> JobResponse:
     """Ask a job to end, which it does at its next step; one that follows the camera only for who holds it."""
     job = _known(bench, identity)
     if job.follows_camera and not caller:
@@ -296,27 +298,27 @@ def end_job(bench: TheBench, identity: JobIdentity, caller: Caller = None) -> Jo
     return _job_response(bench, job)
 
 
-def _known(bench: Bench, identity: str) -> Job:
+def _known(bench: Instrument, identity: str) -> Job:
     try:
         return bench.jobs.get(identity)
     except InputError as error:
         raise AbsentError(str(error)) from error
 
 
-def _job_response(bench: Bench, job: Job) -> JobAnswer:
+def _job_response(bench: Instrument, job: Job) -> JobResponse:
     state = job.state()
-    return JobAnswer(job=JobTold.model_validate(state), result=told_result(job.result, bench.store))
+    return JobResponse(job=JobItem.model_validate(state), result=job_result(job.result, bench.store))
 
 
 about_router = APIRouter(tags=["about"])
 
 
 @about_router.get("/about", operation_id="get_about")
-def get_about(bench: TheBench) -> AboutAnswer:
+def get_about(bench: TheBench) -> AboutResponse:
     """Tell versions, and where records and files are kept."""
     store = bench.store
-    return AboutAnswer(
+    return AboutResponse(
         environment=environment(),
-        store=StoreTold(folder=str(store.folder.resolve()), kind=store.kind, identity=store.identity),
+        store=StoreItem(folder=str(store.folder.resolve()), kind=store.kind, identity=store.identity),
         workspace=str(bench.terms.workspace.resolve()),
     )

@@ -1,22 +1,22 @@
-"""Who may talk to the console: a token or a login, known hosts, own pages."""
+"""Who may use the console: key, logins, sessions, rate limits and headers."""
 
-from tsis.console.auth._access import Access, name_of, visitor_of
-from tsis.console.auth._key import console_folder, kept_token, write_private
+from tsis.console.auth._access import Access, client_identity, name_of
+from tsis.console.auth._key import console_folder, saved_token, write_private
 from tsis.console.auth._login_routes import LOGOUT, failed
 from tsis.console.auth._logins import Logins
-from tsis.console.auth._middleware import Gate
+from tsis.console.auth._middleware import AuthMiddleware
 from tsis.console.auth._sessions import Sessions
 
 __all__ = [
     "LOGOUT",
     "Access",
-    "Gate",
+    "AuthMiddleware",
     "Logins",
     "Sessions",
+    "client_identity",
     "console_folder",
     "failed",
-    "kept_token",
     "name_of",
-    "visitor_of",
+    "saved_token",
     "write_private",
 ]

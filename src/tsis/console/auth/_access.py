@@ -20,11 +20,11 @@ if TYPE_CHECKING:
     from tsis.console.auth._sessions import Session
 
 
-VISITOR = "visitor"
+CLIENT = "visitor"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Visitor:
+class ClientIdentity:
     """Somebody whom the gate let in.
 
     Attributes
@@ -36,15 +36,15 @@ class Visitor:
     name: str = ""
 
 
-def visitor_of(connection: HTTPConnection) -> Visitor:
+def client_identity(connection: HTTPConnection) -> ClientIdentity:
     """Who sent this request or opened this WebSocket.
 
     Examples
     --------
-    In a page: ``visitor_of(ui.context.client.request).name``.
+    In a page: ``client_identity(ui.context.client.request).name``.
     """
-    found = connection.scope.get("state", {}).get(VISITOR)
-    return found if isinstance(found, Visitor) else Visitor()
+    found = connection.scope.get("state", {}).get(CLIENT)
+    return found if isinstance(found, ClientIdentity) else ClientIdentity()
 
 
 Headers = list[tuple[bytes, bytes]]
@@ -166,13 +166,13 @@ class Access:
         """Whether this is the key; it takes the same time whatever is wrong with it."""
         return hmac.compare_digest(given.encode("utf-8", "replace"), self._token.encode())
 
-    def visitor(self, headers: Mapping[str, str]) -> Visitor | None:
+    def visitor(self, headers: Mapping[str, str]) -> ClientIdentity | None:
         """Who sends these headers, by their names in lower case; None for who was not let in."""
         authorization = headers.get("authorization", "")
         if authorization.lower().startswith(BEARER):
-            return Visitor() if self.is_token(authorization[len(BEARER) :].strip()) else None
+            return ClientIdentity() if self.is_token(authorization[len(BEARER) :].strip()) else None
         session = self.session(headers)
-        return None if session is None else Visitor(name=session.name)
+        return None if session is None else ClientIdentity(name=session.name)
 
     def session(self, headers: Mapping[str, str]) -> Session | None:
         """The session of a browser; None when it has none, or its login was taken away or got another password."""

@@ -92,7 +92,7 @@ FILE = "token"
 _TOKEN = re.compile(r"[A-Za-z0-9_-]{43}")
 
 
-def kept_token(*, new: bool = False, folder: Path | None = None) -> str:
+def saved_token(*, new: bool = False, folder: Path | None = None) -> str:
     """Give this user's token: the one of the last start, or another.
 
     Parameters

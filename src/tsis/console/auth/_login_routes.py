@@ -17,7 +17,7 @@ from starlette.requests import ClientDisconnect, Request
 from starlette.responses import HTMLResponse, PlainTextResponse, RedirectResponse
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.console.auth._rate_limit import Attempts
+from tsis.console.auth._rate_limit import LoginRateLimiter
 from tsis.errors import FileInputError
 
 if TYPE_CHECKING:
@@ -120,7 +120,7 @@ PLACES = (LOGIN, LOGOUT)
 _log = logging.getLogger(__name__)
 
 
-class Desk:
+class AuthRoutes:
     """Logs people in and out.
 
     Parameters
@@ -131,8 +131,8 @@ class Desk:
         Counts tries.
     """
 
-    def __init__(self, access: Access, *, attempts: Attempts | None = None) -> None:
-        self._access, self._attempts = access, attempts or Attempts()
+    def __init__(self, access: Access, *, attempts: LoginRateLimiter | None = None) -> None:
+        self._access, self._attempts = access, attempts or LoginRateLimiter()
         self._hashing = asyncio.Semaphore(AT_ONCE)
 
     async def answer(self, scope: Scope, receive: Receive, headers: Mapping[str, str]) -> Response:

@@ -13,8 +13,8 @@ from urllib.parse import parse_qs, quote, urlencode
 from starlette.responses import RedirectResponse
 
 from tsis.console.auth._access import (
-    VISITOR,
-    Visitor,
+    CLIENT,
+    ClientIdentity,
     headers_of,
     is_known,
     is_own_origin,
@@ -23,7 +23,16 @@ from tsis.console.auth._access import (
     name_of,
     without_forwarded,
 )
-from tsis.console.auth._login_routes import FAILED, KEY_NEEDED, LOGIN, PLACES, Desk, local_address, onward, refusal
+from tsis.console.auth._login_routes import (
+    FAILED,
+    KEY_NEEDED,
+    LOGIN,
+    PLACES,
+    AuthRoutes,
+    local_address,
+    onward,
+    refusal,
+)
 from tsis.console.auth._sockets import POLICY_VIOLATION, OpenSockets
 
 if TYPE_CHECKING:
@@ -33,7 +42,7 @@ if TYPE_CHECKING:
     from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
     from tsis.console.auth._access import Access
-    from tsis.console.auth._rate_limit import Attempts
+    from tsis.console.auth._rate_limit import LoginRateLimiter
 
 
 HTML = b"text/html"
@@ -184,7 +193,7 @@ TOO_LARGE = f"What is sent here may be at most {LARGEST_BYTES >> 20} MiB."
 _log = logging.getLogger(__name__)
 
 
-class Gate:
+class AuthMiddleware:
     """ASGI application that lets through what may pass.
 
     Parameters
@@ -200,10 +209,10 @@ class Gate:
     """
 
     def __init__(
-        self, inner: ASGIApp, *, access: Access, hosts: Collection[str], attempts: Attempts | None = None
+        self, inner: ASGIApp, *, access: Access, hosts: Collection[str], attempts: LoginRateLimiter | None = None
     ) -> None:
         self._inner, self._access, self._hosts = inner, access, frozenset(name.lower() for name in hosts)
-        self._desk, self._sockets = Desk(access, attempts=attempts), OpenSockets()
+        self._desk, self._sockets = AuthRoutes(access, attempts=attempts), OpenSockets()
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Refuse, let in, or pass on."""
@@ -218,14 +227,14 @@ class Gate:
         headers = headers_of(scope)
         safe = with_safe_headers(send, nonce, tls=self._access.secure, host=headers.get("host", ""))
         found = await self._judged(scope, receive, headers)
-        if not isinstance(found, Visitor):
+        if not isinstance(found, ClientIdentity):
             await _refuse(found, scope, receive, safe)
         elif scope["type"] == "websocket":
             await self._pass_socket(_marked(scope, found), receive, send, headers)
         else:
             await self._pass(_marked(scope, found), receive, with_nonce(safe, nonce), safe)
 
-    async def _judged(self, scope: Scope, receive: Receive, headers: Mapping[str, str]) -> Visitor | Response:
+    async def _judged(self, scope: Scope, receive: Receive, headers: Mapping[str, str]) -> ClientIdentity | Response:
         """Who may pass, or what is answered instead."""
         if is_repeated(scope) or not is_plain_path(scope["path"]):
             return refusal("This request is not in good form.", HTTPStatus.BAD_REQUEST, asked=headers)
@@ -292,9 +301,9 @@ def _key_and_rest(scope: Scope) -> tuple[str, str]:
     return given, local_address(quote(scope["path"]) + (f"?{rest}" if rest else ""))
 
 
-def _marked(scope: Scope, visitor: Visitor) -> Scope:
+def _marked(scope: Scope, visitor: ClientIdentity) -> Scope:
     """The scope as those behind the gate see it."""
-    state = {**scope.get("state", {}), VISITOR: visitor}
+    state = {**scope.get("state", {}), CLIENT: visitor}
     return {**scope, "headers": without_forwarded(scope["headers"]), "state": state}
 
 

@@ -42,7 +42,7 @@ class _Tries:
         return wait_s
 
 
-class Attempts:
+class LoginRateLimiter:
     """Counts tries to log in, by address and over all.
 
     Tries are counted before the password is looked at, so that many at once count as many.
@@ -63,7 +63,7 @@ class Attempts:
 
         Examples
         --------
-        >>> attempts = Attempts(clock=lambda: 0.0)
+        >>> attempts = LoginRateLimiter(clock=lambda: 0.0)
         >>> [attempts.wait_s("192.0.2.7") for _ in range(7)]
         [0.0, 0.0, 0.0, 0.0, 0.0, 60.0, 60.0]
         """

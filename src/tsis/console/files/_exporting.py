@@ -8,10 +8,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tsis.console._worker import Apart
+from tsis.console._worker import WorkerProcess
 from tsis.errors import FileInputError, InputError
 from tsis.records.export import export_file
-from tsis.report import ENDINGS, MASKED, PAGES, StoreAddress, report_of_stored_target, write_form
+from tsis.report import ENDINGS, MASKED, PAGE_FORMS, StoreAddress, report_of_stored_target, write_form
 
 if TYPE_CHECKING:
     from tsis.records import Target
@@ -28,7 +28,7 @@ MEDIA_TYPES = {
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Written:
+class ExportFile:
     """A file that waits to be sent.
 
     Attributes
@@ -52,9 +52,9 @@ class Written:
         shutil.rmtree(self.folder, ignore_errors=True)
 
 
-def written(
+def write_export(
     store: Store, target: Target, form: str, *, identified: bool = False, reports: Reports | None = None
-) -> Written:
+) -> ExportFile:
     """Write a form of a target; a folder becomes a zip file.
 
     Parameters
@@ -87,14 +87,14 @@ def written(
         raise FileInputError(f"a folder for the export must be writable; got: {error.strerror or error}") from error
     try:
         place = folder / f"target-{target.number}{ENDINGS[form]}"
-        if reports is not None and form in PAGES:
+        if reports is not None and form in PAGE_FORMS:
             reports.write(target, form, place)
         else:
             dossier = store.dossier(target)
-            if form not in PAGES:
+            if form not in PAGE_FORMS:
                 dossier.require_whole()
             write_form(form, dossier, place, identified=identified)
-        return Written(path=_one_file(place), folder=folder)
+        return ExportFile(path=_one_file(place), folder=folder)
     except BaseException:
         shutil.rmtree(folder, ignore_errors=True)
         raise
@@ -125,10 +125,10 @@ class Reports:
 
     def __init__(self, store: Store, *, database: str | None = None) -> None:
         self._place = StoreAddress(folder=store.folder, kind=store.kind, database=database, identity=store.identity)
-        self._apart = Apart()
+        self._apart = WorkerProcess()
 
     def content(self, target: Target, form: str) -> bytes:
-        """The report in a form of `tsis.report.PAGES`; errors as `tsis.report._forms` and `Apart.ask`."""
+        """The report in a form of `tsis.report.PAGE_FORMS`; errors as `tsis.report._forms` and `WorkerProcess.ask`."""
         return self._apart.ask(report_of_stored_target, self._place, target.number, form)
 
     def write(self, target: Target, form: str, path: Path) -> None:

@@ -12,13 +12,13 @@ from fastapi import APIRouter, Query, Request, Response
 from starlette.responses import FileResponse, PlainTextResponse
 
 from tsis.console._statuses import AbsentError, status_of
-from tsis.console.files._exporting import MEDIA_TYPES, Written, written
+from tsis.console.files._exporting import MEDIA_TYPES, ExportFile, write_export
 from tsis.console.studies import FORMS, report_bytes
 from tsis.errors import InputError, TsisError
 from tsis.files import LARGEST_TARGET
 from tsis.imaging import COLOUR_MAPS, colour_map
 from tsis.model import TactileImage, require_integer, require_one_of
-from tsis.report import ENDINGS, PAGES
+from tsis.report import ENDINGS, PAGE_FORMS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from starlette.types import Receive, Scope, Send
 
     from tsis.console.files._exporting import Reports
-    from tsis.console.studies import StudyShelf
+    from tsis.console.studies import StudyRepository
     from tsis.records import StoredPress, Target
     from tsis.records.store import Store
 
@@ -116,7 +116,7 @@ NO_CACHE = "private, no-store"
 Given = ParamSpec("Given")
 
 
-def files_router(store: Store, reports: Reports | None = None, studies: StudyShelf | None = None) -> APIRouter:
+def files_router(store: Store, reports: Reports | None = None, studies: StudyRepository | None = None) -> APIRouter:
     """Pictures of presses, reports and exports of targets of a store, reports of studies.
 
     Each answers with the file, or with one sentence as plain text. Without ``reports`` they are made here; without
@@ -144,22 +144,22 @@ def files_router(store: Store, reports: Reports | None = None, studies: StudyShe
     @router.get("/report/{target}.{form}")
     @_in_a_sentence
     def report(target: str, form: str) -> Response:
-        known = form_of("form of report", form, PAGES)
-        return _Sent(written(store, target_of(store, target), known, reports=reports), shown=known == "html")
+        known = form_of("form of report", form, PAGE_FORMS)
+        return _Sent(write_export(store, target_of(store, target), known, reports=reports), shown=known == "html")
 
     @router.get("/export/{target}/{form}")
     @_in_a_sentence
     def export(target: str, form: str, identified: bool = False) -> Response:
         known = form_of("form of export", form, ENDINGS)
         found = target_of(store, target)
-        return _Sent(written(store, found, known, identified=identified, reports=reports), shown=False)
+        return _Sent(write_export(store, found, known, identified=identified, reports=reports), shown=False)
 
     if studies is not None:
         _add_study(router, studies)
     return router
 
 
-def _add_study(router: APIRouter, studies: StudyShelf) -> None:
+def _add_study(router: APIRouter, studies: StudyRepository) -> None:
     @router.get("/study/{name}/report.{form}")
     @_in_a_sentence
     def study_report(name: str, form: str) -> Response:
@@ -173,7 +173,7 @@ def _add_study(router: APIRouter, studies: StudyShelf) -> None:
 class _Sent(FileResponse):
     """A file whose folder is removed when it was sent, or when nobody wants it any more."""
 
-    def __init__(self, file: Written, *, shown: bool) -> None:
+    def __init__(self, file: ExportFile, *, shown: bool) -> None:
         super().__init__(
             file.path,
             media_type=file.media_type,

@@ -12,7 +12,7 @@ from nicegui.element import Element
 from tsis.console.live._hub import FULL, checked_ends, packed_colours
 
 if TYPE_CHECKING:
-    from tsis.console.services import BenchState
+    from tsis.console.services import InstrumentState
 
 
 ADDRESS = "/live"
@@ -71,7 +71,7 @@ class ColouredFrames(FrameElement):
         """
         self._set("range", json.dumps(checked_ends(ends)))
 
-    def tell(self, state: BenchState) -> None:
+    def tell(self, state: InstrumentState) -> None:
         """Take the scale from the bench's state."""
         scale = state.camera.mm_per_pixel
         self._set("scale", json.dumps(scale))
@@ -90,10 +90,10 @@ class LiveView(ColouredFrames, component="live_view.js"):
         """Show or hide outline and centroid of the contact."""
         self._set("overlay", bool(shown))
 
-    def tell(self, state: BenchState) -> None:
+    def tell(self, state: InstrumentState) -> None:
         """Take scale and words from the bench's state."""
         super().tell(state)
-        self._set("words", f"live image of the probe: {seen_in_words(state)}")
+        self._set("words", f"live image of the probe: {analysis_text(state)}")
         self._set("notice", notice(state))
 
 
@@ -104,10 +104,10 @@ class SurfaceView(ColouredFrames, component="surface_view.js"):
         super().__init__(map_name=map_name, ends=ends)
         self._props["words"] = "relief of the live image"
 
-    def tell(self, state: BenchState) -> None:
+    def tell(self, state: InstrumentState) -> None:
         """Take scale and words from the bench's state."""
         super().tell(state)
-        self._set("words", f"relief of the live image: {seen_in_words(state)}; arrow keys turn it")
+        self._set("words", f"relief of the live image: {analysis_text(state)}; arrow keys turn it")
 
 
 class Histogram(FrameElement, component="histogram.js"):
@@ -124,12 +124,12 @@ class Histogram(FrameElement, component="histogram.js"):
         self._props["log"] = log
         self._props["words"] = "grey levels of the newest frame"
 
-    def tell(self, state: BenchState) -> None:
+    def tell(self, state: InstrumentState) -> None:
         """Take words from the bench's state."""
-        self._set("words", f"grey levels of the newest frame: {levels_in_words(state)}")
+        self._set("words", f"grey levels of the newest frame: {histogram_text(state)}")
 
 
-def seen_in_words(state: BenchState) -> str:
+def analysis_text(state: InstrumentState) -> str:
     """What the newest frame shows, for those who do not see it."""
     if not state.camera.running or state.sight is None:
         return "no frames"
@@ -139,7 +139,7 @@ def seen_in_words(state: BenchState) -> str:
     return "contact around column {:.0f}, row {:.0f}".format(*seen.centroid_px)
 
 
-def levels_in_words(state: BenchState) -> str:
+def histogram_text(state: InstrumentState) -> str:
     """What a histogram shows, for those who do not see it."""
     sight = state.sight
     if not state.camera.running or sight is None:
@@ -149,7 +149,7 @@ def levels_in_words(state: BenchState) -> str:
     return f"half of the pixels below {half / len(upto):.0%} of full scale, {sight.clipped_share:.1%} at it"
 
 
-def notice(state: BenchState) -> str:
+def notice(state: InstrumentState) -> str:
     """Why what is seen may be old; empty while frames come."""
     if not state.camera.running:
         return "the camera is stopped"

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from tsis.console.services import Sight
+    from tsis.console.services import FrameAnalysis
     from tsis.instrument.acquisition import Acquisition, ReceivedFrame
 
 
@@ -107,7 +107,7 @@ def display_levels(arrival: ReceivedFrame) -> NDArray[np.uint8]:
     return np.asarray(np.rint(scaled), dtype=np.uint8)
 
 
-def sight_text(sight: Sight | None) -> str:
+def analysis_json(sight: FrameAnalysis | None) -> str:
     """What a frame shows, as JSON; ``null`` stands for what is not finite, and where nothing is known."""
     return json.dumps(None if sight is None else _finite(asdict(sight)), allow_nan=False)
 
@@ -125,7 +125,7 @@ REST_S = 0.1  # while no camera runs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Newest:
+class NewestFrame:
     """The newest frame.
 
     Attributes
@@ -153,16 +153,16 @@ class LiveHub:
         self._acquisition = acquisition
         self._lock = threading.Lock()
         self._viewers: set[tuple[asyncio.AbstractEventLoop, asyncio.Event]] = set()
-        self._latest: Newest | None = None
-        self._packed: dict[int | None, tuple[Newest, bytes]] = {}  # by quality
+        self._latest: NewestFrame | None = None
+        self._packed: dict[int | None, tuple[NewestFrame, bytes]] = {}  # by quality
         self._packing: dict[int | None, threading.Lock] = {}
-        self._told: tuple[Sight | None, str] = (None, sight_text(None))
+        self._told: tuple[FrameAnalysis | None, str] = (None, analysis_json(None))
         self._closing = threading.Event()
         self._thread = threading.Thread(target=self._run, name="live view", daemon=True)
         self._thread.start()
 
     @property
-    def latest(self) -> Newest | None:
+    def latest(self) -> NewestFrame | None:
         """The newest frame; None before the first one of a camera."""
         return self._latest
 
@@ -171,7 +171,7 @@ class LiveHub:
         """How many watch."""
         return len(self._viewers)
 
-    def packed(self, newest: Newest, quality: int | None) -> bytes:
+    def packed(self, newest: NewestFrame, quality: int | None) -> bytes:
         """A frame as `packet`, made once for all who watch in that quality, whichever threads they ask in."""
         with self._packing.setdefault(quality, threading.Lock()):
             held = self._packed.get(quality)
@@ -182,11 +182,11 @@ class LiveHub:
             self._packed[quality] = newest, made
             return made
 
-    def text(self, sight: Sight | None) -> str:
-        """What a frame shows as `sight_text`, made once for all who watch."""
+    def text(self, sight: FrameAnalysis | None) -> str:
+        """What a frame shows as `analysis_json`, made once for all who watch."""
         told = self._told
         if told[0] is not sight:
-            self._told = told = sight, sight_text(sight)
+            self._told = told = sight, analysis_json(sight)
         return told[1]
 
     @contextmanager
@@ -226,7 +226,7 @@ class LiveHub:
                 place = acquisition.ring.end
                 arrival = acquisition.latest()
                 if arrival is not None:
-                    self._latest = Newest(arrival=arrival, number=place)
+                    self._latest = NewestFrame(arrival=arrival, number=place)
                     self._wake()
 
     def _wake(self) -> None:

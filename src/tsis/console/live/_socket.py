@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from starlette.websockets import WebSocket
 
     from tsis.console.live._hub import LiveHub
-    from tsis.console.services import Bench
+    from tsis.console.services import Instrument
 
 
 REMOTE_QUALITY = 85  # of JPEG for viewers on other machines
@@ -26,7 +26,7 @@ TRY_AGAIN, FAILED = 1013, 1011  # codes with which a WebSocket is closed
 _log = logging.getLogger(__name__)
 
 
-async def live_view(socket: WebSocket, *, bench: Bench, hub: LiveHub, patience_s: float = PATIENCE_S) -> None:
+async def live_view(socket: WebSocket, *, bench: Instrument, hub: LiveHub, patience_s: float = PATIENCE_S) -> None:
     """Send the latest frame and what it shows each time that the viewer has drawn the one before.
 
     ``?jpeg=70`` asks for pictures of that quality, ``?jpeg=0`` for raw pixels; by default viewers on this machine get
@@ -54,7 +54,7 @@ async def live_view(socket: WebSocket, *, bench: Bench, hub: LiveHub, patience_s
         await asyncio.gather(sending, return_exceptions=True)
 
 
-async def _send(socket: WebSocket, bench: Bench, hub: LiveHub, drawn: asyncio.Event, patience_s: float) -> None:
+async def _send(socket: WebSocket, bench: Instrument, hub: LiveHub, drawn: asyncio.Event, patience_s: float) -> None:
     """Send frames until the viewer is gone or too slow."""
     code = TRY_AGAIN
     try:
@@ -72,7 +72,7 @@ async def _send(socket: WebSocket, bench: Bench, hub: LiveHub, drawn: asyncio.Ev
 
 
 async def _send_frames(
-    socket: WebSocket, bench: Bench, hub: LiveHub, news: asyncio.Event, drawn: asyncio.Event, patience_s: float
+    socket: WebSocket, bench: Instrument, hub: LiveHub, news: asyncio.Event, drawn: asyncio.Event, patience_s: float
 ) -> None:
     quality, told = _quality(socket), None
     while True:

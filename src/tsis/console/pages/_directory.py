@@ -12,15 +12,15 @@ if TYPE_CHECKING:
 
 # A page is called with the bench, the viewer, and what its address holds in braces.
 PAGES: dict[str, tuple[str, Callable[..., Awaitable[None] | None]]] = {
-    "/": ("Examine", examine.page),
-    "/camera": ("Camera", camera.page),
-    "/calibrate": ("Calibrate", calibrate.page),
+    "/": ("Examine", examine.examine_page),
+    "/camera": ("Camera", camera.camera_page),
+    "/calibrate": ("Calibrate", calibrate.calibrate_page),
     "/calibrate/{name}": ("Calibrate", calibrate.session_page),
-    "/hardness": ("Hardness", hardness.page),
-    "/study": ("Study", study.listing),
+    "/hardness": ("Hardness", hardness.hardness_tab),
+    "/study": ("Study", study.study_listing),
     "/study/{name}": ("Study", study.show_study),
-    "/records": ("Records", records.listing),
-    "/records/{number}": ("Records", records.target_page),
-    "/design": ("Design", design.page),
-    "/about": ("About", about.page),
+    "/records": ("Records", records.target_listing),
+    "/records/{number}": ("Records", records.show_target),
+    "/design": ("Design", design.design_tab),
+    "/about": ("About", about.about_page),
 }

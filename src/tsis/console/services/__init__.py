@@ -1,46 +1,53 @@
-"""The instrument behind the pages: who holds it, its camera, what is kept. It knows no page and no web."""
+"""Camera, calibration, jobs and examinations behind the pages and the calls; no web imports."""
 
 from tsis.console.services._camera import MOST_TYPED_N
-from tsis.console.services._control import HELD_S, LONGEST_HELD_S, LONGEST_NAME, SHORTEST_HELD_S, Control, Holder
+from tsis.console.services._control import (
+    LOCK_S,
+    LONGEST_LOCK_S,
+    LONGEST_OWNER_NAME,
+    SHORTEST_LOCK_S,
+    ControlLock,
+    Owner,
+)
 from tsis.console.services._estimates import estimate_title, newest_presses
-from tsis.console.services._frame_analysis import Sight
-from tsis.console.services._instrument import Bench
-from tsis.console.services._jobs import DONE, ENDED, FAILED, RESULTS, Ended, Job, Jobs, JobState
-from tsis.console.services._sequences import LONGEST_S, MOST_FRAMES, SHORTEST_S
-from tsis.console.services._snapshots import Kept
-from tsis.console.services._state import BenchState, CameraState
-from tsis.console.services._subject import BALL_MM, LONGEST_SPEC, CameraChoice, VirtualStage
-from tsis.console.services._terms import BenchTerms
+from tsis.console.services._frame_analysis import FrameAnalysis
+from tsis.console.services._instrument import Instrument
+from tsis.console.services._jobs import DONE, ENDED, FAILED, RESULTS, Job, JobCancelled, Jobs, JobState
+from tsis.console.services._sequences import LONGEST_SEQUENCE_S, MOST_SEQUENCE_FRAMES, SHORTEST_SEQUENCE_S
+from tsis.console.services._snapshots import SavedPress
+from tsis.console.services._state import CameraState, InstrumentState
+from tsis.console.services._subject import BALL_MM, LONGEST_SPEC, CameraChoice, VirtualSubject
+from tsis.console.services._terms import InstrumentSettings
 
 __all__ = [
     "BALL_MM",
     "DONE",
     "ENDED",
     "FAILED",
-    "HELD_S",
-    "LONGEST_HELD_S",
-    "LONGEST_NAME",
-    "LONGEST_S",
+    "LOCK_S",
+    "LONGEST_LOCK_S",
+    "LONGEST_OWNER_NAME",
+    "LONGEST_SEQUENCE_S",
     "LONGEST_SPEC",
-    "MOST_FRAMES",
+    "MOST_SEQUENCE_FRAMES",
     "MOST_TYPED_N",
     "RESULTS",
-    "SHORTEST_HELD_S",
-    "SHORTEST_S",
-    "Bench",
-    "BenchState",
-    "BenchTerms",
+    "SHORTEST_LOCK_S",
+    "SHORTEST_SEQUENCE_S",
     "CameraChoice",
     "CameraState",
-    "Control",
-    "Ended",
-    "Holder",
+    "ControlLock",
+    "FrameAnalysis",
+    "Instrument",
+    "InstrumentSettings",
+    "InstrumentState",
     "Job",
+    "JobCancelled",
     "JobState",
     "Jobs",
-    "Kept",
-    "Sight",
-    "VirtualStage",
+    "Owner",
+    "SavedPress",
+    "VirtualSubject",
     "estimate_title",
     "newest_presses",
 ]

@@ -13,15 +13,15 @@ from tsis.virtual import bench_seed
 if TYPE_CHECKING:
     from tsis.calibration import UsableCalibration
     from tsis.calibration.guard import GuardReference
-    from tsis.console.services._camera import CameraDesk
-    from tsis.console.services._subject import VirtualStage
+    from tsis.console.services._camera import CameraController
+    from tsis.console.services._subject import VirtualSubject
 
 
 Pair = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class InForce:
+class ActiveCalibration:
     """What one judgement found: its parts belong together, whatever the camera is set to a moment later.
 
     Attributes
@@ -54,7 +54,7 @@ class InForce:
         return {"probe": self.probe, "calibration": None if self.known is None else self.known.citation()}
 
 
-class CalibrationInForce:
+class ActiveCalibrationCheck:
     """Judges a calibration by the camera as it runs: another exposure puts it out of force until it is set back.
 
     Parameters
@@ -65,9 +65,9 @@ class CalibrationInForce:
         What was put in force; None for the virtual probe's own, or none.
     """
 
-    def __init__(self, desk: CameraDesk, given: UsableCalibration | None) -> None:
+    def __init__(self, desk: CameraController, given: UsableCalibration | None) -> None:
         self._desk, self._given = desk, given
-        self._kept: tuple[UsableCalibration | None, VirtualStage | None, GuardReference] | None = None
+        self._kept: tuple[UsableCalibration | None, VirtualSubject | None, GuardReference] | None = None
 
     def use(self, given: UsableCalibration | None) -> None:
         """Put another one in force; None for the virtual probe's own, or none.
@@ -81,13 +81,13 @@ class CalibrationInForce:
             _require_fit(given, self._desk)
         self._given = given
 
-    def now(self) -> InForce:
+    def now(self) -> ActiveCalibration:
         """Judge once by the camera as it is set now."""
         stage, choice = self._desk.stage, self._desk.choice
         known, why = self._judged(self._given or (None if stage is None else stage.calibration))
         measured = None if known is None else known.known.scale
         scale = None if stage is None else stage.mm_per_pixel
-        return InForce(
+        return ActiveCalibration(
             known=known,
             why=why,
             scale=scale if measured is None else measured.mm_per_pixel,
@@ -104,7 +104,7 @@ class CalibrationInForce:
             return None, str(error)
         return wanted, ""
 
-    def _reference(self, known: UsableCalibration | None, stage: VirtualStage | None) -> GuardReference:
+    def _reference(self, known: UsableCalibration | None, stage: VirtualSubject | None) -> GuardReference:
         kept = self._kept
         if kept is None or kept[0] is not known or kept[1] is not stage:
             own = stage is not None and known is stage.calibration
@@ -113,7 +113,7 @@ class CalibrationInForce:
         return kept[2]
 
 
-def _require_fit(cited: UsableCalibration, desk: CameraDesk) -> None:
+def _require_fit(cited: UsableCalibration, desk: CameraController) -> None:
     """Refuse, with `CalibrationError`, what is expired, or of another probe, camera, setting or size of frames."""
     known, choice, acquisition = cited.known, desk.choice, desk.acquisition
     if bench_seed(known.camera) is not None:

@@ -7,12 +7,12 @@ import time
 from functools import partial
 from typing import TYPE_CHECKING
 
-from tsis.console.services._subject import VirtualStage
+from tsis.console.services._subject import VirtualSubject
 from tsis.errors import CameraError, ControlError, InputError, TsisError
 from tsis.instrument import LATE_FRAMES, connect, preset
 from tsis.instrument.acquisition import LOST_AFTER_S, Acquisition
 from tsis.model import require_number, require_one_of
-from tsis.virtual import FORCE, LARGEST_FORCE_N
+from tsis.virtual import FORCE_SETTING, LARGEST_FORCE_N
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -26,7 +26,7 @@ EVERY_S = 1.0
 LOOK_S = 1.0  # that a look waits for another one, which may be stuck in a driver
 
 
-class SettingsSeen:
+class SettingsCache:
     """Knows what can be adjusted now, without asking the camera each time that somebody wants to know.
 
     The force of the virtual probe is left out: no camera has such a setting.
@@ -66,7 +66,7 @@ class SettingsSeen:
             acquisition = self._acquisition()
             if acquisition is None or acquisition.lost:
                 return
-            settings = tuple(each for each in acquisition.settings() if each.name != FORCE)
+            settings = tuple(each for each in acquisition.settings() if each.name != FORCE_SETTING)
             values = {each.name: each.value for each in settings}
             differ = acquisition is self._seen[0] and values != self._values
             self._seen, self._values = (acquisition, settings), values
@@ -95,7 +95,7 @@ MOST_TYPED_N = 1000.0
 PATIENT_S = 60.0  # the virtual probe is never unplugged: its silence is a busy computer's
 
 
-class CameraDesk:
+class CameraController:
     """Holds one camera at a time, and knows what is pressed.
 
     Acts come one at a time, as `Acts` lets them; everything can be read, and `close` called, from any thread meanwhile.
@@ -129,7 +129,7 @@ class CameraDesk:
         connect_to: Callable[[str], Camera] = connect,
     ) -> None:
         self.choice, self.role, self.force_n = choice, choice.roles[0], choice.touch_n
-        self.stage: VirtualStage | None = None
+        self.stage: VirtualSubject | None = None
         self.acquisition: Acquisition | None = None
         self._beginning: Acquisition | None = None
         self._connect_to, self._told = connect_to, changed
@@ -137,7 +137,7 @@ class CameraDesk:
         self._wanted: dict[str, float] = {}
         self._change: tuple[Acquisition | None, int, float] = (None, 0, 0.0)
         self._closed = False
-        self._settings = SettingsSeen(lambda: self.acquisition, self._changed)
+        self._settings = SettingsCache(lambda: self.acquisition, self._changed)
 
     @property
     def running(self) -> bool:
@@ -327,7 +327,7 @@ class CameraDesk:
     def _connector(self) -> Callable[[], Camera]:
         if not self.choice.is_virtual:
             return partial(self._connect_to, self.choice.spec)
-        stage = VirtualStage(self.choice) if self.stage is None else self.stage
+        stage = VirtualSubject(self.choice) if self.stage is None else self.stage
         assert self.force_n is not None
         if self.stage is None:
             # Solved before it streams: a camera that brings no frame for seconds counts as lost.

@@ -18,13 +18,13 @@ if TYPE_CHECKING:
     from tsis.console.services._jobs import Job
 
 
-HELD_S = 10.0  # a holder who was not heard of for so long has gone
-SHORTEST_HELD_S, LONGEST_HELD_S = 1.0, 3600.0
-LONGEST_NAME = 60
+LOCK_S = 10.0  # a holder who was not heard of for so long has gone
+SHORTEST_LOCK_S, LONGEST_LOCK_S = 1.0, 3600.0
+LONGEST_OWNER_NAME = 60
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Holder:
+class Owner:
     """Who holds the camera.
 
     Attributes
@@ -39,7 +39,7 @@ class Holder:
     name: str
 
 
-class Control:
+class ControlLock:
     """Gives the camera to one at a time; safe for several threads.
 
     Parameters
@@ -49,7 +49,7 @@ class Control:
 
     Examples
     --------
-    >>> control = Control()
+    >>> control = ControlLock()
     >>> control.take("tab 1", "Ann")
     >>> control.require("tab 2")
     Traceback (most recent call last):
@@ -58,16 +58,16 @@ class Control:
 
     def __init__(self, *, clock: Callable[[], float] = time.monotonic) -> None:
         self._clock, self._lock = clock, threading.Lock()
-        self._holder: Holder | None = None
-        self._heard_s, self._held_s = 0.0, HELD_S
+        self._holder: Owner | None = None
+        self._heard_s, self._held_s = 0.0, LOCK_S
         self._taken_from = self._acting = ""
 
-    def holder(self) -> Holder | None:
+    def holder(self) -> Owner | None:
         """Who holds the camera now; None when nobody does."""
         with self._lock:
             return self._present()
 
-    def take(self, identity: str, name: str, *, over: bool = False, held_s: float = HELD_S) -> None:
+    def take(self, identity: str, name: str, *, over: bool = False, held_s: float = LOCK_S) -> None:
         """Hold the camera from now on; ``over`` takes it from whoever holds it.
 
         It is held until nothing was heard of the holder for ``held_s`` seconds, in [1, 3600].
@@ -81,16 +81,16 @@ class Control:
         """
         require_type("identity", identity, str)
         require_type("name", name, str)
-        if not name.strip() or not name.isprintable() or len(name) > LONGEST_NAME:
-            raise InputError(f"name must be 1 to {LONGEST_NAME} characters that can be shown; got {name!r:.80}")
-        require_number("held_s", held_s, SHORTEST_HELD_S, LONGEST_HELD_S, hint="seconds")
+        if not name.strip() or not name.isprintable() or len(name) > LONGEST_OWNER_NAME:
+            raise InputError(f"name must be 1 to {LONGEST_OWNER_NAME} characters that can be shown; got {name!r:.80}")
+        require_number("held_s", held_s, SHORTEST_LOCK_S, LONGEST_LOCK_S, hint="seconds")
         with self._lock:
             held = self._present()
             other = held is not None and held.identity != identity
             if held is not None and other and not over:
                 raise self._held_by(held, identity)
             self._taken_from = held.identity if held is not None and other else self._taken_from
-            self._holder, self._held_s = Holder(identity=identity, name=name), held_s
+            self._holder, self._held_s = Owner(identity=identity, name=name), held_s
             self._heard_s = self._clock()
 
     def heard_of(self, identity: str) -> None:
@@ -129,25 +129,25 @@ class Control:
                 if self._holder is not None and self._holder.identity == identity:
                     self._heard_s = self._clock()
 
-    def _present(self) -> Holder | None:
+    def _present(self) -> Owner | None:
         """Whoever acts is there, however long nothing else was heard."""
         silent = self._clock() - self._heard_s > self._held_s
         if silent and self._holder is not None and self._holder.identity != self._acting:
             self._holder = None
         return self._holder
 
-    def _held_by(self, holder: Holder, identity: str) -> ControlError:
+    def _held_by(self, holder: Owner, identity: str) -> ControlError:
         if identity == self._taken_from:
             return ControlError(f"{holder.name} has taken the camera over; watch, or take it back")
         return ControlError(f"the camera is held by {holder.name}; watch, or take it over")
 
 
-PATIENCE_S = 2.0  # for which an act waits for the one before
+COMMAND_TIMEOUT_S = 2.0  # for which an act waits for the one before
 LONG_S = 10.0  # after which is told how long an act has lasted, as while mechanics are solved for the first time
 SEQUENCE_S = 5.0  # for which a sequence that was asked to end is waited for
 
 
-class Acts:
+class Commands:
     """Lets one act at a time pass; an act that lasts is named to those who come meanwhile.
 
     Parameters
@@ -166,17 +166,21 @@ class Acts:
 
     Examples
     --------
-    >>> from tsis.console.services import Control
-    >>> control = Control()
+    >>> from tsis.console.services import ControlLock
+    >>> control = ControlLock()
     >>> control.take("tab 1", "Ann")
-    >>> acts = Acts(control)
+    >>> acts = Commands(control)
     >>> with acts.act("tab 1", "moving the probe"):
     ...     acts.busy
     'moving the probe'
     """
 
     def __init__(
-        self, control: Control, *, patience_s: float = PATIENCE_S, clock: Callable[[], float] = time.monotonic
+        self,
+        control: ControlLock,
+        *,
+        patience_s: float = COMMAND_TIMEOUT_S,
+        clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._control, self._patience_s, self._clock = control, patience_s, clock
         self._one = threading.Lock()

@@ -27,7 +27,7 @@ BRIGHT_QUANTILE = 0.99
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ForceSeen:
+class PressForce:
     """A force and where it is known from: ``"gauge"``, ``"virtual"`` or ``"typed"``."""
 
     value_n: float
@@ -35,7 +35,7 @@ class ForceSeen:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seen:
+class ContactView:
     """The contact in a frame, in its pixels.
 
     Attributes
@@ -51,7 +51,7 @@ class Seen:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Sight:
+class FrameAnalysis:
     """What the newest frame shows.
 
     Attributes
@@ -76,23 +76,23 @@ class Sight:
 
     number: int
     flags: tuple[GuardFlag, ...]
-    force: ForceSeen | None
+    force: PressForce | None
     still: str
-    contact: Seen | None
+    contact: ContactView | None
     histogram: tuple[int, ...]
     clipped_share: float
     warnings: tuple[str, ...]
 
 
-def look(
+def analyse_frame(
     watch: PressWatch,
     state: WatchState,
     frame: Frame,
     *,
     number: int,
-    force: ForceSeen | None,
+    force: PressForce | None,
     untouched: NDArray[np.float64] | None,
-) -> tuple[Sight, WatchState]:
+) -> tuple[FrameAnalysis, WatchState]:
     """Look at a frame.
 
     Parameters
@@ -106,16 +106,16 @@ def look(
     force
         Of the press.
     untouched
-        Grey levels of the untouched probe, `thinned`; None when nobody knows them.
+        Grey levels of the untouched probe, `reduced`; None when nobody knows them.
     """
     flags, after = watch.step(state, frame, None if force is None else force.value_n)
     counts = histogram(frame)
     clipped = float(np.count_nonzero(frame.pixels >= frame.full_scale) / frame.pixels.size)
-    sight = Sight(
+    sight = FrameAnalysis(
         number=number,
         flags=flags,
         force=force,
-        still=stillness(after.settling),
+        still=settling_text(after.settling),
         contact=None if any(flag.name == "no-contact" for flag in flags) else contact(frame, untouched),
         histogram=tuple(counts.tolist()),
         clipped_share=clipped,
@@ -143,7 +143,7 @@ def exposure_warnings(counts: NDArray[np.int64], clipped_share: float) -> tuple[
     return ()
 
 
-def thinned(levels: NDArray[Any]) -> NDArray[np.float64]:
+def reduced(levels: NDArray[Any]) -> NDArray[np.float64]:
     """A frame made so small that its contact is found quickly: means over equal areas, `LARGEST_SIDE_PX` at most."""
     shrink = max(1.0, max(levels.shape) / LARGEST_SIDE_PX)
     size = (max(3, round(levels.shape[1] / shrink)), max(3, round(levels.shape[0] / shrink)))
@@ -151,9 +151,9 @@ def thinned(levels: NDArray[Any]) -> NDArray[np.float64]:
     return np.asarray(cv2.resize(grey, size, interpolation=cv2.INTER_AREA), dtype=np.float64)
 
 
-def contact(frame: Frame, untouched: NDArray[np.float64] | None) -> Seen | None:
-    """The contact, looked for in a `thinned` frame; None when nothing stands out."""
-    small = thinned(frame.pixels)
+def contact(frame: Frame, untouched: NDArray[np.float64] | None) -> ContactView | None:
+    """The contact, looked for in a `reduced` frame; None when nothing stands out."""
+    small = reduced(frame.pixels)
     if untouched is not None and untouched.shape == small.shape:
         small -= untouched
     patch = segment(TactileImage(grey=small, full_scale=frame.full_scale))
@@ -171,13 +171,13 @@ def contact(frame: Frame, untouched: NDArray[np.float64] | None) -> Seen | None:
         return round((x + 0.5) * back[0] - 0.5, 2), round((y + 0.5) * back[1] - 0.5, 2)
 
     step = max(1, len(patch.contour_px) // OUTLINE_POINTS)
-    return Seen(
+    return ContactView(
         centroid_px=full_size(float(weight.sum(axis=0) @ across) / total, float(weight.sum(axis=1) @ down) / total),
         outline_px=tuple(full_size(float(x), float(y)) for x, y in patch.contour_px[::step]),
     )
 
 
-def stillness(settling: Settling | None) -> str:
+def settling_text(settling: Settling | None) -> str:
     """Whether the press has settled, in a word or two."""
     if settling is None:
         return ""

@@ -6,16 +6,16 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 from tsis.calibration import read_usable_calibration
-from tsis.console.services._active_calibration import CalibrationInForce
-from tsis.console.services._camera import CameraDesk
-from tsis.console.services._control import Acts, Control
+from tsis.console.services._active_calibration import ActiveCalibrationCheck
+from tsis.console.services._camera import CameraController
+from tsis.console.services._control import Commands, ControlLock
 from tsis.console.services._estimates import begin_estimate
 from tsis.console.services._jobs import Jobs
-from tsis.console.services._reading import StoreInPlace, force_at, gauge_force, trouble
+from tsis.console.services._reading import StoreCheck, force_at, gauge_force, trouble_messages
 from tsis.console.services._search import CameraSearch
-from tsis.console.services._sequences import SequenceTerms, begin_sequence
-from tsis.console.services._snapshots import keep_press, press_taken
-from tsis.console.services._state import BenchState, camera_state
+from tsis.console.services._sequences import SequenceRequest, begin_sequence
+from tsis.console.services._snapshots import press_to_save, save_press
+from tsis.console.services._state import InstrumentState, camera_state
 from tsis.console.services._watcher import Watcher
 from tsis.console.services.calibrating import CalibrationSessions
 from tsis.files import LARGEST_TARGET
@@ -29,21 +29,21 @@ if TYPE_CHECKING:
     from typing import Any, Self
 
     from tsis.calibration import UsableCalibration
-    from tsis.console.services._frame_analysis import ForceSeen, Sight
+    from tsis.console.services._frame_analysis import FrameAnalysis, PressForce
     from tsis.console.services._jobs import Job
-    from tsis.console.services._snapshots import Kept
+    from tsis.console.services._snapshots import SavedPress
     from tsis.console.services._subject import CameraChoice
-    from tsis.console.services._terms import BenchTerms
+    from tsis.console.services._terms import InstrumentSettings
     from tsis.instrument import Camera
     from tsis.instrument.acquisition import ReceivedFrame
     from tsis.instrument.gauge import ForceLog
     from tsis.records.store import Store
 
 
-class Bench:
+class Instrument:
     """Camera, target, calibration and store; safe for several threads.
 
-    Whoever acts gives an identity, ``by``, and must hold the camera: `Control.take` gives it. Acts come one at a time.
+    Whoever acts gives an identity, ``by``, and must hold the camera: `ControlLock.take` gives it. Acts come one at a time.
     Each raises `ControlError` when somebody else holds the camera, or another act lasts for seconds.
 
     Parameters
@@ -59,16 +59,16 @@ class Bench:
         When the calibration cannot be used or the store cannot be opened.
     """
 
-    def __init__(self, terms: BenchTerms, *, connect_to: Callable[[str], Camera] = connect) -> None:
+    def __init__(self, terms: InstrumentSettings, *, connect_to: Callable[[str], Camera] = connect) -> None:
         # What can fail comes first, so that nothing is left running then.
         given = None if terms.calibration is None else read_usable_calibration(terms.calibration)
         self.store: Store = open_store(terms.store, kind=terms.kind, database=terms.database)
-        self.control, self.jobs, self._place = Control(), Jobs(), StoreInPlace(self.store)
-        self._acts, self.search = Acts(self.control), CameraSearch(self.jobs)
+        self.control, self.jobs, self._place = ControlLock(), Jobs(), StoreCheck(self.store)
+        self._acts, self.search = Commands(self.control), CameraSearch(self.jobs)
         self.terms, self._target = terms, 1
         self._gauge: ForceLog | None = None
-        self.desk = CameraDesk(terms.choice, changed=lambda: self._watcher.begin_anew(), connect_to=connect_to)
-        self._in_force = CalibrationInForce(self.desk, given)
+        self.desk = CameraController(terms.choice, changed=lambda: self._watcher.begin_anew(), connect_to=connect_to)
+        self._in_force = ActiveCalibrationCheck(self.desk, given)
         self.calibrating = CalibrationSessions(
             terms.workspace / "calibrations",
             control=self.control,
@@ -101,15 +101,15 @@ class Bench:
         return self._in_force.now().known
 
     @property
-    def sight(self) -> Sight | None:
+    def sight(self) -> FrameAnalysis | None:
         """What the newest frame shows; None while none is looked at."""
         return self._watcher.sight
 
-    def state(self) -> BenchState:
+    def state(self) -> InstrumentState:
         """Everything that pages show; it never waits for the camera nor for an act."""
         in_force, gauge, sequence = self._in_force.now(), self._gauge, self._acts.sequence
         known, camera = in_force.known, camera_state(self.desk, in_force.scale)
-        return BenchState(
+        return InstrumentState(
             camera=camera,
             target=self._target,
             role=self.desk.role,
@@ -121,7 +121,9 @@ class Bench:
             holder=self.control.holder(),
             sequence=None if sequence is None else sequence.state(),
             jobs=self.jobs.states(),
-            trouble=trouble(camera, gauge, in_force.why, self._watcher.failure, store_gone=self._place.trouble()),
+            trouble=trouble_messages(
+                camera, gauge, in_force.why, self._watcher.failure, store_gone=self._place.trouble()
+            ),
             busy=self._acts.busy,
             gauge="" if gauge is None else gauge.name,
         )
@@ -133,7 +135,7 @@ class Bench:
             self._watcher.begin_anew()
 
     def start(self, *, by: str) -> None:
-        """Start the camera; errors as `CameraDesk.start`. When it runs already, nothing happens."""
+        """Start the camera; errors as `CameraController.start`. When it runs already, nothing happens."""
         with self._acts.act(by, "starting the camera"):
             self.desk.start()
 
@@ -165,7 +167,7 @@ class Bench:
             )
 
     def hold(self, *, role: str | None = None, force_n: float | None = None, forget: bool = False, by: str) -> None:
-        """Say what is pressed and how hard; the virtual probe is lifted and held there. As of `CameraDesk.wanted`.
+        """Say what is pressed and how hard; the virtual probe is lifted and held there. As of `CameraController.wanted`.
 
         Raises
         ------
@@ -206,7 +208,7 @@ class Bench:
             if before is not None and before is not log:
                 before.stop()
 
-    def snapshot(self, *, by: str, map_name: str = "viridis") -> Kept:
+    def snapshot(self, *, by: str, map_name: str = "viridis") -> SavedPress:
         """Keep the press as it is seen now: its files and the press in the store.
 
         Raises
@@ -225,8 +227,8 @@ class Bench:
             self.desk.look()  # somebody may have changed a setting elsewhere
             arrival, gauge = self.desk.fresh(), self._gauge
             force = self._force(arrival) if gauge is None else gauge_force(gauge, arrival)
-            return keep_press(
-                press_taken(arrival, desk=self.desk, in_force=self._in_force.now(), force=force),
+            return save_press(
+                press_to_save(arrival, desk=self.desk, in_force=self._in_force.now(), force=force),
                 number=self._target,
                 workspace=self.terms.workspace,
                 store=self.store,
@@ -239,7 +241,7 @@ class Bench:
         Raises
         ------
         InputError, CameraError, FileInputError
-            As `SequenceTerms` and `begin_sequence`.
+            As `SequenceRequest` and `begin_sequence`.
         ControlError
             When a sequence is under way.
         """
@@ -247,7 +249,7 @@ class Bench:
             self._acts.sequence = sequence = begin_sequence(
                 self.jobs,
                 self.desk.acquisition,
-                SequenceTerms(target=self._target, seconds=seconds, frames=frames),
+                SequenceRequest(target=self._target, seconds=seconds, frames=frames),
                 workspace=self.terms.workspace,
                 gauge=self._gauge,
                 typed_n=lambda: self.desk.force_n,
@@ -296,5 +298,5 @@ class Bench:
         self.desk.look()  # somebody may have changed a setting elsewhere
         return {"role": self.desk.role, **self._in_force.now().told()}
 
-    def _force(self, arrival: ReceivedFrame) -> ForceSeen | None:
+    def _force(self, arrival: ReceivedFrame) -> PressForce | None:
         return force_at(arrival, self._gauge, self.desk.force_n)

@@ -24,7 +24,7 @@ RUNNING, DONE, FAILED, ENDED = "running", "done", "failed", "ended"
 _log = logging.getLogger(__name__)
 
 
-class Ended(Exception):  # noqa: N818 - no error, but how work that was asked to end leaves its loops
+class JobCancelled(Exception):  # noqa: N818 - no error, but how work that was asked to end leaves its loops
     """Raised inside work when somebody asked it to end."""
 
 
@@ -140,7 +140,7 @@ class Job:
         """
         self.tell(done, total)
         if self._ending.is_set():
-            raise Ended
+            raise JobCancelled
 
     def run(self, work: Callable[[Job], Any]) -> None:
         """Do the work, before `finish`; an error of whatever kind becomes its sentence."""
@@ -149,7 +149,7 @@ class Job:
         try:
             self.advance(0, 0)
             self._result = work(self)
-        except Ended:
+        except JobCancelled:
             status, sentence = ENDED, f"{self.title}: ended as you asked"
         except TsisError as error:
             status, sentence = FAILED, _words(error)

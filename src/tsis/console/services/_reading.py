@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 from typing import TYPE_CHECKING
 
-from tsis.console.services._frame_analysis import ForceSeen
+from tsis.console.services._frame_analysis import PressForce
 from tsis.files import printable_path
-from tsis.virtual import FORCE
+from tsis.virtual import FORCE_SETTING
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -23,23 +23,23 @@ GAUGE_WAIT_S = 1.0
 STORE_LOOKED_AT_S = 1.0  # the state is asked for often, and the disk need not be
 
 
-def force_at(arrival: ReceivedFrame, log: ForceLog | None, typed_n: float | None) -> ForceSeen | None:
+def force_at(arrival: ReceivedFrame, log: ForceLog | None, typed_n: float | None) -> PressForce | None:
     """The force of a press that is looked at: the newest reading, for a live view does not wait for the next one."""
     if log is not None:
         readings = log.readings(since_s=arrival.arrived_s - HOLDS_S)
-        return ForceSeen(value_n=max(0.0, readings[-1].force_n), source="gauge") if readings else None
-    if arrival.frame.settings.get("source") == "virtual" and FORCE in arrival.frame.settings:
-        return ForceSeen(value_n=float(arrival.frame.settings[FORCE]), source="virtual")
-    return None if typed_n is None else ForceSeen(value_n=typed_n, source="typed")
+        return PressForce(value_n=max(0.0, readings[-1].force_n), source="gauge") if readings else None
+    if arrival.frame.settings.get("source") == "virtual" and FORCE_SETTING in arrival.frame.settings:
+        return PressForce(value_n=float(arrival.frame.settings[FORCE_SETTING]), source="virtual")
+    return None if typed_n is None else PressForce(value_n=typed_n, source="typed")
 
 
-def gauge_force(log: ForceLog, arrival: ReceivedFrame, *, wait_s: float = GAUGE_WAIT_S) -> ForceSeen:
+def gauge_force(log: ForceLog, arrival: ReceivedFrame, *, wait_s: float = GAUGE_WAIT_S) -> PressForce:
     """The gauge's force at a frame that is kept, once the reading after it has come; `GaugeError` when none comes."""
     log.wait_until(arrival.arrived_s, timeout_s=wait_s)
-    return ForceSeen(value_n=max(0.0, log.at(arrival.arrived_s).force_n), source="gauge")
+    return PressForce(value_n=max(0.0, log.at(arrival.arrived_s).force_n), source="gauge")
 
 
-class StoreInPlace:
+class StoreCheck:
     """Looks now and then whether the store is still where it was opened.
 
     Parameters
@@ -63,7 +63,7 @@ class StoreInPlace:
         return printable_path(self._store.folder) if gone else ""
 
 
-def trouble(
+def trouble_messages(
     camera: CameraState, log: ForceLog | None, unfit: str, watching: str, *, store_gone: str = ""
 ) -> tuple[str, ...]:
     """One sentence for each thing that people must know, the most urgent first.

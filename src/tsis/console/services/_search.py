@@ -48,11 +48,11 @@ class CameraSearch:
 
     def _searched(self, job: Job) -> CameraListing:
         self._findings = findings = find_cameras()
-        job.say(found_words(findings))
+        job.say(found_text(findings))
         return findings
 
 
-def found_words(findings: CameraListing) -> str:
+def found_text(findings: CameraListing) -> str:
     """How many there are."""
     number = len(findings.found)
     return {0: "No camera answered.", 1: "1 camera answered."}.get(number, f"{number} cameras answered.")

@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from tsis.instrument.gauge import ForceLog
 
 
-SHORTEST_S, LONGEST_S, MOST_FRAMES = 0.1, 3600.0, 200_000
+SHORTEST_SEQUENCE_S, LONGEST_SEQUENCE_S, MOST_SEQUENCE_FRAMES = 0.1, 3600.0, 200_000
 TENTHS = 10
 GAUGE_WAIT_S = 0.25
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class SequenceTerms:
+class SequenceRequest:
     """What is to be recorded.
 
     Parameters
@@ -51,15 +51,15 @@ class SequenceTerms:
         if (self.seconds is None) == (self.frames is None):
             raise InputError("a sequence must have one end: give seconds or frames")
         if self.seconds is not None:
-            require_number("seconds", self.seconds, SHORTEST_S, LONGEST_S, hint="seconds")
+            require_number("seconds", self.seconds, SHORTEST_SEQUENCE_S, LONGEST_SEQUENCE_S, hint="seconds")
         if self.frames is not None:
-            object.__setattr__(self, "frames", require_integer("frames", self.frames, 1, MOST_FRAMES))
+            object.__setattr__(self, "frames", require_integer("frames", self.frames, 1, MOST_SEQUENCE_FRAMES))
 
 
 def begin_sequence(
     jobs: Jobs,
     acquisition: Acquisition | None,
-    terms: SequenceTerms,
+    terms: SequenceRequest,
     *,
     workspace: Path,
     gauge: ForceLog | None,
@@ -163,7 +163,7 @@ def _made(wanted: Path) -> Path:
     return folder
 
 
-def _tell(job: Job, terms: SequenceTerms, kept: int, passed_s: float) -> None:
+def _tell(job: Job, terms: SequenceRequest, kept: int, passed_s: float) -> None:
     if terms.frames is not None:
         job.tell(kept, terms.frames)
     elif terms.seconds is not None:

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 
     from tsis.calibration import UsableCalibration
     from tsis.calibration.guard import GuardFlag, GuardReference
-    from tsis.console.services._active_calibration import InForce
-    from tsis.console.services._camera import CameraDesk
-    from tsis.console.services._frame_analysis import ForceSeen
+    from tsis.console.services._active_calibration import ActiveCalibration
+    from tsis.console.services._camera import CameraController
+    from tsis.console.services._frame_analysis import PressForce
     from tsis.instrument import Frame, Snapshot
     from tsis.instrument.acquisition import ReceivedFrame
     from tsis.model import TactileImage
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class PressTaken:
+class PressToSave:
     """A press about to be kept.
 
     Attributes
@@ -63,7 +63,7 @@ class PressTaken:
     frame: Frame
     when: datetime
     image: TactileImage
-    force: ForceSeen | None
+    force: PressForce | None
     role: str
     probe: str
     calibration: UsableCalibration | None
@@ -74,7 +74,7 @@ class PressTaken:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Kept:
+class SavedPress:
     """A press that is on the disk and in the store.
 
     Attributes
@@ -96,7 +96,7 @@ class Kept:
     notes: tuple[str, ...]
 
 
-def keep_press(taken: PressTaken, *, number: int, workspace: Path, store: Store, map_name: str) -> Kept:
+def save_press(taken: PressToSave, *, number: int, workspace: Path, store: Store, map_name: str) -> SavedPress:
     """Keep a press under the number of a target, which is entered when there is none.
 
     Raises
@@ -136,13 +136,15 @@ def keep_press(taken: PressTaken, *, number: int, workspace: Path, store: Store,
             f"the files are in {files.raw.parent}, but the press could not be kept in the store: {error} "
             f"(when that is mended, enter it with: tsis records import {files.sidecar})"
         ) from error
-    return Kept(files=files, target=target, press=press, flags=flags, notes=notes)
+    return SavedPress(files=files, target=target, press=press, flags=flags, notes=notes)
 
 
-def press_taken(arrival: ReceivedFrame, *, desk: CameraDesk, in_force: InForce, force: ForceSeen | None) -> PressTaken:
+def press_to_save(
+    arrival: ReceivedFrame, *, desk: CameraController, in_force: ActiveCalibration, force: PressForce | None
+) -> PressToSave:
     """A frame that came as a press of what the desk holds, under the calibration in force."""
     stage = desk.stage
-    return PressTaken(
+    return PressToSave(
         frame=arrival.frame,
         when=_moment(arrival),
         image=arrival.frame.tactile_image(
@@ -164,7 +166,7 @@ def _moment(arrival: ReceivedFrame) -> datetime:
     return datetime.now().astimezone() - timedelta(seconds=max(0.0, time.monotonic() - arrival.arrived_s))
 
 
-def _target(store: Store, taken: PressTaken, number: int) -> tuple[Target, tuple[str, ...]]:
+def _target(store: Store, taken: PressToSave, number: int) -> tuple[Target, tuple[str, ...]]:
     """The target of that number, entered where there is none, and what to know of it."""
     truth = taken.truth if store.kind == "phantom" else {}
     target = numbered(store, number)
@@ -178,7 +180,7 @@ def _target(store: Store, taken: PressTaken, number: int) -> tuple[Target, tuple
     return target, tuple(truth_note(truth, target))
 
 
-def _require_same_phantom(store: Store, taken: PressTaken, number: int) -> None:
+def _require_same_phantom(store: Store, taken: PressToSave, number: int) -> None:
     """Refuse, with `ControlError`, what would mix presses of several phantoms, or of a phantom with those of people."""
     if store.kind != "phantom":
         raise ControlError(
@@ -199,7 +201,7 @@ def _phantom_words(name: str, truth: Mapping[str, float]) -> str:
     return f"{name or 'another phantom'} ({values or 'no inclusion'})"
 
 
-def _about(taken: PressTaken, flags: tuple[GuardFlag, ...]) -> dict[str, Any]:
+def _about(taken: PressToSave, flags: tuple[GuardFlag, ...]) -> dict[str, Any]:
     return {
         "role": taken.role,
         "probe": taken.probe,

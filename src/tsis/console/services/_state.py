@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 from tsis.console.services._subject import UNTOUCHED
 
 if TYPE_CHECKING:
-    from tsis.console.services._camera import CameraDesk
-    from tsis.console.services._control import Holder
-    from tsis.console.services._frame_analysis import Sight
+    from tsis.console.services._camera import CameraController
+    from tsis.console.services._control import Owner
+    from tsis.console.services._frame_analysis import FrameAnalysis
     from tsis.console.services._jobs import JobState
     from tsis.console.services._subject import CameraChoice
     from tsis.instrument import Setting
@@ -57,7 +57,7 @@ class CameraState:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BenchState:
+class InstrumentState:
     """How the bench is.
 
     Attributes
@@ -97,8 +97,8 @@ class BenchState:
     force_n: float | None
     calibration: str
     calibration_identity: str
-    sight: Sight | None
-    holder: Holder | None
+    sight: FrameAnalysis | None
+    holder: Owner | None
     sequence: JobState | None
     jobs: tuple[JobState, ...]
     trouble: tuple[str, ...]
@@ -111,7 +111,7 @@ class BenchState:
         return self.camera.choice.is_virtual and self.role == UNTOUCHED
 
 
-def camera_state(desk: CameraDesk, mm_per_pixel: tuple[float, float] | None) -> CameraState:
+def camera_state(desk: CameraController, mm_per_pixel: tuple[float, float] | None) -> CameraState:
     """How the camera on a desk is; it never waits for the camera.
 
     Parameters

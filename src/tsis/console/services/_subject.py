@@ -139,7 +139,7 @@ BALL_MM = 3.0
 TRUTHS = ("diameter_mm", "depth_mm", "young_kpa")
 
 
-class VirtualStage:
+class VirtualSubject:
     """A virtual rig with what lies before it, by the role of a press on it.
 
     Parameters

@@ -11,7 +11,7 @@ from tsis.records import KINDS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class BenchTerms:
+class InstrumentSettings:
     """Where a bench keeps things, and what it begins with.
 
     Parameters

@@ -7,7 +7,7 @@ import threading
 from typing import TYPE_CHECKING
 
 from tsis.calibration.guard import FrameShape, PressWatch, WatchState
-from tsis.console.services._frame_analysis import look, thinned
+from tsis.console.services._frame_analysis import analyse_frame, reduced
 from tsis.errors import TsisError
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from tsis.calibration.guard import GuardReference
-    from tsis.console.services._frame_analysis import ForceSeen, Sight
+    from tsis.console.services._frame_analysis import FrameAnalysis, PressForce
     from tsis.instrument.acquisition import Acquisition, ReceivedFrame
 
 
@@ -43,17 +43,17 @@ class Watcher:
         self,
         acquisition: Callable[[], Acquisition | None],
         reference: Callable[[], tuple[GuardReference, tuple[float, float] | None]],
-        force: Callable[[ReceivedFrame], ForceSeen | None],
+        force: Callable[[ReceivedFrame], PressForce | None],
     ) -> None:
         self._acquisition, self._reference, self._force = acquisition, reference, force
-        self._sight: Sight | None = None
+        self._sight: FrameAnalysis | None = None
         self._failure = ""
         self._anew, self._closing = threading.Event(), threading.Event()
         self._thread = threading.Thread(target=self._run, name="watcher of presses", daemon=True)
         self._thread.start()
 
     @property
-    def sight(self) -> Sight | None:
+    def sight(self) -> FrameAnalysis | None:
         """What the newest frame that was looked at shows; None while there is none."""
         return self._sight
 
@@ -93,7 +93,7 @@ class Watcher:
             try:
                 if watch is None:
                     watch, untouched = self._guard(arrival)
-                self._sight, state = look(
+                self._sight, state = analyse_frame(
                     watch, state, arrival.frame, number=place, force=self._force(arrival), untouched=untouched
                 )
                 self._failure = ""
@@ -113,4 +113,4 @@ class Watcher:
         reference, scale = self._reference()
         shape = FrameShape.of(arrival.frame.tactile_image(mm_per_pixel=scale))
         known = reference.untouched
-        return PressWatch(shape, reference=reference), None if known is None else thinned(known.grey)
+        return PressWatch(shape, reference=reference), None if known is None else reduced(known.grey)

@@ -77,7 +77,7 @@ NAME = re.compile(r"[A-Za-z0-9_-]{1,60}", re.ASCII)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class StudyGlimpse:
+class StudySummary:
     """A study in a list.
 
     Attributes
@@ -99,7 +99,7 @@ class StudyGlimpse:
     trouble: str = ""
 
 
-class StudyShelf:
+class StudyRepository:
     """The studies below a workspace.
 
     Parameters
@@ -149,7 +149,7 @@ class StudyShelf:
             raise RecordsError(f"the folder of studies must be writable; got: {error.strerror or error}") from error
         return new_study(self._folder / name, targets, **terms)
 
-    def glimpses(self) -> tuple[StudyGlimpse, ...]:
+    def glimpses(self) -> tuple[StudySummary, ...]:
         """All studies; one that cannot be read says why."""
         return tuple(self._glimpse(name) for name in self.names())
 
@@ -165,20 +165,20 @@ class StudyShelf:
         """The same of all studies, by their names."""
         return tuple((name, self.stamp(name)) for name in self.names())
 
-    def _glimpse(self, name: str) -> StudyGlimpse:
+    def _glimpse(self, name: str) -> StudySummary:
         try:
             study = self.study(name)
         except TsisError as error:
-            return StudyGlimpse(name=name, trouble=one_line(error))
-        return StudyGlimpse(
+            return StudySummary(name=name, trouble=one_line(error))
+        return StudySummary(
             name=name,
             targets=len(study.plan.codes),
             readings=len(study.readings),
-            unblinded=unblinded_words(study),
+            unblinded=unblinded_text(study),
         )
 
 
-def unblinded_words(study: Study) -> str:
+def unblinded_text(study: Study) -> str:
     """When and by whom a study was unblinded; empty while it is blind."""
     entry = study.unblinded
     return "" if entry is None else one_line(f"{entry.moment[:16].replace('T', ' ')} UTC by {entry.actor}")

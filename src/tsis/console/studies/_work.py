@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tsis.console.services import Job, Jobs, JobState
-    from tsis.console.studies._library import StudyShelf
+    from tsis.console.studies._library import StudyRepository
     from tsis.study import Study
 
 
@@ -39,7 +39,7 @@ def job_of(jobs: Jobs, name: str) -> JobState | None:
     return next((state for state in reversed(jobs.states()) if state.title in titles), None)
 
 
-def begin_reading(jobs: Jobs, shelf: StudyShelf, name: str, *, operator: str) -> Job:
+def begin_reading(jobs: Jobs, shelf: StudyRepository, name: str, *, operator: str) -> Job:
     """Have the virtual probe read what an operator has still to read.
 
     Raises
@@ -60,7 +60,9 @@ def begin_reading(jobs: Jobs, shelf: StudyShelf, name: str, *, operator: str) ->
         return jobs.begin(reading_title(name), partial(_read, study.folder, operator))
 
 
-def begin_publishing(jobs: Jobs, shelf: StudyShelf, name: str, *, by: str, although_incomplete: bool = False) -> Job:
+def begin_publishing(
+    jobs: Jobs, shelf: StudyRepository, name: str, *, by: str, although_incomplete: bool = False
+) -> Job:
     """Unblind a study where it is blind still, analyse it and write its report.
 
     Raises

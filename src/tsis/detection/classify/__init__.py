@@ -1,4 +1,4 @@
-"""FIXME."""
+"""Three classes of targets from the estimates of presses, with probabilities."""
 
 from tsis.detection.classify._classes import ClassSplit
 from tsis.detection.classify._classifier import (

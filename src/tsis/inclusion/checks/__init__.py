@@ -1,4 +1,4 @@
-"""FIXME."""
+"""What the frames themselves say against an estimate: no contact, clipping, tilt, no round inclusion, off the axis."""
 
 from tsis.inclusion.checks._images import image_findings
 from tsis.inclusion.checks._place import SEEN, InclusionPlace, inclusion_place

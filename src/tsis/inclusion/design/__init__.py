@@ -1,4 +1,4 @@
-"""FIXME."""
+"""How well a planned probe and protocol would tell inclusions apart."""
 
 from tsis.inclusion.design._alternatives import (
     ASPECTS,
@@ -15,14 +15,14 @@ from tsis.inclusion.design._information import (
     protocol_information,
 )
 from tsis.inclusion.design._limits import DesignLimits
-from tsis.inclusion.design._protocol import MOST_FRAMES, PlannedPress, Protocol, default_protocols, protocol_of
+from tsis.inclusion.design._protocol import MOST_FRAMES_EACH, PlannedPress, Protocol, default_protocols, protocol_of
 from tsis.inclusion.design._search import MOST_EVALUATIONS, DesignOptimum, optimise_design
 
 __all__ = [
     "ASPECTS",
     "CRITERIA",
     "MOST_EVALUATIONS",
-    "MOST_FRAMES",
+    "MOST_FRAMES_EACH",
     "Design",
     "DesignLimits",
     "DesignOptimum",

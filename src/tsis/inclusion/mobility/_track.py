@@ -12,7 +12,14 @@ from scipy.spatial.distance import pdist
 
 from tsis.errors import ImageMismatchError, InputError
 from tsis.imaging import pixel_noise, require_same_frame, smoothed
-from tsis.inclusion.relative import COMPARED_WITH, ONE_SPHERE, change_of_light, lit_alike, lit_part, notes_of
+from tsis.inclusion.relative import (
+    COMPARED_WITH,
+    ONE_SPHERE,
+    change_of_light,
+    equal_light_assumption,
+    lit_part,
+    notes_of,
+)
 from tsis.model import as_images
 
 if TYPE_CHECKING:
@@ -171,7 +178,7 @@ def mobility(
         assumptions=(
             ONE_SPHERE,
             COMPARED_WITH[against],
-            lit_alike(calibration),
+            equal_light_assumption(calibration),
             "Probe and force stay the same: a probe that slides moves the light as an object does.",
         ),
         flags=tuple(dict.fromkeys([*flags, *(flag for flag, is_so in wrong.items() if is_so)])),

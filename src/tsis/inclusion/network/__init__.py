@@ -1,4 +1,4 @@
-"""FIXME."""
+"""The networks of section 6.3.3: three outputs of a press in, diameter, depth and modulus out."""
 
 from tsis.inclusion.network._network import Layers, Network
 from tsis.inclusion.network._outputs import (

@@ -1,4 +1,4 @@
-"""FIXME."""
+"""The posterior of an inclusion: the forward model of ring profiles, their likelihood, and the grid that explores it."""
 
 from tsis.inclusion.posterior._exploration import InclusionPosterior, explore_inclusion
 from tsis.inclusion.posterior._forward import THICKNESS, TISSUE, ForwardModel

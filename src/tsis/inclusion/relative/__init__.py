@@ -1,4 +1,4 @@
-"""FIXME."""
+"""Relative estimates of section 6.2: numbers that are only good for comparing presses with each other."""
 
 from tsis.inclusion.relative._estimates import relative_depth, relative_hardness, relative_size
 from tsis.inclusion.relative._light import LightChange, LitPart, change_of_light, lit_part
@@ -7,7 +7,7 @@ from tsis.inclusion.relative._reading import (
     ONE_SPHERE,
     RelativeReading,
     Repeats,
-    lit_alike,
+    equal_light_assumption,
     notes_of,
     ratios,
 )
@@ -20,7 +20,7 @@ __all__ = [
     "RelativeReading",
     "Repeats",
     "change_of_light",
-    "lit_alike",
+    "equal_light_assumption",
     "lit_part",
     "notes_of",
     "ratios",

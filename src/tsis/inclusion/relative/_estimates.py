@@ -10,7 +10,7 @@ from scipy import ndimage
 from tsis.errors import InputError, NotCalibratedError
 from tsis.imaging import require_same_frame
 from tsis.inclusion.relative._light import brightest, change_of_light, lit_part
-from tsis.inclusion.relative._reading import COMPARED_WITH, ONE_SPHERE, RelativeReading, lit_alike
+from tsis.inclusion.relative._reading import COMPARED_WITH, ONE_SPHERE, RelativeReading, equal_light_assumption
 from tsis.model import Calibration, TactileImage
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def relative_depth(
         assumptions=(
             ONE_SPHERE,
             COMPARED_WITH[against],
-            lit_alike(calibration),
+            equal_light_assumption(calibration),
             "What is compared is equally large and equally stiff: a grey level that falls with depth is no depth.",
         ),
         parts=parts,
@@ -142,7 +142,7 @@ def relative_size(
         assumptions=(
             ONE_SPHERE,
             COMPARED_WITH[against],
-            lit_alike(calibration),
+            equal_light_assumption(calibration),
             "What is compared lies equally deep and is equally stiff: the lit part is no outline of the inclusion.",
         ),
         parts={"area_mm2": lit.area_mm2},
@@ -238,7 +238,7 @@ def relative_hardness(
         assumptions=(
             ONE_SPHERE,
             COMPARED_WITH[against],
-            lit_alike(calibration),
+            equal_light_assumption(calibration),
             "What is compared is equally large and lies equally deep, and was pressed with the same two forces.",
             "Grey level is in proportion to pressure.",
             "The growth of the lit part stands for a strain, which it is not.",

@@ -40,7 +40,7 @@ EVEN_LIGHT = "The face is lit evenly, and what is compared was lit and pressed a
 KNOWN_LIGHT = "The face is lit as the calibration says, and what is compared was pressed alike."
 
 
-def lit_alike(calibration: Calibration | None) -> str:
+def equal_light_assumption(calibration: Calibration | None) -> str:
     """What must hold for the light."""
     return EVEN_LIGHT if calibration is None or calibration.light is None else KNOWN_LIGHT
 

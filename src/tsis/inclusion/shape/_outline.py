@@ -9,7 +9,7 @@ import numpy as np
 
 from tsis.imaging import NOISE_FACTOR
 from tsis.inclusion._binary import binary_features
-from tsis.inclusion.relative import COMPARED_WITH, change_of_light, lit_alike, notes_of
+from tsis.inclusion.relative import COMPARED_WITH, change_of_light, equal_light_assumption, notes_of
 from tsis.inclusion.shape._threshold import TwoMeans, two_means
 
 if TYPE_CHECKING:
@@ -119,7 +119,7 @@ def object_shape(
     """
     change = change_of_light(image, reference, against=against, calibration=calibration)
     levels = two_means(change.image.grey)
-    assumptions = (*ASSUMPTIONS, COMPARED_WITH[against], lit_alike(calibration))
+    assumptions = (*ASSUMPTIONS, COMPARED_WITH[against], equal_light_assumption(calibration))
     if levels.object_grey - levels.background_grey <= NOISE_FACTOR * change.noise_grey:
         return _nothing(levels, against, assumptions)
     found = binary_features(change.image, levels.threshold_grey)

@@ -1,4 +1,4 @@
-"""Sources of frames that follow the camera protocol; the virtual probe's lies in its own room."""
+"""Camera drivers behind the camera protocol; the driver of the virtual probe lies in `tsis.virtual`."""
 
 from tsis.instrument.drivers._files import ImageFiles
 from tsis.instrument.drivers._opencv import OpenCVDevice

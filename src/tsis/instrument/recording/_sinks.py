@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import cv2
 
 from tsis.errors import InputError
-from tsis.instrument._image_files import QUICK, whole_levels
+from tsis.instrument._image_files import QUICK_PNG, whole_levels
 from tsis.instrument._quiet import quiet_decoders, quiet_ffmpeg
 
 if TYPE_CHECKING:
@@ -48,7 +48,7 @@ class FrameFolder:
     def keep(self, frame: Frame, number: int) -> str:
         """Write ``frame-000000.png`` and so on."""
         name = f"frame-{number:06d}.png"
-        content = cv2.imencode(".png", whole_levels(frame.pixels, frame.full_scale), QUICK)[1]
+        content = cv2.imencode(".png", whole_levels(frame.pixels, frame.full_scale), QUICK_PNG)[1]
         try:
             with (self._folder / name).open("xb") as file:
                 file.write(content.tobytes())

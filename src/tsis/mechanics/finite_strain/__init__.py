@@ -18,7 +18,7 @@ from tsis.mechanics.finite_strain._probe_on_slab import SPRING, ProbeOnSlab
 from tsis.mechanics.finite_strain._sphere import (
     LIGHTEST,
     TOUCH,
-    WIDEST,
+    WIDEST_CONTACT,
     SphereOnProbe,
     SpherePress,
     SphereResolution,
@@ -30,7 +30,7 @@ __all__ = [
     "LIGHTEST",
     "SPRING",
     "TOUCH",
-    "WIDEST",
+    "WIDEST_CONTACT",
     "FiniteResolution",
     "ProbeOnSlab",
     "SphereOnProbe",

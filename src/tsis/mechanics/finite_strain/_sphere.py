@@ -89,7 +89,7 @@ def mesh_ball(
 
 LIGHTEST = 3e-4  # force over modulus times radius squared, below which the contact is smaller than its mesh
 TOUCH = 0.02  # travel of the first touch as a share of the sphere's radius
-WIDEST = 0.6  # radius of the sphere as a share of the face's: what spreads stays on the face
+WIDEST_CONTACT = 0.6  # radius of the sphere as a share of the face's: what spreads stays on the face
 LARGEST_STRETCH = 4.0
 FIT_DEGREE = 3  # of the polynomial in r^2 that the square of the pressure is fitted with
 FIT_POINTS = 12  # on each closed part of an element edge
@@ -197,7 +197,9 @@ def squeeze_path(
 ) -> tuple[SpherePress, ...]:
     """Results of `squeeze_sphere` at several ascending forces in newtons, on one path; arguments, errors as there."""
     require_type("probe", probe, Probe)
-    require_number("sphere_radius_mm", sphere_radius_mm, 0.1, WIDEST * probe.radius_mm, hint="0.6 of the face's radius")
+    require_number(
+        "sphere_radius_mm", sphere_radius_mm, 0.1, WIDEST_CONTACT * probe.radius_mm, hint="0.6 of the face's radius"
+    )
     require_number("young_kpa", young_kpa, 0.1, 1e6, hint="kilopascals")
     require_number("poisson", poisson, 0.0, 0.495)
     require_ascending_forces(forces_n)

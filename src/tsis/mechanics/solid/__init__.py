@@ -1,4 +1,4 @@
-"""FIXME."""
+"""Presses in three dimensions: inclusions anywhere under the face, ellipsoids, several at once (extra ``fem3d``)."""
 
 from tsis.mechanics.solid._mesh import SolidResolution
 from tsis.mechanics.solid._press import press_solid

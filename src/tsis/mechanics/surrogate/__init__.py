@@ -1,4 +1,4 @@
-"""FIXME."""
+"""Presses as polynomials over a box of inclusions and tissues, with their measured error, kept on disk."""
 
 from tsis.mechanics.surrogate._build import build_surrogate, cached_arrays, mechanical_content
 from tsis.mechanics.surrogate._full_contact import (

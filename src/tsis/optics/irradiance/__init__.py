@@ -1,4 +1,4 @@
-"""FIXME."""
+"""The light that reaches the face of the probe from inside, as a smooth function of place, height and slope."""
 
 from tsis.optics.irradiance._field import Irradiance, leaving_light
 from tsis.optics.irradiance._trace import irradiance

@@ -16,8 +16,17 @@ from tsis.optics import _inputs as inputs
 from tsis.optics._asperities import real_contact
 from tsis.optics.irradiance._field import Irradiance, leaving_light
 from tsis.optics.irradiance._fit import slope_terms, smooth, symmetries, symmetrised, watched_slopes
-from tsis.optics.rays import _kernel as rays_kernel
-from tsis.optics.rays import evenly_pressed_face, evenly_raised_face, hertz_dent, scene, trace_batches
+from tsis.optics.rays import (
+    ARRIVING,
+    COUPLED,
+    FLUX_X,
+    FLUX_Y,
+    evenly_pressed_face,
+    evenly_raised_face,
+    hertz_dent,
+    scene,
+    trace_batches,
+)
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -127,7 +136,7 @@ def _traced(
     watched = [traced(evenly_raised_face(probe.radius_mm, moved), rays, watched_slopes()) for moved in raised]
     touched = traced(evenly_pressed_face(probe.radius_mm, SATURATION_KPA), rays / len(DENTS), np.empty((0, 2)))
     share = real_contact(np.array(SATURATION_KPA), SATURATION_KPA).item()
-    arriving = [found.maps[:, rays_kernel.ARRIVING].sum() / len(found.maps) for found in (watched[0], touched)]
+    arriving = [found.maps[:, ARRIVING].sum() / len(found.maps) for found in (watched[0], touched)]
     _check_lit(min(arriving))
     light = replace(_smoothed(probe, raised, watched), depletion=(arriving[0] / arriving[1] - 1) / share)
     logs, depths = [], []
@@ -139,7 +148,7 @@ def _traced(
             peak_pressure_kpa=SATURATION_KPA,
             offset_mm=(x * probe.radius_mm, y * probe.radius_mm),
         )
-        left = traced(dent, rays / len(DENTS), np.empty((0, 2))).maps[:, rays_kernel.COUPLED].mean(axis=0)
+        left = traced(dent, rays / len(DENTS), np.empty((0, 2))).maps[:, COUPLED].mean(axis=0)
         model, moved = leaving_light(light, dent, saturation_kpa=SATURATION_KPA, bins=1)
         _check_lit(min(left.sum(), model.item()))
         logs.append(np.log(left.sum() / model.item()))
@@ -153,8 +162,8 @@ def _smoothed(probe: Probe, raised: NDArray[np.float64], watched: list[Batches])
     terms = []
     for found in watched:
         maps, tilted = (_grouped(part) for part in (found.maps, found.tilted))
-        flux = maps[:, rays_kernel.FLUX_X : rays_kernel.FLUX_Y + 1]
-        even = symmetrised(maps[:, rays_kernel.ARRIVING], flux, tilted, matrices)
+        flux = maps[:, FLUX_X : FLUX_Y + 1]
+        even = symmetrised(maps[:, ARRIVING], flux, tilted, matrices)
         terms.append(smooth(slope_terms(*even), probe.radius_mm, nodes))
     inside = np.hypot(nodes, nodes[:, None]) <= probe.radius_mm
     mean = float(terms[0][:, 0].mean(axis=0)[inside].mean())

@@ -1,4 +1,4 @@
-"""FIXME."""
+"""Rays from the lamps through the probe: a fast tracer, and a readable one to compare it with."""
 
 from tsis.optics.rays._face import (
     evenly_pressed_face,
@@ -9,12 +9,17 @@ from tsis.optics.rays._face import (
     slopes,
     tip_press,
 )
+from tsis.optics.rays._kernel import ARRIVING, COUPLED, FLUX_X, FLUX_Y
 from tsis.optics.rays._reference import WAYS_OUT, trace_photons
 from tsis.optics.rays._scene import APERTURE, scene
 from tsis.optics.rays._trace import Batches, Tally, TracedLight, trace_batches, trace_paths, trace_rays
 
 __all__ = [
     "APERTURE",
+    "ARRIVING",
+    "COUPLED",
+    "FLUX_X",
+    "FLUX_Y",
     "WAYS_OUT",
     "Batches",
     "Tally",

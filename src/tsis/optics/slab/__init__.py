@@ -1,5 +1,7 @@
-"""FIXME."""
+"""The layers of a slab as waves see them: phase, field and a slow reference of its guided modes, (3.40) to (3.54)."""
 
+from tsis.optics.slab._field import SlabField, mode_field, nearly_degenerate
 from tsis.optics.slab._layers import SlabLayers, thickness_factor
+from tsis.optics.slab._phase import mode_roots
 
-__all__ = ["SlabLayers", "thickness_factor"]
+__all__ = ["SlabField", "SlabLayers", "mode_field", "mode_roots", "nearly_degenerate", "thickness_factor"]

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Self
 
 import numpy as np
 
-from tsis.optics.slab._phase import EPSILON, across
+from tsis.optics.slab._phase import EPSILON, propagate_layer
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -135,7 +135,7 @@ class SlabField:
         return np.asarray(sum(part * one.slope(x_um) for part, one in zip(self.amplitudes, self.waves, strict=True)))
 
 
-def field(layers: SlabLayers, n_eff: NDArray[np.float64], q: NDArray[np.float64], number: int) -> SlabField:
+def mode_field(layers: SlabLayers, n_eff: NDArray[np.float64], q: NDArray[np.float64], number: int) -> SlabField:
     """Field of one of a few modes that rounding may mix, with unit power.
 
     Parameters
@@ -196,7 +196,7 @@ def _best(tries: Iterator[_Try]) -> _Try:
     return best
 
 
-def mixed(anchor: NDArray[np.float64], offset: NDArray[np.float64], largest_q: float, mode: int) -> slice:
+def nearly_degenerate(anchor: NDArray[np.float64], offset: NDArray[np.float64], largest_q: float, mode: int) -> slice:
     """The modes around ``mode`` that rounding may mix with each other."""
     near = min(INSEPARABLE, CROWDED / len(anchor)) * largest_q
     first, last = mode, mode + 1
@@ -246,7 +246,7 @@ def _carried(layers: SlabLayers, q: NDArray[np.float64], side: int) -> tuple[NDA
     leaves[outside] = u, v, log
     for region in range(outside + side, end, side):
         enters[region] = u, v, log
-        u, v, half_turns, depth = across(u, v, weight[region], q[region], length[region])
+        u, v, half_turns, depth = propagate_layer(u, v, weight[region], q[region], length[region])
         size = float(np.hypot(u, v)) * (-1) ** half_turns
         u, v, log = u / size, v / size, log + depth + float(np.log(abs(size)))
         leaves[region] = u, v, log

@@ -28,7 +28,7 @@ Floats = NDArray[np.float64]
 
 
 @compiled
-def across(u: float, v: float, p: float, q: float, length: float) -> tuple[float, float, int, float]:
+def propagate_layer(u: float, v: float, p: float, q: float, length: float) -> tuple[float, float, int, float]:
     """Carry (u, v) through a layer: the new pair, the half-turns left out of it, and the log of the factor left out."""
     if q > 0.0:
         kappa = math.sqrt(q)
@@ -51,7 +51,7 @@ def across(u: float, v: float, p: float, q: float, length: float) -> tuple[float
 
 
 @compiled
-def arrival(
+def layer_phase(
     step: Floats, weight: Floats, length: Floats, offset: float, core: int, side: int
 ) -> tuple[int, float, float]:
     """Half-turns and direction (u, v) with which the solution that decays outside reaches the core.
@@ -63,7 +63,7 @@ def arrival(
     half_turns = 0
     layer = outside + side
     while layer != core:
-        u, v, passed, _ = across(u, v, weight[layer], step[layer] - offset, length[layer])
+        u, v, passed, _ = propagate_layer(u, v, weight[layer], step[layer] - offset, length[layer])
         half_turns += passed
         if u < 0.0 or (u == 0.0 and v < 0.0):
             u, v = -u, -v
@@ -77,8 +77,8 @@ def arrival(
 @compiled
 def phase(step: Floats, weight: Floats, length: Floats, offset: float, core: int) -> tuple[int, float]:
     """Phase beyond that of the lowest mode: pi times the first number, plus the second."""
-    below, u_below, v_below = arrival(step, weight, length, offset, core, 1)
-    above, u_above, v_above = arrival(step, weight, length, offset, core, -1)
+    below, u_below, v_below = layer_phase(step, weight, length, offset, core, 1)
+    above, u_above, v_above = layer_phase(step, weight, length, offset, core, -1)
     kappa, p = math.sqrt(max(step[core] - offset, 0.0)), weight[core]
     # Complements of the angles: near cut-off of a thin guide the phase is tiny, and no pi / 2 may swallow it.
     rest = kappa * length[core] - math.atan2(p * v_below, kappa * u_below) - math.atan2(p * v_above, kappa * u_above)
@@ -93,7 +93,7 @@ def modes_above(step: Floats, weight: Floats, length: Floats, offset: float, cor
 
 
 @compiled
-def roots(
+def mode_roots(
     step: Floats, weight: Floats, length: Floats, low: float, high: float, core: int, first: int, found: Floats
 ) -> None:
     """Fill ``found`` with the falling offsets, between ``high`` and ``low``, of mode ``first`` and those after it."""

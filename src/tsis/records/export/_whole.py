@@ -9,7 +9,7 @@ import cv2
 
 from tsis.errors import FileInputError
 from tsis.files import as_path, atomic_file, atomic_folder, printable_path
-from tsis.instrument import QUICK
+from tsis.instrument import QUICK_PNG
 
 if TYPE_CHECKING:
     import os
@@ -69,4 +69,4 @@ def frame_png(dossier: TargetRecord, press: StoredPress) -> bytes:
     RecordsError
         When the stored frame is not what its press says.
     """
-    return bytes(cv2.imencode(".png", dossier.levels(press), QUICK)[1].tobytes())
+    return bytes(cv2.imencode(".png", dossier.levels(press), QUICK_PNG)[1].tobytes())

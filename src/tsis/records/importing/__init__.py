@@ -5,7 +5,7 @@ from tsis.records.importing._found import ImportBatch, ImportOptions, IncomingPr
 from tsis.records.importing._places import find_import_batches
 from tsis.records.importing._present import numbered
 from tsis.records.importing._results import enter_estimate, new_target
-from tsis.records.importing._snapshots import keep_snapshot
+from tsis.records.importing._snapshots import save_snapshot_to_store
 
 __all__ = [
     "Entered",
@@ -16,10 +16,10 @@ __all__ = [
     "enter",
     "enter_estimate",
     "find_import_batches",
-    "keep_snapshot",
     "new_target",
     "numbered",
     "require_enterable",
+    "save_snapshot_to_store",
     "stored_calibration",
     "truth_note",
 ]

@@ -16,8 +16,7 @@ from tsis.files import printable_path
 from tsis.instrument import read_image
 from tsis.records._plain_fields import free_to_plain
 from tsis.records._values import StoredPress
-from tsis.records.store import _tables as tables
-from tsis.records.store import frame_bytes
+from tsis.records.store import calibration_table, frame_bytes
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -256,7 +255,7 @@ def written(path: Path) -> datetime:
 def stored_calibration(store: Store, cited: str) -> ProbeCalibration | None:
     """The calibration of that identity in a store; None where it is not in it, `RecordsError` when it is damaged."""
     with store.database.reading() as connection:
-        found = connection.execute(select(tables.calibrations.c.id).where(tables.calibrations.c.id == cited)).first()
+        found = connection.execute(select(calibration_table.c.id).where(calibration_table.c.id == cited)).first()
     return None if found is None else store.calibration(cited)
 
 

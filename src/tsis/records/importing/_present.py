@@ -7,9 +7,7 @@ from typing import TYPE_CHECKING
 
 from sqlalchemy import select
 
-from tsis.records.store import MOST_AT_ONCE, press_query
-from tsis.records.store import _rows as rows
-from tsis.records.store import _tables as tables
+from tsis.records.store import MOST_AT_ONCE, press_of_row, press_query, press_table, target_of_row, target_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -21,7 +19,7 @@ if TYPE_CHECKING:
 
 def numbered(store: Store, number: int) -> Target | None:
     """The target that people call by this number; None where there is none yet."""
-    return _target(store, tables.targets.c.number == number)
+    return _target(store, target_table.c.number == number)
 
 
 def stored_frames(store: Store, frames: Sequence[IncomingPress]) -> tuple[StoredPress, ...]:
@@ -79,7 +77,7 @@ def holding(store: Store, frames: Sequence[IncomingPress], presses: Sequence[Sto
         told = sum(press is not None for press in matched(telling, own))
         if told == 0:
             continue
-        target = _target(store, tables.targets.c.id == identity)
+        target = _target(store, target_table.c.id == identity)
         held = sum(press is not None for press in matched(frames, own))
         if target is not None and (told == len(telling) or held == store.press_count(target)):
             found.append((held, target))
@@ -96,12 +94,12 @@ def _named(store: Store, names: Sequence[str]) -> list[StoredPress]:
     found: list[StoredPress] = []
     with store.database.reading() as connection:
         for at in range(0, len(names), MOST_AT_ONCE):
-            some = tables.presses.c.name.in_(names[at : at + MOST_AT_ONCE])
-            found += [rows.press_of_row(row._asdict()) for row in connection.execute(press_query().where(some))]
+            some = press_table.c.name.in_(names[at : at + MOST_AT_ONCE])
+            found += [press_of_row(row._asdict()) for row in connection.execute(press_query().where(some))]
     return found
 
 
 def _target(store: Store, which: object) -> Target | None:
     with store.database.reading() as connection:
-        row = connection.execute(select(tables.targets).where(which)).first()  # type: ignore[arg-type]
-    return None if row is None else rows.target_of_row(row._asdict())
+        row = connection.execute(select(target_table).where(which)).first()  # type: ignore[arg-type]
+    return None if row is None else target_of_row(row._asdict())

@@ -177,7 +177,7 @@ def _noted(batch: ImportBatch, note: str) -> ImportBatch:
     )
 
 
-def keep_snapshot(
+def save_snapshot_to_store(
     store: Store, sidecar: Path, *, role: str, probe: str, calibration: UsableCalibration | None
 ) -> dict[str, Any]:
     """Store the snapshot of a sidecar; what a result says of it.

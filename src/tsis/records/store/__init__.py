@@ -1,4 +1,4 @@
-"""FIXME."""
+"""The store: files under their hash, rows in SQLite or PostgreSQL, and a chained audit of both."""
 
 from tsis.records.store._audit import AuditChange, append_audit, locked_head
 from tsis.records.store._database import DATABASE_FILE, Database
@@ -6,11 +6,11 @@ from tsis.records.store._editing import EDITABLE
 from tsis.records.store._files import frame_bytes, samples_bytes, samples_of
 from tsis.records.store._opening import default_folder, open_store
 from tsis.records.store._reader import MOST_AT_ONCE, press_query
-from tsis.records.store._rows import press_row, target_row
+from tsis.records.store._rows import press_of_row, press_row, target_of_row, target_row
 from tsis.records.store._secret import derived
 from tsis.records.store._store import Store
 from tsis.records.store._summary import TargetSummary
-from tsis.records.store._tables import frames, presses, targets
+from tsis.records.store._tables import calibration_table, frame_table, press_table, target_table
 from tsis.records.store._transfer import ImportedTarget
 from tsis.records.store._verification import StoreVerification, verify_store
 
@@ -25,18 +25,21 @@ __all__ = [
     "StoreVerification",
     "TargetSummary",
     "append_audit",
+    "calibration_table",
     "default_folder",
     "derived",
     "frame_bytes",
-    "frames",
+    "frame_table",
     "locked_head",
     "open_store",
+    "press_of_row",
     "press_query",
     "press_row",
-    "presses",
+    "press_table",
     "samples_bytes",
     "samples_of",
+    "target_of_row",
     "target_row",
-    "targets",
+    "target_table",
     "verify_store",
 ]

@@ -18,7 +18,7 @@ from tsis.__about__ import RESEARCH_USE_ONLY
 from tsis.errors import RecordsError, TsisError
 from tsis.files import DISK, Disk, digest, printable_path, read_object, write_durably
 from tsis.model import require_integer, require_type
-from tsis.records.store._tables import audit, audit_head
+from tsis.records.store._tables import audit_head_table, audit_table
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -50,7 +50,7 @@ class AuditHead:
 
 def begin_audit(connection: Connection) -> None:
     """Start the chain of a new store."""
-    connection.execute(insert(audit_head).values(id=1, number=0, hash=FIRST))
+    connection.execute(insert(audit_head_table).values(id=1, number=0, hash=FIRST))
 
 
 def locked_head(connection: Connection) -> AuditHead:
@@ -61,7 +61,7 @@ def locked_head(connection: Connection) -> AuditHead:
     RecordsError
         When the database does not say which that is.
     """
-    row = connection.execute(select(audit_head).where(audit_head.c.id == 1).with_for_update()).first()
+    row = connection.execute(select(audit_head_table).where(audit_head_table.c.id == 1).with_for_update()).first()
     if row is None:
         raise RecordsError(
             "the database must say which entry of the audit is the last; that row was taken out (tsis records verify "
@@ -72,14 +72,16 @@ def locked_head(connection: Connection) -> AuditHead:
 
 def has_entry(connection: Connection, head: AuditHead) -> bool:
     """Whether the audit holds the entry of that number with that hash."""
-    found = connection.execute(select(audit.c.hash).where(audit.c.number == head.number)).scalar()
+    found = connection.execute(select(audit_table.c.hash).where(audit_table.c.number == head.number)).scalar()
     return bool(found == head.hash)
 
 
 def last_content(connection: Connection, kind: str, row: str) -> str | None:
     """Digest of a row as its last entry has it; None where it has none."""
-    of_the_row = (audit.c.kind == kind) & (audit.c.row == row)
-    return connection.execute(select(audit.c.content).where(of_the_row).order_by(audit.c.number.desc())).scalar()
+    of_the_row = (audit_table.c.kind == kind) & (audit_table.c.row == row)
+    return connection.execute(
+        select(audit_table.c.content).where(of_the_row).order_by(audit_table.c.number.desc())
+    ).scalar()
 
 
 def append_audit(connection: Connection, head: AuditHead, changes: Iterable[AuditChange], *, actor: str) -> AuditHead:
@@ -100,8 +102,10 @@ def append_audit(connection: Connection, head: AuditHead, changes: Iterable[Audi
         entries.append({**entry, "hash": digest(entry)})
         head = AuditHead(number=head.number + 1, hash=str(entries[-1]["hash"]))
     if entries:
-        connection.execute(insert(audit), entries)
-        connection.execute(update(audit_head).where(audit_head.c.id == 1).values(number=head.number, hash=head.hash))
+        connection.execute(insert(audit_table), entries)
+        connection.execute(
+            update(audit_head_table).where(audit_head_table.c.id == 1).values(number=head.number, hash=head.hash)
+        )
     return head
 
 

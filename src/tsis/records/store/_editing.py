@@ -47,7 +47,7 @@ def update_row(connection: Connection, table: Table, before: Any, changed: Row) 
     RecordsError
         When it is not as its last audit entry says: the next would vouch for what was done to it.
     """
-    what = "target" if table is tables.targets else "press"
+    what = "target" if table is tables.target_table else "press"
     unchanged = (table.c.id == before.id) & (table.c.version == before.version)
     found = connection.execute(select(table).where(unchanged)).first()
     if found is None:
@@ -82,7 +82,7 @@ def target_edit(target: Target, changes: Mapping[str, Any]) -> Callable[[Connect
     changed = _columns(target_row(entered(_edited(target, "target", changes), changes)), changes)
 
     def enter(connection: Connection) -> tuple[Target, list[AuditChange]]:
-        change = update_row(connection, tables.targets, target, changed)
+        change = update_row(connection, tables.target_table, target, changed)
         return target_of_row(change.values), [change]
 
     return enter
@@ -95,8 +95,8 @@ def press_edit(
     changed = _columns(press_row(_edited(press, "press", changes)), changes)
 
     def enter(connection: Connection) -> tuple[StoredPress, list[AuditChange]]:
-        change = update_row(connection, tables.presses, press, changed)
-        found = connection.execute(press_query().where(tables.presses.c.id == press.id)).one()
+        change = update_row(connection, tables.press_table, press, changed)
+        found = connection.execute(press_query().where(tables.press_table.c.id == press.id)).one()
         return press_of_row(found._asdict()), [change]
 
     return enter

@@ -11,7 +11,7 @@ import numpy as np
 
 from tsis.errors import FileInputError, InputError, RecordsError
 from tsis.files import DISK, SHA256, Disk, fault, printable_path, read_bytes, write_durably
-from tsis.instrument import QUICK, whole_levels
+from tsis.instrument import QUICK_PNG, whole_levels
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -132,7 +132,7 @@ class Blobs:
 
 def frame_bytes(image: TactileImage) -> bytes:
     """Content of the file of a frame; `InputError` when its levels are not whole numbers in [0, full_scale]."""
-    return bytes(cv2.imencode(".png", whole_levels(image.grey, image.full_scale), QUICK)[1].tobytes())
+    return bytes(cv2.imencode(".png", whole_levels(image.grey, image.full_scale), QUICK_PNG)[1].tobytes())
 
 
 def frame_levels(content: bytes, name: str) -> NDArray[Any]:

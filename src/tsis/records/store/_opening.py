@@ -190,7 +190,7 @@ def _require_own_place(database: Database, place: Path, identity: str) -> None:
         return  # the anchor is lost: `verify` says so
     else:
         with database.reading() as connection:
-            if connection.execute(select(tables.frames.c.id).limit(1)).first() is None:
+            if connection.execute(select(tables.frame_table.c.id).limit(1)).first() is None:
                 return  # nothing is missing
         anchored = "none"
     if anchored != identity:
@@ -203,10 +203,10 @@ def _require_own_place(database: Database, place: Path, identity: str) -> None:
 def _terms(database: Database) -> dict[str, str]:
     """What the store says of itself; empty for a new one."""
     with database.reading() as connection:
-        found = {row.name: row.value for row in connection.execute(select(tables.store))}
+        found = {row.name: row.value for row in connection.execute(select(tables.store_table))}
         begun = any(
             connection.execute(select(table).limit(1)).first() is not None
-            for table in (tables.audit_head, tables.audit)
+            for table in (tables.audit_head_table, tables.audit_table)
         )
     if (found or begun) and (found.get("kind") not in KINDS or not isinstance(found.get("identity"), str)):
         shown_terms = {name: value for name, value in found.items() if name != TERM}
@@ -219,13 +219,13 @@ def _terms(database: Database) -> dict[str, str]:
 def _begun(database: Database, place: Path, kind: str, actor: str, disk: Disk) -> dict[str, str]:
     terms = {"kind": kind, "identity": uuid.uuid4().hex, "made": rows.moment(datetime.now(UTC)), TERM: new_secret()}
     with database.beginning() as connection:
-        if connection.execute(select(tables.audit_head)).first() is not None:
+        if connection.execute(select(tables.audit_head_table)).first() is not None:
             head = None  # another program was faster
         else:
             _require_no_other(database, place)
             begin_audit(connection)
             entered = [{"name": name, "value": value} for name, value in terms.items()]
-            connection.execute(insert(tables.store), entered)
+            connection.execute(insert(tables.store_table), entered)
             changes = [AuditChange(action="add", kind="store", row=row["name"], values=row) for row in entered]
             head = append_audit(connection, locked_head(connection), changes, actor=actor)
             _anchor(place, terms["identity"], BEFORE, disk)  # so that a store without one was tampered with

@@ -51,7 +51,7 @@ class StoreReader:
     def entries(self) -> int:
         """How many entries the audit has: it grows with every change, so that who shows a store knows when to look."""
         with self.database.reading() as connection:
-            return int(connection.execute(select(tables.audit_head.c.number)).scalar() or 0)
+            return int(connection.execute(select(tables.audit_head_table.c.number)).scalar() or 0)
 
     def targets(self) -> tuple[TargetSummary, ...]:
         """Every target with the number of its presses and estimates, by number."""
@@ -62,7 +62,7 @@ class StoreReader:
         """The target that people call by this number; `InputError` when there is none."""
         require_integer("target", number, 1, LARGEST_TARGET, hint="number of the target")
         with self.database.reading() as connection:
-            query = select(tables.targets).where(tables.targets.c.number == int(number))
+            query = select(tables.target_table).where(tables.target_table.c.number == int(number))
             row = connection.execute(query).first()
         if row is None:
             raise InputError(
@@ -77,13 +77,13 @@ class StoreReader:
 
     def press_count(self, target: Target) -> int:
         """How many presses a target has; by the index alone."""
-        query = select(func.count()).select_from(tables.presses).where(tables.presses.c.target == target.id)
+        query = select(func.count()).select_from(tables.press_table).where(tables.press_table.c.target == target.id)
         with self.database.reading() as connection:
             return int(connection.execute(query).scalar_one())
 
     def press(self, target: Target, identity: str) -> StoredPress:
         """The press of that identity; `InputError` when the target has none."""
-        query = press_query().where(tables.presses.c.id == identity, tables.presses.c.target == target.id)
+        query = press_query().where(tables.press_table.c.id == identity, tables.press_table.c.target == target.id)
         with self.database.reading() as connection:
             row = connection.execute(query).first()
         if row is None:
@@ -95,10 +95,10 @@ class StoreReader:
         found: list[Any] = []
         with self.database.reading() as connection:
             for at in range(0, len(frames), MOST_AT_ONCE):
-                some = tables.frames.c.id.in_(frames[at : at + MOST_AT_ONCE])
-                held = list(connection.execute(select(tables.frames.c.id).where(some)).scalars())
+                some = tables.frame_table.c.id.in_(frames[at : at + MOST_AT_ONCE])
+                held = list(connection.execute(select(tables.frame_table.c.id).where(some)).scalars())
                 if held:  # else no press needs to be looked at
-                    found += connection.execute(press_query().where(tables.presses.c.frame.in_(held)))
+                    found += connection.execute(press_query().where(tables.press_table.c.frame.in_(held)))
         return tuple(rows.press_of_row(row._asdict()) for row in found)
 
     def estimates(self, target: Target) -> tuple[StoredEstimate, ...]:
@@ -117,7 +117,7 @@ class StoreReader:
 
     def calibration(self, cited: str) -> ProbeCalibration:
         """The stored calibration of that identity; `RecordsError` when there is none or it is damaged."""
-        table = tables.calibrations
+        table = tables.calibration_table
         with self.database.reading() as connection:
             found = connection.execute(select(table.c.file).where(table.c.id == cited)).scalar()
         if found is None:
@@ -161,7 +161,7 @@ def _whole(read: Callable[[Named], Whole], names: Iterable[Named], damaged: list
 def _presses_of(
     connection: Connection, target: Target, limit: int | None = None, offset: int = 0
 ) -> tuple[StoredPress, ...]:
-    table = tables.presses.c
+    table = tables.press_table.c
     page = select(table.id).where(table.target == target.id).order_by(table.taken, table.id)
     # Which they are tells the index alone; only their own rows are read.
     found = connection.execute(
@@ -172,12 +172,14 @@ def _presses_of(
 
 
 def _estimate_rows(connection: Connection, target: Target) -> list[rows.Row]:
-    table = tables.estimates
+    table = tables.estimate_table
     query = select(table).where(table.c.target == target.id).order_by(table.c.made, table.c.id)
     return [row._asdict() for row in connection.execute(query)]
 
 
 def press_query() -> Any:
     """Presses with the size of their frames, as `tsis.records.store._rows.press_of_row` takes them."""
-    sizes = (tables.frames.c.rows, tables.frames.c.columns)
-    return select(tables.presses, *sizes).join(tables.frames, tables.presses.c.frame == tables.frames.c.id)
+    sizes = (tables.frame_table.c.rows, tables.frame_table.c.columns)
+    return select(tables.press_table, *sizes).join(
+        tables.frame_table, tables.press_table.c.frame == tables.frame_table.c.id
+    )

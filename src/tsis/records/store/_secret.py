@@ -11,7 +11,7 @@ from sqlalchemy import insert, select
 
 from tsis.errors import RecordsError
 from tsis.records.store._audit import AuditChange
-from tsis.records.store._tables import audit, store
+from tsis.records.store._tables import audit_table, store_table
 
 if TYPE_CHECKING:
     from sqlalchemy import Connection
@@ -39,9 +39,13 @@ def read_secret(connection: Connection) -> str | None:
     RecordsError
         When it was changed into none, or taken out.
     """
-    found = connection.execute(select(store.c.value).where(store.c.name == TERM)).scalar()
+    found = connection.execute(select(store_table.c.value).where(store_table.c.name == TERM)).scalar()
     if found is None:
-        entered = select(audit.c.number).where((audit.c.kind == store.name) & (audit.c.row == TERM)).limit(1)
+        entered = (
+            select(audit_table.c.number)
+            .where((audit_table.c.kind == store_table.name) & (audit_table.c.row == TERM))
+            .limit(1)
+        )
         if connection.execute(entered).first() is None:
             return None
     elif isinstance(found, str) and len(found) == 2 * BYTES and set(found) <= set("0123456789abcdef"):
@@ -58,5 +62,5 @@ def entered_secret(connection: Connection) -> tuple[str, list[AuditChange]]:
     if known is not None:  # another program was faster
         return known, []
     row = {"name": TERM, "value": new_secret()}
-    connection.execute(insert(store).values(row))
-    return row["value"], [AuditChange(action="add", kind=store.name, row=TERM, values=row)]
+    connection.execute(insert(store_table).values(row))
+    return row["value"], [AuditChange(action="add", kind=store_table.name, row=TERM, values=row)]

@@ -122,7 +122,7 @@ class Store(StoreReader):
             if number is not None and is_taken(connection, number):
                 raise InputError(f"number must be that of no target of this store; {number} is taken")
             target = replace(wanted, number=next_number(connection)) if number is None else wanted
-            return target, [insert_row(connection, tables.targets, rows.target_row(entered(target)))]
+            return target, [insert_row(connection, tables.target_table, rows.target_row(entered(target)))]
 
         return self._write(enter)
 
@@ -189,11 +189,11 @@ class Store(StoreReader):
         frame = {"id": press.frame, "rows": shape[0], "columns": shape[1], "bytes": len(content)}
 
         def enter(connection: Connection) -> tuple[StoredPress, list[AuditChange]]:
-            require_row(connection, tables.targets, target.id, "target")
+            require_row(connection, tables.target_table, target.id, "target")
             return press, [
-                *insert_row_once(connection, tables.calibrations, held),
-                *insert_row_once(connection, tables.frames, frame),
-                insert_row(connection, tables.presses, rows.press_row(press)),
+                *insert_row_once(connection, tables.calibration_table, held),
+                *insert_row_once(connection, tables.frame_table, frame),
+                insert_row(connection, tables.press_table, rows.press_row(press)),
             ]
 
         return self._write(enter)
@@ -237,11 +237,11 @@ class Store(StoreReader):
         row = rows.estimate_row(stored, self.blobs.put(samples_bytes(estimate), "samples"))
 
         def enter(connection: Connection) -> tuple[StoredEstimate, list[AuditChange]]:
-            require_row(connection, tables.targets, target.id, "target")
+            require_row(connection, tables.target_table, target.id, "target")
             for press in stored.presses:
-                require_row(connection, tables.presses, press, "press", target=target.id)
-            changes = insert_row_once(connection, tables.calibrations, held)
-            return stored, [*changes, insert_row(connection, tables.estimates, row)]
+                require_row(connection, tables.press_table, press, "press", target=target.id)
+            changes = insert_row_once(connection, tables.calibration_table, held)
+            return stored, [*changes, insert_row(connection, tables.estimate_table, row)]
 
         return self._write(enter)
 

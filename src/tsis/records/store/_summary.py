@@ -71,12 +71,14 @@ class TargetSummary:
 
 def target_summaries(connection: Connection) -> tuple[TargetSummary, ...]:
     """Every target of the store, by number."""
-    pressed, made = tables.presses.c, tables.estimates.c
+    pressed, made = tables.press_table.c, tables.estimate_table.c
     count = select(pressed.target, func.count().label("number"), func.max(pressed.taken).label("last"))
     presses = {row.target: (row.number, row.last) for row in connection.execute(count.group_by(pressed.target))}
     query = select(made.target, func.count().label("number")).group_by(made.target)
     estimates = {row.target: row.number for row in connection.execute(query)}
-    found = [row._asdict() for row in connection.execute(select(tables.targets).order_by(tables.targets.c.number))]
+    found = [
+        row._asdict() for row in connection.execute(select(tables.target_table).order_by(tables.target_table.c.number))
+    ]
     return tuple(
         TargetSummary(
             target=target_of_row(row),

@@ -9,9 +9,9 @@ from sqlalchemy import Column, Float, ForeignKey, Index, Integer, MetaData, Tabl
 
 metadata = MetaData()
 
-store = Table("store", metadata, Column("name", Text, primary_key=True), Column("value", Text, nullable=False))
+store_table = Table("store", metadata, Column("name", Text, primary_key=True), Column("value", Text, nullable=False))
 
-targets = Table(
+target_table = Table(
     "targets",
     metadata,
     Column("id", Text, primary_key=True),
@@ -24,7 +24,7 @@ targets = Table(
     Column("version", Integer, nullable=False),
 )
 
-calibrations = Table(
+calibration_table = Table(
     "calibrations",
     metadata,
     Column("id", Text, primary_key=True),  # SHA-256 of what it says, by which results cite it
@@ -34,7 +34,7 @@ calibrations = Table(
     Column("made", Text, nullable=False),
 )
 
-frames = Table(
+frame_table = Table(
     "frames",
     metadata,
     Column("id", Text, primary_key=True),  # SHA-256 of its file
@@ -43,7 +43,7 @@ frames = Table(
     Column("bytes", Integer, nullable=False),
 )
 
-presses = Table(
+press_table = Table(
     "presses",
     metadata,
     Column("id", Text, primary_key=True),
@@ -67,7 +67,7 @@ presses = Table(
     Index("presses_of_a_target", "target", "taken", "id"),  # since schema 2
 )
 
-estimates = Table(
+estimate_table = Table(
     "estimates",
     metadata,
     Column("id", Text, primary_key=True),
@@ -85,7 +85,7 @@ estimates = Table(
     Index("estimates_of_a_target", "target", "made", "id"),  # since schema 2
 )
 
-audit = Table(
+audit_table = Table(
     "audit",
     metadata,
     Column("number", Integer, primary_key=True, autoincrement=False),
@@ -100,7 +100,7 @@ audit = Table(
     Index("audit_of_a_row", "kind", "row", "number"),  # since schema 2
 )
 
-audit_head = Table(
+audit_head_table = Table(
     "audit_head",
     metadata,
     Column("id", Integer, primary_key=True),
@@ -108,4 +108,7 @@ audit_head = Table(
     Column("hash", Text, nullable=False),
 )
 
-RECORDED = {table.name: table for table in (store, targets, calibrations, frames, presses, estimates)}
+RECORDED = {
+    table.name: table
+    for table in (store_table, target_table, calibration_table, frame_table, press_table, estimate_table)
+}

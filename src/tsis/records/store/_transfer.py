@@ -18,7 +18,7 @@ from tsis.records.store._editing import insert_row, insert_row_once
 from tsis.records.store._files import frame_bytes, frame_levels, samples_bytes
 from tsis.records.store._reader import MOST_AT_ONCE
 from tsis.records.store._summary import in_lineage
-from tsis.records.store._tables import targets
+from tsis.records.store._tables import target_table
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from tsis.records.store._files import Blobs
 
 
-_number = targets.c.number
+_number = target_table.c.number
 
 
 def is_taken(connection: Connection, number: int) -> bool:
@@ -155,17 +155,20 @@ class TargetImport:
 
     def enter(self, connection: Connection) -> tuple[ImportedTarget, list[AuditChange]]:
         """Enter what is not there yet; `RecordsError` when an identity is that of something else here."""
-        held = connection.execute(select(tables.targets).where(tables.targets.c.id == self.target.id)).first()
+        held = connection.execute(select(tables.target_table).where(tables.target_table.c.id == self.target.id)).first()
         changes: list[AuditChange] = []
         if held is None:
             target = replace(self.target, number=free_number(connection, self.target.number), version=1)
-            changes.append(insert_row(connection, tables.targets, rows.target_row(target), action=ACTION))
+            changes.append(insert_row(connection, tables.target_table, rows.target_row(target), action=ACTION))
         else:
             target = rows.target_of_row(held._asdict())
-        for table, shared in ((tables.calibrations, self.calibrations), (tables.frames, list(self.frames.values()))):
+        for table, shared in (
+            (tables.calibration_table, self.calibrations),
+            (tables.frame_table, list(self.frames.values())),
+        ):
             for row in shared:
                 changes += insert_row_once(connection, table, row, action=ACTION)
-        added, differing = {tables.presses.name: 0, tables.estimates.name: 0}, 0
+        added, differing = {tables.press_table.name: 0, tables.estimate_table.name: 0}, 0
         for table, row in self._own():
             there = _held(connection, table, row)
             if there is None:
@@ -186,7 +189,7 @@ class TargetImport:
         ), changes
 
     def _own(self) -> Iterator[tuple[Table, rows.Row]]:
-        for table, its in ((tables.presses, self.presses), (tables.estimates, self.estimates)):
+        for table, its in ((tables.press_table, self.presses), (tables.estimate_table, self.estimates)):
             for row in its:
                 yield table, row
 
@@ -202,7 +205,7 @@ def require_kind(target: Target, kind: str) -> None:
 
 def held_frames(connection: Connection, presses: Sequence[StoredPress]) -> dict[str, str]:
     """Frames of those of the presses that are stored already, by the identity of the press."""
-    table, wanted = tables.presses.c, [press.id for press in presses]
+    table, wanted = tables.press_table.c, [press.id for press in presses]
     found: dict[str, str] = {}
     for at in range(0, len(wanted), MOST_AT_ONCE):
         query = select(table.id, table.frame).where(table.id.in_(wanted[at : at + MOST_AT_ONCE]))

@@ -15,7 +15,14 @@ from tsis.errors import RecordsError
 from tsis.files import digest_of_any, one_line
 from tsis.records.store._audit import BEFORE, FIRST, LOST, AuditHead, has_entry, read_anchor
 from tsis.records.store._audit import KIND as ANCHOR
-from tsis.records.store._tables import RECORDED, audit, audit_head, calibrations, estimates, frames
+from tsis.records.store._tables import (
+    RECORDED,
+    audit_head_table,
+    audit_table,
+    calibration_table,
+    estimate_table,
+    frame_table,
+)
 from tsis.records.store._upgrade import schema_faults
 
 if TYPE_CHECKING:
@@ -122,7 +129,7 @@ def _anchor(store: Store) -> tuple[list[str], AuditHead | None]:
 
 def _notes(connection: Connection) -> Iterator[str]:
     """Times at which the anchor was lost and somebody went on."""
-    for row in _all(connection, select(audit).where(audit.c.action == LOST).order_by(audit.c.number)):
+    for row in _all(connection, select(audit_table).where(audit_table.c.action == LOST).order_by(audit_table.c.number)):
         number, moment, actor = (one_line(each, 80) for each in (row.number, row.moment, row.actor))
         yield (
             f"audit entry {number} tells that the anchor was missing when {actor} went on at {moment}: whether the "
@@ -133,7 +140,7 @@ def _notes(connection: Connection) -> Iterator[str]:
 
 def _head(connection: Connection) -> AuditHead:
     """What the database says is the last entry; that before the first where it says nothing sensible."""
-    found = [tuple(row) for row in connection.execute(select(audit_head).limit(2))]
+    found = [tuple(row) for row in connection.execute(select(audit_head_table).limit(2))]
     if len(found) != 1 or found[0][0] != 1 or type(found[0][1]) is not int or not isinstance(found[0][2], str):
         return BEFORE
     return AuditHead(number=found[0][1], hash=found[0][2])
@@ -145,7 +152,7 @@ def _all(connection: Connection, query: Select[Any]) -> Iterator[Row[Any]]:
 
 def _chain_faults(connection: Connection) -> Iterator[str]:
     number, before = 0, FIRST
-    for row in _all(connection, select(audit).order_by(audit.c.number)):
+    for row in _all(connection, select(audit_table).order_by(audit_table.c.number)):
         entry = row._asdict()
         written = entry.pop("hash")
         if entry["number"] != number + 1:
@@ -163,7 +170,9 @@ def _chain_faults(connection: Connection) -> Iterator[str]:
 
 def _row_faults(connection: Connection) -> tuple[list[str], int]:
     """Rows that differ from their last entry, were put in beside the audit, or taken out."""
-    entries = _all(connection, select(audit.c.kind, audit.c.row, audit.c.content).order_by(audit.c.number))
+    entries = _all(
+        connection, select(audit_table.c.kind, audit_table.c.row, audit_table.c.content).order_by(audit_table.c.number)
+    )
     last = {(entry.kind, entry.row): entry.content for entry in entries if entry.kind != ANCHOR}
     faults, count = [], 0
     for name, table in RECORDED.items():
@@ -183,9 +192,9 @@ def _row_faults(connection: Connection) -> tuple[list[str], int]:
 def _files(connection: Connection) -> Iterator[tuple[tuple[str, str], str]]:
     """Name and ending of every file that rows name, and which row that is."""
     kinds: tuple[tuple[Table, str, str], ...] = (
-        (frames, "id", "png"),
-        (calibrations, "file", "json"),
-        (estimates, "samples", "samples"),
+        (frame_table, "id", "png"),
+        (calibration_table, "file", "json"),
+        (estimate_table, "samples", "samples"),
     )
     for table, column, ending in kinds:
         for row in _all(connection, select(table.c.id, table.c[column].label("file"))):

@@ -1,4 +1,4 @@
-"""FIXME."""
+"""A report as a PDF file."""
 
 from tsis.report.paper._pdf import pdf
 

@@ -1,4 +1,4 @@
-"""FIXME."""
+"""The report of a blinded study."""
 
 from tsis.report.study._document import study_document, study_verification_document
 from tsis.report.study._page import PAGE, PAPER, publish_study, study_page

@@ -1,11 +1,11 @@
-"""FIXME."""
+"""The report of a target: everything that a store holds of it, on one page."""
 
 from tsis.report.target._page import target_cards, target_page
 from tsis.report.target._tables import history_tables, measure, parameter_label
-from tsis.report.target._text import SAID, SHORT, count_of, newest_first, origin, time_text, without_identity
+from tsis.report.target._text import IDENTITY_NOTE, SHORT, count_of, newest_first, origin, time_text, without_identity
 
 __all__ = [
-    "SAID",
+    "IDENTITY_NOTE",
     "SHORT",
     "count_of",
     "history_tables",

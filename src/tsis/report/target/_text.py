@@ -7,7 +7,7 @@ from dataclasses import replace
 from datetime import UTC
 from typing import TYPE_CHECKING
 
-from tsis.calibration.guard import FLAGS
+from tsis.calibration.guard import GUARD_FLAGS
 from tsis.report._hardness import estimate_sentences
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tsis.records import StoredEstimate, StoredPress, TargetRecord
 
 
-SAID = (
+IDENTITY_NOTE = (
     "Notes, settings, names of files, and probes and flags that tsis does not know are left out, since this is a "
     "subject: the page shows the pseudonym only."
 )
@@ -90,7 +90,7 @@ def target_notes(dossier: TargetRecord) -> tuple[str, ...]:
         *_gap_notes(dossier),
         *(f"Left out: {sentence}." for sentence in dossier.damaged),
         *((f"Note: {dossier.target.note}",) if dossier.target.note else ()),
-        *((SAID,) if dossier.target.kind == "subject" else ()),
+        *((IDENTITY_NOTE,) if dossier.target.kind == "subject" else ()),
     )
 
 
@@ -132,7 +132,7 @@ def _flag_notes(dossier: TargetRecord) -> tuple[str, ...]:
             raised.setdefault(flag, []).append(number)
     return tuple(
         f"{_numbered(numbers)} flagged {flag}: "
-        f"{FLAGS[flag].means if flag in FLAGS else 'no flag of the press guard; somebody wrote it down'}."
+        f"{GUARD_FLAGS[flag].means if flag in GUARD_FLAGS else 'no flag of the press guard; somebody wrote it down'}."
         for flag, numbers in raised.items()
     )
 

@@ -1,4 +1,4 @@
-"""FIXME."""
+"""The readings of a study beside the truth, device by device."""
 
 from tsis.study.analysis._agreement import Agreement, AgreementValue
 from tsis.study.analysis._analysis import DeviceComparison, StudyAnalysis, analyse

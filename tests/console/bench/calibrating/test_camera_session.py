@@ -23,14 +23,14 @@ if TYPE_CHECKING:
     from tests.console.bench.lit_camera import World
 
     from tsis.calibration.session import SessionFolder
-    from tsis.console.services import Bench
+    from tsis.console.services import Instrument
     from tsis.console.services.calibrating import CalibrationSession, StepState
 
 LOADING = "tip-2mm-1"
 
 
 @pytest.fixture
-def session(bench: Bench) -> CalibrationSession:
+def session(bench: Instrument) -> CalibrationSession:
     bench.start(by=ANN)
     terms = SessionSetup(name="s", probe="mine", camera="it tells itself", tips_mm=(2.0,), repeats=2)
     return bench.calibrating.begin(terms, by=ANN)
@@ -71,7 +71,9 @@ def test_frames_are_fresh_and_of_this_step(session: CalibrationSession, world: W
     assert times == sorted(set(times))
 
 
-def test_a_camera_lost_in_mid_step_costs_that_step(session: CalibrationSession, world: World, bench: Bench) -> None:
+def test_a_camera_lost_in_mid_step_costs_that_step(
+    session: CalibrationSession, world: World, bench: Instrument
+) -> None:
     assert session.take("dark", by=ANN).wait(HANGS_S)
     bench.use_gauge(gauge_at(0.5), by=ANN)
     job = session.take(LOADING, by=ANN)
@@ -92,7 +94,7 @@ def test_a_camera_lost_in_mid_step_costs_that_step(session: CalibrationSession, 
 
 
 def test_a_camera_that_was_away_in_between_costs_the_step(
-    session: CalibrationSession, world: World, bench: Bench
+    session: CalibrationSession, world: World, bench: Instrument
 ) -> None:
     bench.use_gauge(gauge_at(0.5), by=ANN)
     job = session.take(LOADING, by=ANN)
@@ -105,7 +107,9 @@ def test_a_camera_that_was_away_in_between_costs_the_step(
     assert kept(session) == {}
 
 
-def test_settings_of_another_session_are_refused_before_and_after(session: CalibrationSession, bench: Bench) -> None:
+def test_settings_of_another_session_are_refused_before_and_after(
+    session: CalibrationSession, bench: Instrument
+) -> None:
     bench.use_gauge(gauge_at(0.5), by=ANN)
     job = session.take(LOADING, by=ANN)
     until(lambda: job.state().done >= 1)
@@ -123,7 +127,7 @@ def test_settings_of_another_session_are_refused_before_and_after(session: Calib
         session.take("untouched", by=ANN)
 
 
-def test_a_loading_by_the_gauge_goes_on_until_it_is_over(session: CalibrationSession, bench: Bench) -> None:
+def test_a_loading_by_the_gauge_goes_on_until_it_is_over(session: CalibrationSession, bench: Instrument) -> None:
     bench.use_gauge(gauge_at(0.5), by=ANN)
     job = session.take(LOADING, by=ANN)
     until(lambda: job.state().done >= 2)
@@ -137,7 +141,7 @@ def test_a_loading_by_the_gauge_goes_on_until_it_is_over(session: CalibrationSes
     assert all(abs((shot.force_n or 0.0) - 0.5) < 0.01 for shot in shots)
 
 
-def test_a_step_that_is_ended_is_not_kept(session: CalibrationSession, bench: Bench) -> None:
+def test_a_step_that_is_ended_is_not_kept(session: CalibrationSession, bench: Instrument) -> None:
     bench.use_gauge(gauge_at(0.5), by=ANN)
     job = session.take(LOADING, by=ANN)
     until(lambda: job.state().done >= 1)
@@ -195,7 +199,7 @@ def test_forces_of_several_loadings_are_typed_before_any_is_kept(session: Calibr
 
 
 def test_a_press_of_which_no_frame_came_leaves_what_was_typed(
-    session: CalibrationSession, world: World, bench: Bench
+    session: CalibrationSession, world: World, bench: Instrument
 ) -> None:
     session.press(LOADING, 0.5, by=ANN)
     bench.stop(by=ANN)
@@ -205,14 +209,14 @@ def test_a_press_of_which_no_frame_came_leaves_what_was_typed(
     assert [state.forces_n for state in session.steps() if state.step.is_loading] == [(0.5,), ()]
 
 
-def test_a_step_of_a_camera_waits_for_nothing(session: CalibrationSession, bench: Bench) -> None:
+def test_a_step_of_a_camera_waits_for_nothing(session: CalibrationSession, bench: Instrument) -> None:
     for _ in range(5):
         bench.jobs.begin("an estimate that lasts", Held())
     assert session.take("dark", by=ANN).wait(HANGS_S)
     assert kept(session) == {"dark": 16}
 
 
-def test_who_watches_ends_no_step(session: CalibrationSession, bench: Bench) -> None:
+def test_who_watches_ends_no_step(session: CalibrationSession, bench: Instrument) -> None:
     bench.use_gauge(gauge_at(0.5), by=ANN)
     job = session.take(LOADING, by=ANN)
     for act in (session.end_loading, session.end_step, lambda by: bench.end_job(job.identity, by=by)):
@@ -244,7 +248,7 @@ def test_a_calibration_that_cannot_be_set_aside_keeps_no_frames_that_it_was_not_
 
 
 def test_sessions_that_nobody_looks_at_are_let_go_and_those_with_presses_are_not(
-    session: CalibrationSession, bench: Bench
+    session: CalibrationSession, bench: Instrument
 ) -> None:
     session.press(LOADING, 0.5, by=ANN)
     terms = SessionSetup(name="t", probe="mine", camera="it tells itself")
@@ -258,7 +262,7 @@ def test_sessions_that_nobody_looks_at_are_let_go_and_those_with_presses_are_not
     assert bench.calibrating.open("t").name == "t"
 
 
-def test_a_session_needs_its_camera_to_begin(bench: Bench) -> None:
+def test_a_session_needs_its_camera_to_begin(bench: Instrument) -> None:
     with pytest.raises(CameraError, match="must run when a session begins"):
         bench.calibrating.begin(SessionSetup(name="s", probe="mine", camera="c"), by=ANN)
     assert bench.calibrating.listed() == ()

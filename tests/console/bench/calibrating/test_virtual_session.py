@@ -21,7 +21,7 @@ from tsis.virtual import VirtualBench, bench_name
 if TYPE_CHECKING:
     from pathlib import Path
 
-    from tsis.console.services import Bench
+    from tsis.console.services import Instrument
     from tsis.console.services.calibrating import CalibrationSession
 
 TERMS = SessionSetup(name="May, left", probe="tsis-direct", camera=bench_name(3), tips_mm=(2.0, 14.0))
@@ -35,7 +35,7 @@ def statuses(session: CalibrationSession) -> dict[str, str]:
     return {state.step.name: state.status for state in session.steps()}
 
 
-def test_the_same_frames_as_the_guide_of_the_terminal(bench: Bench, tmp_path: Path) -> None:
+def test_the_same_frames_as_the_guide_of_the_terminal(bench: Instrument, tmp_path: Path) -> None:
     session = bench.calibrating.begin(TERMS, by=ANN)
     assert session.folder.path == bench.terms.workspace / "calibrations" / "May-left"
     for name in ("dark", "untouched", "flat-1"):
@@ -57,7 +57,9 @@ def test_the_same_frames_as_the_guide_of_the_terminal(bench: Bench, tmp_path: Pa
     assert [name for name, status in statuses(session).items() if status == "done"] == ["dark", "untouched", "flat-1"]
 
 
-def test_a_session_goes_on_in_another_program_and_its_noise_does_not_come_again(bench: Bench, tmp_path: Path) -> None:
+def test_a_session_goes_on_in_another_program_and_its_noise_does_not_come_again(
+    bench: Instrument, tmp_path: Path
+) -> None:
     session = bench.calibrating.begin(TERMS, by=ANN)
     assert session.take("dark", by=ANN).wait(HANGS_S)
     bench.close()
@@ -83,7 +85,7 @@ def test_a_session_goes_on_in_another_program_and_its_noise_does_not_come_again(
         assert not any(np.array_equal(one.image.grey, other.image.grey) for one in dark for other in anew)
 
 
-def test_steps_are_left_out_and_taken_nevertheless(bench: Bench) -> None:
+def test_steps_are_left_out_and_taken_nevertheless(bench: Instrument) -> None:
     session = bench.calibrating.begin(TERMS, by=ANN)
     session.leave_out("flat-2", by=ANN)
     assert statuses(session)["flat-2"] == "left out"
@@ -97,7 +99,7 @@ def test_steps_are_left_out_and_taken_nevertheless(bench: Bench) -> None:
         session.take("flat-9", by=ANN)
 
 
-def test_who_does_not_hold_the_camera_changes_nothing(bench: Bench) -> None:
+def test_who_does_not_hold_the_camera_changes_nothing(bench: Instrument) -> None:
     with pytest.raises(ControlError, match="held by Ann"):
         bench.calibrating.begin(TERMS, by=BOB)
     session = bench.calibrating.begin(TERMS, by=ANN)
@@ -110,7 +112,7 @@ def test_who_does_not_hold_the_camera_changes_nothing(bench: Bench) -> None:
 
 
 @pytest.mark.slow
-def test_a_calibration_stays_when_its_frames_change(bench: Bench) -> None:
+def test_a_calibration_stays_when_its_frames_change(bench: Instrument) -> None:
     session = bench.calibrating.begin(TERMS, by=ANN)
     failed = session.make(days=30)
     assert failed.wait(HANGS_S)
@@ -136,7 +138,7 @@ def test_a_calibration_stays_when_its_frames_change(bench: Bench) -> None:
     assert statuses(session)["flat-1"] == "open"
 
 
-def test_only_sessions_of_the_list_are_opened(bench: Bench) -> None:
+def test_only_sessions_of_the_list_are_opened(bench: Instrument) -> None:
     bench.calibrating.begin(TERMS, by=ANN)
     for name in ("..", "../calibrations/May-left", "nowhere", "", "/etc"):
         with pytest.raises(InputError, match="must be one of the list"):

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from tsis.__about__ import RESEARCH_USE_ONLY, __version__
-from tsis.console.pages.components import CalibrationSeen, FactList, panel_title, time_words
+from tsis.console.pages.components import CalibrationMemory, FactList, panel_title, time_label
 from tsis.console.pages.examine import KEYS
 from tsis.records import environment
 
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from tsis.calibration import UsableCalibration
     from tsis.console.pages.components import Viewer
-    from tsis.console.services import Bench, BenchState
+    from tsis.console.services import Instrument, InstrumentState
     from tsis.records.store import Store
 
 
@@ -59,7 +59,7 @@ def version_facts() -> Facts:
     )
 
 
-def calibration_facts(state: BenchState, cited: UsableCalibration | None) -> Facts:
+def calibration_facts(state: InstrumentState, cited: UsableCalibration | None) -> Facts:
     """The calibration in force."""
     if cited is None and state.camera.choice.is_virtual:
         return (("In force", "the virtual probe's own, once it runs"),)
@@ -69,7 +69,7 @@ def calibration_facts(state: BenchState, cited: UsableCalibration | None) -> Fac
     dates = (
         (("Made", "with the virtual probe; it does not age"),)
         if known.made is None or known.expires is None
-        else (("Made", time_words(known.made)), ("Good until", time_words(known.expires)))
+        else (("Made", time_label(known.made)), ("Good until", time_label(known.expires)))
     )
     return (
         ("In force", known.name),
@@ -80,7 +80,7 @@ def calibration_facts(state: BenchState, cited: UsableCalibration | None) -> Fac
     )
 
 
-def camera_facts(state: BenchState) -> Facts:
+def camera_facts(state: InstrumentState) -> Facts:
     """The camera and the seed of the virtual one."""
     now = state.camera
     size = f"{now.columns} x {now.rows} pixels" if now.rows else "not known before it runs"
@@ -98,7 +98,7 @@ def camera_facts(state: BenchState) -> Facts:
     return tuple(found)
 
 
-def place_facts(bench: Bench) -> Facts:
+def place_facts(bench: Instrument) -> Facts:
     """Where things are kept, and how much."""
     store = bench.store
     return (
@@ -127,7 +127,7 @@ FINDINGS = (
 )
 
 
-async def page(bench: Bench, viewer: Viewer) -> None:
+async def about_page(bench: Instrument, viewer: Viewer) -> None:
     """Build the page."""
     with ui.element("div").classes("about"):
         with _panel("Research use only"):
@@ -151,9 +151,9 @@ async def page(bench: Bench, viewer: Viewer) -> None:
         with _panel(f"Licence: {LICENCE}"), ui.expansion("Read it").props("dense").classes("licence"):
             ui.label(licence()).classes("whole-text")
 
-    in_force = CalibrationSeen(bench)
+    in_force = CalibrationMemory(bench)
 
-    def show(state: BenchState) -> None:
+    def show(state: InstrumentState) -> None:
         calibration.show(calibration_facts(state, in_force.of(state)))
         camera.show(camera_facts(state))
 

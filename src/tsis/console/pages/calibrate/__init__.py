@@ -1,5 +1,5 @@
 """Calibrate: sessions of guided steps, the frames of each, and the calibration made from them."""
 
-from tsis.console.pages.calibrate._page import page, session_page
+from tsis.console.pages.calibrate._page import calibrate_page, session_page
 
-__all__ = ["page", "session_page"]
+__all__ = ["calibrate_page", "session_page"]

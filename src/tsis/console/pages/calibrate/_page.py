@@ -9,26 +9,26 @@ from urllib.parse import quote
 from nicegui import run, ui
 
 from tsis.console.live import LiveView
-from tsis.console.pages.calibrate._result import Making, Result
+from tsis.console.pages.calibrate._result import CalibrationResultPanel, Making
 from tsis.console.pages.calibrate._setup_form import TermsForm
-from tsis.console.pages.calibrate._steps import KeptFrame, StepCard
-from tsis.console.pages.components import Operated, panel_title
+from tsis.console.pages.calibrate._steps import SavedFrame, StepCard
+from tsis.console.pages.components import OperatorControls, panel_title
 from tsis.errors import TsisError
 
 if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Sequence
 
     from tsis.console.pages.components import Viewer
-    from tsis.console.services import Bench, BenchState
+    from tsis.console.services import Instrument, InstrumentState
     from tsis.console.services.calibrating import CalibrationSession, SessionSummary, StepState
 
 
 LOOK_S = 2.0  # between two looks at the folder
 
 
-def page(bench: Bench, viewer: Viewer) -> None:
+def calibrate_page(bench: Instrument, viewer: Viewer) -> None:
     """Build the page."""
-    operated = Operated(viewer)
+    operated = OperatorControls(viewer)
     with ui.element("div").classes("split calibrate-choosing"):
         with ui.element("section").classes("panel"):
             panel_title("Sessions")
@@ -48,7 +48,7 @@ def page(bench: Bench, viewer: Viewer) -> None:
         with listed:
             session_list(found)
 
-    def show(state: BenchState) -> None:
+    def show(state: InstrumentState) -> None:
         form.show(state)
         operated.show(state)
 
@@ -76,10 +76,10 @@ def session_list(found: Sequence[SessionSummary]) -> None:
                 )
                 ui.label(f"{each.probe}, {each.camera}").classes("muted")
                 ui.element("div").classes("spring")
-                ui.label(progress_words(each)).classes("good" if each.made else "muted")
+                ui.label(progress_text(each)).classes("good" if each.made else "muted")
 
 
-def progress_words(each: SessionSummary) -> str:
+def progress_text(each: SessionSummary) -> str:
     """How far a session is."""
     if each.made:
         return "calibration made"
@@ -105,7 +105,11 @@ class StepList:
     """
 
     def __init__(
-        self, viewer: Viewer, session: CalibrationSession, operated: Operated, choose: Callable[[str], Awaitable[None]]
+        self,
+        viewer: Viewer,
+        session: CalibrationSession,
+        operated: OperatorControls,
+        choose: Callable[[str], Awaitable[None]],
     ) -> None:
         self._viewer, self._session, self._choose = viewer, session, choose
         self._shown: tuple[object, ...] = ()
@@ -136,19 +140,19 @@ class StepList:
         with ui.element("li"):
             button = ui.button(on_click=partial(self._choose, name)).props("flat no-caps align=left")
             button.classes("calibrate-step here" if here else "calibrate-step")
-            button.props["aria-label"] = f"Step {name}: {status_words(state)}"
+            button.props["aria-label"] = f"Step {name}: {status_text(state)}"
             if here:
                 button.props('aria-current="step"')
             with button:
                 ui.icon(ICONS[state.status]).classes(state.status.replace(" ", "-"))
                 ui.label(name).classes("calibrate-step-name")
-                ui.label(status_words(state)).classes("muted")
+                ui.label(status_text(state)).classes("muted")
 
     async def _take_all(self) -> None:
         await self._viewer.attempt(self._session.take_all, by=self._viewer.identity)
 
 
-def status_words(state: StepState) -> str:
+def status_text(state: StepState) -> str:
     """How far a step is."""
     if state.status == "done":
         return f"{state.frames} frames"
@@ -162,7 +166,7 @@ def status_words(state: StepState) -> str:
 POLL_S = 0.3  # between two looks at the session
 
 
-async def session_page(bench: Bench, viewer: Viewer, name: str) -> None:
+async def session_page(bench: Instrument, viewer: Viewer, name: str) -> None:
     """Build the page of the session of that name."""
     place = ui.element("div").classes("stack")
     try:
@@ -181,17 +185,17 @@ async def session_page(bench: Bench, viewer: Viewer, name: str) -> None:
 class _Guide:
     """The parts of a session's page, and which step is looked at."""
 
-    def __init__(self, bench: Bench, viewer: Viewer, session: CalibrationSession) -> None:
+    def __init__(self, bench: Instrument, viewer: Viewer, session: CalibrationSession) -> None:
         self._session = session
-        self._operated = Operated(viewer)
+        self._operated = OperatorControls(viewer)
         self._chosen: str | None = None
         self._steps: tuple[StepState, ...] = ()
         self._view: LiveView | None = None
-        self._state: BenchState | None = None
+        self._state: InstrumentState | None = None
         with ui.element("div").classes("row calibrate-head"):
             ui.link("Sessions", "/calibrate")
             panel_title(session.terms.name)
-            ui.label(terms_words(session)).classes("muted")
+            ui.label(setup_text(session)).classes("muted")
         with ui.element("div").classes("calibrate-guide"):
             with ui.element("section").classes("panel").props('aria-label="Steps"'):
                 self._list = StepList(viewer, session, self._operated, self._choose)
@@ -203,13 +207,13 @@ class _Guide:
                         if not session.rig.by_itself:
                             with ui.element("div").classes("calibrate-live"):
                                 self._view = LiveView(map_name="grey")
-                        self._frame = KeptFrame(viewer, session)
+                        self._frame = SavedFrame(viewer, session)
                 self._making = Making(bench, viewer, session, self._operated)
-        self._result = Result(viewer, session)
+        self._result = CalibrationResultPanel(viewer, session)
         viewer.every(POLL_S, self._look)
         viewer.follow(self._show)
 
-    def _show(self, state: BenchState) -> None:
+    def _show(self, state: InstrumentState) -> None:
         self._state = state
         self._operated.show(state)
         self._making.show(state)
@@ -250,7 +254,7 @@ class _Guide:
         return next((state.step.name for state in self._steps if state.status == "open"), None)
 
 
-def terms_words(session: CalibrationSession) -> str:
+def setup_text(session: CalibrationSession) -> str:
     """The terms in one line."""
     terms = session.terms
     tips = ", ".join(f"{tip:g}" for tip in terms.tips_mm)

@@ -12,11 +12,11 @@ from tsis.calibration.session import DAYS
 from tsis.console.pages.components import (
     ProgressBar,
     cards,
-    classed,
     drawings,
     figure,
+    message_list,
     panel_title,
-    sentence_list,
+    set_class,
     table,
     typed_number,
     unit_field,
@@ -29,13 +29,13 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tsis.calibration.file import ProbeCalibration
-    from tsis.console.pages.components import Operated, Viewer
-    from tsis.console.services import Bench, BenchState
-    from tsis.console.services.calibrating import CalibrationSession, MadeCalibration, StepState
+    from tsis.console.pages.components import OperatorControls, Viewer
+    from tsis.console.services import Instrument, InstrumentState
+    from tsis.console.services.calibrating import CalibrationResult, CalibrationSession, StepState
     from tsis.report import Page
 
 
-class Result:
+class CalibrationResultPanel:
     """Shows what was made, or what was made before the program began.
 
     Parameters
@@ -74,10 +74,10 @@ class Result:
             if known is not None:
                 self.identity = known.identity
                 with self._place:
-                    held(known.known)
+                    calibration_content(known.known)
         self._place.set_visibility(bool(self.identity))
 
-    async def _show_made(self, made: MadeCalibration) -> None:
+    async def _show_made(self, made: CalibrationResult) -> None:
         provenance = {"session": str(self._session.folder.path), "terms": to_plain(self._session.terms)}
         page = calibration_page(made.known, made.findings, provenance=provenance)
         sources = await self._viewer.attempt(drawings, page)
@@ -94,13 +94,13 @@ def whole(page: Page, sources: Sequence[str]) -> None:
         ordered = sorted(zip(page.pictures, sources, strict=True), key=lambda each: each[0].wide)
         for picture, source in ordered:
             figure(picture, source)
-    sentence_list(page.notes)
+    message_list(page.notes)
     with ui.element("div").classes("calibrate-tables"):
         for each in page.tables:
             table(each)
 
 
-def held(known: ProbeCalibration) -> None:
+def calibration_content(known: ProbeCalibration) -> None:
     """What the file says of a calibration that this program did not make."""
     ui.label("It was made before. Make it once more, from the same frames, to see what its fits leave.").classes(
         "muted"
@@ -129,7 +129,9 @@ class Making:
         Takes the button that puts it in force.
     """
 
-    def __init__(self, bench: Bench, viewer: Viewer, session: CalibrationSession, operated: Operated) -> None:
+    def __init__(
+        self, bench: Instrument, viewer: Viewer, session: CalibrationSession, operated: OperatorControls
+    ) -> None:
         self._bench, self._viewer, self._session = bench, viewer, session
         self._identity = ""
         with ui.element("section").classes("panel stack").props('aria-label="Calibration"'):
@@ -152,7 +154,7 @@ class Making:
                     ui.label(EXERCISE).classes("muted")
         self._acts.set_visibility(False)
 
-    def show(self, state: BenchState) -> None:
+    def show(self, state: InstrumentState) -> None:
         """Say whether it is in force."""
         here = bool(self._identity) and state.calibration_identity == self._identity
         self._in_force.set_visibility(here)
@@ -173,7 +175,7 @@ class Making:
             words = job.sentence
         self._words.text = words
         self._words.set_visibility(bool(words))
-        classed(self._words, "doubtful", failed)
+        set_class(self._words, "doubtful", failed)
 
     def cites(self, identity: str) -> None:
         """Take the identity of the calibration that was made; empty without one."""

@@ -11,14 +11,14 @@ from nicegui import ui
 from tsis.calibration.force import TIPS_MM
 from tsis.calibration.session import SessionSetup
 from tsis.catalog import list_probes
-from tsis.console.pages.components import field_words, shown_number, typed_number, unit_field
+from tsis.console.pages.components import field_messages, number_text_of_field, typed_number, unit_field
 from tsis.errors import InputError
 from tsis.model import LARGEST_SEED, require_integer
 from tsis.virtual import bench_name
 
 if TYPE_CHECKING:
-    from tsis.console.pages.components import Operated, Viewer
-    from tsis.console.services import Bench, BenchState
+    from tsis.console.pages.components import OperatorControls, Viewer
+    from tsis.console.services import Instrument, InstrumentState
     from tsis.console.services.calibrating import CalibrationSession
 
 
@@ -47,11 +47,11 @@ class TermsForm:
         Takes the button.
     """
 
-    def __init__(self, bench: Bench, viewer: Viewer, operated: Operated) -> None:
+    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
         self._bench, self._viewer = bench, viewer
         choice = bench.desk.choice
         self._virtual = choice.is_virtual
-        shown_tips = ", ".join(shown_number(tip) for tip in TIPS_MM)
+        shown_tips = ", ".join(number_text_of_field(tip) for tip in TIPS_MM)
         with ui.element("div").classes("stack"):
             self._with = ui.label().classes("muted")
             with ui.element("div").classes("calibrate-terms"):
@@ -69,7 +69,7 @@ class TermsForm:
                 self._button = ui.button("Begin", icon="play_arrow", on_click=self._begin).props("no-caps unelevated")
         operated.add(self._button)
 
-    def show(self, state: BenchState) -> None:
+    def show(self, state: InstrumentState) -> None:
         """Ask for what the present camera needs."""
         self._virtual = state.camera.choice.is_virtual
         self._seed.set_visibility(self._virtual)
@@ -87,7 +87,7 @@ class TermsForm:
             ui.navigate.to(f"/calibrate/{quote(session.name)}")
 
     def _begun(self) -> CalibrationSession:
-        with field_words(WORDS):
+        with field_messages(WORDS):
             return self._bench.calibrating.begin(self._terms(), by=self._viewer.identity)
 
     def _terms(self) -> SessionSetup:

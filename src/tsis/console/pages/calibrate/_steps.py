@@ -11,9 +11,9 @@ from tsis.console.files import GREY, thumbnail_png
 from tsis.console.pages.components import (
     FORCE,
     ProgressBar,
-    classed,
-    field_words,
+    field_messages,
     panel_title,
+    set_class,
     show_drawing,
     typed_number,
     unit_field,
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable, Sequence
 
     from tsis.calibration.session import CalibrationStep
-    from tsis.console.pages.components import Operated, Viewer
+    from tsis.console.pages.components import OperatorControls, Viewer
     from tsis.console.services import JobState
     from tsis.console.services.calibrating import CalibrationSession, StepState
 
@@ -47,7 +47,7 @@ async def asked(question: str, *, yes: str, why: str = "") -> bool:
 SIZE_PX = 560  # of its longer side
 
 
-class KeptFrame:
+class SavedFrame:
     """The frame in the middle of a step, in loadings near the largest force.
 
     Parameters
@@ -105,7 +105,7 @@ class TypedLoading:
         Takes the controls.
     """
 
-    def __init__(self, viewer: Viewer, session: CalibrationSession, operated: Operated, step: str) -> None:
+    def __init__(self, viewer: Viewer, session: CalibrationSession, operated: OperatorControls, step: str) -> None:
         self._viewer, self._session, self._step = viewer, session, step
         self._shown: Sequence[float] | None = None
         with ui.element("div").classes("stack"):
@@ -139,7 +139,7 @@ class TypedLoading:
 
     def _pressed(self, text: str) -> int:
         force = typed_number("force", text.replace(",", "."))
-        with field_words(FORCE):
+        with field_messages(FORCE):
             return self._session.press(self._step, force, by=self._viewer.identity)
 
     async def _undo(self) -> None:
@@ -162,7 +162,7 @@ class StepCard:
         Takes the controls.
     """
 
-    def __init__(self, viewer: Viewer, session: CalibrationSession, operated: Operated) -> None:
+    def __init__(self, viewer: Viewer, session: CalibrationSession, operated: OperatorControls) -> None:
         self._viewer, self._session, self._operated = viewer, session, operated
         self._shown: tuple[object, ...] = ()
         self._place = ui.element("div").classes("stack")
@@ -228,8 +228,8 @@ class StepCard:
         job = self._session.job
         state = None if job is None else job.state()
         self._bar.show(state)
-        self._words.text = "" if state is None else frames_words(state)
-        classed(self._words, "doubtful", state is not None and state.status == FAILED)
+        self._words.text = "" if state is None else frames_text(state)
+        set_class(self._words, "doubtful", state is not None and state.status == FAILED)
 
     async def _take(self, name: str) -> None:
         await self._viewer.attempt(self._session.take, name, by=self._viewer.identity)
@@ -249,7 +249,7 @@ class StepCard:
             await self._viewer.attempt(self._session.repeat, name, by=self._viewer.identity)
 
 
-def frames_words(job: JobState) -> str:
+def frames_text(job: JobState) -> str:
     """How far the frames of a step are, or why they are not kept."""
     if job.running:
         return f"{job.done} of {job.total} frames" if job.total else f"{job.done} frames"

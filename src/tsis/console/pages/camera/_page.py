@@ -9,12 +9,20 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from tsis.console.pages.camera._panels import CalibrationPanel, GaugePanel, VirtualPanel, choose_and_start
-from tsis.console.pages.components import ChoiceField, Operated, ProgressBar, RunButton, cell, panel_title, rows_under
+from tsis.console.pages.components import (
+    ChoiceField,
+    OperatorControls,
+    ProgressBar,
+    RunButton,
+    cell,
+    panel_title,
+    rows_under,
+)
 from tsis.console.services import DONE, CameraChoice
 
 if TYPE_CHECKING:
     from tsis.console.pages.components import Viewer
-    from tsis.console.services import Bench, BenchState, CameraState, JobState
+    from tsis.console.services import CameraState, Instrument, InstrumentState, JobState
     from tsis.instrument import CameraInfo, CameraListing
 
 
@@ -31,7 +39,7 @@ class ChosenPanel:
         Takes the controls.
     """
 
-    def __init__(self, bench: Bench, viewer: Viewer, operated: Operated) -> None:
+    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
         self._bench, self._viewer = bench, viewer
         with ui.element("div").classes("row"):
             with ui.element("div"):
@@ -46,11 +54,11 @@ class ChosenPanel:
         operated.add(select)
         operated.add(self._run.element)
 
-    def show(self, state: BenchState) -> None:
+    def show(self, state: InstrumentState) -> None:
         """Show the camera's state."""
         camera = state.camera
-        self._name.text = camera_words(camera)
-        self._how.text = how_words(camera)
+        self._name.text = camera_text(camera)
+        self._how.text = streaming_text(camera)
         self._mode.show(camera.mode or None, {label: label for label in camera.modes})
         self._mode.element.set_visibility(bool(camera.modes))
         self._run.show(camera)
@@ -59,7 +67,7 @@ class ChosenPanel:
         choose_and_start(self._bench, replace(self._bench.desk.choice, mode=label), by=self._viewer.identity)
 
 
-def camera_words(camera: CameraState) -> str:
+def camera_text(camera: CameraState) -> str:
     """Its name, or what was chosen before it was connected."""
     if camera.name:
         return camera.name
@@ -67,7 +75,7 @@ def camera_words(camera: CameraState) -> str:
     return f"virtual probe {choice.probe} on {choice.phantom}" if choice.is_virtual else choice.spec
 
 
-def how_words(camera: CameraState) -> str:
+def streaming_text(camera: CameraState) -> str:
     """Whether frames come."""
     if not camera.running:
         return "stopped"
@@ -85,7 +93,7 @@ class FoundPanel:
         As of `ChosenPanel`.
     """
 
-    def __init__(self, bench: Bench, viewer: Viewer, operated: Operated) -> None:
+    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
         self._bench, self._viewer, self._operated = bench, viewer, operated
         self._shown: tuple[str, str] | None = None
         with ui.element("section").classes("panel stack tight"):
@@ -97,12 +105,12 @@ class FoundPanel:
             self._said = ui.label().classes("muted").props("role=status")
             self._place = ui.element("div").classes("stack")
 
-    def show(self, _: BenchState) -> None:
+    def show(self, _: InstrumentState) -> None:
         """Show the last search, whoever began it."""
         job = self._bench.search.state()
         self._bar.show(job)
         self._search.set_enabled(job is None or not job.running)
-        self._said.text = search_words(job)
+        self._said.text = search_text(job)
         now = None if job is None else (job.identity, job.status)
         if now != self._shown:
             self._shown = now
@@ -143,16 +151,16 @@ class FoundPanel:
         )
 
 
-def search_words(job: JobState | None) -> str:
+def search_text(job: JobState | None) -> str:
     """How far a search is."""
     if job is None:
         return "Nobody has searched yet. A search asks every source and takes some seconds."
     return "Asking every source; this takes some seconds." if job.running else job.sentence
 
 
-def page(bench: Bench, viewer: Viewer) -> None:
+def camera_page(bench: Instrument, viewer: Viewer) -> None:
     """Build the page."""
-    operated = Operated(viewer)
+    operated = OperatorControls(viewer)
     with ui.element("div").classes("panel stack"):
         chosen = ChosenPanel(bench, viewer, operated)
         operated.why()
@@ -164,7 +172,7 @@ def page(bench: Bench, viewer: Viewer) -> None:
             found = FoundPanel(bench, viewer, operated)
             gauge = GaugePanel(bench, viewer, operated)
 
-    def show(state: BenchState) -> None:
+    def show(state: InstrumentState) -> None:
         for part in (chosen, virtual, found, calibration, gauge, operated):
             part.show(state)
 

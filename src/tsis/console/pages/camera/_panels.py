@@ -11,13 +11,13 @@ from tsis.calibration import parse_usable_calibration
 from tsis.calibration.file import LARGEST_BYTES
 from tsis.catalog import list_phantoms, list_probes, list_spheres
 from tsis.console.pages.components import (
-    CalibrationSeen,
-    field_words,
+    CalibrationMemory,
+    field_messages,
     loading,
+    number_text_of_field,
     one_file,
     panel_title,
-    shown_number,
-    time_words,
+    time_label,
     typed_number,
     unit_field,
 )
@@ -30,11 +30,11 @@ if TYPE_CHECKING:
     from nicegui.events import UploadEventArguments
 
     from tsis.calibration import UsableCalibration
-    from tsis.console.pages.components import Operated, Viewer
-    from tsis.console.services import Bench, BenchState
+    from tsis.console.pages.components import OperatorControls, Viewer
+    from tsis.console.services import Instrument, InstrumentState
 
 
-def choose_and_start(bench: Bench, choice: CameraChoice, *, by: str) -> None:
+def choose_and_start(bench: Instrument, choice: CameraChoice, *, by: str) -> None:
     """Take another camera and start it; when it does not start it stays chosen, and the error says why.
 
     Raises
@@ -60,8 +60,8 @@ class CalibrationPanel:
         As of `ChosenPanel`.
     """
 
-    def __init__(self, bench: Bench, viewer: Viewer, operated: Operated) -> None:
-        self._bench, self._viewer, self._calibration = bench, viewer, CalibrationSeen(bench)
+    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
+        self._bench, self._viewer, self._calibration = bench, viewer, CalibrationMemory(bench)
         with ui.element("section").classes("panel stack tight"):
             panel_title("Calibration in force")
             self._name = ui.label()
@@ -75,12 +75,12 @@ class CalibrationPanel:
             operated.add(self._upload)
             operated.add(self._none)
 
-    def show(self, state: BenchState) -> None:
+    def show(self, state: InstrumentState) -> None:
         """Show which it is."""
         own = state.camera.choice.is_virtual
         self._name.text = state.calibration or ("the virtual probe's own, once it runs" if own else "none")
         known = self._calibration.of(state)
-        self._identity.text = "" if known is None and own else calibration_words(known)
+        self._identity.text = "" if known is None and own else calibration_text(known)
         self._none.text = "Use the virtual probe's own" if own else "Use none"
 
     async def _given(self, event: UploadEventArguments) -> None:
@@ -99,13 +99,13 @@ class CalibrationPanel:
         await self._viewer.attempt(self._bench.use_calibration, None, by=self._viewer.identity)
 
 
-def calibration_words(known: UsableCalibration | None) -> str:
+def calibration_text(known: UsableCalibration | None) -> str:
     """Its identity and dates."""
     if known is None:
         return "Without one presses are kept, but nothing can be estimated from them."
     made, expires = known.known.made, known.known.expires
-    when = "" if made is None else f", made {time_words(made)}"
-    until = "" if expires is None else f", expires {time_words(expires)}"
+    when = "" if made is None else f", made {time_label(made)}"
+    until = "" if expires is None else f", expires {time_label(expires)}"
     left = "" if expires is None else f" ({max(0, (expires - datetime.now(UTC)).days)} days left)"
     return f"{known.identity[:SHORT]}{when}{until}{left}"
 
@@ -124,7 +124,7 @@ class GaugePanel:
         As of `ChosenPanel`.
     """
 
-    def __init__(self, bench: Bench, viewer: Viewer, operated: Operated) -> None:
+    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
         self._bench, self._viewer = bench, viewer
         with ui.element("section").classes("panel stack tight") as self._panel:
             panel_title("Force gauge")
@@ -144,7 +144,7 @@ class GaugePanel:
         self._panel.set_visibility(False)
         ui.timer(0.0, self._ports, once=True)
 
-    def show(self, state: BenchState) -> None:
+    def show(self, state: InstrumentState) -> None:
         """Be there for real cameras, and say what is connected."""
         self._panel.set_visibility(not state.camera.choice.is_virtual)
         self._in_use.text = (
@@ -192,7 +192,7 @@ class VirtualPanel:
         As of `ChosenPanel`.
     """
 
-    def __init__(self, bench: Bench, viewer: Viewer, operated: Operated) -> None:
+    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
         self._bench, self._viewer = bench, viewer
         choice = bench.desk.choice
         with ui.element("section").classes("panel stack tight"):
@@ -207,7 +207,9 @@ class VirtualPanel:
             with self._changes:
                 ui.label("Inclusion other than the catalog's:").classes("muted whole-line")
                 self._values = {
-                    name: unit_field(label, shown_number(getattr(choice, name)), unit=unit).classes("number-field")
+                    name: unit_field(label, number_text_of_field(getattr(choice, name)), unit=unit).classes(
+                        "number-field"
+                    )
                     for name, (label, unit) in CHANGED.items()
                 }
             for select in (self._probe, self._phantom):
@@ -218,7 +220,7 @@ class VirtualPanel:
             operated.add(self._use)
         self._bare()
 
-    def show(self, state: BenchState) -> None:
+    def show(self, state: InstrumentState) -> None:
         """Say whether it is the one in use."""
         self._use.text = "Use it so" if state.camera.choice.is_virtual else "Use the virtual probe"
 
@@ -232,7 +234,7 @@ class VirtualPanel:
 
     def _taken(self) -> None:
         changed = dict.fromkeys(CHANGED) if self._phantom.value in list_spheres() else self._changed()
-        with field_words({name: label.lower() for name, (label, _) in CHANGED.items()}):
+        with field_messages({name: label.lower() for name, (label, _) in CHANGED.items()}):
             choice = CameraChoice(
                 probe=self._probe.value,
                 phantom=self._phantom.value,

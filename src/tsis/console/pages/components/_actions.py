@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from nicegui.elements.mixins.disableable_element import DisableableElement
 
     from tsis.console.pages.components._viewer import Viewer
-    from tsis.console.services import Bench, BenchState, CameraState, JobState
+    from tsis.console.services import CameraState, Instrument, InstrumentState, JobState
 
 
 @contextmanager
@@ -31,12 +31,12 @@ def loading(button: ui.button) -> Iterator[None]:
 PATIENT = 2  # states that may still be from before
 
 
-class JustDone:
+class UndoMemory:
     """Remembers the value that was replaced.
 
     Examples
     --------
-    >>> last = JustDone()
+    >>> last = UndoMemory()
     >>> last.replaced(1)
     >>> last.is_old(1), last.is_old(1), last.is_old(1)
     (True, True, False)
@@ -65,7 +65,7 @@ class JustDone:
 Control = TypeVar("Control", bound="DisableableElement")
 
 
-class Operated:
+class OperatorControls:
     """The controls of one page.
 
     Parameters
@@ -89,7 +89,7 @@ class Operated:
         """Place the sentence that says why controls do nothing; it is there only while they do not."""
         self._sentence = ui.label().classes("muted watching").props("role=status")
 
-    def show(self, _: BenchState) -> None:
+    def show(self, _: InstrumentState) -> None:
         """Enable the controls for who holds the camera."""
         acts, self._judged = self._viewer.acts, True
         self._controls = [control for control in self._controls if not control.is_deleted]
@@ -132,7 +132,7 @@ class RunButton:
         Who clicks.
     """
 
-    def __init__(self, bench: Bench, viewer: Viewer) -> None:
+    def __init__(self, bench: Instrument, viewer: Viewer) -> None:
         self._bench, self._viewer = bench, viewer
         self._runs: bool | None = None  # as the button says; None before anything is known
         self.element = ui.button("Start", on_click=self._clicked).props("no-caps outline").classes("run")
@@ -151,7 +151,7 @@ class RunButton:
             await self._viewer.attempt(act, by=self._viewer.identity)
 
 
-def estimate_job(state: BenchState) -> JobState | None:
+def estimate_job(state: InstrumentState) -> JobState | None:
     """The newest estimate of the present target, under way or over; None when there was none."""
     title = estimate_title(state.target)
     return next((job for job in reversed(state.jobs) if job.title == title), None)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.console.pages.components._actions import JustDone
+from tsis.console.pages.components._actions import UndoMemory
 from tsis.errors import InputError
 
 if TYPE_CHECKING:
@@ -23,24 +23,24 @@ if TYPE_CHECKING:
 FORCE = {"force_n": "force"}
 
 
-def in_words(sentence: str, words: Mapping[str, str]) -> str:
+def with_field_labels(sentence: str, words: Mapping[str, str]) -> str:
     """A sentence with a page's words for the parameters that it names.
 
     Examples
     --------
-    >>> in_words("radius_mm must lie in [1, 50]; got 0 (millimetres)", {"radius_mm": "radius of the object"})
+    >>> with_field_labels("radius_mm must lie in [1, 50]; got 0 (millimetres)", {"radius_mm": "radius of the object"})
     'radius of the object must lie in [1, 50]; got 0 (millimetres)'
     """
     return re.sub(r"\w+", lambda found: words.get(found[0], found[0]), sentence)
 
 
 @contextmanager
-def field_words(words: Mapping[str, str]) -> Iterator[None]:
+def field_messages(words: Mapping[str, str]) -> Iterator[None]:
     """Say an `InputError` about these parameters in these words."""
     try:
         yield
     except InputError as error:
-        raise InputError(in_words(str(error), words)) from error
+        raise InputError(with_field_labels(str(error), words)) from error
 
 
 _NUMBER = re.compile(r"[+-]?(\d+(\.\d*)?|\.\d+)(e[+-]?\d+)?", re.IGNORECASE | re.ASCII)
@@ -67,7 +67,7 @@ def typed_number(name: str, text: str) -> float:
     return float(text)
 
 
-def shown_number(value: float | None) -> str:
+def number_text_of_field(value: float | None) -> str:
     """A number as a field shows it; nothing where there is none."""
     if value is None:
         return ""
@@ -125,7 +125,7 @@ class NumberField:
     ) -> None:
         self._viewer, self._label, self._act, self._emptied = viewer, label, act, emptied
         self._value: float | None = None
-        self._typing, self._just_done = False, JustDone()
+        self._typing, self._just_done = False, UndoMemory()
         self.element = unit_field(label, unit=unit).classes("number-field")
         self.element.on("update:model-value", self._typed)
         self.element.on("blur", self._done)
@@ -139,7 +139,7 @@ class NumberField:
         self._value = value
         self._typing = self._typing and self.element.enabled  # who may not change it any more has not typed it
         if not self._typing:
-            self.element.set_value(shown_number(value))
+            self.element.set_value(number_text_of_field(value))
 
     def _typed(self) -> None:
         self._typing = True
@@ -152,14 +152,14 @@ class NumberField:
         if not self._typing:
             return
         text = str(self.element.value or "").strip()
-        if text == shown_number(self._value):
+        if text == number_text_of_field(self._value):
             self._give_up()
             return
         self._typing = False
         before = self._value
         await self._viewer.attempt(self._taken, text)
         if not self._typing:
-            self.element.set_value(shown_number(self._value))
+            self.element.set_value(number_text_of_field(self._value))
         if self._value != before:
             self._just_done.replaced(before)
 
@@ -190,7 +190,7 @@ class ChoiceField:
     def __init__(self, viewer: Viewer, element: ChoiceElement, act: Callable[[str], object]) -> None:
         self._viewer, self.element, self._act = viewer, element, act
         self._shown: str | None = element.value
-        self._under_way, self._just_done = False, JustDone()
+        self._under_way, self._just_done = False, UndoMemory()
         element.on_value_change(self._chosen)
 
     def show(self, value: str | None, options: Mapping[str, str] | None = None) -> None:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from tsis.report import Card, Page, Picture, Table
 
 
-def classed(element: Element, name: str, wanted: bool) -> None:
+def set_class(element: Element, name: str, wanted: bool) -> None:
     """Give an element a class, or take it."""
     if wanted:
         element.classes(add=name)
@@ -54,15 +54,15 @@ class FactList:
                     ui.label(value)
 
 
-def sentence_list(sentences: Iterable[str] = ()) -> Element:
-    """Place a list with these sentences; others can be `listed` in it."""
+def message_list(sentences: Iterable[str] = ()) -> Element:
+    """Place a list with these sentences; others can be `list_message` in it."""
     with ui.element("ul").classes("sentences") as place:
         for sentence in sentences:
-            listed(sentence)
+            list_message(sentence)
     return place
 
 
-def listed(sentence: str, look: str = "") -> None:
+def list_message(sentence: str, look: str = "") -> None:
     """Place a sentence in a list."""
     with ui.element("li"):
         ui.label(sentence).classes(look)

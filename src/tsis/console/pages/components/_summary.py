@@ -16,29 +16,29 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from datetime import datetime
 
-    from tsis.console.services import Bench, BenchState
+    from tsis.console.services import Instrument, InstrumentState
     from tsis.records import StoredPress
 
 
-def force_words(force_n: float | None) -> str:
+def force_text(force_n: float | None) -> str:
     """A force, also one that nobody knows.
 
     Examples
     --------
-    >>> force_words(0.7), force_words(None)
+    >>> force_text(0.7), force_text(None)
     ('0.7 N', 'force not measured')
     """
     return "force not measured" if force_n is None else f"{force_n:.3g} N"
 
 
-def time_words(when: datetime) -> str:
+def time_label(when: datetime) -> str:
     """A time where nothing else says that it is in UTC."""
     return f"{time_text(when)} UTC"
 
 
-def press_words(press: StoredPress) -> str:
+def press_label(press: StoredPress) -> str:
     """A press: what was pressed, how hard, when."""
-    return f"{ROLE_WORDS[press.role]}, {force_words(press.force_n)}, {time_words(press.taken)}"
+    return f"{ROLE_WORDS[press.role]}, {force_text(press.force_n)}, {time_label(press.taken)}"
 
 
 FRESH_S = 0.2  # for which a look at the state serves every page
@@ -46,7 +46,7 @@ ENTRIES_FRESH_S = 0.4  # for which one at the store does
 Seen = TypeVar("Seen")
 
 
-class Glance:
+class StatePoller:
     """Looks at a bench in a thread, for a camera may take its time to tell its settings; used in one event loop.
 
     Parameters
@@ -55,11 +55,11 @@ class Glance:
         What is looked at.
     """
 
-    def __init__(self, bench: Bench) -> None:
+    def __init__(self, bench: Instrument) -> None:
         self._state = _Shared(lambda: bench.state(), FRESH_S)
         self._entries = _Shared(lambda: bench.store.entries(), ENTRIES_FRESH_S)
 
-    async def state(self) -> BenchState | None:
+    async def state(self) -> InstrumentState | None:
         """The state as it was at most 0.2 s ago, the same object for all who ask meanwhile; None at the very end."""
         return await self._state.seen()
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from nicegui import run, ui
 
-from tsis.console.auth import visitor_of
+from tsis.console.auth import client_identity
 from tsis.errors import TsisError
 
 if TYPE_CHECKING:
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
     from nicegui.client import Client
 
     from tsis.calibration import UsableCalibration
-    from tsis.console.pages.components._summary import Glance, Tabs
-    from tsis.console.services import Bench, BenchState
+    from tsis.console.pages.components._summary import StatePoller, Tabs
+    from tsis.console.services import Instrument, InstrumentState
 
 
 EVERY_S = 0.3  # between two looks at the bench's state
@@ -48,7 +48,7 @@ class Viewer:
         Whether the page can be seen now, and is not behind another tab.
     """
 
-    def __init__(self, client: Client, bench: Bench, glance: Glance, tabs: Tabs) -> None:
+    def __init__(self, client: Client, bench: Instrument, glance: StatePoller, tabs: Tabs) -> None:
         self._client, self._bench, self._glance, self._tabs = client, bench, glance, tabs
         self.visible = True
 
@@ -60,12 +60,12 @@ class Viewer:
     @property
     def name(self) -> str:
         """What other people see."""
-        return visitor_of(self._client.request).name or self._tabs.name(self.identity)
+        return client_identity(self._client.request).name or self._tabs.name(self.identity)
 
     @property
     def logged_in(self) -> bool:
         """Whether the name is that of a login, and not one that a browser was given."""
-        return bool(visitor_of(self._client.request).name)
+        return bool(client_identity(self._client.request).name)
 
     def kept(self, kind: type[Thing]) -> Thing:
         """What this tab keeps of this kind while it looks at other pages, and when it is loaded anew."""
@@ -126,12 +126,12 @@ class Viewer:
 
         ui.timer(seconds, seen)
 
-    def follow(self, show: Callable[[BenchState], Any]) -> None:
+    def follow(self, show: Callable[[InstrumentState], Any]) -> None:
         """Show the bench's state now and whenever it has changed, while the present part of the page is there.
 
         A page that nobody sees, because another tab is before it, is not changed until it is seen again.
         """
-        shown: list[BenchState] = []
+        shown: list[InstrumentState] = []
 
         async def look() -> None:
             state = await self._glance.state()
@@ -143,7 +143,7 @@ class Viewer:
         self.every(EVERY_S, look)
 
 
-class CalibrationSeen:
+class CalibrationMemory:
     """Remembers the calibration of the last state, because the bench judges it by the camera whenever it is asked.
 
     Parameters
@@ -152,11 +152,11 @@ class CalibrationSeen:
         Where it is in force.
     """
 
-    def __init__(self, bench: Bench) -> None:
+    def __init__(self, bench: Instrument) -> None:
         self._bench = bench
         self._known: UsableCalibration | None = None
 
-    def of(self, state: BenchState) -> UsableCalibration | None:
+    def of(self, state: InstrumentState) -> UsableCalibration | None:
         """The calibration that the state names; None without one, and when another came in force since."""
         if self._known is None or self._known.identity != state.calibration_identity:
             self._known = self._bench.calibration if state.calibration_identity else None

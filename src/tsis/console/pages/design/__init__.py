@@ -1,5 +1,5 @@
 """Design: what a probe and its presses would tell, before they are built."""
 
-from tsis.console.pages.design._page import page
+from tsis.console.pages.design._page import design_tab
 
-__all__ = ["page"]
+__all__ = ["design_tab"]

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 from nicegui import ui
 
 from tsis.catalog import load_probe
-from tsis.console.pages.components import FORCE, field_words, in_words, shown_number, typed_number
+from tsis.console.pages.components import FORCE, field_messages, number_text_of_field, typed_number, with_field_labels
 from tsis.errors import InputError
-from tsis.inclusion.design import MOST_EVALUATIONS, MOST_FRAMES
+from tsis.inclusion.design import MOST_EVALUATIONS, MOST_FRAMES_EACH
 from tsis.model import Layer, Led, Probe, require_integer
-from tsis.report import QUICK, DesignQuestion
+from tsis.report import QUICK_DEGREES, DesignQuestion
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from tsis.console.services import Job
 
 
-class Sentences:
+class FieldMessages:
     """What is wrong with the fields of a group; nothing is shown while all are right."""
 
     def __init__(self) -> None:
@@ -44,7 +44,7 @@ def typed_field(
     text: str,
     take: Callable[[str], None],
     fault: Callable[[], str],
-    sentences: Sentences,
+    sentences: FieldMessages,
     *,
     shown: bool = True,
     empty: str = "",
@@ -113,15 +113,15 @@ class ProbeDraft:
 
     def __post_init__(self) -> None:
         probe, led = self.start, self.start.leds[0]
-        self.radius_mm = shown_number(probe.radius_mm)
+        self.radius_mm = number_text_of_field(probe.radius_mm)
         self.domed = probe.face_curvature_mm is not None
-        self.curvature_mm = shown_number(probe.face_curvature_mm or 40.0)
-        self.layers = [{name: shown_number(getattr(layer, name)) for name in LAYER} for layer in probe.layers]
+        self.curvature_mm = number_text_of_field(probe.face_curvature_mm or 40.0)
+        self.layers = [{name: number_text_of_field(getattr(layer, name)) for name in LAYER} for layer in probe.layers]
         self.lamps = str(len(probe.leds))
         self.lamp = {
-            "height_mm": shown_number(probe.led_height_mm(led)),
-            "aim_deg": shown_number(led.aim_deg),
-            "half_angle_deg": shown_number(led.half_angle_deg),
+            "height_mm": number_text_of_field(probe.led_height_mm(led)),
+            "aim_deg": number_text_of_field(led.aim_deg),
+            "half_angle_deg": number_text_of_field(led.half_angle_deg),
         }
 
     def probe(self) -> Probe:
@@ -132,7 +132,7 @@ class ProbeDraft:
         InputError
             When a field holds no number, or one outside its range.
         """
-        with field_words(WORDS):
+        with field_messages(WORDS):
             made = replace(
                 self.start,
                 radius_mm=typed_number("radius", self.radius_mm),
@@ -161,25 +161,25 @@ class ProbeDraft:
 
     def layer_fault(self, texts: Mapping[str, str], name: str) -> str:
         """What is wrong with one field of a layer; empty when nothing is."""
-        return sentence(lambda: Layer(**{**ANY_LAYER, name: typed_number(LAYER[name], texts[name])}))
+        return draft_message(lambda: Layer(**{**ANY_LAYER, name: typed_number(LAYER[name], texts[name])}))
 
     def lamp_fault(self, name: str) -> str:
         """What is wrong with one field of the lamps; empty when nothing is."""
         if name == "lamps":
-            return sentence(partial(typed_number, "lamps", self.lamps)) or sentence(self._leds)
-        return sentence(lambda: Led(**{name: typed_number(LAMP[name], self.lamp[name])}))
+            return draft_message(partial(typed_number, "lamps", self.lamps)) or draft_message(self._leds)
+        return draft_message(lambda: Led(**{name: typed_number(LAMP[name], self.lamp[name])}))
 
     def face_fault(self, name: str) -> str:
         """What is wrong with ``"radius_mm"`` or ``"curvature_mm"``; empty when nothing is."""
         thick = Probe(radius_mm=5.0, layers=(Layer(thickness_mm=200.0, young_kpa=50.0),))  # under any dome
-        wrong = sentence(lambda: replace(thick, radius_mm=typed_number("radius", self.radius_mm)))
+        wrong = draft_message(lambda: replace(thick, radius_mm=typed_number("radius", self.radius_mm)))
         if name == "radius_mm":
             return wrong
         curvature = partial(typed_number, DOME, self.curvature_mm)
         if wrong or not self.domed:
-            return sentence(curvature) if self.domed else ""
+            return draft_message(curvature) if self.domed else ""
         radius = typed_number("radius", self.radius_mm)
-        return sentence(lambda: replace(thick, radius_mm=radius, face_curvature_mm=curvature()))
+        return draft_message(lambda: replace(thick, radius_mm=radius, face_curvature_mm=curvature()))
 
     def field_faults(self) -> Iterator[str]:
         """What is wrong with each field by itself; empty where nothing is."""
@@ -189,15 +189,15 @@ class ProbeDraft:
 
     def fault(self) -> str:
         """What is wrong with the probe as a whole; empty when nothing is."""
-        return sentence(self.probe)
+        return draft_message(self.probe)
 
 
-def sentence(make: Callable[[], object]) -> str:
+def draft_message(make: Callable[[], object]) -> str:
     """Why something cannot be made, in the words of the page; empty when it can."""
     try:
         make()
     except InputError as error:
-        return in_words(str(error), WORDS)
+        return with_field_labels(str(error), WORDS)
     return ""
 
 
@@ -219,13 +219,13 @@ MOST_FORCES = 8
 
 
 @dataclass(slots=True)
-class AskedDraft:
+class QuestionDraft:
     """What is in the fields of presses and question."""
 
     forces: str = ""
     frames: str = "1"
     with_reference: bool = True
-    compared: set[str] = field(default_factory=lambda: set(QUICK))
+    compared: set[str] = field(default_factory=lambda: set(QUICK_DEGREES))
     criterion: str = "all"
     traced: bool = False
     search: bool = False
@@ -233,12 +233,12 @@ class AskedDraft:
 
     def question(self, probe: Probe) -> DesignQuestion:
         """The question about a probe; `InputError` when a field holds what cannot be asked."""
-        with field_words(FORCE):
+        with field_messages(FORCE):
             return DesignQuestion(
                 probe=probe,
                 forces_n=self.forces_n(),
                 with_reference=self.with_reference,
-                frames_each=require_integer("frames", typed_number("frames", self.frames), 1, MOST_FRAMES),
+                frames_each=require_integer("frames", typed_number("frames", self.frames), 1, MOST_FRAMES_EACH),
                 compared=tuple(aspect for aspect in COMPARED if aspect in self.compared),
                 criterion=self.criterion,
                 traced=self.traced,
@@ -261,9 +261,9 @@ FIRST = "tsis-domed"
 
 
 @dataclass(slots=True)
-class DrawingDesk:
+class ProbeEditor:
     """Drafts, and the job that judges them or did so last."""
 
     probe: ProbeDraft = field(default_factory=lambda: draft_of(FIRST))
-    asked: AskedDraft = field(default_factory=AskedDraft)
+    asked: QuestionDraft = field(default_factory=QuestionDraft)
     job: Job | None = None

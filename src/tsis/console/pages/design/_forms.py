@@ -15,10 +15,10 @@ from tsis.console.pages.design._draft import (
     LAYER,
     MOST_LAYERS,
     NEW_LAYER,
-    AskedDraft,
-    Sentences,
+    FieldMessages,
+    QuestionDraft,
+    draft_message,
     draft_of,
-    sentence,
     typed_field,
 )
 
@@ -27,10 +27,10 @@ if TYPE_CHECKING:
 
     from nicegui.events import ValueChangeEventArguments
 
-    from tsis.console.pages.design._draft import DrawingDesk, ProbeDraft
+    from tsis.console.pages.design._draft import ProbeDraft, ProbeEditor
 
 
-class AskedForm:
+class QuestionForm:
     """How one would press, what to compare with, and what a good design is.
 
     Parameters
@@ -39,7 +39,7 @@ class AskedForm:
         What is filled.
     """
 
-    def __init__(self, desk: DrawingDesk) -> None:
+    def __init__(self, desk: ProbeEditor) -> None:
         self._desk, draft = desk, desk.asked
         panel_title("Presses")
         self._presses(draft)
@@ -59,26 +59,26 @@ class AskedForm:
             search = ui.switch("Search better layers and forces, for minutes", value=draft.search).props("dense")
             search.bind_value_to(draft, "search")
             tries = ui.element("div")
-        sentences = Sentences()
+        sentences = FieldMessages()
         with tries:
             typed_field(
                 "Stacks to try",
                 draft.evaluations,
                 self._evaluations,
-                lambda: self._fault(AskedDraft(evaluations=draft.evaluations, search=True)),
+                lambda: self._fault(QuestionDraft(evaluations=draft.evaluations, search=True)),
                 sentences,
             )
         tries.bind_visibility_from(draft, "search")
 
-    def _presses(self, draft: AskedDraft) -> None:
+    def _presses(self, draft: QuestionDraft) -> None:
         fields = ui.element("div").classes("fields")
-        sentences = Sentences()
+        sentences = FieldMessages()
         with fields:
             typed_field(
                 "Forces / N",
                 draft.forces,
                 self._forces,
-                lambda: self._fault(AskedDraft(forces=draft.forces)),
+                lambda: self._fault(QuestionDraft(forces=draft.forces)),
                 sentences,
                 empty="1; on a dome 0.5, 1",
             )
@@ -86,16 +86,16 @@ class AskedForm:
                 "Frames of each",
                 draft.frames,
                 self._frames,
-                lambda: self._fault(AskedDraft(frames=draft.frames)),
+                lambda: self._fault(QuestionDraft(frames=draft.frames)),
                 sentences,
             )
             ui.switch("Press plain tissue too", value=draft.with_reference).props("dense").bind_value_to(
                 draft, "with_reference"
             )
 
-    def _fault(self, alone: AskedDraft) -> str:
+    def _fault(self, alone: QuestionDraft) -> str:
         """What is wrong with one field, the others being as they are at first."""
-        return sentence(lambda: alone.question(self._desk.probe.start))
+        return draft_message(lambda: alone.question(self._desk.probe.start))
 
     def _forces(self, text: str) -> None:
         self._desk.asked.forces = text
@@ -137,14 +137,14 @@ class LayerTable:
         layers = self._draft.layers
         with self._place:
             body = rows_under(HEADINGS, label="Layers, from the tissue up", look="layers")
-            sentences = Sentences()
+            sentences = FieldMessages()
             with body:
                 for at in range(len(layers)):
                     self._row(at, sentences)
             if len(layers) < MOST_LAYERS:
                 ui.button("Add a layer at the glass", icon="add", on_click=self._add).props("dense no-caps flat")
 
-    def _row(self, at: int, sentences: Sentences) -> None:
+    def _row(self, at: int, sentences: FieldMessages) -> None:
         texts, number = self._draft.layers[at], at + 1
         with ui.element("tr"):
             cell(str(number))
@@ -210,7 +210,7 @@ class ProbeForm:
         Called after each change.
     """
 
-    def __init__(self, desk: DrawingDesk, changed: Callable[[], object]) -> None:
+    def __init__(self, desk: ProbeEditor, changed: Callable[[], object]) -> None:
         self._desk, self._changed = desk, changed
         panel_title("Probe")
         ui.select(list(list_probes()), value=desk.probe.start.name, label="Start from", on_change=self._start).props(
@@ -250,7 +250,7 @@ class ProbeForm:
 
         panel_title("Face", level=3)
         fields = ui.element("div").classes("fields")
-        sentences = Sentences()
+        sentences = FieldMessages()
         with fields:
             typed_field("Radius / mm", draft.radius_mm, radius, partial(draft.face_fault, "radius_mm"), sentences)
             ui.switch("Domed", value=draft.domed, on_change=domed).props("dense")
@@ -271,7 +271,7 @@ class ProbeForm:
 
         panel_title("Lamps around the side", level=3)
         fields = ui.element("div").classes("fields four")
-        sentences = Sentences()
+        sentences = FieldMessages()
         with fields:
             typed_field("How many", draft.lamps, lamps, partial(draft.lamp_fault, "lamps"), sentences)
             for name, label in LAMP_LABELS.items():

@@ -10,10 +10,10 @@ from nicegui import background_tasks, ui
 
 from tsis.catalog import probe_toml
 from tsis.console.pages.components import ProgressBar, drawings, panel_title, report_parts
-from tsis.console.pages.design._draft import DrawingDesk
-from tsis.console.pages.design._forms import AskedForm, ProbeForm
+from tsis.console.pages.design._draft import ProbeEditor
+from tsis.console.pages.design._forms import ProbeForm, QuestionForm
 from tsis.console.pages.design._section import Section
-from tsis.console.services import DONE, Ended
+from tsis.console.services import DONE, JobCancelled
 from tsis.errors import InputError
 from tsis.report import answered, compared_designs, design_document, design_page, json_bytes, searched_design
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from tsis.console.pages.components import Viewer
-    from tsis.console.services import Bench, Job
+    from tsis.console.services import Instrument, Job
     from tsis.report import DesignAnswer, DesignQuestion, Page
 
 
@@ -30,7 +30,7 @@ SCROLL = 'getHtmlElement({}).scrollIntoView({{behavior: "smooth", block: "start"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Told:
+class DesignResult:
     """An answer, and its page with its pictures drawn."""
 
     answer: DesignAnswer
@@ -38,25 +38,25 @@ class Told:
     pictures: tuple[str, ...]
 
 
-def judge(question: DesignQuestion) -> Callable[[Job], Told]:
+def judge(question: DesignQuestion) -> Callable[[Job], DesignResult]:
     """The work of answering a question; a search that is ended leaves what was compared before."""
 
-    def work(job: Job) -> Told:
+    def work(job: Job) -> DesignResult:
         found = compared_designs(question, progress=job.advance)
         job.tell(0, question.evaluations or 0)
         try:
             optimum = searched_design(question, progress=job.advance)
-        except Ended:
+        except JobCancelled:
             optimum = None
             job.say("The search was ended; this is what was compared before it.")
         answer = answered(question, found, optimum)
         page = design_page(answer)
-        return Told(answer=answer, page=page, pictures=drawings(page))
+        return DesignResult(answer=answer, page=page, pictures=drawings(page))
 
     return work
 
 
-class Telling:
+class DesignResultPanel:
     """Button, progress and answer.
 
     Parameters
@@ -69,7 +69,7 @@ class Telling:
         What is asked about.
     """
 
-    def __init__(self, bench: Bench, viewer: Viewer, desk: DrawingDesk) -> None:
+    def __init__(self, bench: Instrument, viewer: Viewer, desk: ProbeEditor) -> None:
         self._bench, self._viewer, self._desk = bench, viewer, desk
         self._shown: Job | None = None
         self._begun_here = False
@@ -127,7 +127,7 @@ class Telling:
                 if self._begun_here:
                     self._answer.client.run_javascript(SCROLL.format(self._answer.id))
 
-    def _show(self, told: Told) -> None:
+    def _show(self, told: DesignResult) -> None:
         self._answer.clear()
         self._answer.set_visibility(True)
         with self._answer:
@@ -166,18 +166,18 @@ WHAT = (
 )
 
 
-async def page(bench: Bench, viewer: Viewer) -> None:
+async def design_tab(bench: Instrument, viewer: Viewer) -> None:
     """Build the page, with what this tab had on its desk."""
     await ui.context.client.connected()
-    desk = viewer.kept(DrawingDesk)
+    desk = viewer.kept(ProbeEditor)
     with ui.element("div").classes("design"):
         probe_panel = ui.element("section").classes("panel")
         with ui.element("div").classes("stack"):
             with ui.element("section").classes("panel"):
                 section = Section(desk, viewer)
             with ui.element("section").classes("panel"):
-                AskedForm(desk)
-                telling = Telling(bench, viewer, desk)
+                QuestionForm(desk)
+                telling = DesignResultPanel(bench, viewer, desk)
         with probe_panel:
             ProbeForm(desk, lambda: background_tasks.create(section.draw(), name="section of the probe"))
             ui.label(WHAT).classes("muted below")

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from tsis.console.pages.components import Viewer
-    from tsis.console.pages.design._draft import DrawingDesk
+    from tsis.console.pages.design._draft import ProbeEditor
     from tsis.model import Probe
 
 
@@ -36,7 +36,7 @@ class Section:
         Who looks.
     """
 
-    def __init__(self, desk: DrawingDesk, viewer: Viewer) -> None:
+    def __init__(self, desk: ProbeEditor, viewer: Viewer) -> None:
         self._desk, self._viewer = desk, viewer
         self._wanted = 0
         panel_title("Seen from the side")

@@ -1,6 +1,6 @@
 """Examine: the live image, the press under it, what speaks against it, and what presses of this target tell."""
 
-from tsis.console.pages.examine._page import KEYS, page
-from tsis.console.pages.examine._press import kept_words
+from tsis.console.pages.examine._page import KEYS, examine_page
+from tsis.console.pages.examine._press import snapshot_text
 
-__all__ = ["KEYS", "kept_words", "page"]
+__all__ = ["KEYS", "examine_page", "snapshot_text"]

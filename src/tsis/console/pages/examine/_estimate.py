@@ -9,15 +9,15 @@ from nicegui import run, ui
 from tsis.console.pages.components import (
     ProgressBar,
     cards,
-    classed,
     estimate_job,
-    force_words,
+    force_text,
+    message_list,
     panel_title,
     row,
     rows_under,
-    sentence_list,
+    set_class,
 )
-from tsis.console.pages.examine._press import Recorded, recorded
+from tsis.console.pages.examine._press import SavedTarget, saved_target
 from tsis.console.services import FAILED
 from tsis.errors import TsisError
 from tsis.records import ROLE_WORDS
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from tsis.console.pages.components import Viewer
-    from tsis.console.services import Bench, BenchState, JobState
+    from tsis.console.services import Instrument, InstrumentState, JobState
     from tsis.records import StoredEstimate, StoredPress
 
 
@@ -44,9 +44,9 @@ class EstimatePanel:
         As of `PressPanel`.
     """
 
-    def __init__(self, bench: Bench, viewer: Viewer) -> None:
+    def __init__(self, bench: Instrument, viewer: Viewer) -> None:
         self._bench, self._viewer = bench, viewer
-        self._state: BenchState | None = None
+        self._state: InstrumentState | None = None
         self._shown: tuple[object, ...] | None = None
         with ui.element("div").classes("row"):
             self._title = panel_title("Target")
@@ -59,7 +59,7 @@ class EstimatePanel:
         self._place = ui.element("div").classes("stack")
         viewer.every(LOOK_S, self._look)
 
-    def show(self, state: BenchState) -> None:
+    def show(self, state: InstrumentState) -> None:
         """Show how far the estimate is."""
         self._state = state
         job = estimate_job(state)
@@ -68,8 +68,8 @@ class EstimatePanel:
         self._begin.set_visibility(not sphere)
         self._begin.set_enabled(job is None or not job.running)
         self._bar.show(job)
-        self._said.text = job_words(job)
-        classed(self._said, "doubtful", job is not None and job.status == FAILED)
+        self._said.text = job_text(job)
+        set_class(self._said, "doubtful", job is not None and job.status == FAILED)
 
     async def _estimate(self) -> None:
         await self._viewer.attempt(self._bench.estimate, self._bench.state().target)
@@ -83,7 +83,7 @@ class EstimatePanel:
             now = (await self._viewer.entries(), state.target)
             if now == self._shown:
                 return
-            found = await run.io_bound(recorded, self._bench.store, state.target)
+            found = await run.io_bound(saved_target, self._bench.store, state.target)
         except TsisError as error:
             self._tell(str(error))
             return
@@ -100,7 +100,7 @@ class EstimatePanel:
         with self._place:
             ui.label(sentence).classes("doubtful")
 
-    def _show_recorded(self, found: Recorded) -> None:
+    def _show_recorded(self, found: SavedTarget) -> None:
         name = f": {found.target.name}" if found.target is not None and found.target.name else ""
         self._title.text = f"Target {found.number}{name}"
         self._report.set_visibility(found.target is not None)
@@ -108,19 +108,19 @@ class EstimatePanel:
         self._place.clear()
         with self._place:
             for stored in found.estimates:
-                told(stored, {} if found.target is None else found.target.truth)
+                estimate_parts(stored, {} if found.target is None else found.target.truth)
             for sentence in found.damaged:
                 ui.label(f"Left out: {sentence}.").classes("doubtful")
             presses(found)
 
 
-def told(stored: StoredEstimate, truth: Mapping[str, float]) -> None:
+def estimate_parts(stored: StoredEstimate, truth: Mapping[str, float]) -> None:
     """Cards and sentences of an estimate."""
     cards(estimate_cards(stored, truth))
-    sentence_list(estimate_sentences(stored))
+    message_list(estimate_sentences(stored))
 
 
-def presses(found: Recorded) -> None:
+def presses(found: SavedTarget) -> None:
     """The newest presses, one line each."""
     if not found.count:
         ui.label("Nothing is kept of this target yet. Press it and keep a snapshot: the space bar does.").classes(
@@ -139,13 +139,13 @@ def press_cells(press: StoredPress) -> tuple[str, ...]:
     """What the list of presses says of one."""
     return (
         ROLE_WORDS[press.role],
-        force_words(press.force_n),
+        force_text(press.force_n),
         time_text(press.taken),
         ", ".join(press.flags),
     )
 
 
-def job_words(job: JobState | None) -> str:
+def job_text(job: JobState | None) -> str:
     """How far it is, or why it failed."""
     if job is None:
         return ""

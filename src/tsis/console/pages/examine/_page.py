@@ -8,10 +8,10 @@ from nicegui import ui
 from nicegui.element import Element
 
 from tsis.console.live import Histogram, LiveView, SurfaceView
-from tsis.console.pages.components import Operated, classed
+from tsis.console.pages.components import OperatorControls, set_class
 from tsis.console.pages.examine._estimate import EstimatePanel
 from tsis.console.pages.examine._press import PressPanel, SequencePanel
-from tsis.console.pages.examine._reading import Flags, ForceLine
+from tsis.console.pages.examine._reading import FlagList, ForceRow
 from tsis.console.pages.examine._settings import SettingsPanel
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from nicegui.events import ValueChangeEventArguments
 
     from tsis.console.pages.components import Viewer
-    from tsis.console.services import Bench, BenchState, CameraState
+    from tsis.console.services import CameraState, Instrument, InstrumentState
 
 
 KEYS = {"Space": "keep a snapshot", "←": "target before", "→": "target after", "F": "live image alone, and back"}
@@ -95,7 +95,7 @@ class LivePanel:
             with ui.button(icon="keyboard").props('flat dense round aria-label="Keys"'), ui.menu():
                 key_help()
 
-    def show(self, state: BenchState) -> None:
+    def show(self, state: InstrumentState) -> None:
         """Show how the camera is; the frames come by a way of their own."""
         self.view.tell(state)
         self.histogram.tell(state)
@@ -111,7 +111,7 @@ class LivePanel:
 
     def _three(self, event: ValueChangeEventArguments[bool | None]) -> None:
         self._surface_place.set_visibility(bool(event.value))
-        classed(self._pair, "two", bool(event.value))
+        set_class(self._pair, "two", bool(event.value))
         self._surface_place.clear()
         self._surface = None
         if event.value:
@@ -129,9 +129,9 @@ def camera_line(camera: CameraState) -> str:
     return f"{camera.name}: {camera.frames_per_s:.0f} frames/s, {camera.missed} dropped{breaks}{size}"
 
 
-def page(bench: Bench, viewer: Viewer) -> None:
+def examine_page(bench: Instrument, viewer: Viewer) -> None:
     """Build the page."""
-    operated = Operated(viewer)
+    operated = OperatorControls(viewer)
     with ui.element("div").classes("split examine"):
         with ui.element("section").classes("stack").props('aria-label="Live image"'):
             live = LivePanel()
@@ -139,8 +139,8 @@ def page(bench: Bench, viewer: Viewer) -> None:
             with ui.element("div").classes("panel stack tight"):
                 press = PressPanel(bench, viewer, operated)
                 with press.force_row:
-                    force = ForceLine()
-                flags = Flags()
+                    force = ForceRow()
+                flags = FlagList()
                 operated.why()
             with ui.element("div").classes("panel under-tabs"):
                 with ui.tabs().props("dense no-caps align=left") as tabs:
@@ -154,7 +154,7 @@ def page(bench: Bench, viewer: Viewer) -> None:
                         sequence = SequencePanel(bench, viewer, operated)
     Keys(snapshot=press.snapshot, step=press.step, alone=live.alone)
 
-    def show(state: BenchState) -> None:
+    def show(state: InstrumentState) -> None:
         for part in (live, press, force, flags, estimate, settings, sequence, operated):
             part.show(state)
 

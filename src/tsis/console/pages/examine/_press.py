@@ -13,21 +13,21 @@ from tsis.console.pages.components import (
     NumberField,
     ProgressBar,
     RunButton,
-    field_words,
-    force_words,
-    shown_number,
+    field_messages,
+    force_text,
+    number_text_of_field,
     typed_number,
     unit_field,
 )
-from tsis.console.services import MOST_FRAMES
+from tsis.console.services import MOST_SEQUENCE_FRAMES
 from tsis.files import LARGEST_TARGET
 from tsis.model import require_integer
 from tsis.records import ROLE_WORDS
 from tsis.records.importing import numbered
 
 if TYPE_CHECKING:
-    from tsis.console.pages.components import Operated, Viewer
-    from tsis.console.services import Bench, BenchState, JobState, Kept
+    from tsis.console.pages.components import OperatorControls, Viewer
+    from tsis.console.services import Instrument, InstrumentState, JobState, SavedPress
     from tsis.records import StoredEstimate, StoredPress, Target
     from tsis.records.store import Store
 
@@ -36,7 +36,7 @@ SHOWN = 8  # presses, the newest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Recorded:
+class SavedTarget:
     """A target's number with what is kept of it.
 
     Attributes
@@ -63,14 +63,14 @@ class Recorded:
     damaged: tuple[str, ...] = ()
 
 
-def recorded(store: Store, number: int) -> Recorded:
+def saved_target(store: Store, number: int) -> SavedTarget:
     """Read the target; errors as of the store."""
     target = numbered(store, number)
     if target is None:
-        return Recorded(number=number)
+        return SavedTarget(number=number)
     count = store.press_count(target)
     dossier = store.dossier(target, limit=SHOWN, offset=max(0, count - SHOWN))
-    return Recorded(
+    return SavedTarget(
         number=number,
         target=target,
         count=count,
@@ -93,7 +93,7 @@ class PressPanel:
         Takes the controls.
     """
 
-    def __init__(self, bench: Bench, viewer: Viewer, operated: Operated) -> None:
+    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
         self._bench, self._viewer, self._keeping = bench, viewer, False
         with ui.element("div").classes("row"):
             self._run = RunButton(bench, viewer)
@@ -113,7 +113,7 @@ class PressPanel:
         for control in (self._run.element, self._keep, back, on, self._target.element, choice, self._force.element):
             operated.add(control)
 
-    def show(self, state: BenchState) -> None:
+    def show(self, state: InstrumentState) -> None:
         """Show the bench's press."""
         self._run.show(state.camera)
         self._target.show(state.target)
@@ -126,11 +126,11 @@ class PressPanel:
             return
         self._keeping = True
         try:
-            kept: Kept | None = await self._viewer.attempt(self._bench.snapshot, by=self._viewer.identity)
+            kept: SavedPress | None = await self._viewer.attempt(self._bench.snapshot, by=self._viewer.identity)
         finally:
             self._keeping = False
         if kept is not None:
-            self._viewer.tell(kept_words(kept))
+            self._viewer.tell(snapshot_text(kept))
 
     async def step(self, by: int) -> None:
         """Go to the target before or after."""
@@ -141,7 +141,7 @@ class PressPanel:
         self._bench.set_target(whole, by=self._viewer.identity)
 
     def _hold(self, force_n: float) -> None:
-        with field_words(FORCE):
+        with field_messages(FORCE):
             self._bench.hold(force_n=force_n, by=self._viewer.identity)
 
     def _stepper(self, icon: str, label: str, by: int) -> ui.button:
@@ -150,13 +150,13 @@ class PressPanel:
         return button
 
 
-def kept_words(kept: Kept) -> str:
+def snapshot_text(kept: SavedPress) -> str:
     """What a snapshot says of itself."""
     press = kept.press
     against = f"; flagged {', '.join(press.flags)}" if press.flags else ""
     notes = "".join(f" {note}." for note in kept.notes)
     return (
-        f"Kept for target {kept.target.number}: {ROLE_WORDS[press.role]}, {force_words(press.force_n)}{against}.{notes}"
+        f"Kept for target {kept.target.number}: {ROLE_WORDS[press.role]}, {force_text(press.force_n)}{against}.{notes}"
     )
 
 
@@ -173,10 +173,10 @@ class SequencePanel:
         As of `PressPanel`.
     """
 
-    def __init__(self, bench: Bench, viewer: Viewer, operated: Operated) -> None:
+    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
         self._bench, self._viewer = bench, viewer
         with ui.element("div").classes("row"):
-            self._length = unit_field("Length", shown_number(FIRST_LENGTH)).classes("number-field")
+            self._length = unit_field("Length", number_text_of_field(FIRST_LENGTH)).classes("number-field")
             self._unit = ui.toggle([SECONDS, FRAMES], value=SECONDS).props("no-caps unelevated toggle-color=primary")
             self._unit.props('role=group aria-label="Unit of the length"')
             self._begin = ui.button("Record", icon="fiber_manual_record", on_click=self._record)
@@ -190,14 +190,14 @@ class SequencePanel:
         for control in (self._length, self._unit, self._begin, self._end):
             operated.add(control)
 
-    def show(self, state: BenchState) -> None:
+    def show(self, state: InstrumentState) -> None:
         """Show how far the sequence is."""
         sequence = state.sequence
         running = sequence is not None and sequence.running
         self._begin.set_visibility(not running)
         self._end.set_visibility(running)
         self._bar.show(sequence)
-        self._said.text = sequence_words(sequence)
+        self._said.text = sequence_text(sequence)
 
     async def _record(self) -> None:
         await self._viewer.attempt(self._recorded)
@@ -206,7 +206,7 @@ class SequencePanel:
         length = typed_number("length", str(self._length.value or ""))
         if self._unit.value == FRAMES:
             self._bench.begin_sequence(
-                frames=require_integer("frames", length, 1, MOST_FRAMES), by=self._viewer.identity
+                frames=require_integer("frames", length, 1, MOST_SEQUENCE_FRAMES), by=self._viewer.identity
             )
         else:
             self._bench.begin_sequence(seconds=length, by=self._viewer.identity)
@@ -215,7 +215,7 @@ class SequencePanel:
         await self._viewer.attempt(self._bench.end_sequence, by=self._viewer.identity)
 
 
-def sequence_words(sequence: JobState | None) -> str:
+def sequence_text(sequence: JobState | None) -> str:
     """How far a sequence is, or what came of it."""
     if sequence is None:
         return ""

@@ -6,16 +6,16 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.console.pages.components import classed, force_words
+from tsis.console.pages.components import force_text, set_class
 
 if TYPE_CHECKING:
-    from tsis.console.services import BenchState, Sight
+    from tsis.console.services import FrameAnalysis, InstrumentState
 
 
 SOURCES = {"gauge": "from the gauge", "virtual": "of the virtual probe", "typed": "as typed"}
 
 
-class ForceLine:
+class ForceRow:
     """Force and whether the press has settled, on one line."""
 
     def __init__(self) -> None:
@@ -24,25 +24,25 @@ class ForceLine:
         ui.element("div").classes("spring")
         self._still = ui.label().classes("chip still")
 
-    def show(self, state: BenchState) -> None:
+    def show(self, state: InstrumentState) -> None:
         """Show the newest sight."""
         sight = present(state)
         force = None if sight is None else sight.force
         self._force.text = "" if force is None else f"{force.value_n:.2f} N"
-        self._source.text = force_words(None) if force is None else SOURCES[force.source]
+        self._source.text = force_text(None) if force is None else SOURCES[force.source]
         self._still.text = "" if sight is None else sight.still
         self._still.set_visibility(bool(self._still.text))
-        classed(self._still, "good", self._still.text == "settled")
+        set_class(self._still, "good", self._still.text == "settled")
 
 
-class Flags:
+class FlagList:
     """What speaks against the press, with the advice to each."""
 
     def __init__(self) -> None:
         self._flags = ui.element("ul").classes("flags").props('aria-label="What speaks against this press"')
         self._shown: tuple[tuple[str, str], ...] | None = None
 
-    def show(self, state: BenchState) -> None:
+    def show(self, state: InstrumentState) -> None:
         """Show those of the newest sight; a list that is the same stays, so that nobody is told of it again."""
         found = flags(present(state))
         if found != self._shown:
@@ -55,12 +55,12 @@ class Flags:
                         ui.label(advice).classes("muted")
 
 
-def present(state: BenchState) -> Sight | None:
+def present(state: InstrumentState) -> FrameAnalysis | None:
     """What is seen now; None while nobody can tell, for the camera is stopped or away."""
     return state.sight if state.camera.running and not state.camera.lost else None
 
 
-def flags(sight: Sight | None) -> tuple[tuple[str, str], ...]:
+def flags(sight: FrameAnalysis | None) -> tuple[tuple[str, str], ...]:
     """Names of what speaks against the press with the advice to each; one line without advice when nothing does."""
     if sight is None:
         return ()

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.console.pages.components import NumberField, field_words
+from tsis.console.pages.components import NumberField, field_messages
 from tsis.instrument import PRESETS
 
 if TYPE_CHECKING:
@@ -16,8 +16,8 @@ if TYPE_CHECKING:
 
     from nicegui.events import GenericEventArguments
 
-    from tsis.console.pages.components import Operated, Viewer
-    from tsis.console.services import Bench, BenchState
+    from tsis.console.pages.components import OperatorControls, Viewer
+    from tsis.console.services import Instrument, InstrumentState
     from tsis.instrument import Setting
 
 
@@ -38,11 +38,13 @@ class SettingLine:
         Who looks; takes the controls.
     """
 
-    def __init__(self, setting: Setting, adjust: Callable[[float], object], viewer: Viewer, operated: Operated) -> None:
+    def __init__(
+        self, setting: Setting, adjust: Callable[[float], object], viewer: Viewer, operated: OperatorControls
+    ) -> None:
         self._setting, self._adjust, self._viewer = setting, adjust, viewer
         self._slider: ui.slider | None = None
         self._moving = False
-        words = setting_words(setting.name)
+        words = setting_label(setting.name)
         with ui.element("div").classes("setting"):
             self._field = NumberField(viewer, words, adjust, unit=setting.unit)
             operated.add(self._field.element)
@@ -70,12 +72,12 @@ class SettingLine:
         self._moving = False
 
 
-def setting_words(name: str) -> str:
+def setting_label(name: str) -> str:
     """A setting's name for people: without its unit, which stands behind the number.
 
     Examples
     --------
-    >>> setting_words("exposure_ms"), setting_words("frames_per_s"), setting_words("gain")
+    >>> setting_label("exposure_ms"), setting_label("frames_per_s"), setting_label("gain")
     ('Exposure', 'Frames per s', 'Gain')
     """
     if name != "frames_per_s":
@@ -96,7 +98,7 @@ class SettingsPanel:
         As of `PressPanel`.
     """
 
-    def __init__(self, bench: Bench, viewer: Viewer, operated: Operated) -> None:
+    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
         self._bench, self._viewer, self._operated = bench, viewer, operated
         self._lines: dict[str, SettingLine] = {}
         self._shape: tuple[object, ...] | None = None
@@ -110,7 +112,7 @@ class SettingsPanel:
         self._place = ui.element("div").classes("settings")
         self._none = ui.label("Start the camera to adjust it.").classes("muted")
 
-    def show(self, state: BenchState) -> None:
+    def show(self, state: InstrumentState) -> None:
         """Show the camera's settings."""
         settings = state.camera.settings
         shape = tuple((each.name, each.low, each.high, each.unit) for each in settings)
@@ -131,5 +133,5 @@ class SettingsPanel:
         await self._viewer.attempt(self._bench.preset, name, by=self._viewer.identity)
 
     def _adjust(self, name: str, value: float) -> None:
-        with field_words({name: setting_words(name).lower()}):
+        with field_messages({name: setting_label(name).lower()}):
             self._bench.adjust(name, value, by=self._viewer.identity)

@@ -9,7 +9,7 @@ from tsis.console.services import newest_presses
 from tsis.records.importing import numbered
 
 if TYPE_CHECKING:
-    from tsis.console.services import BenchState
+    from tsis.console.services import InstrumentState
     from tsis.records import StoredEstimate, StoredPress, TargetRecord
     from tsis.records.store import Store
 
@@ -19,7 +19,7 @@ PRESSES = 2  # at different forces, of which the second tests what the first tol
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Kept:
+class SavedPresses:
     """What the store holds of the object.
 
     Attributes
@@ -55,14 +55,14 @@ class Kept:
         return self.estimate is not None and set(self.estimate.presses) == {press.id for press in self.presses}
 
 
-def kept(store: Store, number: int) -> Kept:
+def saved_presses(store: Store, number: int) -> SavedPresses:
     """Read what is stored of a target; errors as of the store."""
     target = numbered(store, number)
     if target is None:
-        return Kept(number=number)
+        return SavedPresses(number=number)
     dossier = store.dossier(target)
     estimate = next((stored for stored in dossier.in_force if stored.kind == HARDNESS), None)
-    return Kept(number=number, dossier=dossier, presses=newest_presses(dossier, HARDNESS), estimate=estimate)
+    return SavedPresses(number=number, dossier=dossier, presses=newest_presses(dossier, HARDNESS), estimate=estimate)
 
 
 def next_free(store: Store, number: int) -> int:
@@ -72,7 +72,7 @@ def next_free(store: Store, number: int) -> int:
     return max(each.target.number for each in store.targets()) + 1
 
 
-def lacking(state: BenchState, *, scaled: bool, responds: bool) -> tuple[str, ...]:
+def missing_text(state: InstrumentState, *, scaled: bool, responds: bool) -> tuple[str, ...]:
     """What is to be done before a press can be estimated, one sentence each; nothing when it can be.
 
     Parameters
@@ -99,7 +99,7 @@ def lacking(state: BenchState, *, scaled: bool, responds: bool) -> tuple[str, ..
     return tuple(found)
 
 
-def next_words(found: Kept, missing: tuple[str, ...], *, estimating: bool) -> str:
+def next_step_text(found: SavedPresses, missing: tuple[str, ...], *, estimating: bool) -> str:
     """What is to be done next, or what there is, in one sentence."""
     count = len(found.on_object)
     if estimating:

@@ -9,17 +9,25 @@ from nicegui import run, ui
 
 from tsis.console.live import LiveView
 from tsis.console.pages.components import (
-    CalibrationSeen,
-    Operated,
+    CalibrationMemory,
+    OperatorControls,
     ProgressBar,
-    classed,
     estimate_job,
-    in_words,
     panel_title,
+    set_class,
+    with_field_labels,
 )
-from tsis.console.pages.hardness._flow import BALL, HARDNESS, PRESSES, Kept, kept, lacking, next_words
+from tsis.console.pages.hardness._flow import (
+    BALL,
+    HARDNESS,
+    PRESSES,
+    SavedPresses,
+    missing_text,
+    next_step_text,
+    saved_presses,
+)
 from tsis.console.pages.hardness._parts import ObjectPart, PressPart
-from tsis.console.pages.hardness._result import Result
+from tsis.console.pages.hardness._result import HardnessPanel
 from tsis.console.services import FAILED
 from tsis.errors import TsisError
 
@@ -28,7 +36,7 @@ if TYPE_CHECKING:
 
     from tsis.console.pages.components import Viewer
     from tsis.console.pages.hardness._parts import TypedRadius
-    from tsis.console.services import Bench, BenchState, JobState
+    from tsis.console.services import Instrument, InstrumentState, JobState
 
 
 WORDS = {
@@ -50,7 +58,7 @@ class Estimating:
     """
 
     def __init__(
-        self, bench: Bench, viewer: Viewer, radius: Callable[[], TypedRadius], ball_radius: Callable[[], float]
+        self, bench: Instrument, viewer: Viewer, radius: Callable[[], TypedRadius], ball_radius: Callable[[], float]
     ) -> None:
         self._bench, self._viewer, self._radius, self._ball_radius = bench, viewer, radius, ball_radius
         with ui.element("div").classes("panel stack tight"):
@@ -71,18 +79,18 @@ class Estimating:
         if running:
             words = "The contact of a probe that was never used before is solved once, which takes some minutes."
         elif job is not None and failed:
-            words = in_words(job.sentence, WORDS)
+            words = with_field_labels(job.sentence, WORDS)
         else:
             words = "" if two or not enough else "One press tells nearly as much, but nothing tests it."
         self._said.text = words
-        classed(self._said, "doubtful", failed)
+        set_class(self._said, "doubtful", failed)
 
     async def _begin(self) -> None:
         await self._viewer.attempt(self._begun)
 
     def _begun(self) -> object:
         number = self._bench.state().target
-        found = kept(self._bench.store, number)
+        found = saved_presses(self._bench.store, number)
         typed = self._radius()
         options = {"radius_mm": typed.radius_mm, "radius_sd_mm": typed.sd_mm}
         if any(press.role == BALL for press in found.presses):
@@ -98,7 +106,7 @@ class Estimating:
 LOOK_S = 0.5  # between two looks into the store
 
 
-def page(bench: Bench, viewer: Viewer) -> None:
+def hardness_tab(bench: Instrument, viewer: Viewer) -> None:
     """Build the page."""
     _Measurement(bench, viewer)
 
@@ -106,13 +114,13 @@ def page(bench: Bench, viewer: Viewer) -> None:
 class _Measurement:
     """The parts of the page, and what they show."""
 
-    def __init__(self, bench: Bench, viewer: Viewer) -> None:
-        self._bench, self._viewer, self._calibration = bench, viewer, CalibrationSeen(bench)
-        self._state: BenchState | None = None
-        self._found = Kept(number=0)
+    def __init__(self, bench: Instrument, viewer: Viewer) -> None:
+        self._bench, self._viewer, self._calibration = bench, viewer, CalibrationMemory(bench)
+        self._state: InstrumentState | None = None
+        self._found = SavedPresses(number=0)
         self._mark: object = None
         self._trouble = ""
-        self._operated = Operated(viewer)
+        self._operated = OperatorControls(viewer)
         with ui.element("div").classes("split hardness"):
             with ui.element("section").classes("panel").props('aria-label="Live image"'):
                 self._live = LiveView()
@@ -124,16 +132,16 @@ class _Measurement:
                 self._object = ObjectPart(bench, viewer, self._operated)
                 self._presses = PressPart(bench, viewer, self._operated)
                 self._estimating = Estimating(bench, viewer, self._object.radius, self._presses.ball_radius)
-        self._result = Result(viewer)
+        self._result = HardnessPanel(viewer)
         viewer.every(LOOK_S, self._look)
         viewer.follow(self._show)
 
-    def _show(self, state: BenchState) -> None:
+    def _show(self, state: InstrumentState) -> None:
         self._state = state
         self._live.tell(state)
         sight = state.sight
         self._sight.text = "" if sight is None else "; ".join(flag.advice for flag in sight.flags)
-        classed(self._sight, "doubtful", sight is not None and bool(sight.flags))
+        set_class(self._sight, "doubtful", sight is not None and bool(sight.flags))
         self._operated.show(state)
         self._presses.show(state)
         self._tell(state)
@@ -149,7 +157,7 @@ class _Measurement:
             now = (await self._viewer.entries(), state.target, touches)
             if now == self._mark:
                 return
-            found = await run.io_bound(kept, self._bench.store, state.target)
+            found = await run.io_bound(saved_presses, self._bench.store, state.target)
         except TsisError as error:
             self._mark, self._trouble = None, str(error)
             self._tell(self._state or state)
@@ -162,21 +170,21 @@ class _Measurement:
         self._tell(self._state or state)
         await self._result.show(found)
 
-    def _tell(self, state: BenchState) -> None:
+    def _tell(self, state: InstrumentState) -> None:
         """Say what is to be done next; while a target was not yet read, that it is being read."""
         read = self._found.number == state.target
-        found = self._found if read else Kept(number=state.target)
+        found = self._found if read else SavedPresses(number=state.target)
         self._object.show(state, found)
         self._presses.kept(found)
         known = self._calibration.of(state)
-        missing = lacking(
+        missing = missing_text(
             state,
             scaled=known is not None and known.known.scale is not None,
             responds=known is not None and known.known.response is not None,
         )
         job = estimate_job(state)
         running = job is not None and job.running
-        words = next_words(found, missing, estimating=running) if read else f"Target {state.target} is being read."
+        words = next_step_text(found, missing, estimating=running) if read else f"Target {state.target} is being read."
         self._next.text = self._trouble or words
         self._presses.allow(not missing)
         self._estimating.show(job, enough=len(found.on_object) >= 1, two=len(found.on_object) >= PRESSES)

@@ -10,17 +10,17 @@ from nicegui import ui
 from tsis.catalog import list_spheres, load_probe
 from tsis.console.pages.components import (
     FORCE,
-    field_words,
-    force_words,
-    listed,
+    field_messages,
+    force_text,
+    list_message,
     loading,
+    number_text_of_field,
     panel_title,
-    shown_number,
-    time_words,
+    time_label,
     typed_number,
     unit_field,
 )
-from tsis.console.pages.examine import kept_words
+from tsis.console.pages.examine import snapshot_text
 from tsis.console.pages.hardness._flow import BALL, PRESSES, TARGET, next_free
 from tsis.console.services import BALL_MM, CameraChoice
 from tsis.errors import InputError
@@ -28,10 +28,10 @@ from tsis.hardness import RADIUS_SD_MM, require_radius
 from tsis.model import require_number
 
 if TYPE_CHECKING:
-    from tsis.console.pages.components import Operated, Viewer
-    from tsis.console.pages.hardness._flow import Kept
-    from tsis.console.services import Bench, BenchState
-    from tsis.console.services import Kept as KeptPress
+    from tsis.console.pages.components import OperatorControls, Viewer
+    from tsis.console.pages.hardness._flow import SavedPresses
+    from tsis.console.services import Instrument, InstrumentState
+    from tsis.console.services import SavedPress as KeptPress
     from tsis.records import StoredPress
 
 
@@ -55,7 +55,7 @@ class ObjectPart:
         As of the page's other parts.
     """
 
-    def __init__(self, bench: Bench, viewer: Viewer, operated: Operated) -> None:
+    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
         self._bench, self._viewer = bench, viewer
         self._filled: object = None
         with ui.element("div").classes("panel stack tight"):
@@ -78,7 +78,7 @@ class ObjectPart:
                 self._sd = unit_field("Known to within (sd)", unit="mm").classes("hardness-number")
             self._said = ui.label().classes("muted")
 
-    def show(self, state: BenchState, found: Kept) -> None:
+    def show(self, state: InstrumentState, found: SavedPresses) -> None:
         """Show the bench's object; what was measured of a virtual one is filled in once."""
         choice = state.camera.choice
         self._virtual.set_visibility(choice.is_virtual)
@@ -109,7 +109,7 @@ class ObjectPart:
         radius = typed_number("radius of the object", radius_text)
         known = self._bench.calibration
         name = self._bench.desk.choice.probe if known is None or not known.known.probe else known.known.probe
-        with field_words({"radius_mm": "radius of the object"}):
+        with field_messages({"radius_mm": "radius of the object"}):
             require_radius("radius of the object", load_probe(name), radius)
         if not sd_text:
             return TypedRadius(radius_mm=radius)
@@ -121,7 +121,7 @@ class ObjectPart:
         if which != self._filled:
             self._filled = which
             self._radius.set_value(f"{radius_mm:.3f}")
-            self._sd.set_value(shown_number(sd_mm))
+            self._sd.set_value(number_text_of_field(sd_mm))
 
     async def _laid(self) -> None:
         with loading(self._lay):
@@ -154,7 +154,7 @@ class PressPart:
         As of the page's other parts.
     """
 
-    def __init__(self, bench: Bench, viewer: Viewer, operated: Operated) -> None:
+    def __init__(self, bench: Instrument, viewer: Viewer, operated: OperatorControls) -> None:
         self._bench, self._viewer = bench, viewer
         self._gauge = False
         self._offered = FORCES_N[0]
@@ -171,21 +171,21 @@ class PressPart:
             with self._extra:
                 ui.label("A ball that does not give tells how much the probe itself gives.").classes("muted")
                 with ui.element("div").classes("row"):
-                    self._ball_mm = unit_field("Radius of the ball", shown_number(BALL_MM), unit="mm")
+                    self._ball_mm = unit_field("Radius of the ball", number_text_of_field(BALL_MM), unit="mm")
                     self._ball_force = unit_field("Force on the ball", FORCES_N[0], unit="N")
                     for field in (self._ball_mm, self._ball_force):
                         field.classes("hardness-number")
                     self._ball = ui.button("Press the ball and keep", on_click=lambda: self._keep(BALL))
                     operated.add(self._ball.props("no-caps outline"))
 
-    def show(self, state: BenchState) -> None:
+    def show(self, state: InstrumentState) -> None:
         """Ask for forces where no gauge tells them."""
         force = None if state.sight is None else state.sight.force
         self._gauge = force is not None and force.source == "gauge"
         self._force.set_visibility(not self._gauge)
         self._ball_force.set_visibility(not self._gauge)
 
-    def kept(self, found: Kept) -> None:
+    def kept(self, found: SavedPresses) -> None:
         """Show the presses that an estimate would rest on, and offer the next force."""
         lines = tuple(press_words(press) for press in found.presses)
         if lines != self._shown:
@@ -194,7 +194,7 @@ class PressPart:
             self._list.clear()
             with self._list:
                 for line in lines:
-                    listed(line)
+                    list_message(line)
         offered = FORCES_N[min(len(found.on_object), 1)]
         if self._force.value == self._offered != offered:
             self._force.set_value(offered)
@@ -214,13 +214,13 @@ class PressPart:
         with loading(button):
             kept: KeptPress | None = await self._viewer.attempt(self._pressed, role, str(field.value or ""))
         if kept is not None:
-            self._viewer.tell(kept_words(kept))
+            self._viewer.tell(snapshot_text(kept))
 
     def _pressed(self, role: str, text: str) -> KeptPress:
         force_n = None if self._gauge else typed_number("force", text)
         state = self._bench.state()
         if (state.role, state.force_n) != (role, force_n):  # else it is held so already
-            with field_words(FORCE):
+            with field_messages(FORCE):
                 self._bench.hold(role=role, force_n=force_n, by=self._viewer.identity)
         return self._bench.snapshot(by=self._viewer.identity)
 
@@ -229,4 +229,4 @@ def press_words(press: StoredPress) -> str:
     """A press in a line."""
     where = "Object" if press.role == TARGET else "Rigid ball"
     against = f"; against it: {', '.join(press.flags)}" if press.flags else ""
-    return f"{where}, {force_words(press.force_n)}, kept at {time_words(press.taken)}{against}"
+    return f"{where}, {force_text(press.force_n)}, kept at {time_label(press.taken)}{against}"

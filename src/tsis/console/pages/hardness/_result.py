@@ -8,18 +8,18 @@ from nicegui import ui
 
 from tsis.calibration import apply_calibration
 from tsis.catalog import load_probe
-from tsis.console.pages.components import cards, drawings, figure, panel_title, sentence_list, table
+from tsis.console.pages.components import cards, drawings, figure, message_list, panel_title, table
 from tsis.hardness import build_contact_table
 from tsis.report import hardness_page
 
 if TYPE_CHECKING:
     from tsis.console.pages.components import Viewer
-    from tsis.console.pages.hardness._flow import Kept
+    from tsis.console.pages.hardness._flow import SavedPresses
     from tsis.records import StoredEstimate, TargetRecord
     from tsis.report import Page
 
 
-class Result:
+class HardnessPanel:
     """Shows the hardness in force.
 
     Parameters
@@ -34,7 +34,7 @@ class Result:
         self._place = ui.element("section").classes("panel stack hardness-result").props('aria-label="Result"')
         self._place.set_visibility(False)
 
-    async def show(self, found: Kept) -> None:
+    async def show(self, found: SavedPresses) -> None:
         """Show the estimate where there is one."""
         stored, dossier = found.estimate, found.dossier
         now = None if stored is None else (stored.id, found.is_current)
@@ -61,7 +61,7 @@ class Result:
                     cards(page.cards)
                     for each in page.tables:
                         table(each)
-                    sentence_list(page.notes)
+                    message_list(page.notes)
                 with ui.element("div").classes("hardness-figures"):
                     for picture, source in zip(page.pictures, sources, strict=True):
                         figure(picture, source)

@@ -1,6 +1,6 @@
 """Records: every target of the store, and one target with its presses and estimates."""
 
-from tsis.console.pages.records._listing import listing
-from tsis.console.pages.records._target import target_page
+from tsis.console.pages.records._listing import target_listing
+from tsis.console.pages.records._target import show_target
 
-__all__ = ["listing", "target_page"]
+__all__ = ["show_target", "target_listing"]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 
 from nicegui import ui
 
-from tsis.calibration.guard import FLAGS
+from tsis.calibration.guard import GUARD_FLAGS
 from tsis.console.files import target_of
 from tsis.console.pages.components import ProgressBar
 from tsis.console.services import DONE
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
     from tsis.console.pages.components import Viewer
-    from tsis.console.services import Bench, Job
+    from tsis.console.services import Instrument, Job
     from tsis.records import StoredPress, Target, TargetRecord
     from tsis.records.store import Store
 
@@ -29,7 +29,7 @@ UNKNOWN_FLAG = "a flag that tsis does not know"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class TargetSeen:
+class TargetView:
     """A target as it is stored now.
 
     Attributes
@@ -66,7 +66,7 @@ class TargetSeen:
         return self.target, self.sheet, made, tuple(known.calibrations), known.damaged
 
 
-def read_target(store: Store, number: str, offset: int) -> TargetSeen:
+def read_target(store: Store, number: str, offset: int) -> TargetView:
     """Read a target; ``offset`` behind its presses becomes that of the last sheet.
 
     Raises
@@ -79,7 +79,7 @@ def read_target(store: Store, number: str, offset: int) -> TargetSeen:
     target = target_of(store, number)
     total = store.press_count(target)
     offset = min(offset, max(0, (total - 1) // AT_ONCE * AT_ONCE))
-    return TargetSeen(
+    return TargetView(
         target=target,
         dossier=without_identity(store.dossier(target, limit=0)),
         presses=store.presses(target, limit=AT_ONCE, offset=offset),
@@ -99,7 +99,7 @@ def fault_of(store: Store, press: StoredPress) -> str:
 
 def flags_of(press: StoredPress, *, private: bool) -> tuple[str, ...]:
     """Flags as they may be shown: of a subject only those that tsis raises."""
-    return tuple(flag if not private or flag in FLAGS else UNKNOWN_FLAG for flag in press.flags)
+    return tuple(flag if not private or flag in GUARD_FLAGS else UNKNOWN_FLAG for flag in press.flags)
 
 
 class ChosenPresses(Protocol):
@@ -119,7 +119,7 @@ class TargetContext(Protocol):
         Where messages, dialogs and a comparison are drawn.
     """
 
-    bench: Bench
+    bench: Instrument
     viewer: Viewer
     below: ui.element
     dialogs: ui.element
@@ -132,7 +132,7 @@ class TargetContext(Protocol):
     async def load(self) -> None:
         """Read the target anew and show it."""
 
-    async def compare(self, seen: TargetSeen) -> None:
+    async def compare(self, seen: TargetView) -> None:
         """Show the two chosen presses beside each other."""
 
 

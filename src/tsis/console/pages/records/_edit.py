@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from nicegui import run, ui
 
-from tsis.calibration.guard import FLAGS
-from tsis.console.pages.components import FORCE, FactList, field_words, panel_title, press_words, time_words
+from tsis.calibration.guard import GUARD_FLAGS
+from tsis.console.pages.components import FORCE, FactList, field_messages, panel_title, press_label, time_label
 from tsis.console.pages.records._context import fault_of, flags_of
 from tsis.errors import StaleRecordError
 from tsis.records import DAMAGED, ROLE_WORDS, parse_force, parse_truth
@@ -19,7 +19,7 @@ from tsis.report.target import SHORT, measure, parameter_label
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
-    from tsis.console.pages.records._context import TargetContext, TargetSeen
+    from tsis.console.pages.records._context import TargetContext, TargetView
     from tsis.records import StoredPress, Target
     from tsis.records.store import Store
 
@@ -180,14 +180,14 @@ class Editing(ABC, Generic[Record]):
 LARGE_PX = 768
 
 
-def open_press(page: TargetContext, seen: TargetSeen, press: StoredPress) -> None:
+def open_press(page: TargetContext, seen: TargetView, press: StoredPress) -> None:
     """Show a press in a dialog."""
     with page.dialogs, ui.dialog(value=True) as dialog, ui.card().classes("asked wide"):
-        panel_title(f"Press {press_words(press)}")
+        panel_title(f"Press {press_label(press)}")
         with ui.element("div").classes("press-large"):
             with ui.element("div").classes("stack"):
                 picture = ui.element("img").classes("press-picture")
-                picture.props["alt"] = f"Frame {press_words(press)}"
+                picture.props["alt"] = f"Frame {press_label(press)}"
                 picture.props["src"] = f"/files/press/{seen.target.number}/{press.id}.png?size={LARGE_PX}"
                 why = ui.label().classes("flag identity").props('role="alert"')
                 picture.on("error", lambda: _tell_why(page, seen, press, why), args=[])
@@ -197,18 +197,18 @@ def open_press(page: TargetContext, seen: TargetSeen, press: StoredPress) -> Non
     dialog.on("hide", dialog.delete)
 
 
-async def _tell_why(page: TargetContext, seen: TargetSeen, press: StoredPress, place: ui.label) -> None:
+async def _tell_why(page: TargetContext, seen: TargetView, press: StoredPress, place: ui.label) -> None:
     """Say why the frame of a press cannot be shown; of a subject without the place, whose name may tell whose it is."""
     sentence = await run.io_bound(fault_of, page.bench.store, press)
     place.text = DAMAGED if seen.private and sentence else sentence
 
 
-def _facts(seen: TargetSeen, press: StoredPress) -> None:
+def _facts(seen: TargetView, press: StoredPress) -> None:
     """What the store knows of the press and nobody may change."""
     known = seen.dossier.calibrations.get(press.calibration or "")
     calibration = "none" if press.calibration is None else press.calibration[:SHORT]
     rows = {
-        "taken": time_words(press.taken),
+        "taken": time_label(press.taken),
         "frame": f"{press.columns} × {press.rows} px, SHA-256 {press.frame[:SHORT]}",
         "scale": "not known"
         if press.mm_per_pixel is None
@@ -231,7 +231,7 @@ class _PressEditing(Editing["StoredPress"]):
     def _lay_out(self) -> None:
         self._role = ui.select(ROLE_WORDS, label="What was pressed").props("outlined dense")
         self._force = ui.input("Force in newtons; empty where nobody knows it").props("outlined dense")
-        names = list(dict.fromkeys([*FLAGS, *self._record.flags]))
+        names = list(dict.fromkeys([*GUARD_FLAGS, *self._record.flags]))
         self._flags = ui.select(
             names, label="What speaks against it", multiple=True, with_input=True, new_value_mode="add-unique"
         ).props("outlined dense use-chips")
@@ -253,7 +253,7 @@ class _PressEditing(Editing["StoredPress"]):
         changes = changed(self._record, {**wanted, "force_n": force_n})
         if not changes:
             return Edited(record=self._record)
-        with field_words(FORCE):
+        with field_messages(FORCE):
             return edit_press(self._page.bench.store, self._target, self._record, changes)
 
     def _saved(self, record: StoredPress) -> str:
@@ -263,7 +263,7 @@ class _PressEditing(Editing["StoredPress"]):
 PSEUDONYM = "A pseudonym, never a name."
 
 
-def about_target(page: TargetContext, seen: TargetSeen) -> None:
+def about_target(page: TargetContext, seen: TargetView) -> None:
     """Show name, note and truth of a target; of a subject no note."""
     target = seen.target
     with ui.element("div").classes("row"):
@@ -277,7 +277,7 @@ def about_target(page: TargetContext, seen: TargetSeen) -> None:
             f"true {parameter_label(name)[0]}": measure(value, parameter_label(name)[1])
             for name, value in target.truth.items()
         },
-        "entered": time_words(target.made),
+        "entered": time_label(target.made),
         "version": f"{target.version}",
     }
     FactList().show(rows.items())

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.console.pages.components import cards, listed, panel_title, sentence_list, table
+from tsis.console.pages.components import cards, list_message, message_list, panel_title, table
 from tsis.console.pages.records._context import follow_job
 from tsis.records import ESTIMATES, recompute
 from tsis.report import estimate_sentences, recomputation_notes, shift_table, stored_sentence
-from tsis.report.target import SAID, count_of, history_tables, newest_first, origin, target_cards
+from tsis.report.target import IDENTITY_NOTE, count_of, history_tables, newest_first, origin, target_cards
 
 if TYPE_CHECKING:
-    from tsis.console.pages.records._context import TargetContext, TargetSeen
+    from tsis.console.pages.records._context import TargetContext, TargetView
     from tsis.console.services import Job
     from tsis.records import Recomputation
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 NONE_YET = "Nothing was estimated yet. Estimate needs presses that were taken under a calibration."
 
 
-def estimates(seen: TargetSeen) -> None:
+def estimates(seen: TargetView) -> None:
     """Show the estimates in force, and what of the target is damaged."""
     panel_title("Estimates in force", level=3)
     found = newest_first(seen.dossier)
@@ -29,19 +29,19 @@ def estimates(seen: TargetSeen) -> None:
         cards(target_cards(seen.dossier))
     else:
         ui.label(NONE_YET).classes("muted")
-    with sentence_list():
+    with message_list():
         for stored in found:
             for sentence in (*estimate_sentences(stored), origin(stored)):
-                listed(f"Of the {stored.kind}: {sentence}" if len(found) > 1 else sentence)
+                list_message(f"Of the {stored.kind}: {sentence}" if len(found) > 1 else sentence)
             if stored.estimate.flags:
-                listed(f"Flags: {', '.join(stored.estimate.flags)}", "doubtful")
+                list_message(f"Flags: {', '.join(stored.estimate.flags)}", "doubtful")
         for sentence in seen.dossier.damaged:
-            listed(f"Left out: {sentence}", "flag")
+            list_message(f"Left out: {sentence}", "flag")
     if seen.private:
-        ui.label(SAID).classes("muted")
+        ui.label(IDENTITY_NOTE).classes("muted")
 
 
-def history(seen: TargetSeen) -> None:
+def history(seen: TargetView) -> None:
     """Show every estimate that was ever made."""
     found = history_tables(seen.dossier)
     for each in found:
@@ -54,12 +54,12 @@ def history(seen: TargetSeen) -> None:
 NEWEST = "the newest press of each role and force"
 
 
-def estimate_button(page: TargetContext, seen: TargetSeen) -> None:
+def estimate_button(page: TargetContext, seen: TargetView) -> None:
     """A button that asks what to estimate from, and does it."""
     ui.button("Estimate", icon="calculate", on_click=lambda: _ask(page, seen)).props("dense no-caps outline")
 
 
-def _ask(page: TargetContext, seen: TargetSeen) -> None:
+def _ask(page: TargetContext, seen: TargetView) -> None:
     chosen = tuple(page.presses.chosen)
     ways = {"newest": NEWEST, **({"chosen": f"the {count_of(len(chosen), 'press')} chosen below"} if chosen else {})}
     with page.dialogs, ui.dialog(value=True) as dialog, ui.card().classes("asked"):
@@ -81,7 +81,7 @@ def _ask(page: TargetContext, seen: TargetSeen) -> None:
     dialog.on("hide", dialog.delete)
 
 
-async def _begin(page: TargetContext, seen: TargetSeen, kind: str, presses: tuple[str, ...] | None) -> None:
+async def _begin(page: TargetContext, seen: TargetView, kind: str, presses: tuple[str, ...] | None) -> None:
     job = await page.viewer.attempt(page.bench.estimate, seen.target.number, kind=kind, presses=presses)
     if job is not None:
         follow_job(job, page.below, _show)
@@ -97,13 +97,13 @@ EXPLAINED = (
 )
 
 
-def recompute_button(page: TargetContext, seen: TargetSeen) -> None:
+def recompute_button(page: TargetContext, seen: TargetView) -> None:
     """A button that asks whether to store what comes out, and computes."""
     button = ui.button("Recompute", icon="restart_alt", on_click=lambda: _ask_to_recompute(page, seen))
     button.props("dense no-caps outline").set_enabled(bool(seen.dossier.estimates))
 
 
-def _ask_to_recompute(page: TargetContext, seen: TargetSeen) -> None:
+def _ask_to_recompute(page: TargetContext, seen: TargetView) -> None:
     with page.dialogs, ui.dialog(value=True) as dialog, ui.card().classes("asked"):
         panel_title(f"Recompute target {seen.target.number}")
         ui.label(EXPLAINED)
@@ -119,7 +119,7 @@ def _ask_to_recompute(page: TargetContext, seen: TargetSeen) -> None:
     dialog.on("hide", dialog.delete)
 
 
-async def _begin_recomputation(page: TargetContext, seen: TargetSeen, *, dry_run: bool) -> None:
+async def _begin_recomputation(page: TargetContext, seen: TargetView, *, dry_run: bool) -> None:
     store, target = page.bench.store, seen.target
     job: Job | None = await page.viewer.attempt(
         page.bench.jobs.begin,

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from nicegui.events import GenericEventArguments
 
     from tsis.console.pages.components import Viewer
-    from tsis.console.services import Bench
+    from tsis.console.services import Instrument
     from tsis.records.store import TargetSummary
 
 
@@ -112,7 +112,7 @@ BEGIN = (
 )
 
 
-def listing(bench: Bench, viewer: Viewer) -> None:
+def target_listing(bench: Instrument, viewer: Viewer) -> None:
     """Build the list."""
     with ui.element("section").classes("panel stack"):
         with ui.element("div").classes("row"):
@@ -131,7 +131,7 @@ def listing(bench: Bench, viewer: Viewer) -> None:
 class _Found:
     """The table of targets, and what was asked of it."""
 
-    def __init__(self, bench: Bench, viewer: Viewer, told: ui.label) -> None:
+    def __init__(self, bench: Instrument, viewer: Viewer, told: ui.label) -> None:
         self._bench, self._viewer, self._told = bench, viewer, told
         self._targets: tuple[TargetSummary, ...] = ()
         self._order = Order()

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.console.pages.components import drawings, figure, force_words, panel_title, press_words, table, time_words
-from tsis.console.pages.records._context import AT_ONCE, TargetSeen, flags_of
+from tsis.console.pages.components import drawings, figure, force_text, panel_title, press_label, table, time_label
+from tsis.console.pages.records._context import AT_ONCE, TargetView, flags_of
 from tsis.console.pages.records._edit import open_press
 from tsis.records import ROLE_WORDS
 from tsis.report import comparison
@@ -48,7 +48,7 @@ class Presses:
         self._sheet: tuple[object, ...] = ()
         self._compare: ui.button | None = None
 
-    def show(self, seen: TargetSeen) -> None:
+    def show(self, seen: TargetView) -> None:
         """Show a sheet of presses.
 
         A sheet that shows them already stays: who is just choosing one would click on a box that is being replaced.
@@ -59,7 +59,7 @@ class Presses:
             self._draw(seen)
         self._tell()
 
-    def _draw(self, seen: TargetSeen) -> None:
+    def _draw(self, seen: TargetView) -> None:
         self._place.clear()
         with self._place:
             with ui.element("div").classes("row"):
@@ -77,7 +77,7 @@ class Presses:
                 for press in seen.presses:
                     self._press(press, seen)
 
-    def _turners(self, seen: TargetSeen) -> None:
+    def _turners(self, seen: TargetView) -> None:
         earlier = ui.button("Earlier", icon="chevron_left", on_click=lambda: self._turn(-AT_ONCE))
         later = ui.button("Later", icon="chevron_right", on_click=lambda: self._turn(AT_ONCE))
         for button in (earlier, later):
@@ -89,8 +89,8 @@ class Presses:
         self.offset = max(0, self.offset + by)
         await self._page.load()
 
-    def _press(self, press: StoredPress, seen: TargetSeen) -> None:
-        words = press_words(press)
+    def _press(self, press: StoredPress, seen: TargetView) -> None:
+        words = press_label(press)
         flags = flags_of(press, private=seen.private)
         with ui.element("figure").classes("press"):
             with (
@@ -106,8 +106,8 @@ class Presses:
             with ui.element("figcaption"):
                 with ui.element("div").classes("press-line"):
                     ui.label(ROLE_WORDS[press.role]).classes("press-role")
-                    ui.label(force_words(press.force_n))
-                ui.label(time_words(press.taken)).classes("muted")
+                    ui.label(force_text(press.force_n))
+                ui.label(time_label(press.taken)).classes("muted")
                 for flag in flags:
                     ui.label(flag).classes("press-flag")
                 choose = ui.checkbox(
@@ -125,7 +125,7 @@ class Presses:
             self._compare.text = f"Compare two ({len(self.chosen)} chosen)"
 
 
-def _range(seen: TargetSeen) -> str:
+def _range(seen: TargetView) -> str:
     if seen.total <= AT_ONCE:
         return count_of(seen.total, "press")
     return f"{seen.offset + 1} to {seen.offset + len(seen.presses)} of {seen.total}"
@@ -138,11 +138,11 @@ def _leave_out(frame: ui.element) -> None:
         ui.label(NO_PICTURE).classes("press-damaged")
 
 
-def _address(seen: TargetSeen, press: StoredPress) -> str:
+def _address(seen: TargetView, press: StoredPress) -> str:
     return f"/files/press/{seen.target.number}/{press.id}.png?size={SMALL_PX}"
 
 
-async def compare(page: TargetContext, seen: TargetSeen, *, same_light: bool = False) -> None:
+async def compare(page: TargetContext, seen: TargetView, *, same_light: bool = False) -> None:
     """Show the two chosen presses, what differs, and the features of each."""
     place, chosen = page.compared, tuple(page.presses.chosen)
     place.set_visibility(True)
@@ -180,7 +180,7 @@ def _compared(store: Store, target: Target, chosen: Sequence[str], *, same_light
     """The comparison, and its pictures drawn."""
     presses = [store.press(target, each) for each in chosen]
     dossier = replace(store.dossier(target, limit=0), presses=tuple(presses))
-    names = [press_words(press) for press in presses]
+    names = [press_label(press) for press in presses]
     names = names if len(set(names)) == len(names) else [f"{name} ({at})" for at, name in enumerate(names, 1)]
     one, other = (replace(dossier.image(press), name=name) for press, name in zip(presses, names, strict=True))
     told = comparison(one, other, same_light=same_light)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from nicegui import run, ui
 
 from tsis.console.pages.components import follow_store, panel_title
-from tsis.console.pages.records._context import TargetSeen, read_target
+from tsis.console.pages.records._context import TargetView, read_target
 from tsis.console.pages.records._edit import about_target
 from tsis.console.pages.records._estimates import estimate_button, estimates, history, recompute_button
 from tsis.console.pages.records._presses import Presses, compare
@@ -17,10 +17,10 @@ from tsis.errors import TsisError
 if TYPE_CHECKING:
     from tsis.console.pages.components import Viewer
     from tsis.console.pages.records._context import TargetContext
-    from tsis.console.services import Bench
+    from tsis.console.services import Instrument
 
 
-def acts(page: TargetContext, seen: TargetSeen) -> None:
+def target_buttons(page: TargetContext, seen: TargetView) -> None:
     """Show the name of the target, the way back, and the buttons."""
     target = seen.target
     name = f": {target.name}" if target.name else ""
@@ -34,7 +34,7 @@ def acts(page: TargetContext, seen: TargetSeen) -> None:
     ui.link("PDF", f"/files/report/{target.number}.pdf").classes("link button").props("download")
 
 
-def target_page(bench: Bench, viewer: Viewer, number: str) -> None:
+def show_target(bench: Instrument, viewer: Viewer, number: str) -> None:
     """Build the page of the target whose number stands in the address."""
     follow_store(viewer, TargetPage(bench, viewer, number).load)
 
@@ -50,7 +50,7 @@ class TargetPage:
         As it stands in the address, whatever that is.
     """
 
-    def __init__(self, bench: Bench, viewer: Viewer, number: str) -> None:
+    def __init__(self, bench: Instrument, viewer: Viewer, number: str) -> None:
         self.bench, self.viewer, self.number = bench, viewer, number
         with ui.element("div").classes("stack"):
             with ui.element("section").classes("panel"):
@@ -75,7 +75,7 @@ class TargetPage:
         """Read the target anew; of several readings at once the last to be asked for is shown."""
         self._wanted += 1
         turn = self._wanted
-        seen: TargetSeen | None = None
+        seen: TargetView | None = None
         refusal = ""
         try:
             seen = await run.io_bound(read_target, self.bench.store, self.number, self.presses.offset)
@@ -88,14 +88,14 @@ class TargetPage:
         elif seen is not None:  # which it is when the program ends
             self._show(seen)
 
-    def _show(self, seen: TargetSeen) -> None:
+    def _show(self, seen: TargetView) -> None:
         if self._told == seen.told:  # a change of another target; a button that is being replaced hears no click
             return
         self._told = seen.told
         self._parts.set_visibility(True)
         self._head.clear()
         with self._head:
-            acts(self, seen)
+            target_buttons(self, seen)
         self.presses.show(seen)
         for place in (self._estimates, self._about, self._history):
             place.clear()
@@ -115,6 +115,6 @@ class TargetPage:
             ui.label(sentence).classes("flag").props('role="alert"')
             ui.link("All targets", "/records").classes("link")
 
-    async def compare(self, seen: TargetSeen) -> None:
+    async def compare(self, seen: TargetView) -> None:
         """Show the two chosen presses beside each other."""
         await compare(self, seen)

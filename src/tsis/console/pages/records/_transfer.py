@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.console.pages.components import LARGEST_MIB, listed, one_file, panel_title, sentence_list
+from tsis.console.pages.components import LARGEST_MIB, list_message, message_list, one_file, panel_title
 from tsis.console.pages.records._context import fetch_file, follow_job
 from tsis.errors import FileInputError
 from tsis.records.export.bundle import read_bundle
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from nicegui.events import UploadEventArguments
 
     from tsis.console.pages.components import Viewer
-    from tsis.console.pages.records._context import TargetContext, TargetSeen
-    from tsis.console.services import Bench, Job
+    from tsis.console.pages.records._context import TargetContext, TargetView
+    from tsis.console.services import Instrument, Job
     from tsis.records.store import ImportedTarget
 
 
@@ -33,12 +33,12 @@ MEANT = {
 PAGE = "This form shows what the report shows; of a subject the pseudonym only."
 
 
-def export_button(page: TargetContext, seen: TargetSeen) -> None:
+def export_button(page: TargetContext, seen: TargetView) -> None:
     """A button that asks for the form, and has the browser keep the file."""
     ui.button("Export", icon="download", on_click=lambda: _ask(page, seen)).props("dense no-caps outline")
 
 
-def _ask(page: TargetContext, seen: TargetSeen) -> None:
+def _ask(page: TargetContext, seen: TargetView) -> None:
     with page.dialogs, ui.dialog(value=True) as dialog, ui.card().classes("asked"):
         panel_title(f"Export target {seen.target.number}")
         form = ui.select(FORM_LABELS, value="csv", label="Form", on_change=lambda: told()).props("outlined dense")
@@ -78,7 +78,7 @@ EXPLAINED = (
 TOO_LARGE = f"a bundle must be one zip file of at most {LARGEST_MIB} MiB here; larger ones: tsis records import"
 
 
-def import_button(bench: Bench, viewer: Viewer, place: ui.element) -> None:
+def import_button(bench: Instrument, viewer: Viewer, place: ui.element) -> None:
     """A button that asks for a bundle, takes it in, and says in ``place`` what became of it."""
     with ui.dialog() as dialog, ui.card().classes("asked"):
         panel_title("Import a bundle")
@@ -121,7 +121,7 @@ async def _saved(event: UploadEventArguments, viewer: Viewer) -> Path | None:
     return folder
 
 
-def _take_in(bench: Bench, folder: Path, job: Job) -> ImportedTarget:
+def _take_in(bench: Instrument, folder: Path, job: Job) -> ImportedTarget:
     """Read what was uploaded and enter it."""
     try:
         return bench.store.take_in(read_bundle(folder / BUNDLE), progress=job.advance)
@@ -143,7 +143,7 @@ def _show(job: Job) -> None:
 MOST_SHOWN = 100  # faults; a store that has more has one cause
 
 
-def verify_button(bench: Bench, viewer: Viewer, place: ui.element) -> None:
+def verify_button(bench: Instrument, viewer: Viewer, place: ui.element) -> None:
     """A button that has all of the store compared with its audit, and shows in ``place`` what was found."""
 
     async def begin() -> None:
@@ -160,9 +160,9 @@ def _show_verification(job: Job, place: ui.element) -> None:
     found: StoreVerification = job.result
     with ui.element("section").classes("told").props('role="status"'):
         ui.label(verdict(found)).classes("good" if found.sound else "flag")
-        with sentence_list():
+        with message_list():
             for fault in found.faults[:MOST_SHOWN]:
-                listed(fault, "doubtful")
+                list_message(fault, "doubtful")
         if len(found.faults) > MOST_SHOWN:
             ui.label(f"and {len(found.faults) - MOST_SHOWN} faults more (tsis records verify shows all)")
         for note in verification_notes(found):

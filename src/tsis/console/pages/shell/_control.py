@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from nicegui.events import GenericEventArguments
 
     from tsis.console.pages.components import Viewer
-    from tsis.console.services import Bench, BenchState, Holder
+    from tsis.console.services import Instrument, InstrumentState, Owner
 
 
 class Notices:
@@ -33,7 +33,7 @@ class Notices:
         self._calm = ui.element("div").classes("banner").props('role="status"').mark("watching")
         self._said: tuple[tuple[str, ...], str] = ((), "")
 
-    def show(self, now: BenchState) -> None:
+    def show(self, now: InstrumentState) -> None:
         """Say what has changed; what stays is not said again."""
         watching = ""
         if now.holder is not None and now.holder.identity != self._viewer.identity:
@@ -52,7 +52,7 @@ class Notices:
         self._said = (now.trouble, watching)
 
 
-class Presence(Element, component="presence.js"):
+class PageVisibility(Element, component="presence.js"):
     """Tells the viewer when his page comes into sight and when it goes.
 
     Parameters
@@ -74,7 +74,7 @@ TAKE, RELEASE = "Take the camera", "Release the camera"
 TOLD_MS = 0  # for which the sentence to who lost the camera stays: until it is closed
 
 
-class Holding:
+class ControlButtons:
     """A button that takes the camera and one that gives it back; the other is asked for, and told.
 
     They are two, so that a click does what the button said when it was clicked, whatever changes meanwhile.
@@ -87,7 +87,7 @@ class Holding:
         Who takes it.
     """
 
-    def __init__(self, bench: Bench, viewer: Viewer) -> None:
+    def __init__(self, bench: Instrument, viewer: Viewer) -> None:
         self._bench, self._viewer = bench, viewer
         self._gave_back = self._held = False
         self._take = ui.button(TAKE, on_click=self._asked_for).props("flat dense no-caps")
@@ -103,7 +103,7 @@ class Holding:
                 ui.button("Take it over", on_click=self._take_over).props("dense no-caps")
                 ui.button("Leave it", on_click=self._dialog.close).props("dense no-caps outline")
 
-    def show(self, now: BenchState) -> None:
+    def show(self, now: InstrumentState) -> None:
         """Show the button that makes sense; tell when somebody else has taken the camera."""
         mine = now.holder is not None and now.holder.identity == self._viewer.identity
         self._take.set_visibility(not mine)
@@ -149,7 +149,7 @@ class Holding:
         await self._viewer.attempt(self._bench.control.take, self._viewer.identity, self._viewer.name, over=over)
 
 
-def _question(holder: Holder) -> str:
+def _question(holder: Owner) -> str:
     return (
         f"{holder.name} holds the camera and may be in the middle of something. They are told that you took it, and "
         "watch from then on."

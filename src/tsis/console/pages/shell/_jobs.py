@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Awaitable, Callable
 
     from tsis.console.pages.components import Viewer
-    from tsis.console.services import Bench, BenchState, JobState
+    from tsis.console.services import Instrument, InstrumentState, JobState
 
 
 SHOWN = 8  # the newest
@@ -31,7 +31,7 @@ class JobList:
         Who looks; whoever holds the camera may end jobs.
     """
 
-    def __init__(self, bench: Bench, viewer: Viewer) -> None:
+    def __init__(self, bench: Instrument, viewer: Viewer) -> None:
         self._bench, self._viewer = bench, viewer
         self._rows: dict[str, _Row] = {}
         self._button = ui.button("Jobs").props('flat dense no-caps aria-haspopup="true"')
@@ -42,7 +42,7 @@ class JobList:
                 with self._none:
                     ui.label("Nothing was begun yet.")
 
-    def show(self, now: BenchState) -> None:
+    def show(self, now: InstrumentState) -> None:
         """Show the newest jobs."""
         states = now.jobs[: -SHOWN - 1 : -1]
         self._button.text = _summary([state for state in now.jobs if state.running])

@@ -12,16 +12,16 @@ from nicegui.element import Element
 from nicegui.translations import translations
 
 from tsis.__about__ import RESEARCH_USE_ONLY
-from tsis.console.auth import LOGOUT, visitor_of
+from tsis.console.auth import LOGOUT, client_identity
 from tsis.console.pages._directory import PAGES
-from tsis.console.pages.components import Glance, Tabs, Viewer
-from tsis.console.pages.shell._control import Holding, Notices, Presence
+from tsis.console.pages.components import StatePoller, Tabs, Viewer
+from tsis.console.pages.shell._control import ControlButtons, Notices, PageVisibility
 from tsis.console.pages.shell._jobs import JobList
 
 if TYPE_CHECKING:
     from nicegui.elements.label import Label
 
-    from tsis.console.services import Bench, BenchState
+    from tsis.console.services import Instrument, InstrumentState
 
 
 REMEMBERED = "tsis-colours"  # key in the browser's local storage; theme.js has it too
@@ -60,11 +60,11 @@ def _instead(sentence: str) -> None:
         ui.link("To the live image", "/")
 
 
-class Leaving:
+class LogoutButton:
     """Says as whom one is in, and logs out; whoever came with the console's key sees nothing of it."""
 
     def __init__(self) -> None:
-        name = visitor_of(ui.context.client.request).name
+        name = client_identity(ui.context.client.request).name
         if not name:
             return
         with ui.element("form").props(f'method="post" action="{LOGOUT}"').classes("leaving"):
@@ -82,7 +82,7 @@ WORDS = {
 }
 
 
-def say_lost() -> None:
+def set_lost_connection_text() -> None:
     """Have the library of the pages say it in these words, in every page from now on."""
     translations[LANGUAGE] = {**translations["en-US"], **WORDS}
 
@@ -149,8 +149,8 @@ class Shell:
         What the pages show.
     """
 
-    def __init__(self, bench: Bench) -> None:
-        self._bench, self._glance, self._tabs = bench, Glance(bench), Tabs()
+    def __init__(self, bench: Instrument) -> None:
+        self._bench, self._glance, self._tabs = bench, StatePoller(bench), Tabs()
 
     def build(self) -> None:
         """Build the page of the tab that opens now."""
@@ -162,7 +162,7 @@ class Shell:
             ui.element("div").classes("spring")
             camera = ui.label().classes("chip").mark("camera state")
             jobs = JobList(self._bench, viewer)
-            holding = Holding(self._bench, viewer)
+            holding = ControlButtons(self._bench, viewer)
             ThemeChoice()
         notices = Notices(viewer)
         with ui.element("div").classes("content").props(f'id="{MAIN}" tabindex="-1"'):
@@ -170,10 +170,10 @@ class Shell:
             Subpages({address: partial(build, self._bench, viewer) for address, (_, build) in PAGES.items()})
         with ui.footer(elevated=False).classes("foot"):
             ui.label(RESEARCH_USE_ONLY)
-            Leaving()
-        Presence(viewer)
+            LogoutButton()
+        PageVisibility(viewer)
 
-        def show(now: BenchState) -> None:
+        def show(now: InstrumentState) -> None:
             camera.text = _camera_words(now)
             camera.classes(replace="chip bad" if now.camera.lost else "chip")
             jobs.show(now)
@@ -184,7 +184,7 @@ class Shell:
         ui.timer(HEARD_S, holding.heard)
 
 
-def _camera_words(state: BenchState) -> str:
+def _camera_words(state: InstrumentState) -> str:
     camera = state.camera
     if not camera.running:
         return "camera stopped"

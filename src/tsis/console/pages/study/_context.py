@@ -20,18 +20,18 @@ if TYPE_CHECKING:
 
     from tsis.console.pages.components import Viewer
     from tsis.console.services import Jobs
-    from tsis.console.studies import StudyShelf
+    from tsis.console.studies import StudyRepository
     from tsis.report import Page, Table
     from tsis.study import Study
 
 
 KEPT = 4  # studies whose numbers are kept
-_kept: OrderedDict[tuple[Path, str], Told] = OrderedDict()
+_kept: OrderedDict[tuple[Path, str], StudyResult] = OrderedDict()
 _one = Lock()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class DeviceSeen:
+class DeviceProgress:
     """How far a device is: readings of one operator, of all that he is to make."""
 
     device: str
@@ -43,7 +43,7 @@ class DeviceSeen:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Told:
+class StudyResult:
     """What an unblinded study says: its report, the picture of its curves drawn, every target with its truth."""
 
     page: Page
@@ -52,22 +52,22 @@ class Told:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class StudySeen:
+class StudyView:
     """A study at one moment."""
 
     study: Study
-    devices: tuple[DeviceSeen, ...]
+    devices: tuple[DeviceProgress, ...]
     reported: bool
 
 
-def seen(shelf: StudyShelf, name: str) -> StudySeen:
-    """Read a study; errors as `StudyShelf.study`."""
+def view_study(shelf: StudyRepository, name: str) -> StudyView:
+    """Read a study; errors as `StudyRepository.study`."""
     study = shelf.study(name)
     made = Counter((each.device, each.operator) for each in study.readings)
     undecided = Counter((each.device, each.operator) for each in study.readings if each.undecided)
     wanted = len(study.plan.codes) * study.plan.repeats
     devices = [
-        DeviceSeen(
+        DeviceProgress(
             device=device,
             operator=operator,
             read=count,
@@ -77,10 +77,10 @@ def seen(shelf: StudyShelf, name: str) -> StudySeen:
         )
         for (device, operator), count in made.items()
     ]
-    return StudySeen(study=study, devices=tuple(devices), reported=has_report(study))
+    return StudyView(study=study, devices=tuple(devices), reported=has_report(study))
 
 
-def told(study: Study) -> Told:
+def study_result(study: Study) -> StudyResult:
     """What an unblinded study says; kept, for it takes a while and stays the same until the log grows."""
     key = (study.folder.resolve(), study.chain.head)
     with _one:
@@ -91,11 +91,11 @@ def told(study: Study) -> Told:
         return _kept[key]
 
 
-def _told(study: Study) -> Told:
+def _told(study: Study) -> StudyResult:
     analysis = analyse(study)
     page = study_page(analysis)
     drawn = any(one.curve is not None for one in analysis.devices)
-    return Told(page=page, curves=address(page.pictures[0]) if drawn else "", targets=targets_table(analysis))
+    return StudyResult(page=page, curves=address(page.pictures[0]) if drawn else "", targets=targets_table(analysis))
 
 
 class StudyContext(Protocol):
@@ -111,7 +111,7 @@ class StudyContext(Protocol):
 
     jobs: Jobs
     viewer: Viewer
-    shelf: StudyShelf
+    shelf: StudyRepository
     name: str
 
 

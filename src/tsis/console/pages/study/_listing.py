@@ -10,9 +10,17 @@ import numpy as np
 from nicegui import ui
 
 from tsis.catalog import list_probes
-from tsis.console.pages.components import cell, field_words, loading, panel_title, rows_under, typed_number, unit_field
+from tsis.console.pages.components import (
+    cell,
+    field_messages,
+    loading,
+    panel_title,
+    rows_under,
+    typed_number,
+    unit_field,
+)
 from tsis.console.pages.study._context import name_in, who_field
-from tsis.console.studies import StudyShelf
+from tsis.console.studies import StudyRepository
 from tsis.errors import InputError
 from tsis.model import LARGEST_SEED, require_integer
 from tsis.study import TARGETS, printed_targets, random_targets
@@ -21,9 +29,9 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from tsis.console.pages.components import Viewer
-    from tsis.console.pages.study._context import StudySeen, Told
-    from tsis.console.services import Bench
-    from tsis.console.studies import StudyGlimpse
+    from tsis.console.pages.study._context import StudyResult, StudyView
+    from tsis.console.services import Instrument
+    from tsis.console.studies import StudySummary
     from tsis.study import Study, TargetTruth
 
 
@@ -40,7 +48,7 @@ class CodeTable:
             f'flat dense wrap-cells :rows-per-page-options="{list(SHEETS)}" rows-per-page-label="Targets on a sheet"'
         )
 
-    def show(self, found: StudySeen, told: Told | None) -> None:
+    def show(self, found: StudyView, told: StudyResult | None) -> None:
         """Show codes with what is read, or with the truth where the study says it."""
         if told is None:
             headings, rows = _progress(found.study)
@@ -98,10 +106,10 @@ class StudyDraft:
     threshold: str = "0.5"
     seed: str = ""
 
-    def make(self, shelf: StudyShelf, *, actor: str) -> str:
+    def make(self, shelf: StudyRepository, *, actor: str) -> str:
         """Make the study, and return its name; `InputError` when a field holds what cannot be."""
         name = self.name.strip()
-        with field_words(WORDS):
+        with field_messages(WORDS):
             shelf.make(
                 name,
                 self._targets(),
@@ -152,9 +160,9 @@ MEANT = (
 )
 
 
-def listing(bench: Bench, viewer: Viewer) -> None:
+def study_listing(bench: Instrument, viewer: Viewer) -> None:
     """Build the page."""
-    shelf = StudyShelf(bench.terms.workspace)
+    shelf = StudyRepository(bench.terms.workspace)
     with ui.element("div").classes("split"):
         with ui.element("section").classes("panel stack"):
             panel_title("Studies")
@@ -177,7 +185,7 @@ def listing(bench: Bench, viewer: Viewer) -> None:
     viewer.every(EVERY_S, look)
 
 
-def _show(glimpses: tuple[StudyGlimpse, ...]) -> None:
+def _show(glimpses: tuple[StudySummary, ...]) -> None:
     if not glimpses:
         ui.label(NONE_YET).classes("muted")
         return
@@ -200,7 +208,7 @@ def _show(glimpses: tuple[StudyGlimpse, ...]) -> None:
 class _NewStudy:
     """The form of a new study."""
 
-    def __init__(self, shelf: StudyShelf, viewer: Viewer) -> None:
+    def __init__(self, shelf: StudyRepository, viewer: Viewer) -> None:
         self._shelf, self._viewer = shelf, viewer
         start = StudyDraft()
         panel_title("New study")

@@ -6,14 +6,14 @@ from typing import TYPE_CHECKING
 
 from nicegui import ui
 
-from tsis.console.pages.components import cards, figure, listed, loading, panel_title, sentence_list, unit_field
-from tsis.console.pages.study._context import name_in, told, who_field
+from tsis.console.pages.components import cards, figure, list_message, loading, message_list, panel_title, unit_field
+from tsis.console.pages.study._context import name_in, study_result, who_field
 from tsis.console.studies import begin_publishing, unread
 from tsis.report.target import count_of
 from tsis.study import verify_study
 
 if TYPE_CHECKING:
-    from tsis.console.pages.study._context import StudyContext, StudySeen, Told
+    from tsis.console.pages.study._context import StudyContext, StudyResult, StudyView
     from tsis.study import Study, StudyVerification
 
 
@@ -31,7 +31,7 @@ class Outcome:
         self._panel = ui.element("section").classes("panel stack").props('aria-label="What the study says"')
         self._panel.set_visibility(False)
 
-    async def show(self, found: StudySeen) -> Told | None:
+    async def show(self, found: StudyView) -> StudyResult | None:
         """Show the numbers, and give them; None while the study is blind, or when they cannot be told."""
         if found.study.unblinded is None:
             return None
@@ -39,7 +39,7 @@ class Outcome:
         self._panel.clear()
         with self._panel:
             ui.label("Setting the readings beside the truth ...").classes("muted").props('role="status"')
-        said = await self._page.viewer.attempt(told, found.study)
+        said = await self._page.viewer.attempt(study_result, found.study)
         self._panel.clear()
         with self._panel:
             self._head(found)
@@ -49,7 +49,7 @@ class Outcome:
                 self._body(said)
         return said
 
-    def _head(self, found: StudySeen) -> None:
+    def _head(self, found: StudyView) -> None:
         with ui.element("div").classes("row"):
             panel_title("What the study says")
             ui.element("div").classes("spring")
@@ -60,7 +60,7 @@ class Outcome:
             else:
                 ui.label("No report was written yet: Analyse again writes it.").classes("muted")
 
-    def _body(self, said: Told) -> None:
+    def _body(self, said: StudyResult) -> None:
         cards(said.page.cards)
         with ui.element("div").classes("study-outcome"):
             if said.curves:
@@ -68,7 +68,7 @@ class Outcome:
             with ui.element("div"):
                 panel_title("To know", level=3)
                 with ui.element("div").classes("wordy"):
-                    sentence_list(said.page.notes)
+                    message_list(said.page.notes)
 
 
 MOST_SHOWN = 5  # faults
@@ -95,7 +95,7 @@ class Unblinding:
         self._button = ui.button("Unblind and analyse", icon="visibility", on_click=self._clicked)
         self._button.props("dense no-caps outline")
 
-    def show(self, found: StudySeen) -> None:
+    def show(self, found: StudyView) -> None:
         """Say what a click would do."""
         self._blind = found.study.unblinded is None
         self._button.text = "Unblind and analyse" if self._blind else "Analyse again"
@@ -118,7 +118,7 @@ class Unblinding:
                 ui.label(f"{MEANT} The study has {count_of(len(study.readings), 'reading')}.")
             if found.faults:
                 ui.label(FAULTY).classes("flag")
-                sentence_list(str(fault) for fault in found.faults[:MOST_SHOWN])
+                message_list(str(fault) for fault in found.faults[:MOST_SHOWN])
             although = ui.checkbox("although incomplete").props("dense")
             although.set_visibility(blind and bool(left))
             if blind:
@@ -172,9 +172,9 @@ def verify_button(page: StudyContext, place: ui.element) -> None:
         with ui.element("section").classes("told").props('role="status"'):
             panel_title("Verification", level=3)
             ui.label(verdict(found)).classes("good" if found.sound else "flag")
-            with sentence_list():
+            with message_list():
                 for fault in found.faults[:MOST_FAULTS_SHOWN]:
-                    listed(str(fault), "doubtful")
+                    list_message(str(fault), "doubtful")
             if len(found.faults) > MOST_FAULTS_SHOWN:
                 ui.label(f"and {len(found.faults) - MOST_FAULTS_SHOWN} more (tsis study verify shows all)")
             ui.label(f"Head of the log: {found.head}").classes("muted identity")

@@ -25,13 +25,13 @@ from tsis.study import READING_COLUMNS, export_readings, import_table
 if TYPE_CHECKING:
     from nicegui.events import UploadEventArguments
 
-    from tsis.console.pages.study._context import StudyContext, StudySeen
+    from tsis.console.pages.study._context import StudyContext, StudyView
 
 
 NONE_YET = "Nothing was read yet. Run the virtual probe, or import the readings of another device."
 
 
-def show_devices(page: StudyContext, found: StudySeen) -> None:
+def show_devices(page: StudyContext, found: StudyView) -> None:
     """Place the devices with their operators."""
     if not found.devices:
         ui.label(NONE_YET).classes("muted")
@@ -60,7 +60,7 @@ async def _export(page: StudyContext, device: str) -> None:
         ui.download.content(content, f"{page.name}-{words[:60]}.csv", "text/csv")
 
 
-class JobSeen:
+class JobProgress:
     """Progress, sentence and a button that ends it.
 
     Parameters
@@ -120,7 +120,7 @@ class Running:
             self._who = who_field(page.viewer, "Operator")
             self._begin = ui.button("Run on the virtual probe", icon="play_arrow", on_click=self._run).props("no-caps")
 
-    def show(self, found: StudySeen) -> None:
+    def show(self, found: StudyView) -> None:
         """Go on for who read before, unless somebody has typed already."""
         before = [each for each in found.devices if each.device == found.study.plan.device and each.read < each.wanted]
         if before and not self._named and not self._page.viewer.logged_in:

@@ -7,27 +7,27 @@ from typing import TYPE_CHECKING
 from nicegui import run, ui
 
 from tsis.console.pages.components import FactList, panel_title
-from tsis.console.pages.study._context import StudySeen, seen
+from tsis.console.pages.study._context import StudyView, view_study
 from tsis.console.pages.study._listing import CodeTable
 from tsis.console.pages.study._outcome import Outcome, Unblinding, verify_button
-from tsis.console.pages.study._reading import JobSeen, Running, import_button, show_devices
-from tsis.console.studies import StudyShelf, unblinded_words
+from tsis.console.pages.study._reading import JobProgress, Running, import_button, show_devices
+from tsis.console.studies import StudyRepository, unblinded_text
 from tsis.errors import TsisError
 
 if TYPE_CHECKING:
     from tsis.console.pages.components import Viewer
-    from tsis.console.services import Bench
+    from tsis.console.services import Instrument
 
 
 EVERY_S = 0.5
 
 
-def show_study(bench: Bench, viewer: Viewer, name: str) -> None:
+def show_study(bench: Instrument, viewer: Viewer, name: str) -> None:
     """Build the page of the study whose name stands in the address."""
-    viewer.every(EVERY_S, OneStudy(bench, viewer, name).look)
+    viewer.every(EVERY_S, StudyPage(bench, viewer, name).look)
 
 
-class OneStudy:
+class StudyPage:
     """The open page of a study.
 
     Parameters
@@ -38,9 +38,9 @@ class OneStudy:
         As it stands in the address, whatever that is.
     """
 
-    def __init__(self, bench: Bench, viewer: Viewer, name: str) -> None:
+    def __init__(self, bench: Instrument, viewer: Viewer, name: str) -> None:
         self.jobs, self.viewer, self.name = bench.jobs, viewer, name
-        self.shelf = StudyShelf(bench.terms.workspace)
+        self.shelf = StudyRepository(bench.terms.workspace)
         self._seen: tuple[int, int] | None = None
         with ui.element("div").classes("stack"):
             with ui.element("section").classes("panel stack"):
@@ -49,7 +49,7 @@ class OneStudy:
                     self._title = panel_title("Study").classes("target-title")
                     ui.element("div").classes("spring")
                     self._acts = ui.element("div").classes("row")
-                self._job = JobSeen(self)
+                self._job = JobProgress(self)
                 self._refusal = ui.label().classes("flag wordy").props('role="alert"')
                 self._below = ui.element("div")
             self._outcome = Outcome(self)
@@ -81,10 +81,10 @@ class OneStudy:
             await self._load()
 
     async def _load(self) -> None:
-        found: StudySeen | None = None
+        found: StudyView | None = None
         refusal = ""
         try:
-            found = await run.io_bound(seen, self.shelf, self.name)
+            found = await run.io_bound(view_study, self.shelf, self.name)
         except TsisError as error:
             refusal = str(error)
         self._refusal.text = refusal
@@ -94,7 +94,7 @@ class OneStudy:
         if found is not None:  # which it is not when the program ends
             await self._show(found)
 
-    async def _show(self, found: StudySeen) -> None:
+    async def _show(self, found: StudyView) -> None:
         study, blind = found.study, found.study.unblinded is None
         self._title.text = f"Study {study.plan.name}"
         self._run.set_visibility(blind)
@@ -109,11 +109,11 @@ class OneStudy:
         self._codes.show(found, told)
 
 
-def _facts(found: StudySeen) -> tuple[tuple[str, str], ...]:
+def _facts(found: StudyView) -> tuple[tuple[str, str], ...]:
     plan, head = found.study.plan, found.study.chain.head
     forces = ", ".join(f"{force:g}" for force in plan.forces_n)
     return (
-        ("State", f"unblinded {unblinded_words(found.study)}" if found.study.unblinded else "blinded"),
+        ("State", f"unblinded {unblinded_text(found.study)}" if found.study.unblinded else "blinded"),
         ("Targets", str(len(plan.codes))),
         ("Repeats", str(plan.repeats)),
         ("Threshold", f"{plan.threshold:g}, fixed beforehand"),

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
     from tsis.calibration.session import CalibrationFrame, CalibrationStep, SessionSetup
-    from tsis.console.services._camera import CameraDesk
+    from tsis.console.services._camera import CameraController
     from tsis.instrument.acquisition import Acquisition
     from tsis.instrument.gauge import ForceLog
 
@@ -26,7 +26,7 @@ LARGEST_TYPED_N = 100.0
 FAR = 2**64  # numbers that no step draws as many of
 
 
-class Rig(Protocol):
+class CalibrationRig(Protocol):
     """Takes frames."""
 
     @property
@@ -50,7 +50,7 @@ class Rig(Protocol):
         """The next frame, with a force that a person read."""
 
 
-class VirtualRig:
+class VirtualCalibrationRig:
     """The virtual bench of a session, made when it is first needed.
 
     Parameters
@@ -105,7 +105,7 @@ class CameraRig:
 
     by_itself = False
 
-    def __init__(self, terms: SessionSetup, desk: CameraDesk, gauge: Callable[[], ForceLog | None]) -> None:
+    def __init__(self, terms: SessionSetup, desk: CameraController, gauge: Callable[[], ForceLog | None]) -> None:
         self._terms, self._desk, self._gauge = terms, desk, gauge
 
     @property
@@ -141,7 +141,7 @@ class CameraRig:
         return acquisition_of(self._desk, self._terms)
 
 
-def acquisition_of(desk: CameraDesk, terms: SessionSetup) -> Acquisition:
+def acquisition_of(desk: CameraController, terms: SessionSetup) -> Acquisition:
     """The running camera, if it is that of a session, at its settings.
 
     Raises

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from tsis.calibration.file import calibration_sha256
 from tsis.calibration.session import archive_calibration, calibrate, save_calibration, saved_calibration
-from tsis.console.services._jobs import RUNNING, Ended
+from tsis.console.services._jobs import RUNNING, JobCancelled
 from tsis.errors import CalibrationError, ControlError, TsisError
 from tsis.model import require_integer, require_number, require_one_of
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
     from tsis.calibration.file import ProbeCalibration
     from tsis.calibration.session import CalibrationFrame, CalibrationStep, SessionFolder, SessionResult, SessionSetup
-    from tsis.console.services._control import Control
+    from tsis.console.services._control import ControlLock
     from tsis.console.services._jobs import Job, Jobs
-    from tsis.console.services.calibrating._rig import Rig
+    from tsis.console.services.calibrating._rig import CalibrationRig
 
 
 OPEN, UNDER_WAY, DONE, LEFT_OUT = "open", "under way", "done", "left out"
@@ -116,7 +116,7 @@ class TypedLoadings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class MadeCalibration:
+class CalibrationResult:
     """A calibration that was made from a session's frames, with what stands behind it and its file."""
 
     known: ProbeCalibration
@@ -145,7 +145,7 @@ class CalibrationSession:
         What was made from the frames as they are, while this program runs; its `file` stays longer.
     """
 
-    def __init__(self, folder: SessionFolder, *, rig: Rig, control: Control, jobs: Jobs) -> None:
+    def __init__(self, folder: SessionFolder, *, rig: CalibrationRig, control: ControlLock, jobs: Jobs) -> None:
         self.folder, self.rig = folder, rig
         self.terms: SessionSetup = folder.terms()
         self._control, self._jobs = control, jobs
@@ -157,7 +157,7 @@ class CalibrationSession:
         self._typed = TypedLoadings()
         self.job: Job | None = None
         self.making: Job | None = None
-        self.made: MadeCalibration | None = None
+        self.made: CalibrationResult | None = None
 
     @property
     def name(self) -> str:
@@ -270,13 +270,13 @@ class CalibrationSession:
             self._left_out.discard(name)
 
     def make(self, *, days: float) -> Job:
-        """Make the calibration in the background and keep its file; the job's result is the `MadeCalibration`."""
+        """Make the calibration in the background and keep its file; the job's result is the `CalibrationResult`."""
         require_number("days", days, 1, 3650)
 
-        def work(job: Job) -> MadeCalibration:
+        def work(job: Job) -> CalibrationResult:
             known, findings = calibrate(self.folder, days=days, progress=job.advance)
             file = save_calibration(self.folder, known)
-            self.made = MadeCalibration(known=known, findings=findings, identity=calibration_sha256(known), file=file)
+            self.made = CalibrationResult(known=known, findings=findings, identity=calibration_sha256(known), file=file)
             job.say(f"The calibration is in {file}")
             return self.made
 
@@ -317,7 +317,7 @@ class CalibrationSession:
 
         def over() -> bool:
             if job.ending:
-                raise Ended
+                raise JobCancelled
             return self._over.is_set()
 
         for number, shot in enumerate(self.rig.shots(step, over), start=1):

@@ -13,7 +13,7 @@ import numpy as np
 
 from tsis.calibration.session import SessionFolder, saved_calibration
 from tsis.catalog import load_probe
-from tsis.console.services.calibrating._rig import CameraRig, Rig, VirtualRig
+from tsis.console.services.calibrating._rig import CalibrationRig, CameraRig, VirtualCalibrationRig
 from tsis.console.services.calibrating._session import CalibrationSession
 from tsis.errors import CameraError, InputError, TsisError
 from tsis.virtual import VirtualBench, bench_seed
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from tsis.calibration.session import SessionSetup
-    from tsis.console.services._camera import CameraDesk
-    from tsis.console.services._control import Control
+    from tsis.console.services._camera import CameraController
+    from tsis.console.services._control import ControlLock
     from tsis.console.services._jobs import Jobs
     from tsis.instrument.gauge import ForceLog
 
@@ -81,9 +81,9 @@ class CalibrationSessions:
         self,
         folder: Path,
         *,
-        control: Control,
+        control: ControlLock,
         jobs: Jobs,
-        desk: CameraDesk,
+        desk: CameraController,
         gauge: Callable[[], ForceLog | None],
     ) -> None:
         self._folder, self._control, self._jobs, self._desk, self._gauge = folder, control, jobs, desk, gauge
@@ -152,12 +152,12 @@ class CalibrationSessions:
         for name in [name for name, session in self._held.items() if session.idle][:-IDLE]:
             del self._held[name]
 
-    def _rig(self, folder: SessionFolder) -> Rig:
+    def _rig(self, folder: SessionFolder) -> CalibrationRig:
         terms = folder.terms()
         seed = bench_seed(terms.camera)
         if seed is None:
             return CameraRig(terms, self._desk, self._gauge)
-        return VirtualRig(terms, seed, before=sum(folder.done(step) for step in folder.plan()))
+        return VirtualCalibrationRig(terms, seed, before=sum(folder.done(step) for step in folder.plan()))
 
     def _virtual(self, terms: SessionSetup) -> SessionSetup:
         bench = VirtualBench(load_probe(terms.probe), rng=np.random.default_rng(0))

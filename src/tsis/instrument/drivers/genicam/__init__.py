@@ -1,4 +1,4 @@
-"""FIXME."""
+"""Cameras of any maker through the GenICam standard."""
 
 from tsis.instrument.drivers.genicam._camera import GenICamCamera
 from tsis.instrument.drivers.genicam._link import Grab, buffer_count, cannot_open, maker_library, none_found, reason
