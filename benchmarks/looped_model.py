@@ -1,7 +1,7 @@
 """The forward model and its likelihood written a second time, one point at a time, as loops over the equations.
 
-What `tsis.inclusion.posterior._forward` and `tsis.inclusion.posterior._likelihood` do with arrays of many inclusions is done here for one
-inclusion and one set of nuisances, fast enough for millions of them. Shared with them are only the tables of presses.
+`tsis.inclusion.posterior` computes arrays of many inclusions. This code computes one inclusion and one set of
+nuisances, fast enough for millions of them. Both share only the press tables.
 """
 
 from __future__ import annotations
@@ -153,7 +153,9 @@ def _answers(
     plain: bool,
     site: bool,
 ) -> Numbers:
-    """What the rings answer per newton and, under a dome, then by its shape; `tsis.inclusion.posterior._forward` lists nuisances.
+    """Signal of each ring per newton and, under a dome, by its shape.
+
+    `tsis.inclusion.posterior._forward` lists the nuisances.
 
     A probe stiffer by a factor on some tissue does what the believed one does on tissue softer by that factor, with
     pressures and forces in units larger by it.

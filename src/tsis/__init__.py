@@ -1,7 +1,7 @@
 """Open software for optical tactile imaging. Research use only.
 
-A soft transparent probe is pressed on tissue. Light escapes where it is pressed, and a camera records it. From the image
-tsis estimates how big, how deep and how stiff an inclusion under the surface is, with intervals.
+A soft transparent probe is pressed on tissue. Light escapes where it is pressed, and a camera records it.
+From the image tsis estimates how big, how deep and how stiff an inclusion under the surface is, with intervals.
 
 The packages (``tsis.mechanics``, ``tsis.imaging``, ...) load when they are first used.
 """

@@ -76,7 +76,7 @@ class UsableCalibration:
         return self.known.known_response(self.identity)
 
     def pressed(self, frames: Sequence[TactileImage]) -> tuple[list[TactileImage], Calibration]:
-        """Frames ready for an estimate, and the response with the doubt of the forces; errors as `apply_calibration`."""
+        """Corrected frames and the calibration that fits them; errors as `apply_calibration`."""
         return apply_calibration(self.known, frames, identity=self.identity)
 
     def require_camera(self, acquisition: Acquisition, *, stored: bool) -> None:

@@ -76,8 +76,8 @@ def console(
     preparing = ExitStack()
     preparing.enter_context(waiting("preparing the console"))
     package = import_module("tsis.console")
-    terms = package.ConsoleTerms(
-        bench=package.BenchTerms(
+    terms = package.ConsoleSettings(
+        bench=package.InstrumentSettings(
             workspace=out,
             store=store,
             kind=kind,

@@ -1,9 +1,10 @@
 """How well inclusions are found: rates, curves and agreement, each with an interval that stays right for few targets.
 
 A study scores targets, of which some hold an inclusion. Sensitivity and specificity count decisions (`Counts`); a curve
-shows them at every threshold (`roc`); methods are compared on the same targets (`compare_detectors`, `bootstrap_compare_detectors`). A
-threshold is chosen by a purpose and judged on targets that had no part in the choice (`youden_point`,
-`held_out_counts`). Probabilities are set beside what came true (`brier_score`, `reliability_curve`, `recalibration`).
+shows them at every threshold (`roc`); methods are compared on the same targets (`compare_detectors`,
+`bootstrap_compare_detectors`). A threshold is chosen by a purpose and judged on targets that had no part in the choice
+(`youden_point`, `held_out_counts`). Probabilities are set beside what came true (`brier_score`, `reliability_curve`,
+`recalibration`).
 The probability that an inclusion is there is read off an estimate (`presence`), and of which kind it is, named by
 measured properties, off a classifier (`train_classifier`, `cross_validate`). Readings are compared between raters
 (`intraclass_correlation`), between two ways to measure (`bland_altman`), within an operator (`repeatability`) and

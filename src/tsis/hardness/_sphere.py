@@ -96,7 +96,8 @@ def require_small_sphere(probe: Probe, radius_mm: float) -> None:
     """Refuse an object larger than the probe can measure: its contact would reach the rim."""
     if radius_mm > WIDEST_CONTACT * probe.radius_mm:
         raise InputError(
-            f"the object must be smaller than the probe: radius_mm must be at most {WIDEST_CONTACT * probe.radius_mm:.3g}, "
+            f"the object must be smaller than the probe: radius_mm must be at most "
+            f"{WIDEST_CONTACT * probe.radius_mm:.3g}, "
             f"{WIDEST_CONTACT:g} of the face's radius; got {radius_mm:g} (use a wider probe)"
         )
 

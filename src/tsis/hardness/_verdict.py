@@ -152,7 +152,8 @@ def _about_fit(presses: Sequence[ContactPress], found: HardnessPosterior, radius
     return [
         (
             "model_does_not_fit",
-            f"Forces, light and contact radii contradict each other (chance below {probability_bound(chance)}): this is no "
+            f"Forces, light and contact radii contradict each other (chance below "
+            f"{probability_bound(chance)}): this is no "
             "homogeneous sphere of that radius, or force, calibration or probe are wrong.",
         )
     ]

@@ -1,7 +1,7 @@
 """From frames of the camera to numbers: corrections, the contact's patch and circle, features, profiles, colour.
 
-``features``, ``segment`` and ``height_surface`` are calls, so no file here bears those names: a module of the same name would
-take the call's place when something imports it by its path.
+``features``, ``segment`` and ``height_surface`` are functions. No module has these names: importing such a module would
+replace the function.
 """
 
 from tsis.imaging._colour import COLOUR_MAPS, change_magnitude, colour_map

@@ -83,7 +83,7 @@ def render(
     blur_mm
         Standard deviation of the point spread on the face, mm, in [0, 10].
     contact_model
-        What makes light leave: ``"rough"``, ``"smooth"``, ``"curvature"``, or a value of `tsis.imaging._contact_models`.
+        Contact model: ``"rough"``, ``"smooth"``, ``"curvature"``, or a value of `tsis.imaging._contact_models`.
     light
         Light that reaches the face from inside; even light when None. A map for one press, in which displacement and
         slope are done already, has neither flux nor growth.

@@ -73,7 +73,8 @@ def misfit_finding(chance: float, *, disagree: bool) -> Finding:
     if disagree:
         return (
             "presses_disagree",
-            f"The presses contradict each other (chance below {probability_bound(chance)}): each fits an inclusion, but not "
+            f"The presses contradict each other (chance below {probability_bound(chance)}): each fits an "
+            f"inclusion, but not "
             "the same one.",
         )
     return (

@@ -56,7 +56,7 @@ class CameraInfo:
 
 
 _HOME = "tsis.instrument.drivers"
-# By source: the module that searches, with find_cameras_here() and missing_requirement(), and the camera's module and class.
+# By source: the module with find_cameras_here() and missing_requirement(), and the camera's module and class.
 _LIVE = {
     "aravis": ("aravis._search", "aravis._camera", "AravisCamera"),
     "genicam": ("genicam._harvesters", "genicam._harvesters", "HarvestersCamera"),

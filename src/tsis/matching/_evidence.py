@@ -133,7 +133,7 @@ def explained(
 def _explained(
     moved: NDArray[np.float64], target: NDArray[np.float64], variance: float, outliers: float, even: float
 ) -> tuple[float, NDArray[np.float64], NDArray[np.float64], float]:
-    """The parts of `ExplainedTarget`; the moved points ascend along the first axis, so that the near ones lie in one run."""
+    """The parts of `ExplainedTarget`; moved points are sorted along the first axis, so near ones are contiguous."""
     n, dimension = moved.shape
     near = (1 - outliers) / n * (2 * np.pi * variance) ** (-dimension / 2)
     paired, drawn, weights, away = np.zeros(n), np.zeros((n, dimension)), np.empty(n), np.empty(n)

@@ -114,7 +114,7 @@ def matched_all(fit: MatchFit, source: NDArray[np.float64], target: NDArray[np.f
 def mutual_nearest(
     moved: NDArray[np.float64], target: NDArray[np.float64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Pairs that are each other's nearest within `MUTUAL_RANGE` of the target's spacing, and their trust, shapes (n,)."""
+    """Mutual nearest neighbours within `MUTUAL_RANGE` of the target's spacing, and their weights, shapes (n,)."""
     away, nearest = KDTree(target).query(moved)
     _, back = KDTree(moved).query(target)
     reach = MUTUAL_RANGE * spacing(target)

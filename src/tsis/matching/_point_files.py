@@ -171,7 +171,8 @@ def read_points(path: str | os.PathLike[str]) -> NDArray[np.float64]:
     size = file_size(path)
     if size > LARGEST_BYTES:
         raise FileInputError(
-            f"{printable_path(path)} must be at most {LARGEST_BYTES // 2**20} MiB; got {size} bytes (thin the points out)"
+            f"{printable_path(path)} must be at most {LARGEST_BYTES // 2**20} MiB; got {size} bytes (thin "
+            f"the points out)"
         )
     content = read_bytes(path)
     try:

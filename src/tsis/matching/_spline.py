@@ -135,8 +135,8 @@ def spline_basis(points: ArrayLike, *, control: ArrayLike | None = None) -> Spli
     Parameters
     ----------
     points
-        Shape (n, d), d being 2 or 3, n at least d + 1, not all in a line or plane; normalised, as by `NormalFrame`, for the
-        bounds on rounding are meant for numbers near 1.
+        Shape (n, d), d being 2 or 3, n at least d + 1, not all in a line or plane; normalised, as by `NormalFrame`: the
+        bounds on rounding assume numbers near 1.
     control
         Control points, shape (k, d); by default the points, or `CONTROL_POINTS` of them that lie far apart.
 

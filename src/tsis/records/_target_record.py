@@ -48,9 +48,9 @@ class TargetRecord:
     damaged
         One sentence for each estimate and calibration that is stored but is not as it was, and so is left out.
     secret
-        64 hexadecimal digits from which the target's pseudonym follows (`tsis.records._deidentify`), and which no export
-        holds. A store gives a target always the same, which follow from a secret of its own. A dossier of no store, as
-        one of a bundle, has them at random: its pseudonym is another one each time that it is read.
+        64 hexadecimal digits. The target's pseudonym follows from them (`tsis.records._deidentify`), and no export
+        holds them. A store derives them from its own secret, so they never change. A record without a store, as from a
+        bundle, has random ones: its pseudonym changes each time that it is read.
     """
 
     target: Target

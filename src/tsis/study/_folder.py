@@ -191,7 +191,8 @@ def _threshold(entry: Entry, device: str) -> float:
         return require_number("threshold", entry.content.get("threshold"), -1e12, 1e12)
     except InputError as error:
         raise RecordsError(
-            f"{LOG_FILE}, line {entry.number}, must hold the threshold of {device!r:.60}; {error} (tsis study verify tells "
+            f"{LOG_FILE}, line {entry.number}, must hold the threshold of {device!r:.60}; {error} (tsis "
+            f"study verify tells "
             "more)"
         ) from error
 

@@ -195,7 +195,8 @@ def run_lock(plan: Path) -> Iterator[None]:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except BlockingIOError as error:
                 raise RecordsError(
-                    f"{printable_path(plan.parent)} must be read by one run at a time; another one is under way (wait for it, "
+                    f"{printable_path(plan.parent)} must be read by one run at a time; another one is under "
+                    f"way (wait for it, "
                     f"or end it)"
                 ) from error
             except OSError:  # as above
@@ -262,7 +263,8 @@ def append_log(
         if chain.breaks and not damaged:
             line, wrong = min(chain.breaks.items())
             raise RecordsError(
-                f"{printable_path(folder / LOG_FILE)} must be as it was written before anything is added; line {line} {wrong} "
+                f"{printable_path(folder / LOG_FILE)} must be as it was written before anything is added; "
+                f"line {line} {wrong} "
                 f"(tsis study verify tells all)"
             )
         entries = link_entries(chain, drafts_after(chain), datetime.now(UTC))
@@ -277,6 +279,7 @@ def _write(path: Path, content: bytes, disk: Disk) -> None:
         write_durably(path, content, disk=disk)
     except OSError as error:
         raise RecordsError(
-            f"{printable_path(path)} could not be written: {error.strerror or error}; what was entered before is as it was"
+            f"{printable_path(path)} could not be written: {error.strerror or error}; what was entered "
+            f"before is as it was"
         ) from error
     remove_unfinished(path.parent)  # by others who were killed; nobody else writes here now

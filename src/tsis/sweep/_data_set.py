@@ -278,7 +278,8 @@ def _refuse_other(folder: Path, start: Mapping[str, Any]) -> None:
     ]
     if other:
         raise FileInputError(
-            f"{printable_path(folder)} was begun with {', '.join(other)}; install those versions or choose another folder, "
+            f"{printable_path(folder)} was begun with {', '.join(other)}; install those versions or choose "
+            f"another folder, "
             "so that all of its files are computed alike"
         )
     if found["data_set"] != data_set_key(start):
@@ -297,7 +298,8 @@ def _refuse_content(folder: Path, start: Mapping[str, Any]) -> None:
             continue
         if not NAME.fullmatch(path.name) or data_set_of(path) != data_set_key(start):
             raise FileInputError(
-                f"{printable_path(folder)} must be new, empty, or a folder that this plan began; got {path.name!r:.80} in it"
+                f"{printable_path(folder)} must be new, empty, or a folder that this plan began; got "
+                f"{path.name!r:.80} in it"
             )
 
 

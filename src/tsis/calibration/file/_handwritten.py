@@ -37,7 +37,8 @@ def read_handwritten_calibration(path: Path, days: float) -> ProbeCalibration:
     content = read_object(path, most=LARGEST_VALUES_BYTES)
     if measured := [name for name in FROM_FRAMES if content.get(name) is not None]:
         raise FileInputError(
-            f"{printable_path(path)} must hold values written by hand (name, probe, camera, settings, response, scale); got "
+            f"{printable_path(path)} must hold values written by hand (name, probe, camera, settings, "
+            f"response, scale); got "
             f"{', '.join(measured)}, which a session's frames give and whose date cannot be renewed (tsis calibrate)"
         )
     now = datetime.now(UTC).replace(microsecond=0)

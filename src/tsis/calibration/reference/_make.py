@@ -1,4 +1,4 @@
-"""From dark, untouched and flat frames to a `CameraReference`: means, bad pixels, the light's pattern, the camera's noise."""
+"""Make a `CameraReference` from dark, untouched and flat frames: means, bad pixels, light pattern and noise."""
 
 from __future__ import annotations
 

@@ -257,7 +257,8 @@ class SessionFolder:
             raise
         except ValueError as error:
             raise FileInputError(
-                f"{printable_path(index)} must hold a file, a time, a force and a full scale a line; got: {one_line(error)}"
+                f"{printable_path(index)} must hold a file, a time, a force and a full scale a line; got: "
+                f"{one_line(error)}"
             ) from error
 
     def _refused(self, error: OSError) -> FileInputError:

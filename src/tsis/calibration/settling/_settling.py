@@ -1,8 +1,8 @@
 """Has a press settled? Tissue relaxes while the probe is held, and force and light with it.
 
 A standard linear solid fades with one time constant, a Prony series with several. The tail of the series is fitted by
-such a sum with time constants up to the longest that is reckoned with (`tsis.calibration.settling._decay`). Settled is a
-press whose remaining change is below the tolerance with the stated certainty; a plateau that is too short for the
+such a sum with time constants up to the longest expected one (`tsis.calibration.settling._decay`). A press is settled
+when its remaining change is below the tolerance with the stated certainty; a plateau that is too short for the
 longest time constant, or too noisy, is neither settled nor settling but unknown.
 
 Values of a display come in steps. Their rounding is no noise that averages out: it stays the same while the value stays

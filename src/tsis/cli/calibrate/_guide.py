@@ -149,7 +149,8 @@ def begin(folder: SessionFolder, terms: SessionSetup, console: Console) -> None:
     held = folder.terms()
     if (held.probe, held.camera) != (terms.probe, terms.camera):
         raise CalibrationError(
-            f"the session in {printable_path(folder.path)} must be of probe {terms.probe!r} and camera {terms.camera!r}; it is "
+            f"the session in {printable_path(folder.path)} must be of probe {terms.probe!r} and camera "
+            f"{terms.camera!r}; it is "
             f"of {held.probe!r} and {held.camera!r} (choose another --session)"
         )
     if other := held.differing(terms):
@@ -160,7 +161,8 @@ def begin(folder: SessionFolder, terms: SessionSetup, console: Console) -> None:
     if changed := held.changed_setting(terms.settings):
         setting, value, now = changed
         raise CalibrationError(
-            f"the session in {printable_path(folder.path)} was begun at {setting} = {value:g}; the camera is at {now:g} "
+            f"the session in {printable_path(folder.path)} was begun at {setting} = {value:g}; the camera "
+            f"is at {now:g} "
             f"(--set {setting}={value:g}, or choose another --session)"
         )
     console.print(f"Going on with the session in {folder.path}; its terms hold.", markup=False, soft_wrap=True)

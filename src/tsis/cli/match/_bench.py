@@ -169,7 +169,8 @@ def _csv(levels: Sequence[TrialSummary]) -> bytes:
 ROWS = "rows.csv"
 HOTEL_FAILURE_PX = 5.0
 MEANING = (
-    f"RMS errors over all shapes and levels. Failed: above {FAILURE_RMS:g}, hotel above {HOTEL_FAILURE_PX:g} px; silent: "
+    f"RMS errors over all shapes and levels. Failed: above {FAILURE_RMS:g}, hotel above "
+    f"{HOTEL_FAILURE_PX:g} px; silent: "
     "failed, and the method trusted its answer. Answers that it does not trust are judged, too, though tsis match "
     "withholds them. Ratio of means to the best coherent point drift of each level, with "
     "the bootstrap interval of 95 %."

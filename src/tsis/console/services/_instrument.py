@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 class Instrument:
     """Camera, target, calibration and store; safe for several threads.
 
-    Whoever acts gives an identity, ``by``, and must hold the camera: `ControlLock.take` gives it. Acts come one at a time.
+    Whoever acts gives an identity, ``by``, and must hold the camera: `ControlLock.take` gives it. Acts come in turn.
     Each raises `ControlError` when somebody else holds the camera, or another act lasts for seconds.
 
     Parameters
@@ -167,7 +167,7 @@ class Instrument:
             )
 
     def hold(self, *, role: str | None = None, force_n: float | None = None, forget: bool = False, by: str) -> None:
-        """Say what is pressed and how hard; the virtual probe is lifted and held there. As of `CameraController.wanted`.
+        """Say what is pressed and how hard; the virtual probe is lifted and held there.
 
         Raises
         ------

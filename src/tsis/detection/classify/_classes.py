@@ -44,8 +44,10 @@ class ClassSplit:
     ('none', 'softer than 60 kPa', 'stiffer than 60 kPa')
     >>> ClassSplit(young_kpa=60, diameter_mm=5).names[1:]
     ('not stiffer than 60 kPa and larger than 5 mm', 'stiffer than 60 kPa and larger than 5 mm')
-    >>> ClassSplit(young_kpa=60).label(Inclusion(diameter_mm=5, depth_mm=5, young_kpa=100)), ClassSplit(young_kpa=60).label(None)
-    (2, 0)
+    >>> ClassSplit(young_kpa=60).label(Inclusion(diameter_mm=5, depth_mm=5, young_kpa=100))
+    2
+    >>> ClassSplit(young_kpa=60).label(None)
+    0
     """
 
     young_kpa: float | None = None

@@ -119,7 +119,8 @@ def read_classifier(path: str | os.PathLike[str]) -> Classifier:
     made, here = content["made_with"], _versions()
     if made == here:
         raise FileInputError(
-            f"{printable_path(path)} must give the probabilities that it holds; they differ by up to {apart:.2g}, though the "
+            f"{printable_path(path)} must give the probabilities that it holds; they differ by up to "
+            f"{apart:.2g}, though the "
             "same versions made it: train the classifier again"
         )
     versions = ", ".join(f"{name} {made[name]} then and {here[name]} now" for name in here if made[name] != here[name])
@@ -159,7 +160,8 @@ def classifier_sha256(content: dict[str, Any]) -> str:
 def _check_form(content: dict[str, Any], path: Path) -> None:
     if content.get("format") != FORMAT or content.get("version") != VERSION:
         raise FileInputError(
-            f"{printable_path(path)} must be a {FORMAT!r} of version {VERSION}; got {content.get('format')!r:.40} of version "
+            f"{printable_path(path)} must be a {FORMAT!r} of version {VERSION}; got "
+            f"{content.get('format')!r:.40} of version "
             f"{content.get('version')!r:.20}"
         )
     if set(content) != KEYS:

@@ -151,7 +151,8 @@ def read_reach(path: str | os.PathLike[str], *, probability: float = 0.9) -> Rea
     cells = {(row[0], row[1]): row[2] for row in rows}
     if len(cells) != len(rows) or len(rows) != len(sizes) * len(depths):
         raise FileInputError(
-            f"{printable_path(path)} must hold each of its {len(sizes)} sizes with each of its {len(depths)} depths once; got "
+            f"{printable_path(path)} must hold each of its {len(sizes)} sizes with each of its "
+            f"{len(depths)} depths once; got "
             f"{len(rows)} rows"
         )
     reach = [[cells[float(size), float(depth)] for depth in depths] for size in sizes]

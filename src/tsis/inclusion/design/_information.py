@@ -82,8 +82,8 @@ class ProtocolInformation:
         """Expected standard deviations, shape (n, 3).
 
         Signals are nearly linear in diameter, depth and the saturation of the signal with the modulus,
-        `tsis.mechanics.surrogate.contrast_factor`. In that the modulus keeps its uniform prior, of which it often fills a part
-        that is no small one; the uniform priors of diameter and depth count as normal ones of the same variance.
+        `tsis.mechanics.surrogate.contrast_factor`. The modulus keeps its uniform prior, which the
+        posterior often fills. The uniform priors of diameter and depth count as normal ones of the same variance.
         """
         factor = contrast_factor(self.inclusions[:, 2] / self.prior.tissue_young_kpa)
         told = self.matrix.copy()

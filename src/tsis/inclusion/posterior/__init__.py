@@ -1,4 +1,4 @@
-"""The posterior of an inclusion: the forward model of ring profiles, their likelihood, and the grid that explores it."""
+"""Posterior of an inclusion: forward model of ring profiles, likelihood, and the grid that explores it."""
 
 from tsis.inclusion.posterior._exploration import InclusionPosterior, explore_inclusion
 from tsis.inclusion.posterior._forward import THICKNESS, TISSUE, ForwardModel

@@ -90,8 +90,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    # FIXME
-
     LogDensity = Callable[[NDArray[np.float64]], NDArray[np.float64]]
     SlantedBox = tuple[NDArray[np.float64], NDArray[np.float64]]  # a corner, and its edges as rows
 

@@ -117,7 +117,8 @@ class VideoFile(StoredFrames):
         if delivered + max(1.0, _COUNT_TOLERANCE * declared) <= declared:
             self._lost = True
             raise FileInputError(
-                f"{printable_path(self._path)} declares {declared} frames and is cut short after {max(delivered - 1, 0)}"
+                f"{printable_path(self._path)} declares {declared} frames and is cut short after "
+                f"{max(delivered - 1, 0)}"
             )
         if held is not None:
             yield held

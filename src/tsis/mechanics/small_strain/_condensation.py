@@ -3,7 +3,7 @@
 A `Condensate` is a dense symmetric stiffness over numbered degrees of freedom. Bodies are swept one element layer at
 a time: the layer is added, everything that no later layer and no neighbour needs is eliminated (Schur complement).
 The answer equals that of one large sparse solve; it costs a few dense solves of about a hundred unknowns instead.
-Where each number goes depends on the numbering alone and not on the shape, so it is worked out once (`CondensationStep`).
+Where each number goes depends on the numbering alone and not on the shape: `CondensationStep` is computed once.
 """
 
 from __future__ import annotations

@@ -38,7 +38,7 @@ class Slabs(Protocol):
     def changes(
         self, sphere: tuple[float, float], factors: NDArray[np.float64], tissues: list[float]
     ) -> NDArray[np.float64]:
-        """What a sphere (diameter, depth) of each contrast adds over its `signal_scale`, shape (factors, tissues, outputs)."""
+        """Signal of a sphere (diameter, depth) over its `signal_scale`, shape (factors, tissues, outputs)."""
 
 
 def slabs_of(

@@ -127,7 +127,8 @@ def _folder(folder: Path, given: ImportOptions, count: Callable[[], None]) -> tu
     found = snapshot_folder(folder, given, count)
     if not found:
         raise FileInputError(
-            f"{printable_path(folder)} must be a folder that tsis wrote (demo, acquire, records export --format bundle); it "
+            f"{printable_path(folder)} must be a folder that tsis wrote (demo, acquire, records export "
+            f"--format bundle); it "
             "holds nothing of these (name image files one by one, with --role and what is known of them)"
         )
     return found

@@ -56,7 +56,8 @@ def recording(folder: Path, given: ImportOptions, progress: Callable[[], None]) 
     kept = None if summary is None else summary["report"]["kept"]
     if kept is not None and kept != len(rows):
         raise FileInputError(
-            f"{printable_path(folder / RECORDING_INDEX)} must tell of the {kept!r:.20} frames of the report; it tells of {len(rows)}"
+            f"{printable_path(folder / RECORDING_INDEX)} must tell of the {kept!r:.20} frames of the "
+            f"report; it tells of {len(rows)}"
         )
     known, notes = cited_calibration(folder / RECORDING_SUMMARY, (summary or {}).get("calibration"), given)
     scale = given.mm_per_pixel if known is None or known.scale is None else known.scale.mm_per_pixel
@@ -90,7 +91,8 @@ def _summary(folder: Path) -> dict[str, Any] | None:
     document = read_object(source)
     if document.get("format") != RECORDING_FORMAT or document.get("version") != RECORDING_VERSION:
         raise FileInputError(
-            f"{printable_path(source)} must be of {RECORDING_FORMAT} {RECORDING_VERSION}; got {document.get('format')!r:.60} "
+            f"{printable_path(source)} must be of {RECORDING_FORMAT} {RECORDING_VERSION}; got "
+            f"{document.get('format')!r:.60} "
             f"{document.get('version')!r:.20}"
         )
     if not isinstance(document.get("report"), dict) or "kept" not in document["report"]:
@@ -127,7 +129,8 @@ def _require_sound(path: Path, at: int, row: dict[str, Any]) -> None:
         raise FileInputError(f"{printable_path(path)} must have one value a column; line {at} has more or fewer")
     if row["kept_in"].startswith(f"{VIDEO_NAME}#"):
         raise FileInputError(
-            f"{printable_path(path.parent)} must be a recording of single frames; it is a video, of which a store keeps none "
+            f"{printable_path(path.parent)} must be a recording of single frames; it is a video, of which a "
+            f"store keeps none "
             "(record without --video, or save the frames that you want as PNG files)"
         )
     for name in ("arrived_s", FORCE):

@@ -106,7 +106,8 @@ def _batch(folder: Path, document: dict[str, Any], progress: Callable[[], None])
     command = document.get("command")
     if command != "demo":
         raise FileInputError(
-            f"{printable_path(folder / RESULT)} must be of tsis demo, whose folder holds its frames; got one of {command!r:.40} "
+            f"{printable_path(folder / RESULT)} must be of tsis demo, whose folder holds its frames; got "
+            f"one of {command!r:.40} "
             "(name the frames, or repeat the command with --keep)"
         )
     told = document["estimate"]["provenance"]

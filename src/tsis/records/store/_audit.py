@@ -162,7 +162,8 @@ def require_anchored(connection: Connection, folder: Path) -> bool:
         raise RecordsError(f"{error} (to go on without it, of which the audit will tell, move it away)") from error
     if head != BEFORE and not has_entry(connection, head):
         raise RecordsError(
-            f"the audit must hold entry {head.number} as {printable_path(folder / ANCHOR_FILE)} tells; it was cut off or "
+            f"the audit must hold entry {head.number} as {printable_path(folder / ANCHOR_FILE)} tells; it "
+            f"was cut off or "
             "rewritten, or the database is an older copy (tsis records verify tells more; to go on with what there "
             "is, move that file away)"
         )

@@ -49,7 +49,8 @@ class SameFile:
         """Refuse, with `RecordsError`, to write into a file that is gone: nobody would ever find it again."""
         if self.moved():
             raise RecordsError(
-                f"the store in {printable_path(self.file.parent)} was moved or replaced since it was opened; nothing was "
+                f"the store in {printable_path(self.file.parent)} was moved or replaced since it was "
+                f"opened; nothing was "
                 "stored (put it back, or start anew)"
             )
 

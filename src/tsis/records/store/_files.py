@@ -111,7 +111,8 @@ class Blobs:
             raise RecordsError(f"a stored file must {state}; {error}") from error
         if hashlib.sha256(content).hexdigest() != name:
             raise RecordsError(
-                f"{printable_path(path)} must be as it was stored; its content does not match its name, so it was changed or "
+                f"{printable_path(path)} must be as it was stored; its content does not match its name, so "
+                f"it was changed or "
                 "damaged (take it from a backup)"
             )
         return content

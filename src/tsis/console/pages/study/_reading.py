@@ -140,7 +140,8 @@ class Running:
 
 
 EXPLAINED = (
-    f"A CSV file with the columns {', '.join(READING_COLUMNS)}. A higher score says that an inclusion is likelier, an empty "
+    f"A CSV file with the columns {', '.join(READING_COLUMNS)}. A higher score says that an inclusion is "
+    f"likelier, an empty "
     "one is undecided; the last three may be empty. A table is entered whole or not at all."
 )
 TOO_LARGE = f"readings must be one CSV file of at most {LARGEST_MIB} MiB here; larger ones: tsis study import"
