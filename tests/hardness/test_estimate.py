@@ -48,15 +48,8 @@ def test_the_rigs_frames_need_two_keywords() -> None:
 
 
 def test_a_solved_press_gives_its_modulus() -> None:
-    rig = (
-        rig_of(3, solve=None)
-        if False
-        else DirectContactRig(
-            PROBE,
-            rng=np.random.default_rng(3),
-            resolution=SphereResolution(order=4, cells=5, rings=2, face_cells=5),
-        )
-    )
+    coarse = SphereResolution(order=4, cells=5, rings=2, face_cells=5)
+    rig = DirectContactRig(PROBE, rng=np.random.default_rng(3), resolution=coarse)
     sphere = SoftSphere(radius_mm=3.2, young_kpa=240.0, poisson=0.465)
     answer = estimate(rig.press_path(sphere, forces_n=FORCES), probe=PROBE, calibration=rig.calibration)
     assert answer.trusted

@@ -164,7 +164,7 @@ def test_a_cut_picture_says_that_it_cannot_tell() -> None:
     assert tilt_findings([small], ANSWER) == []
 
 
-@pytest.mark.parametrize("probe", ["tsis-2011", "tsis-domed"])
+@pytest.mark.parametrize("probe", ["tsis-2011", pytest.param("tsis-domed", marks=pytest.mark.slow)])
 def test_ordinary_presses_under_traced_light_are_round_and_square(probe: str) -> None:
     pressing = tsis.load_probe(probe)
     known = VirtualProbe(pressing, rng=np.random.default_rng(0)).calibration

@@ -110,8 +110,8 @@ def test_too_many_points_are_refused_and_told_what_they_would_take(monkeypatch: 
         register(POINTS, POINTS)
 
 
+@pytest.mark.parametrize("dimension", [pytest.param(2, id="plane", marks=pytest.mark.slow), pytest.param(3, id="space")])
 @EVERY_METHOD
-@pytest.mark.parametrize("dimension", [2, 3], ids=["plane", "space"])
 def test_a_small_deformation_is_found(method: str, dimension: int) -> None:
     task = _task(1, dimension, 70)
     found = register(task.source, task.target, method=method)
@@ -290,7 +290,7 @@ def test_an_answer_without_matches_is_not_reliable(monkeypatch: pytest.MonkeyPat
     assert (found.confidence, found.reliable) == (0.0, False)
 
 
-@pytest.mark.parametrize("dimension", [2, 3])
+@pytest.mark.parametrize("dimension", [2, pytest.param(3, marks=pytest.mark.slow)])
 def test_unrelated_clouds_are_not_matched(dimension: int) -> None:
     kept = [
         register(*(np.random.default_rng([seed, part]).normal(size=(60, dimension)) for part in (0, 1))).reliable

@@ -106,6 +106,7 @@ def test_two_runs_do_not_read_at_once(tmp_path: Path) -> None:
     assert [each.operator for each in open_study(study.folder).readings] == ["Ada", "Ada", "Ben", "Ben"]
 
 
+@pytest.mark.slow
 def test_every_repeat_operator_and_seed_has_errors_of_its_own(tmp_path: Path) -> None:
     study = made_study(tmp_path / "study", present=1, blank=1, repeats=2)
     for operator in ("Ada", "Ben"):

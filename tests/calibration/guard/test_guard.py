@@ -137,6 +137,7 @@ def test_a_frame_that_clips_all_over_is_saturated_and_one_that_is_black_shows_no
             assert denied not in found
 
 
+@pytest.mark.slow
 def test_a_camera_that_moved_against_the_face_is_told_by_two_flags() -> None:
     """What the page says cannot be told apart from light from outside, and a contact from border to border."""
     probe = tsis.load_probe("tsis-2011")

@@ -44,6 +44,7 @@ def compare(rows: list[Any]) -> None:
         assert one.peak_pressure_kpa == pytest.approx(row["peak_pressure_kpa"], rel=0.03)
 
 
+@pytest.mark.slow
 def test_an_independent_code_finds_the_same_at_a_small_load(oracle: Any) -> None:
     compare([row for row in oracle if row["young_kpa"] == 62.0][:1])
 

@@ -109,6 +109,7 @@ def test_a_press_that_agrees_with_a_picture_too_large_is_refused_before_it_is_un
     refused(sealed(files), f"must hold at most {LARGEST_PIXELS} pixels")
 
 
+@pytest.mark.slow
 def test_any_frame_that_may_be_stored_may_be_in_a_bundle() -> None:
     black = np.zeros((8000, 8000), np.uint16)
     assert black.size <= LARGEST_PIXELS

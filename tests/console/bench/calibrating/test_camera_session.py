@@ -71,6 +71,7 @@ def test_frames_are_fresh_and_of_this_step(session: CalibrationSession, world: W
     assert times == sorted(set(times))
 
 
+@pytest.mark.slow
 def test_a_camera_lost_in_mid_step_costs_that_step(
     session: CalibrationSession, world: World, bench: Instrument
 ) -> None:
